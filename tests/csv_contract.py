@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import Table, TableSpec
+from mtu_cli.findings import InputError
 
 SPEC = TableSpec(
     required=("name", "value"),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from support import CONFIGS
 
-from mtu_cli.files.graph_file import load_graph
+from mtu_cli.files.graph import load_graph
 from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
 

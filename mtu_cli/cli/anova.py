@@ -11,8 +11,8 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import did_you_mean, fault
 from mtu_cli.files.contracts import NAME_TAKEN
+from mtu_cli.findings import error, listed, suggestion
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     gates = read_gates(inputs.options.fail_if, GATE.__eq__, GATE)
     method = inputs.options.method
     if method not in METHODS:
-        raise fault("unknown method", value=method, expected=did_you_mean(method, METHODS))
+        raise error("unknown-name", what="method", value=method, **suggestion(method, METHODS))
     points = without_equations(inputs.points)
     part = inputs.part if inputs.files("part") else None
     datum = chosen_datum(inputs)
@@ -69,11 +69,7 @@ def _figure(result: AnovaResult) -> Figure:
 
 def _met(result: AnovaResult) -> str | None:
     if result.unusual is None:
-        raise fault(
-            "no part can be called unusual among so few", expected="four or more measured parts"
-        )
+        raise error("gate-undefined", gate=GATE, expected="four or more measured parts")
     if not result.unusual:
         return None
-    names = [item.part for item in result.unusual]
-    more = f" and {len(names) - 6} more" if len(names) > 6 else ""
-    return f"parts that stand out: {', '.join(names[:6])}{more}"
+    return f"outliers among the parts: {listed(item.part for item in result.unusual)}"

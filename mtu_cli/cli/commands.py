@@ -86,14 +86,14 @@ register(
 register(
     app,
     "thermal-fit",
-    [p.STUDY, p.DRIFT, p.THERMAL_MODEL, p.OUTPUT],
+    [p.STUDY, p.DRIFT, p.THERMAL_MODEL, p.OUTPUT, p.fail_if()],
     _lazily("thermal_fit"),
     "Drift readings with temperatures to a thermal model per component.",
 )
 register(
     app,
     "predict-points",
-    [*PREDICTION, p.GRID, p.COVARIANCE, p.OUTPUT],
+    [*PREDICTION, p.GRID, p.COVARIANCE, p.OUTPUT, p.fail_if()],
     _lazily("predict_points"),
     "Error and uncertainty of every feature of a part.",
 )
@@ -107,7 +107,7 @@ register(
 register(
     app,
     "orthogonality",
-    [*PREDICTION, p.OUTPUT],
+    [*PREDICTION, p.OUTPUT, p.fail_if()],
     _lazily("orthogonality"),
     "Right angles between rows and columns of features, by Monte Carlo and first order.",
 )
@@ -138,7 +138,7 @@ register(
 register(
     app,
     "correct",
-    [*PREDICTED, p.CMM, p.OUTPUT],
+    [*PREDICTED, p.CMM, p.OUTPUT, p.fail_if()],
     _lazily("correct"),
     "Measured points minus the modelled error; rings and lengths before and after.",
 )

@@ -11,7 +11,7 @@ from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import fault
+from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
 BIASED, UNDER = "biased", "under-predicted"
@@ -25,7 +25,6 @@ def run(options: Options) -> None:
 
 
 def analyse(inputs: Inputs, settings: Settings) -> Outcome:
-    from mtu_cli.errors import listed
     from mtu_cli.reports import compare as report
 
     gates = read_gates(inputs.options.fail_if, GATES.__contains__, EXPECTED)
@@ -54,10 +53,11 @@ def _met(result: CompareResult, gate: str) -> list[str]:
         )
     ]
     if all(faulty is None and unclear is None for _, faulty, unclear in answers):
-        raise fault(
-            f"--fail-if {gate}: no item could be tested for it",
+        raise error(
+            "gate-undefined",
+            gate=gate,
             expected="two or more parts, in which features or lengths of the part were measured, "
-            "and a machine that was read in enough passes (see the warnings without --fail-if)",
+            "and a machine that was read in enough passes",
         )
     single = [
         " ".join(word for word in label if word)

@@ -11,8 +11,8 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import InputError
 from mtu_cli.model.residual_covariates import missing_sensor, point_columns
 from mtu_cli.model.settings import Settings
 
@@ -39,8 +39,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *(
                 item
                 for item in found.warnings
-                if item.code != "covariate-not-needed"
-                or not used.issuperset(item.facts.get("about", ()))
+                if item.code != "covariate-not-needed" or item.facts["name"] not in used
             ),
             *unused_warmth(found.model, inputs.points, reference),
             *result.warnings,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import cast
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.findings import error, suggestion
 from mtu_cli.model.datum import DATUMS, Datum
 
 
@@ -14,5 +14,5 @@ def chosen_datum(inputs: Inputs) -> Datum:
     study = inputs.study.study.settings if inputs.study else None
     datum = inputs.options.datum or (study.datum if study else None) or "none"
     if datum not in DATUMS:
-        raise fault("unknown datum", value=datum, expected=did_you_mean(datum, DATUMS))
+        raise error("unknown-name", what="datum", value=datum, **suggestion(datum, DATUMS))
     return cast(Datum, datum)

@@ -6,8 +6,8 @@ import numpy as np
 
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, did_you_mean, fault
 from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.findings import InputError, error, suggestion
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -31,10 +31,8 @@ def _check_positions(machine: LoadedMachine, drift: ThermalEstimate, positions: 
     """Refuses places that an axis cannot reach, and places read twice."""
     shown = f"{drift.component}: {' '.join(f'{position:g}' for position in positions)}"
     if len(np.unique(positions)) < len(positions):
-        raise fault(
-            f"--drift-positions reads {drift.component} twice at one place",
-            value=shown,
-            expected="every position once",
+        raise error(
+            "appears-twice", what="--drift-positions", value=shown, expected="every position once"
         )
     travel = _travel(machine, drift)
     if travel is None:
@@ -42,10 +40,11 @@ def _check_positions(machine: LoadedMachine, drift: ThermalEstimate, positions: 
     low, high = travel
     outside = positions[(positions < low) | (positions > high)]
     if len(outside):
-        raise fault(
-            f"--drift-positions: {drift.component} at {outside[0]:g} mm is outside the travel of "
-            f"{drift.of}",
-            value=shown,
+        raise error(
+            "outside-travel",
+            path=f"--drift-positions {drift.component}",
+            axis=drift.of,
+            value=f"{outside[0]:g} mm",
             expected=f"from {low:g} to {high:g} mm",
         )
 
@@ -74,15 +73,16 @@ def by_component(option: str, texts: list[str] | None, names: list[str]) -> dict
         name, colon, numbers = (item.strip() for item in text.partition(":"))
         items = numbers.replace(",", " ").split()
         if not colon or not items:
-            raise fault(f"{option} is not NAME: NUMBERS", value=text, expected="'pos_y: 0 75 200'")
-        if name not in names:
-            raise fault(
-                f"{option} is of a component without a thermal model",
-                value=name,
-                expected=did_you_mean(name, names),
+            example = "'pos_y: 0 75 200'"
+            raise error(
+                "option-form", path=option, form="NAME: NUMBERS", value=text, expected=example
             )
+        if name not in names:
+            kind = "component with a thermal model"
+            near = suggestion(name, names)
+            raise error("unknown-name", path=option, what=kind, value=name, **near)
         if name in found:
-            raise fault(f"{option} names {name!r} twice", value=text)
+            raise error("appears-twice", what=f"{option} {name}", value=text)
         for item in items:
             if bad := no_number(f"{option} {name}", item):
                 raise InputError(bad)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mtu_cli.cli.gates import suspicious
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import STANDARD_OUTPUT, check_outputs
@@ -18,8 +19,7 @@ from mtu_cli.cli.places import placed_text, whole_paths
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import doubts, read_settings
 from mtu_cli.cli.streams import write_bytes
-from mtu_cli.errors import EXIT_GATE, cut_names
-from mtu_cli.findings import Finding
+from mtu_cli.findings import EXIT_GATE, Finding
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
@@ -63,8 +63,9 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     files = _files(options, inputs, settings, outcome)
     report = files.pop(STANDARD_OUTPUT, None)
     gate = None
-    if outcome.gate is not None:
-        gate = f"mtu: gate {options.values[FAIL_IF]}: {outcome.gate}"
+    met = [outcome.gate, suspicious(options.values.get(FAIL_IF), outcome.warnings)]
+    if reasons := [each for each in met if each is not None]:
+        gate = f"mtu: gate {options.values[FAIL_IF]}: {'; '.join(reasons)}"
 
     def say() -> None:
         if report is not None:
@@ -160,7 +161,7 @@ def warning_lines(
         shown[code] += 1
         if shown[code] > MOST_ALIKE:
             continue
-        text = _named(cut_names(placed_text(message, found)), cut_names(of))
+        text = _named(placed_text(message, found), of)
         left = count[code] - MOST_ALIKE if shown[code] == MOST_ALIKE else 0
         more = f"; and {left} more such, all in the report (-o)" if left > 0 else ""
         lines.append(f"warning: {text}{more} [{code}]")

@@ -6,10 +6,9 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine, machine_warnings
 from mtu_cli.model.fit_warnings import fit_warnings
-from mtu_cli.model.reading_doubts import reading_doubts
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.family import significant
 
@@ -28,14 +27,15 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     machine = inputs.machine
     readings = inputs.readings
     if readings is None:
-        raise fault(
-            "no readings are given",
+        raise error(
+            "no-input",
+            role="lbb or laser file",
             expected="--lbb FILE or --laser FILE, or a study that names one "
             f"({inputs.without('lbb', 'laser')})",
         )
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
-    doubts = reading_doubts(machine, readings)
+    doubts = list(readings.notes)
     warnings = [*machine_warnings(machine, estimates), *doubts]
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     return Outcome(

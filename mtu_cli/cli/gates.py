@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.findings import Finding
+from mtu_cli.cli.parameters import SUSPICIOUS
+from mtu_cli.findings import Finding, InputError, counted, finding, listed
 
 OWNERS = {
     "drift": "fit-components",
@@ -32,19 +32,29 @@ def read_gates(given: str | None, known: Callable[[str], bool], expected: str) -
 
 
 def given_gates(given: str | None) -> list[str]:
-    """The names between the commas, each once; an empty one, of a script's variable that is not
-    set, is a name too.
+    """The names between the commas, each once, but for SUSPICIOUS, which all commands have; an
+    empty one, of a script's variable that is not set, is a name too.
     """
     names = [] if given is None else [name.strip() for name in given.split(",")]
-    return list(dict.fromkeys(names))
+    return [name for name in dict.fromkeys(names) if name != SUSPICIOUS]
+
+
+def suspicious(given: str | None, warnings: Iterable[Finding]) -> str | None:
+    """Why the gate SUSPICIOUS is met, if it was asked for: the codes of the checks' warnings."""
+    if given is None or SUSPICIOUS not in map(str.strip, given.split(",")):
+        return None
+    codes = [each.code for each in warnings if each.kind.suspicious]
+    return f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})" if codes else None
 
 
 def unknown_gates(
     gates: Iterable[str], known: Callable[[str], bool], expected: Callable[[str], str]
 ) -> list[Finding]:
-    """The Problem of each that is not `known`, with the command that has it, if one does."""
+    """The Finding of each that is not `known`, with the command that has it, if one does."""
     return [
-        Problem(what="unknown gate", value=gate, expected=expected(gate) + _of_another(gate))
+        finding(
+            "unknown-name", what="gate", value=gate, expected=expected(gate) + _of_another(gate)
+        )
         for gate in gates
         if not known(gate)
     ]

@@ -10,7 +10,7 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.graph_options import loaded_graph
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.figures import SUFFIXES, figure_bytes
@@ -28,7 +28,7 @@ def run(options: Options) -> None:
     suffix = _suffix(target)
     if suffix not in (*SUFFIXES, *TEXTS):
         known = ", ".join(f".{item}" for item in (*SUFFIXES, *TEXTS))
-        raise fault("--to cannot draw this kind of file", value=str(target), expected=known)
+        raise error("wrong-ending", option="--to", kind=known, value=str(target))
     values = {**options.values, "machine": options.file, "write_to": target, "quiet": True}
     execute(Options("graph-draw", values), draw)
 

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, Problem, did_you_mean, fault
-from mtu_cli.files.graph_file import load_graph
-from mtu_cli.findings import Finding
+from mtu_cli.files.graph import load_graph
+from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
 
@@ -38,33 +37,32 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
     Raises InputError for all that cannot be read, at once.
     """
     if not options.vary:
-        raise fault("nothing to vary", expected=EXAMPLE)
+        raise error("option-form", path="--vary", form="NAME=VALUES", expected=EXAMPLE)
     found: dict[str, tuple[float, ...]] = {}
-    problems: list[Finding] = []
+    faults: list[Finding] = []
     for text in options.vary:
         name, equals, listed = (part.strip() for part in text.partition("="))
+        own = f"--vary {name}"
         values = _values(listed) if equals else None
-        if name not in known and equals:
-            problems.append(
-                Problem(what="--vary: unknown name", value=name, expected=did_you_mean(name, known))
-            )
+        if equals and name not in known:
+            near = suggestion(name, known)
+            faults.append(finding("unknown-name", path="--vary", what="name", value=name, **near))
         elif equals and _bad_count(listed):
-            what = "--vary: the count of values is out of range"
             expected = f"LOW:HIGH:COUNT with a count from 2 to {MOST}"
-            problems.append(Problem(what=what, value=text, expected=expected))
-        elif bad := _bad_number(f"--vary {name}", listed):
-            problems.append(bad)
+            faults.append(finding("out-of-range", path=own, value=listed, expected=expected))
+        elif bad := _bad_number(own, listed):
+            faults.append(bad)
         elif values is None:
-            problems.append(Problem(what="--vary is not NAME=VALUES", value=text, expected=EXAMPLE))
-        elif len(set(values)) < len(values):
-            what = "--vary gives a value twice"
-            problems.append(Problem(what=what, value=text, expected="each value once"))
-        elif name in found:
-            problems.append(Problem(what=f"--vary gives {name!r} twice", value=text))
+            form = "NAME=VALUES"
+            faults.append(
+                finding("option-form", path="--vary", form=form, value=text, expected=EXAMPLE)
+            )
+        elif name in found or len(set(values)) < len(values):
+            faults.append(finding("given-twice", path=own, value=text))
         else:
             found[name] = values
-    if problems:
-        raise InputError(problems)
+    if faults:
+        raise InputError(faults)
     return found
 
 

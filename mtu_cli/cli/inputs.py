@@ -2,31 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, Problem, fault
-from mtu_cli.files.covariates import DIRECTIONS
+from mtu_cli.files.covariates import DIRECTIONS, direction_sign
 from mtu_cli.files.csv_table import cell_text
-from mtu_cli.files.sign_words import direction_sign
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding
 
 if TYPE_CHECKING:
-    from mtu_cli.files.components_file import ComponentsReport
     from mtu_cli.files.machine import LoadedMachine
-    from mtu_cli.files.model_reports import ModelReports
     from mtu_cli.files.part import LoadedPart
     from mtu_cli.files.points import Points
     from mtu_cli.files.readings import Readings
+    from mtu_cli.files.reports_read import ComponentsReport, ModelReports, ThermalReport
     from mtu_cli.files.source import Source
-    from mtu_cli.files.thermal_file import ThermalReport
 
 OF_ANY_MACHINE = ("anova",)
 """Commands that look at parts alone: wherever those were made, the machine is not read."""
@@ -68,8 +63,9 @@ class Inputs:
         """The one file of a role that the command cannot do without."""
         found = self.files(role)
         if not found:
-            raise fault(
-                f"no {role} file is given",
+            raise error(
+                "no-input",
+                role=f"{role} file",
                 expected=f"{option} FILE, or a study that names one ({self.without(role)})",
             )
         return found[0]
@@ -112,7 +108,7 @@ class Inputs:
     @cached_property
     def reports(self) -> ModelReports:
         """The reports of -c, at most one of each kind."""
-        from mtu_cli.files.model_reports import read_reports
+        from mtu_cli.files.reports_read import read_reports
 
         reports = read_reports(self.files("components"))
         self.sources.extend(reports.sources)
@@ -136,22 +132,34 @@ class Inputs:
             return None
         from mtu_cli.files.readings import read_readings
 
-        machine = self.machine.machine
-        readings = read_readings(files, machine.components, for_fit=True, travels=machine.travels)
+        readings = read_readings(files, self.machine.machine.components, for_fit=True)
         self.sources.extend(readings.sources)
-        return readings
+        return self._checked(readings, "readings")
 
-    @property
-    def drift(self) -> Iterator[Readings]:
-        """The drift readings, block by block; their sources count once all are read."""
-        from mtu_cli.files.readings_stream import stream_readings
+    @cached_property
+    def drift(self) -> Readings:
+        """The drift readings."""
+        from mtu_cli.files.readings import read_readings
 
         files = [(path, "drift") for path in self.files("drift")]
         machine = self.machine.machine if self.files("machine") else None
-        components, travels = (machine.components, machine.travels) if machine else (None, None)
-        stream = stream_readings(files, components, travels)
-        yield from stream
-        self.sources.extend(stream.sources)
+        readings = read_readings(files, machine.components if machine else None, for_fit=False)
+        self.sources.extend(readings.sources)
+        return self._checked(readings, "drift")
+
+    def _checked(self, readings: Readings, kind: Literal["readings", "drift"]) -> Readings:
+        """The readings with what is suspicious about them among their notes.
+
+        Raises InputError for what makes a result meaningless.
+        """
+        from mtu_cli.checks import ReadingsData, warnings_of
+
+        machine = self.machine.machine if self.files("machine") else None
+        data = ReadingsData(readings)
+        if machine is not None:
+            data = ReadingsData(readings, machine.components, machine.travels)
+        found = warnings_of(kind, data)
+        return replace(readings, notes=(*readings.notes, *found))
 
     @cached_property
     def points(self) -> Points:
@@ -168,7 +176,10 @@ class Inputs:
 
             check_points_extent(points, self.machine.machine.travels)
         self.sources.extend(points.sources)
-        return points
+        from mtu_cli.checks import PointsData, warnings_of
+
+        found = warnings_of("points", PointsData(points))
+        return replace(points, notes=(*points.notes, *found))
 
     @cached_property
     def at(self) -> dict[str, float]:
@@ -179,8 +190,9 @@ class Inputs:
             name, equals, value = (part.strip() for part in text.partition("="))
             if not (equals and name and name.isprintable() and value):
                 expected = "--at T_02_degC=23.5, say"
+                form = "NAME=VALUE"
                 problems.append(
-                    Problem(what="--at is not NAME=VALUE", value=text, expected=expected)
+                    finding("option-form", path="--at", form=form, value=text, expected=expected)
                 )
                 continue
             if name.startswith("dir_") and (sign := direction_sign(value)) is not None:
@@ -189,7 +201,7 @@ class Inputs:
                 problems.append(bad)
                 continue
             if name in found:
-                problems.append(Problem(what=f"--at gives {name!r} twice", value=text))
+                problems.append(finding("appears-twice", what=f"--at {name}", value=text))
             problems += unlike_cells(name, float(value))
             found[name] = float(value)
         if problems:
@@ -198,14 +210,12 @@ class Inputs:
 
 
 def unlike_cells(name: str, value: float) -> list[Finding]:
-    """The problem, if there is one, of a value that no cell of its column may have: a direction
+    """The finding, if there is one, of a value that no cell of its column may have: a direction
     that is neither forth nor back, or a broken count.
     """
-    wrong = ""
+    place = {"path": f"--at {name}", "value": cell_text(value)}
     if name in DIRECTIONS and abs(value) != 1.0:
-        wrong, expected = "not a direction", "-1 or +1"
-    elif name == "sequence" and isfinite(value) and value != int(value):
-        wrong, expected = "not a whole number", "a whole number, as in the files"
-    if not wrong:
-        return []
-    return [Problem(what=f"--at {name}: {wrong}", value=cell_text(value), expected=expected)]
+        return [finding("out-of-range", **place, expected="-1 or +1")]
+    if name == "sequence" and isfinite(value) and value != int(value):
+        return [finding("not-a-whole-number", **place)]
+    return []

@@ -8,8 +8,8 @@ from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import Warned, fault
 from mtu_cli.files.csv_cells import number
+from mtu_cli.findings import error
 from mtu_cli.model.settings import Settings
 
 GATE = "nonconforming"
@@ -33,7 +33,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         figure=lambda: report.figure(result, settings.digits),
         warnings=[
             *found.warnings,
-            *(Warned(code=item.code, message=item.message) for item in inputs.part.warnings),
+            *inputs.part.warnings,
             *one_direction(inputs, found.model),
             *result.warnings,
             *report.warnings(result),
@@ -47,9 +47,9 @@ def _limit(given: str | None) -> float | None:
     expected = "nonconforming=P with P from 0 to below 1, such as 0.01 for 1 %"
     gates = read_gates(given, lambda gate: gate.startswith(f"{GATE}="), expected)
     if len(gates) > 1:
-        raise fault("--fail-if gives nonconforming twice", value=given, expected="one of them")
+        raise error("appears-twice", what=f"--fail-if {GATE}", value=given, expected="one of them")
     if gates and _share(gates[0]) is None:
-        raise fault(f"--fail-if {GATE} is no share of parts", value=gates[0], expected=expected)
+        raise error("out-of-range", path=f"--fail-if {GATE}", value=gates[0], expected=expected)
     return _share(gates[0]) if gates else None
 
 
@@ -62,10 +62,7 @@ def _share(gate: str) -> float | None:
 def _nonconforming(result: LengthsResult, limit: float) -> str | None:
     checked = [(x.id, x.conformance) for x in result.lengths if x.conformance is not None]
     if not checked:
-        raise fault(
-            "no length has a tolerance, so none can be nonconforming",
-            expected="tolerance_um at a length of the part",
-        )
+        raise error("gate-undefined", gate=GATE, expected="tolerance_um at a length of the part")
     found = [(name, 1 - c.probability) for name, c in checked if 1 - c.probability > limit]
     if result.joint_conformance is not None and 1 - result.joint_conformance[0] > limit:
         found.append(("the whole part", 1 - result.joint_conformance[0]))

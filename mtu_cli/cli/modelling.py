@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import fnmatch
 import json
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.inputs import Inputs, unlike_cells
-from mtu_cli.errors import InputError, Warned, reworded
 from mtu_cli.files.covariates import closest_covariate
-from mtu_cli.files.fahrenheit import fahrenheit_words
 from mtu_cli.files.source import hash_of, shown_path
 from mtu_cli.files.study import find_study
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
@@ -26,20 +24,24 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
-from mtu_cli.model.fit_warnings import limit_warnings, limits_of, scatter_warnings
+from mtu_cli.model.fit_warnings import (
+    DISAGREE,
+    LIMITS,
+    limit_warnings,
+    limits_of,
+    scatter_warnings,
+)
 from mtu_cli.model.machine_model import AXES, MachineModel, build_model
-from mtu_cli.model.reading_doubts import reading_doubts
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.thermal_fit import Check
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.model.thermal import ThermalEstimate
 
-NO_READINGS = "neither readings nor coefficients"
 COLUMNS_FIRST = ("correct", "compare", "close-loop")
 """Commands in which a column of the points comes before --at."""
 MOST_LACKING = 6
-"""Components without readings that are told one by one, or by name."""
+"""Components without readings that are reported one by one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,13 +72,7 @@ def modelled(inputs: Inputs, check: Check | None = None) -> Modelled:
     used = (*model.covariates(), *(name for effect in model.effects for name in effect.within))
     _expand(inputs.at, dict.fromkeys(used))
     unused = [name for name in inputs.at if name not in used]
-    warnings += [
-        Warned(code="covariate-not-needed", message=_not_needed(name, inputs, model), about=(name,))
-        for name in unused
-    ]
-    words = fahrenheit_words({name: (value, value) for name, value in inputs.at.items()})
-    if words is not None:
-        warnings.append(Warned(code="looks-like-fahrenheit", message=f"--at: {words}"))
+    warnings += [_not_needed(name, inputs, model) for name in unused]
     return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
 
 
@@ -86,43 +82,50 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Find
     report = inputs.components
     if report is not None:
         estimates = estimates_from_report(machine, report)
-        text = f"{report.source.shown} gives the components: the readings are not read again"
         doubts = effect_warnings(machine, estimates.effects, report.source.shown)
-        doubts += _not_read(inputs, ("lbb", "laser"), report.readings, text)
+        doubts += _not_read(inputs, ("lbb", "laser"), report.readings, report.source.shown)
         return estimates, None, doubts
     readings = inputs.readings
     if readings is None:
         return estimates_from_fit(machine, None), None, []
     fit = fit_machine(machine, readings)
     estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
-    doubts = [*reading_doubts(machine, readings), *fit.warnings, *scatter_warnings(fit)]
+    doubts = [*readings.notes, *fit.warnings, *scatter_warnings(fit)]
     return estimates, fit, doubts
 
 
 def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Finding]:
-    """What limits the truth of u of a part, from the fit or as the report of it tells."""
+    """What u of a part does not contain (LIMITS), from the fit or from the report of it."""
     used = {term.estimate.name for term in model.terms}
     report = inputs.components
     if report is None:
         return [] if fit is None else limits_of(limit_warnings(fit), used)
     entries = report.document.get("warnings")
-    told = [
-        Warned(code=str(item.get("code")), message=str(item.get("message")))
+    limits = [
+        finding(
+            "reported", file=report.source.shown, of=item["code"], message=str(item.get("message"))
+        )
         for item in (entries if isinstance(entries, list) else ())
-        if isinstance(item, dict)
+        if isinstance(item, dict) and item.get("code") in LIMITS and _component_of(item) in used
     ]
-    return [
-        reworded(item, f"{report.source.shown}: {item.message}") for item in limits_of(told, used)
-    ]
+    return list(dict.fromkeys(limits))
 
 
-def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> str:
-    """Asks whether another name is meant, of those alone that the call would take."""
+def _component_of(entry: Mapping[str, Any]) -> str:
+    """The component of a reported warning: a fact, or what its message begins with."""
+    facts = entry.get("facts")
+    if isinstance(facts, dict) and isinstance(facts.get("component"), str):
+        return str(facts["component"])
+    return str(entry.get("message")).removeprefix(DISAGREE).partition(" ")[0]
+
+
+def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> Finding:
+    """The warning, with the nearest of those names alone that the call would take."""
     taken = {*inputs.at, *(_columns(inputs) if inputs.options.command in COLUMNS_FIRST else ())}
-    if name in AXES:
-        return f"{name} is a position, which features have, and no covariate: not used: --at {name}"
     near = closest_covariate(name, [n for n in model.covariates() if n not in taken])
-    return f"{f'is {near!r} meant? ' if near else ''}no equation needs --at {name}"
+    expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
+    meant = () if near is None or name in AXES else (near,)
+    return finding("covariate-not-needed", name=name, meant=meant, expected=expected)
 
 
 def _columns(inputs: Inputs) -> Collection[str]:
@@ -132,9 +135,9 @@ def _columns(inputs: Inputs) -> Collection[str]:
 
 
 def _not_read(
-    inputs: Inputs, roles: Sequence[str], fitted: frozenset[str], text: str
+    inputs: Inputs, roles: Sequence[str], fitted: frozenset[str], report: str
 ) -> list[Finding]:
-    """That readings are not read beside a report of their fit: on the screen only where they are
+    """That readings are not read beside the `report` of their fit: a warning only where they are
     not, to the byte, those that it was fitted to.
 
     Raises InputError for a file that cannot be read.
@@ -142,14 +145,12 @@ def _not_read(
     found = {path: hash_of(path, role) for role in roles for path in inputs.files(role)}
     if not found:
         return []
+    what = "drifts" if roles == ("drift",) else "components"
+    if set(found.values()) == fitted:
+        return [finding("readings-of-report", report=report, what=what)]
     other = [shown_path(path) for path, own in found.items() if own not in fitted]
-    if fitted and other:
-        is_none = "is none" if len(other) == 1 else "are none"
-        text += f"; {', '.join(other)} {is_none} of the files that it was fitted to"
-    elif fitted - set(found.values()):
-        text += "; it was fitted to more files than these"
-    same = set(found.values()) == fitted
-    return [Warned(code="readings-not-used", message=text, report_only=same)]
+    files = other or [shown_path(path) for path in found]
+    return [finding("readings-not-used", report=report, what=what, files=files)]
 
 
 def _shortened(problems: Sequence[Finding], inputs: Inputs) -> list[Finding]:
@@ -157,24 +158,23 @@ def _shortened(problems: Sequence[Finding], inputs: Inputs) -> list[Finding]:
     unread, the only report is thermal, or no component of many has readings, that is one cause and
     one problem.
     """
-    lacking = [item for item in problems if item.text.endswith(NO_READINGS)]
+    lacking = [item for item in problems if item.code == "no-estimate"]
     near = find_study(Path()) if inputs.study is None else None
     half = _thermal_alone(inputs)
     if not lacking or (near is None and not half and len(lacking) <= MOST_LACKING):
         return list(problems)
-    names = [repr((item.path or "").removeprefix("components.")) for item in lacking]
-    more = f" and {len(names) - MOST_LACKING} more" if len(names) > MOST_LACKING else ""
-    many = f"the components {', '.join(names[:MOST_LACKING])}{more} have {NO_READINGS}"
-    told = lacking[0].text if len(names) == 1 else many
-    one = replace(reworded(lacking[0], told), path="components")
+    names = [name for item in lacking for name in item.facts["names"]]
+    expected = lacking[0].expected
     if half:
         expected = "a fit-components report too (-c), readings (--lbb, --laser), or "
         expected += "coefficients in the machine file" if near is None else "the study's folder"
-        one = replace(reworded(one, f"{one.text}: {half}"), expected=expected)
+        expected += f" ({half})"
     elif near is not None:
-        unread = f"{near.name} is not read where -m is given without a study"
-        expected = "the study's folder as an argument too, and -m in place of its machine"
-        one = replace(reworded(one, f"{one.text}: {unread}"), expected=expected)
+        expected = (
+            "the study's folder as an argument too, and -m in place of its machine "
+            f"({near.name} is not read where -m is given without a study)"
+        )
+    one = replace(lacking[0], path="components", facts={"names": names}, expected=expected)
     return [one, *(item for item in problems if item not in lacking)]
 
 
@@ -187,16 +187,11 @@ def _thermal_alone(inputs: Inputs) -> str:
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
-    """Of an approach direction that one value is given for: between features it cancels."""
+    """The warning of one approach direction for all features: between them a reversal cancels."""
     names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
     if not names:
         return []
-    text = (
-        f"{', '.join(names)} is one value for all features: what reverses cancels between two "
-        "of them; where the program approaches them from different sides, compare and close-loop "
-        "take each one's own"
-    )
-    return [Warned(code="one-direction", message=text)]
+    return [finding("one-direction", names=names)]
 
 
 def _expand(at: dict[str, float], needed: Iterable[str]) -> None:
@@ -221,12 +216,12 @@ def drift_estimates(
     stated = thermal_from_machine_file(machine)
     if inputs.thermal is not None:
         found = stated | thermal_from_report(machine, inputs.thermal)
-        doubts = [Warned(code=item.code, message=item.message) for item in inputs.thermal.doubts]
+        report = inputs.thermal.source.shown
+        doubts = [*inputs.thermal.doubts]
         doubts += _beaten(machine, stated, inputs.thermal.components)
         if not inputs.files("drift"):
             return found, doubts
-        text = f"{inputs.thermal.source.shown} gives the drifts: drift readings are not read"
-        return found, [*doubts, *_not_read(inputs, ("drift",), inputs.thermal.readings, text)]
+        return found, [*doubts, *_not_read(inputs, ("drift",), inputs.thermal.readings, report)]
     if not inputs.files("drift"):
         return stated, []
     from mtu_cli.cli.thermal_fit import fitted
@@ -248,10 +243,10 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
     Reports are in the components' own units. Going through them makes readings and their
     report give the same bits, which the Monte Carlo would tell apart in the seventh digit.
     """
-    from mtu_cli.files.components_file import SCHEMA, components_from
     from mtu_cli.files.json_file import report_bytes
+    from mtu_cli.files.reports_read import COMPONENTS, components_from
     from mtu_cli.reports.fit_components import document
 
     results = document(machine.machine.name, fit, estimates)
-    written = report_bytes({"schema": SCHEMA, "results": results})
+    written = report_bytes({"schema": COMPONENTS, "results": results})
     return estimates_from_report(machine, components_from(machine.source, json.loads(written)))

@@ -9,8 +9,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding
 
 WRITES = "write_"
 """How the names of options begin that name a file to write beside these."""
@@ -40,25 +39,25 @@ def bad_number(param: Any, raw: Mapping[str, Any], said: str) -> InputError | No
     ]
     if not bad or not (whole or "number" in said or "float" in said):
         return None
-    what = f"{_shown(param)} is no {'whole ' if whole else ''}number"
-    return InputError(Problem(what=what, value=bad[0], expected=_meant(bad[0].strip(), whole)))
+    code = "not-a-whole-number" if whole else "not-a-number"
+    return error(code, path=_shown(param), value=bad[0], expected=_meant(bad[0].strip(), whole))
 
 
 def no_number(option: str, text: str, *, whole: bool = False) -> Finding | None:
-    """The Problem of a part of an option's value, such as the VALUE of NAME=VALUE, that is no
+    """The Finding of a part of an option's value, such as the VALUE of NAME=VALUE, that is no
     finite number; None of one that is.
     """
-    from mtu_cli.files.contract_errors import number_expectation
+    from mtu_cli.files.contract import number_expectation
     from mtu_cli.files.csv_cells import is_not_finite, number
 
     text = text.strip()
     if is_not_finite(text):
-        return Problem(what=f"{option}: not finite", value=text, expected="a finite number")
+        return finding("not-finite", path=option, value=text)
     if number(text) is None or (whole and not _fits(text, whole)):
-        kind = "whole number" if whole else "number"
         expected = _meant(text, whole)
         expected = number_expectation(text) if expected == "a number" else expected
-        return Problem(what=f"{option}: not a {kind}", value=text, expected=expected)
+        code = "not-a-whole-number" if whole else "not-a-number"
+        return finding(code, path=option, value=text, expected=expected)
     return None
 
 
@@ -94,12 +93,13 @@ def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[s
     for param in params:
         named = _listed(raw.get(param.name)) if _holds_path(values.get(param.name)) else []
         if "" in named:
-            what = f"{_shown(param)} names no file"
-            problems.append(Problem(what=what, value="", expected="a name"))
+            problems.append(finding("names-no-file", path=_shown(param), value=""))
         if param.name in (*OUTPUTS, DRAWING) or param.name.startswith(WRITES):
-            what = f"{_shown(param)} names a folder"
-            ends = [name for name in map(str, named) if name.endswith(SEPARATORS)]
-            problems += [Problem(what=what, value=end, expected="a file in it") for end in ends]
+            problems += [
+                finding("names-a-folder", path=_shown(param), value=name, expected="a file in it")
+                for name in map(str, named)
+                if name.endswith(SEPARATORS)
+            ]
     if problems:
         raise InputError(problems)
 

@@ -22,7 +22,7 @@ from mtu_cli.cli.usage import (
     check_values,
     usage_faults,
 )
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,15 +100,15 @@ class Once(TyperCommand):
                 continue
             name = max(option.opts, key=len)
             several = f", several gates with commas: {name} A,B" if option.name == FAIL_IF else ""
-            raise fault(f"{name} is given {order.count(option)} times", expected=f"once{several}")
+            raise error("appears-twice", what=name, expected=f"once{several}")
         if not raw.get("help"):
             check_arguments(ctx, extra)
         with usage_faults(ctx):
             try:
                 rest = super().parse_args(ctx, args)
-            except typer.BadParameter as error:
-                told = None if error.param is None else bad_number(error.param, raw, str(error))
-                raise error if told is None else told from None
+            except typer.BadParameter as bad:
+                found = None if bad.param is None else bad_number(bad.param, raw, str(bad))
+                raise bad if found is None else found from None
         check_names(self.params, ctx.params, raw)
         return list(rest)
 

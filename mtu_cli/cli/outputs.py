@@ -10,8 +10,7 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.option_values import OUTPUTS, WRITES
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import option_name
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.study import LoadedStudy
@@ -72,9 +71,9 @@ def check_overwritten(targets: Iterable[Path], mark: str) -> None:
     from mtu_cli.files.source import begins_with, given_path
 
     problems = [
-        Problem(
-            what=f"is there already and does not begin with {mark!r}: measured data is not "
-            "overwritten",
+        finding(
+            "data-overwritten",
+            mark=mark,
             file=given_path(path),
             expected="another name, or the file moved away",
         )
@@ -95,21 +94,20 @@ def written_files(options: Options) -> dict[str, Path]:
 
 
 def _pictures(plot: Path | None) -> Iterator[Finding]:
-    from mtu_cli.reports.figures import SUFFIXES
+    from mtu_cli.reports.figures import ENDINGS, SUFFIXES
 
     if plot is not None and plot.suffix.lower().lstrip(".") not in SUFFIXES:
-        what = "--plot cannot draw this kind of file"
-        expected = ", ".join(f".{suffix}" for suffix in SUFFIXES)
-        yield Problem(what=what, value=str(plot), expected=expected)
+        yield finding(
+            "wrong-ending", option="--plot", kind="a picture", value=str(plot), expected=ENDINGS
+        )
 
 
 def _streams(options: Options, written: Mapping[str, Path]) -> Iterator[Finding]:
     if options.out == options.csv == STANDARD_OUTPUT:
-        yield Problem(what="-o - and --csv - both want standard output", expected="one of them")
+        yield finding("standard-output", option="--csv beside -o", expected="a file for one")
     for name, path in written.items():
         if path == STANDARD_OUTPUT:
-            what = f"{option_name(name)} does not go to standard output"
-            yield Problem(what=what, expected="a file")
+            yield finding("standard-output", option=option_name(name), expected="a file")
 
 
 def _endings(files: Mapping[str, Path]) -> Iterator[Finding]:
@@ -122,8 +120,10 @@ def _endings(files: Mapping[str, Path]) -> Iterator[Finding]:
         if kind is not None and other is not None and kind != other:
             option = "-o" if name == "out" else option_name(name)
             ending = next(key for key, value in ENDINGS.items() if value == kind)
-            yield Problem(
-                what=f"ends in {path.suffix}, and {option} writes {kind}",
+            yield finding(
+                "wrong-ending",
+                option=option,
+                kind=kind,
                 file=given_path(path),
                 expected=f"a name that ends in {ending}",
             )
@@ -153,13 +153,14 @@ def _lost(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Finding]:
             [role for role, path in some if role not in makes and overwrites(target, path)]
             for some in (read, named)
         )
-        if mine or any(overwrites(target, path) for path in called):
-            what = "is an input of this run and is not overwritten"
-        elif roles:
-            what = "is an input of the study and is not overwritten"
-        else:
-            continue
-        yield Problem(what=what, file=given_path(target), expected="another name")
+        own = mine or any(overwrites(target, path) for path in called)
+        if own or roles:
+            yield finding(
+                "input-overwritten",
+                owner="this run" if own else "the study",
+                file=given_path(target),
+                expected="another name",
+            )
 
 
 def _named_by(study: LoadedStudy | None) -> list[tuple[str, Path]]:

@@ -13,7 +13,7 @@ from typing import Annotated, Any
 
 import typer
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 
 Parameter = tuple[str, Any, Any]
 """(name, annotation, default)."""
@@ -283,16 +283,29 @@ def _filled(option: str, metavar: str) -> Callable[[str], str]:
 
     def read(text: str) -> str:
         if not text:
-            raise fault(f"{option} stands without a value", expected=f"{option} {metavar}")
+            raise error("option-without-value", option=option, expected=f"{option} {metavar}")
         return text
 
     return read
 
 
-def fail_if(gates: str) -> list[Parameter]:
-    """`--fail-if`, with the gates that a command knows."""
+SUSPICIOUS = "suspicious"
+"""The gate of every command that reads data: a warning of the checks meets it."""
+
+
+def fail_if(gates: str = "") -> list[Parameter]:
+    """`--fail-if`, with the gates that a command knows beside SUSPICIOUS."""
     name, metavar = "--fail-if", "GATE"
+    filled = _filled(name, metavar)
+
+    def only_suspicious(text: str) -> str:
+        if filled(text) != SUSPICIOUS:
+            raise error("unknown-name", what="gate", path=name, value=text, expected=SUSPICIOUS)
+        return text
+
+    known = f"{SUSPICIOUS}, data look mistaken{f'; {gates}' if gates else ''}"
     option = typer.Option(
-        name, metavar=metavar, parser=_filled(name, metavar), help=f"Exit with 3 if met: {gates}."
-    )
+        name, metavar=metavar, parser=filled if gates else only_suspicious,
+        help=f"Exit with 3 if met: {known}.",
+    )  # fmt: skip
     return [(FAIL_IF, Annotated[str | None, option], None)]

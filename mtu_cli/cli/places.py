@@ -14,10 +14,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, reworded
 from mtu_cli.files.source import given_path, resolved, shown_path
 from mtu_cli.files.study import load_study
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError
 
 
 @contextmanager
@@ -39,7 +38,11 @@ def placed_faults(options: Options) -> Iterator[None]:
 
 def _placed(problem: Finding, found: Mapping[str, str]) -> Finding:
     file = None if problem.file is None else placed_text(problem.file, found)
-    return replace(reworded(problem, placed_text(problem.text, found)), file=file)
+    facts = {
+        name: placed_text(value, found) if isinstance(value, str) else value
+        for name, value in problem.facts.items()
+    }
+    return replace(problem, file=file, facts=facts)
 
 
 def whole_paths(options: Options) -> dict[str, str]:

@@ -10,7 +10,7 @@ import sys
 
 from mtu_cli.cli.commands import app
 from mtu_cli.cli.streams import hush, last_words, prepare_streams
-from mtu_cli.errors import EXIT_INPUT, MtuError, cut_names, printable, reason
+from mtu_cli.findings import EXIT_INPUT, LONGEST_NAME, MtuError, printable, shorten
 
 TAKES_NO_MORE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
 
@@ -43,8 +43,8 @@ def run() -> None:
         full = error.errno in TAKES_NO_MORE and error.filename is None
         what = "standard output cannot be written" if full else "the system refuses"
         if isinstance(error.filename, str):
-            what = f"{cut_names(printable(error.filename))}: {what}"
-        _end(f"mtu: {what}: {reason(error)}")
+            what = f"{shorten(printable(error.filename), LONGEST_NAME)}: {what}"
+        _end(f"mtu: {what}: {(error.strerror or str(error)).lower()}")
     except MemoryError:
         _end("mtu: the memory of this computer does not suffice for this call")
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.study import (
     MAX_COVERAGE,
     MAX_DIGITS,
@@ -13,7 +12,7 @@ from mtu_cli.files.study import (
     MAX_TRIALS,
     MIN_TRIALS,
 )
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
 
@@ -38,8 +37,9 @@ def read_settings(inputs: Inputs, progress: Progress | None) -> Settings:
     stated = {name: value for name, value in given.items() if value is not None}
     settings = Settings(progress=progress, **stated)
     problems = [
-        Problem(
-            what=f"{_named(inputs, name)} is out of range",
+        finding(
+            "out-of-range",
+            path=_named(inputs, name),
             value=str(getattr(settings, name)),
             expected=expected,
         )
@@ -56,11 +56,8 @@ def doubts(inputs: Inputs, settings: Settings) -> list[Finding]:
     k = settings.coverage_factor
     if not (LEAST_PROBABILITY <= k < 1 or k >= BELOW_FACTOR):
         return []
-    text = (
-        f"{_named(inputs, 'coverage_factor')} is {k:g}, so U is {k:g} u: it is a factor and no "
-        f"{'probability' if k < 1 else 'percentage'}; 2 is for about 95 %"
-    )
-    return [Warned(code="factor-like-probability", message=text)]
+    setting = _named(inputs, "coverage_factor")
+    return [finding("factor-like-probability", setting=setting, k=k, expected="2 for about 95 %")]
 
 
 def _named(inputs: Inputs, name: str) -> str:

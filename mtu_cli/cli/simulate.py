@@ -28,8 +28,7 @@ from mtu_cli.cli.simulate_large import large_warnings
 from mtu_cli.cli.simulate_positions import read_positions
 from mtu_cli.cli.simulate_ranges import check_ranges, option_name
 from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
-from mtu_cli.errors import Warned, fault
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error
 from mtu_cli.language import Node
 from mtu_cli.model.drift_simulation import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
@@ -55,15 +54,14 @@ def run(options: Options) -> None:
     """Writes the readings, points and drift readings of a virtual machine."""
     outputs = [options.values[name] for name in OUTPUTS if options.values[name] is not None]
     if not outputs:
-        raise fault(
-            "nothing to write", expected="--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
-        )
+        expected = "--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
+        raise error("missing-argument", command="simulate", argument="output", expected=expected)
     inputs = Inputs(options)
     check_outputs(inputs)
     check_cmm_room(options)
     seed = _seed(inputs)
     check_ranges(options, seed)
-    told = [*check_used(options), *_doubts(inputs)]
+    told = [*check_used(options), *_unused(inputs)]
     model = modelled(inputs).model
     if options.write_lbb is not None or options.write_cmm is not None:
         told += cut_warnings(model)
@@ -82,23 +80,9 @@ def run(options: Options) -> None:
     deliver(content, inputs, say, warning_lines(told, options=options))
 
 
-LARGE = ("constant-large", "coefficients-large")
-"""What a machine file says of errors that no machine has."""
-
-
-def _doubts(inputs: Inputs) -> list[Finding]:
-    """Of components that stand in no equation nothing is simulated; of numbers in another unit
-    than the file's too much.
-    """
-    unused = ", so nothing of it is written"
-    return [
-        Warned(
-            code=notice.code,
-            message=notice.message + ("" if notice.code in LARGE else unused),
-        )
-        for notice in inputs.machine.warnings
-        if notice.code in ("unused-component", *LARGE)
-    ]
+def _unused(inputs: Inputs) -> list[Finding]:
+    """Of components that stand in no equation nothing is simulated."""
+    return [item for item in inputs.machine.warnings if item.code == "unused-component"]
 
 
 def _say(files: Mapping[Path, str]) -> None:
@@ -163,7 +147,9 @@ def _readings_rows(plan: ReadingsPlan, model: MachineModel) -> int:
 
 def _check_rows(option: str, rows: int) -> None:
     if rows > MAX_ROWS:
-        raise fault(f"{option}: {rows} rows to write", expected=f"at most {MAX_ROWS}")
+        raise error(
+            "out-of-range", path=option, value=f"{rows} rows", expected=f"at most {MAX_ROWS}"
+        )
 
 
 def _heading(options: Options, seed: int, names: Collection[str]) -> str:
@@ -216,8 +202,12 @@ def _first_repeats(text: str | None) -> tuple[int, int]:
     except ValueError:
         parts, repeats = 0, 0
     if parts < 1 or repeats < 1:
-        raise fault(
-            "--first-repeats is not PARTS:REPEATS", value=text, expected="4:5, say, both above 0"
+        raise error(
+            "option-form",
+            path="--first-repeats",
+            form="PARTS:REPEATS",
+            value=text,
+            expected="4:5, say, both above 0",
         )
     return parts, repeats
 
@@ -231,8 +221,10 @@ def _by_axis(
         name, node = named_equation(option, text)
         axis = name[1:]
         if name[:1] != "E" or axis not in model.axes:
-            raise fault(
-                f"{option} is of an unknown equation",
+            raise error(
+                "unknown-name",
+                path=option,
+                what="equation",
                 value=text,
                 expected=" or ".join(f"E{axis}: ..." for axis in model.axes),
             )
@@ -249,8 +241,10 @@ def _covariates(options: Options) -> list[tuple[str, Node]]:
     for text in options.covariate or ():
         name, node = named_equation("--covariate", text, column=True)
         if name in taken:
-            raise fault(
-                f"--covariate: the name {name!r} is taken",
+            raise error(
+                "name-taken",
+                path="--covariate",
+                taken="a column of the points",
                 value=text,
                 expected="a name of its own, such as T_spindle_degC",
             )

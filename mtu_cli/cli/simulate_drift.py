@@ -12,8 +12,8 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import MOST
-from mtu_cli.errors import InputError, did_you_mean, fault
 from mtu_cli.files.covariates import is_covariate
+from mtu_cli.findings import InputError, error, suggestion
 from mtu_cli.model.calibrated_places import growth
 from mtu_cli.model.climate import Climate, as_read, settled
 from mtu_cli.model.drift_simulation import DriftPlan, sensors_for
@@ -36,8 +36,8 @@ def drifting(inputs: Inputs, model: MachineModel) -> tuple[ThermalEstimate, ...]
     """
     drifts = model.drifts()
     if not drifts:
-        raise fault(
-            f"no component of {inputs.machine.source.shown} has a thermal model",
+        raise error(
+            "no-thermal-model",
             file=inputs.machine.source.shown,
             expected="a `thermal` key in a component of the equations",
         )
@@ -59,9 +59,12 @@ def drift_plan(inputs: Inputs, drifts: tuple[ThermalEstimate, ...]) -> DriftPlan
     asked = by_component("--settled-drift", options.settled_drift, names)
     for name, values in asked.items():
         if len(values) != len(positions[name]):
-            raise fault(
-                f"--settled-drift gives {len(values)} values of {name}",
-                expected=f"{len(positions[name])}, one a position",
+            raise error(
+                "option-form",
+                path=f"--settled-drift {name}",
+                form="one value a position",
+                value=f"{len(values)} values",
+                expected=f"{len(positions[name])}",
             )
     factors = {name: UNITS[machine.machine.components[name].unit].to_internal for name in names}
     plan = DriftPlan(
@@ -79,8 +82,14 @@ def drift_plan(inputs: Inputs, drifts: tuple[ThermalEstimate, ...]) -> DriftPlan
         limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
         twins=_twins(options, {sensor for drift in drifts for sensor in drift.sensors}),
     )
-    if plan.cycles * (plan.minutes + plan.soak) / plan.interval > MAX_MOMENTS:
-        raise fault("the drift test is too long", expected=f"at most {MAX_MOMENTS} moments")
+    moments = plan.cycles * (plan.minutes + plan.soak) / plan.interval
+    if moments > MAX_MOMENTS:
+        raise error(
+            "out-of-range",
+            path="--cycles, --interval-min",
+            value=f"{moments:g} moments",
+            expected=f"at most {MAX_MOMENTS}",
+        )
     return plan
 
 
@@ -105,8 +114,9 @@ def check_rooms(option: str, rooms: Sequence[float], text: str = "") -> None:
     low, high = ROOMS_DEGC
     for room in rooms:
         if not low <= room <= high:
-            raise fault(
-                f"{option} is no temperature of a room",
+            raise error(
+                "out-of-range",
+                path=option,
                 value=text or f"{room:g}",
                 expected=f"from {low:g} to {high:g} degC",
             )
@@ -118,8 +128,9 @@ def check_cmm_room(options: Options) -> None:
     Raises InputError for --cmm-room without --write-cmm.
     """
     if options.cmm_room and options.write_cmm is None:
-        raise fault(
-            "--cmm-room is the room while parts are measured, and none are",
+        raise error(
+            "option-without-effect",
+            path="--cmm-room",
             value=" ".join(f"{room:g}" for room in options.cmm_room),
             expected="--write-cmm FILE beside it, or --room LOW:HIGH of the drift test",
         )
@@ -128,16 +139,18 @@ def check_cmm_room(options: Options) -> None:
 def _pair(option: str, text: str, example: str, bounds: tuple[float, float]) -> tuple[float, float]:
     ends = text.split(":")
     if len(ends) != 2 or not all(end.strip() for end in ends):
-        raise fault(f"{option} is not LOW:HIGH", value=text, expected=f"{example}, say")
+        raise error(
+            "option-form", path=option, form="LOW:HIGH", value=text, expected=f"{example}, say"
+        )
     for end in ends:
         if bad := no_number(option, end):
             raise InputError(bad)
     low, high = map(float, ends)
     if low > high:
-        raise fault(f"{option}: LOW is above HIGH", value=text, expected="the lower end first")
+        raise error("out-of-range", path=option, value=text, expected="LOW below HIGH")
     if not bounds[0] <= low <= high <= bounds[1]:
         expected = f"from {bounds[0]:g} to {bounds[1]:g}"
-        raise fault(f"{option} is out of range", value=text, expected=expected)
+        raise error("out-of-range", path=option, value=text, expected=expected)
     return low, high
 
 
@@ -146,15 +159,10 @@ def _twins(options: Options, sensors: set[str]) -> tuple[tuple[str, str], ...]:
     for text in options.twin or ():
         name, _, sensor = (item.strip() for item in text.partition(":"))
         if sensor not in sensors:
-            raise fault(
-                "--twin is not NAME: SENSOR",
-                value=text,
-                expected=did_you_mean(sensor, sorted(sensors)),
-            )
+            near = suggestion(sensor, sorted(sensors))
+            raise error("unknown-name", path="--twin", what="sensor", value=text, **near)
         if name in sensors or name in found or not is_covariate(name) or name[:2] != "T_":
-            raise fault(
-                "--twin has no name of its own", value=text, expected="'T_18_degC: ...', say"
-            )
+            raise error("not-a-name", path="--twin", value=text, expected="'T_18_degC: ...', say")
         found[name] = sensor
     return tuple(found.items())
 

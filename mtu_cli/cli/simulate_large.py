@@ -6,8 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.language import Node
 from mtu_cli.model.effect_ranges import LARGE_MM, STEEP
 from mtu_cli.model.simulate import PartsPlan, SimulatedPoints
@@ -38,12 +37,16 @@ def large_warnings(
         for axis, node in equations:
             largest, row = _largest(f"{option} E{axis}", node, visits)
             if abs(largest) > max(LARGE_MM, STEEP * moved):
-                where = f"in part {parts[row]} at feature {visits.ids[row]!r}"
-                text = (
-                    f"{option} E{axis} is {largest:.3g} mm {where}, more than a machine errs by: "
-                    "in which unit is it meant? Its values are mm, 0.003 for 3 um"
+                warnings.append(
+                    finding(
+                        "effect-too-large",
+                        equation=f"{option} E{axis}",
+                        value_mm=largest,
+                        part=str(parts[row]),
+                        feature=visits.ids[row],
+                        expected="mm, 0.003 for 3 um",
+                    )
                 )
-                warnings.append(Warned(code="effect-too-large", message=text))
     return warnings
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.option_values import no_number
-from mtu_cli.errors import InputError, fault
+from mtu_cli.findings import InputError, error
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -29,7 +29,13 @@ def read_positions(inputs: Inputs, model: MachineModel) -> dict[str, FloatArray]
         return dict.fromkeys(needed, given[""])
     unknown = [axis for axis in given if axis not in AXES]
     if unknown:
-        raise fault("--positions is of an unknown axis", value=unknown[0], expected="x, y or z")
+        raise error(
+            "unknown-name",
+            path="--positions",
+            what="axis",
+            value=unknown[0],
+            expected="x, y or z",
+        )
     rest = needed - set(given)
     return given | (_extents(inputs, model, rest) if rest else {})
 
@@ -42,8 +48,10 @@ def _check_travel(inputs: Inputs, asked: Mapping[str, FloatArray | None]) -> Non
             continue
         low, high = travels[axis]
         if positions.min() < low or positions.max() > high:
-            raise fault(
-                f"--positions are outside the travel of {axis}",
+            raise error(
+                "outside-travel",
+                path="--positions",
+                axis=axis,
                 value=f"{positions.min():g} to {positions.max():g} mm",
                 expected=f"from {low:g} to {high:g} mm",
             )
@@ -56,9 +64,7 @@ def _extents(inputs: Inputs, model: MachineModel, axes: set[str]) -> dict[str, F
         column = points[:, AXES.index(axis)]
         low, high = np.nanmin(column), np.nanmax(column)
         if not np.isfinite(low) or low == high:
-            raise fault(
-                f"the part does not extend along {axis}", expected="--positions LOW:HIGH:COUNT"
-            )
+            raise error("no-extent", axis=axis, expected="--positions LOW:HIGH:COUNT")
         found[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
     return found
 
@@ -74,16 +80,20 @@ def _given(text: str) -> dict[str, FloatArray]:
 def _range(part: str, text: str) -> FloatArray:
     ends = part.split(":")
     if len(ends) != 3 or not all(end.strip() for end in ends):
-        what = "--positions is not LOW:HIGH:COUNT"
-        raise fault(what, value=text, expected="0:140:8, say, or x=0:140:8,y=0:90:5")
+        raise error(
+            "option-form",
+            path="--positions",
+            form="LOW:HIGH:COUNT",
+            value=text,
+            expected="0:140:8, say, or x=0:140:8,y=0:90:5",
+        )
     for place, end in enumerate(ends):
         if bad := no_number("--positions", end, whole=place == 2):
             raise InputError(bad)
     low, high, count = float(ends[0]), float(ends[1]), int(ends[2])
     if low >= high:
-        what = f"--positions: LOW, {low:g}, is {'above' if low > high else 'the same as'} HIGH"
-        raise fault(what, value=text, expected="LOW:HIGH:COUNT with LOW below HIGH")
+        raise error("out-of-range", path="--positions", value=text, expected="LOW below HIGH")
     if not 2 <= count <= MAX_POSITIONS:
-        expected = f"LOW:HIGH:COUNT with a count from 2 to {MAX_POSITIONS}"
-        raise fault(f"--positions: COUNT is {count}", value=text, expected=expected)
+        expected = f"a COUNT from 2 to {MAX_POSITIONS}"
+        raise error("out-of-range", path="--positions", value=text, expected=expected)
     return np.linspace(low, high, count)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 
 MOST = 1e9
 """Of any number: a slip of the keyboard beyond."""
@@ -39,7 +38,9 @@ def check_ranges(options: Options, seed: int) -> None:
     operation = options.values["operation"]
     if operation is not None and (not operation.strip() or not operation.isprintable()):
         expected = "a name on one line, such as drilled, or no --operation at all"
-        problems.append(Problem(what="--operation is no name", value=operation, expected=expected))
+        problems.append(
+            finding("not-printable", path="--operation", value=operation, expected=expected)
+        )
     if problems:
         raise InputError(problems)
 
@@ -50,4 +51,4 @@ def option_name(name: str) -> str:
 
 
 def _problem(option: str, value: float, expected: str) -> Finding:
-    return Problem(what=f"{option} is out of range", value=str(value), expected=expected)
+    return finding("out-of-range", path=option, value=str(value), expected=expected)

@@ -1,4 +1,4 @@
-"""Options of `mtu simulate` that act only beside another one: alone they would say nothing."""
+"""Options of `mtu simulate` that act only beside another one."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.simulate_ranges import option_name
-from mtu_cli.errors import InputError, Problem, Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 
 READINGS = ("passes", "one_way", "positions")
 POINTS = (
@@ -35,13 +34,13 @@ def check_used(options: Options) -> list[Finding]:
     Raises InputError with every other given option that changes nothing.
     """
     found = list(_unused(options))
-    problems = [problem for name, problem in found if name not in PLAN]
+    problems = [item for item in found if item.severity == "error"]
     if problems:
         raise InputError(problems)
-    return [Warned(code="option-not-used", message=str(problem)) for _, problem in found]
+    return found
 
 
-def _unused(options: Options) -> Iterator[tuple[str, Finding]]:
+def _unused(options: Options) -> Iterator[Finding]:
     readings, points, drift = (
         getattr(options, name) is not None for name in ("write_lbb", "write_cmm", "write_drift")
     )
@@ -56,9 +55,9 @@ def _unused(options: Options) -> Iterator[tuple[str, Finding]]:
     for names, used, expected in groups:
         for name in names:
             if not used and name in options.given:
-                what = f"{option_name(name)} changes nothing in what is written"
+                code = "option-not-used" if name in PLAN else "option-without-effect"
                 shown = _shown(options.values[name])
-                yield name, Problem(what=what, value=shown, expected=expected)
+                yield finding(code, path=option_name(name), value=shown, expected=expected)
 
 
 def _shown(value: object) -> str | None:

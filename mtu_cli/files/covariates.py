@@ -9,6 +9,11 @@ from mtu_cli.errors import SHOWN_ALIKE, closest
 
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 COVARIATES = (*DIRECTIONS, "time_min", "sequence")
+SIGN_WORDS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
+SIGN_EXPECTED = "forward or reverse, + or -, 1 or -1"
+TEMPERATURE_EXPECTED = "a number in degC: leave out the column, or the rows"
+_MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
+"""What a word processor makes of a minus: as a sign it can mean nothing else."""
 STEADY_K = 0.05
 """Range of a temperature that does not change: a thermometer reads as much from itself."""
 NEAR_K = 0.5
@@ -108,3 +113,19 @@ def expected_temperature(value: float) -> str:
     if not like_kelvin(value):
         return expected
     return f"{expected}: in kelvin it would be {value - KELVIN:.4g} degC"
+
+
+def direction_sign(label: str) -> int | None:
+    """+1 for forward, -1 for reverse, None for anything else; a number as its value.
+
+    >>> direction_sign("Reverse"), direction_sign("1.0"), direction_sign("up")
+    (-1, 1, None)
+    """
+    plain = label.strip().casefold().translate(_MINUS).replace(",", ".")
+    if plain in SIGN_WORDS:
+        return SIGN_WORDS[plain]
+    try:
+        value = float(plain)
+    except ValueError:
+        return None
+    return int(value) if abs(value) == 1.0 and "_" not in plain else None

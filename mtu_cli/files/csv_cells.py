@@ -7,8 +7,8 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from mtu_cli.files.contract_errors import number_expectation
-from mtu_cli.files.csv_text import Decimal
+from mtu_cli.files.contract import number_expectation
+from mtu_cli.files.csv_table import Decimal
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,9 +21,6 @@ _NUMBER = {
 }
 _NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)|[+-]?1\.#(?:inf|ind|qnan)", re.IGNORECASE)
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
-_WITH_UNIT = re.compile(
-    r"[+-]?\d[\d.,]*+(?:[eE][+-]?\d++)?\s*+([A-Za-z\u00b5\u03bc\u00b0%][^\s\d]{0,9})"
-)
 _DATE = re.compile(r"\d{4}-?\d{2}-?\d{2}(?:[T ].*)?", re.ASCII)
 
 NO_TIME = -(2**63)
@@ -33,15 +30,17 @@ TIME_EXPECTED = "an ISO 8601 time such as 2024-05-03T14:30:00"
 def number(cell: str, decimal: Decimal = ".") -> float | None:
     """The value of a cell, or None where it is no number; infinite where it overflows."""
     cell = cell.strip()
-    if _NUMBER[decimal].fullmatch(cell) is None:
+    if decimal == "," and "." in cell:
         return None
-    return float(cell.replace(",", "."))
-
-
-def unit_in(cell: str) -> str | None:
-    """The unit behind the number of a cell, such as `50.0 mm`; None where there is none."""
-    found = _WITH_UNIT.fullmatch(cell.strip())
-    return None if found is None else found[1]
+    text = cell.replace(",", ".") if decimal == "," else cell
+    try:
+        value = float(text)
+    except ValueError:
+        return None
+    if math.isfinite(value) and "_" not in text and text.isascii():
+        return value
+    # Python also reads nan, 1_000 and digits of other scripts.
+    return value if _NUMBER[decimal].fullmatch(cell) else None
 
 
 def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:
@@ -50,12 +49,6 @@ def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:
     if value is not None:
         return not math.isfinite(value)
     return _NOT_FINITE.fullmatch(cell.strip()) is not None
-
-
-def overflows(cell: str, decimal: Decimal = ".") -> bool:
-    """Whether a cell is a number, but one too large to be held."""
-    value = number(cell, decimal)
-    return value is not None and math.isinf(value)
 
 
 def is_text(cell: str, decimal: Decimal = ".") -> bool:

@@ -4,25 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+Decimal = Literal[".", ","]
+DECIMALS: tuple[Decimal, ...] = (".", ",")
 Kind = Literal["number", "text", "time", "sign", "covariate"]
 LISTED_PROBLEMS = 10_000
 WHOLE = ("pass", "repeat", "sequence")
 """Columns of whole numbers where a contract names them."""
-LARGEST_READING = 1e12
-"""Beyond it no cell is a measurement, and squares would overflow."""
 LARGEST_INTEGER = 2.0**53 - 1.0
-"""2^53 and 2^53 + 1 are not told apart as they are read, nor are whole numbers beyond."""
+"""2^53 and 2^53 + 1 are one float, and so are whole numbers beyond."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,8 +29,8 @@ class TableSpec:
     """The columns that a contract names; every other column is a covariate.
 
     `may_be_empty` are named columns whose cells may be empty; `exclusive` pairs must not
-    both be there, `together` pairs only both. `vectors` are numbers that belong together, `units`
-    are texts that are units, `signs` numbers -1 or +1 that may be written in words.
+    both be there, `together` pairs only both. `units` are texts that are units, `signs` numbers -1
+    or +1 that may be written in words. `says` words what a cell of a column should be.
     """
 
     required: tuple[str, ...]
@@ -42,7 +41,6 @@ class TableSpec:
     may_be_empty: frozenset[str] = frozenset()
     exclusive: tuple[tuple[str, str], ...] = ()
     together: tuple[tuple[str, str], ...] = ()
-    vectors: tuple[tuple[str, ...], ...] = ()
     units: frozenset[str] = frozenset()
     says: Mapping[str, str] = field(default_factory=dict)
 
@@ -90,23 +88,18 @@ class TimeColumn:
 
 @dataclass(slots=True)
 class Columns:
-    """Cells of a table by column name; all arrays have one entry a row.
-
-    `vectors` (n, k) hold the columns of a vector side by side, nan where one is not there, so
-    that they need not be copied together.
-    """
+    """Cells of a table by column name; all arrays have one entry a row."""
 
     numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
     texts: dict[str, TextColumn] = field(default_factory=dict)
     times: dict[str, TimeColumn] = field(default_factory=dict)
-    vectors: dict[tuple[str, ...], NDArray[np.float64]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
     """A checked CSV table: `rows` (n,) are its rows as an editor counts them.
 
-    A table that is not `sound` has bad cells, told already; nan and empty texts stand for them.
+    A table that is not `sound` has bad cells, reported already; nan and empty texts stand for them.
     """
 
     source: Source
@@ -119,19 +112,6 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.rows)
-
-    def problem(
-        self, index: int, column: str, what: str, value: object, expected: str | None = None
-    ) -> Finding:
-        """A Problem of one cell; `index` counts the rows of the table from 0."""
-        return Problem(
-            what=what,
-            file=self.source.shown,
-            row=int(self.rows[index]),
-            column=column,
-            value=None if value == "" else cell_text(value),
-            expected=expected,
-        )
 
 
 def cell_text(value: object) -> str:
@@ -148,7 +128,7 @@ class ProblemList:
     _cells: set[tuple[str | None, int, str | int]] = field(default_factory=set)
 
     def add(self, problem: Finding) -> None:
-        """One more problem; of several of one cell the first is told."""
+        """One more problem; of several of one cell the first counts."""
         if problem.row is not None and problem.column is not None:
             cell = (problem.file, problem.row, problem.column)
             if cell in self._cells:
@@ -162,18 +142,27 @@ class ProblemList:
     def add_cells(
         self,
         table: Table,
-        indices: Sequence[int] | NDArray[np.int64],
+        at: Sequence[int] | NDArray[np.int64],
         column: str,
-        what: str,
+        code: str,
         values: Sequence[object],
         expected: str | None = None,
+        **facts: Any,
     ) -> None:
-        """One problem for each row of `indices`; `values` is one value a row, or one for all."""
-        room = max(0, LISTED_PROBLEMS - len(self.listed))
-        for position, index in enumerate(indices[:room]):
-            value = values[position] if len(values) > 1 else values[0]
-            self.add(table.problem(int(index), column, what, value, expected))
-        self.uncounted += max(0, len(indices) - room)
+        """One problem for each of the rows `at`, counted from 0; `values` is one for each row, or
+        one for all.
+        """
+        room = max(0, self.room())
+        for i, index in enumerate(at[:room]):
+            value = values[i] if len(values) > 1 else values[0]
+            shown = None if value in ("", None) else cell_text(value)
+            place = {"file": table.source.shown, "row": int(table.rows[index]), "column": column}
+            self.add(finding(code, **place, value=shown, expected=expected, **facts))
+        self.uncounted += max(0, len(at) - room)
+
+    def room(self) -> int:
+        """How many more are listed one by one."""
+        return LISTED_PROBLEMS - len(self.listed)
 
     def extend(self, other: ProblemList) -> None:
         """All problems of another list."""
@@ -184,6 +173,4 @@ class ProblemList:
     def raise_if_any(self) -> None:
         """Raises InputError with every problem, file by file in the order of the rows."""
         if self.listed:
-            files = list(dict.fromkeys(problem.file for problem in self.listed))
-            ordered = sorted(self.listed, key=lambda p: (files.index(p.file), p.row or 0))
-            raise InputError(ordered, self.uncounted)
+            raise InputError(self.listed, self.uncounted)

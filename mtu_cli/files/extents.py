@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mtu_cli.files.part import LoadedPart
-    from mtu_cli.files.reading_cells import Travels
+    from mtu_cli.files.readings import Travels
 
 MOST_APART = 2.0
 """Travels that features of one part are apart at most: it may be turned around on the machine.

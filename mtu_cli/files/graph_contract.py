@@ -1,107 +1,100 @@
-"""The contract of a measurement graph file (``mtu/graph/1``)."""
+"""The shape of a measurement graph file (``mtu/graph/1``)."""
 
 from __future__ import annotations
 
 import math
+import re
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract_errors import lists_within, number_expectation, told
-from mtu_cli.files.contracts import Contract, IdText
+from mtu_cli.files.contract import Contract, IdText, number_expectation, wrong
 from mtu_cli.files.graph_kinds import PlaceKind, TransitionKind
-from mtu_cli.language import EquationError, evaluate, names, parse
+from mtu_cli.findings import InputError
+from mtu_cli.language import evaluate, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 
 LARGEST = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
 LARGEST_U_UM = 1e6
 MAX_REPEATS = 10_000
-Axis = Literal["x", "y", "z"]
 Triple = tuple[float, float, float]
 
 
 def number_or_formula(value: object) -> float:
-    """A number, or a formula of numbers such as ``30*pi/180``, as a number."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        number = float(value)
-    elif isinstance(value, str):
+    """A number, or a formula of numbers such as ``30*pi/180``, as a number.
+
+    >>> number_or_formula("30/4")
+    7.5
+    """
+    if isinstance(value, str):
         try:
             node = parse(value, BUDGET_FUNCTIONS)
-        except EquationError as error:
-            raise told(f"not a formula: {error}", error.expected or "a number") from None
-        unknown = list(names(node))
-        if unknown:
+        except InputError as error:
+            fault = error.findings[0]
+            reason = f"{fault.text} at column {fault.column}"
+            raise wrong(fault.expected or "a number", "not-a-formula", reason=reason) from None
+        if unknown := next(iter(names(node)), None):
             hint = number_expectation(value, "a number, or a formula of numbers")
-            raise told(f"unknown name {unknown[0]!r} in a formula of numbers", hint)
-        number = float(evaluate(node, {}))
-    else:
-        raise told("wrong value", "a number, or a formula such as 30*pi/180")
-    if not math.isfinite(number) or abs(number) > LARGEST:
-        raise told("wrong value", f"a number of at most {LARGEST:g}")
-    return number
+            raise wrong(hint, "not-a-formula", reason=f"unknown name '{unknown}'")
+        value = float(evaluate(node, {}))
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise wrong("a number, or a formula such as 30*pi/180")
+    if not abs(value) <= LARGEST:
+        raise wrong(f"a number of at most {LARGEST:g}")
+    return float(value)
 
 
 def _not_negative(value: object) -> float:
-    number = number_or_formula(value)
-    if number < 0:
-        raise told("wrong value", "a number of at least 0")
+    if (number := number_or_formula(value)) < 0:
+        raise wrong("a number of at least 0")
     return number
 
 
 def _nominal(value: object) -> tuple[float, ...]:
     items = value if isinstance(value, list) else [value]
     if isinstance(value, list) and len(items) != 3:
-        raise told("wrong value", "one number for a coordinate, [x, y, z] for a point")
-    return tuple(number_or_formula(item) for item in items)
+        raise wrong("one number for a coordinate, [x, y, z] for a point")
+    return tuple(map(number_or_formula, items))
 
 
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
-
-def _along(value: object) -> Triple:
+def _direction(value: object) -> Triple:
+    """A unit vector from an axis with its sign, ``-z``, or three numbers."""
     expected = "x, -x, y, -y, z, -z or [i, j, k]"
-    if isinstance(value, str):
-        sign, letter = (-1.0, value[1:]) if value[:1] == "-" else (1.0, value.removeprefix("+"))
-        if letter not in _AXES:
-            raise told("no direction", expected)
-        i, j, k = _AXES[letter]
-        return (sign * i + 0.0, sign * j + 0.0, sign * k + 0.0)
+    if isinstance(value, str) and (match := re.fullmatch(r"([+-]?)([xyz])", value)):
+        size = -1.0 if match[1] == "-" else 1.0
+        value = [size if axis == match[2] else 0.0 for axis in "xyz"]
     if not isinstance(value, list) or len(value) != 3:
-        raise told("no direction", expected)
-    i, j, k = (number_or_formula(item) for item in value)
-    length = math.hypot(i, j, k)
-    if length == 0:
-        raise told("a direction of length 0", expected)
+        raise wrong(expected)
+    i, j, k = map(number_or_formula, value)
+    if not (length := math.hypot(i, j, k)):
+        raise wrong(f"{expected}, longer than 0")
     return (i / length, j / length, k / length)
 
 
-def _list(value: object) -> object:
-    return value if isinstance(value, list) else [value]
-
-
-def _correlation(value: object) -> object:
+def _triple(value: object) -> object:
     if not isinstance(value, list) or len(value) != 3:
-        raise told("not a correlation", "[first, second, r]")
+        raise wrong("[first, second, r]")
     return tuple(value)
 
 
-Number = Annotated[
-    float, BeforeValidator(number_or_formula, json_schema_input_type=float | str)
-]  # fmt: skip
+def _listed(value: object) -> object:
+    return value if isinstance(value, list) else [value]
+
+
+Number = Annotated[float, BeforeValidator(number_or_formula, json_schema_input_type=float | str)]
 Uncertain = Annotated[float, BeforeValidator(_not_negative, json_schema_input_type=float | str)]
 Nominal = Annotated[
     tuple[float, ...],
     BeforeValidator(_nominal, json_schema_input_type=float | str | list[float | str]),
 ]
 Direction = Annotated[
-    Triple, BeforeValidator(_along, json_schema_input_type=str | list[float | str])
+    Triple, BeforeValidator(_direction, json_schema_input_type=str | list[float | str])
 ]
 Um = Annotated[float, Field(ge=0, le=LARGEST_U_UM)]
 Repeats = Annotated[int, Field(ge=1, le=MAX_REPEATS)]
 Correlation = Annotated[
-    tuple[IdText, IdText, float],
-    BeforeValidator(_correlation, json_schema_input_type=list[Any]),
+    tuple[IdText, IdText, float], BeforeValidator(_triple, json_schema_input_type=list[Any])
 ]
 
 
@@ -125,7 +118,7 @@ class Place(Contract):
     """A place: what it holds, and its nominal or its value where no transition computes it."""
 
     kind: PlaceKind
-    axis: Axis | None = Field(default=None, description="Of a coordinate")
+    axis: Literal["x", "y", "z"] | None = Field(default=None, description="Of a coordinate")
     nominal_mm: Nominal | None = Field(
         default=None, description="Of a measured coordinate or point"
     )
@@ -154,7 +147,7 @@ class Transition(Contract):
     out: Annotated[
         list[IdText],
         Field(min_length=1),
-        BeforeValidator(_list, json_schema_input_type=str | list[str]),
+        BeforeValidator(_listed, json_schema_input_type=str | list[str]),
     ]
     repeats: Repeats | None = Field(default=None, description="Probings averaged")
     uncertainty: OwnProbing | None = None
@@ -177,6 +170,6 @@ class Graph(Contract):
     places: Annotated[dict[str, Place], Field(min_length=1)]
     transitions: Annotated[list[Transition], Field(min_length=1)]
     report: list[IdText] = Field(default=[], description="Default: places that end the graph")
-    correlations: Annotated[list[Correlation], BeforeValidator(lists_within)] = Field(
+    correlations: list[Correlation] = Field(
         default=[], description="Of two uncertain constants: [first, second, r]"
     )

@@ -83,6 +83,15 @@ class Variant:
         at, whole = self.reach(given)
         return whole and at == len(given)
 
+    def gives(self, given: Sequence[Given]) -> bool:
+        """Whether it can fill these output places; it need not fill all that it could."""
+        return len(given) <= len(self.outputs) and self.wrong_output(given) is None
+
+    def wrong_output(self, given: Sequence[Given]) -> int | None:
+        """The first output place that it does not make."""
+        kinds = (*self.outputs, *[""] * len(given))
+        return next((i for i, (kind, _) in enumerate(given) if kind not in (kinds[i], None)), None)
+
     def __str__(self) -> str:
         return ", ".join(map(str, self.inputs)) if self.inputs else "no input"
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.errors import fault, shorten
 from mtu_cli.files.source import Source, check_text, read_source
+from mtu_cli.findings import error, shorten
 
 MAX_BYTES = 1 << 30
 MAX_DIGITS = 300
@@ -82,25 +82,16 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
             parse_float=_finite_number,
             object_pairs_hook=_without_duplicates,
         )
-    except json.JSONDecodeError as error:
-        if not text[: error.pos].strip():
-            raise fault(
-                "not readable as JSON",
-                file=source.shown,
-                line=error.lineno,
-                value=text[error.pos :].partition("\n")[0].strip(),
-                expected=f"a {role} report, as -o FILE.json writes it",
-            ) from None
-        raise fault(
-            f"not readable as JSON: {error.msg.lower().removesuffix(' starting at')}",
-            file=source.shown,
-            line=error.lineno,
-            column=error.colno,
-        ) from None
+    except json.JSONDecodeError as fault:
+        bare = not text[: fault.pos].strip()
+        why = "it is no JSON" if bare else fault.msg.lower().removesuffix(" starting at")
+        expected = f"a {role} report, as -o FILE.json writes it" if bare else None
+        where = {"file": source.shown, "line": fault.lineno, "column": fault.colno}
+        raise error("not-json", reason=why, expected=expected, **where) from None
     except RecursionError:
-        raise fault("not readable as JSON: nested too deeply", file=source.shown) from None
-    except ValueError as error:
-        raise fault(f"not readable as JSON: {error}", file=source.shown) from None
+        raise error("not-json", reason="nested too deeply", file=source.shown) from None
+    except ValueError as fault:
+        raise error("not-json", reason=str(fault), file=source.shown) from None
     return source, data
 
 

@@ -6,50 +6,61 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mtu_cli.errors import did_you_mean
-from mtu_cli.files.contract_errors import told
-from mtu_cli.files.contracts import MAX_DEGREE, Contract, NonNegative, Positive
-from mtu_cli.files.thermal_contract import Thermal
+from mtu_cli.files.contract import MAX_DEGREE, Contract, NonNegative, Positive, wrong
+from mtu_cli.findings import suggestion
 from mtu_cli.units import PARAMETER_UNITS, UNITS, plain_unit
 
 AxisName = Literal["x", "y", "z"]
 EquationName = Literal["Ex", "Ey", "Ez"]
 Matrix = list[list[float]]
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 SearchedName = Annotated[str, Field(min_length=1)]
+STEEPEST = 1e6
+"""Of a thermal gradient, per degC in any unit: its square must not overflow."""
 
 
-def _known_unit(text: str) -> str:
-    if plain_unit(text) not in UNITS:
-        raise told("unknown unit", did_you_mean(text, UNITS))
-    return plain_unit(text)
+def _unit_of(known: dict[str, Any]) -> AfterValidator:
+    def check(text: str) -> str:
+        if plain_unit(text) not in known:
+            hint = suggestion(text, known)
+            raise wrong(hint.get("expected", ""), "unknown-unit", meant=hint.get("meant", ()))
+        return plain_unit(text)
+
+    return AfterValidator(check)
 
 
-def _known_parameter_unit(text: str) -> str:
-    if plain_unit(text) not in PARAMETER_UNITS:
-        raise told("unknown unit", did_you_mean(text, PARAMETER_UNITS))
-    return plain_unit(text)
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _number_or_keys(value: object) -> object:
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
+    if _is_number(value):
         return {"value": value}
     if value is not None and not isinstance(value, (dict, Constant)):
-        raise told("wrong value", "a number, or {value: ..., u: ...}")
+        raise wrong("a number, or {value: ..., u: ...}")
     return value
 
 
 def _as_text(value: object) -> object:
     # An equation may be a bare number: `Ez: 0`.
-    return repr(value) if isinstance(value, (int, float)) and value is not True else value
+    return repr(value) if _is_number(value) else value
 
 
-UnitName = Annotated[
-    str, AfterValidator(_known_unit), Field(json_schema_extra={"enum": list(UNITS)})
-]
+def _listed(value: object) -> object:
+    if not isinstance(value, list) and not _is_number(value):
+        raise wrong("a number, or a list of one a position")
+    return value if isinstance(value, list) else [value]
+
+
+def _by_sensor(value: object) -> object:
+    if not isinstance(value, dict):
+        raise wrong("a number of at least 0, or one for each sensor")
+    return value
+
+
+UnitName = Annotated[str, _unit_of(UNITS), Field(json_schema_extra={"enum": list(UNITS)})]
 ParameterUnitName = Annotated[
-    str,
-    AfterValidator(_known_parameter_unit),
-    Field(json_schema_extra={"enum": list(PARAMETER_UNITS)}),
+    str, _unit_of(PARAMETER_UNITS), Field(json_schema_extra={"enum": list(PARAMETER_UNITS)})
 ]
 # No axis twice; which names are components is known to the machine alone.
 EffectAxis = Annotated[
@@ -60,14 +71,25 @@ EffectAxis = Annotated[
 ]
 EquationText = Annotated[str, BeforeValidator(_as_text, json_schema_input_type=str | float)]
 Equations = Annotated[dict[EquationName, EquationText], Field(min_length=1)]
+SensorU = Annotated[float, Field(ge=0, le=100)]
+"""degC; more is no reading of a sensor."""
+TimeConstant = Annotated[float, Field(ge=0, le=1e6)]
+"""min; what is slower has not settled in two years."""
+Gradients = Annotated[
+    list[Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]],
+    Field(min_length=1),
+    BeforeValidator(_listed, json_schema_input_type=float | list[float]),
+]
+SensorNoise = Annotated[
+    dict[str, SensorU],
+    BeforeValidator(_by_sensor, json_schema_input_type=float | dict[str, float]),
+]
 
 
 class Axis(Contract):
     """A linear axis of the machine."""
 
-    travel_mm: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
-        description="Lowest and highest position, mm"
-    )
+    travel_mm: Range = Field(description="Lowest and highest position, mm")
 
 
 class Constant(Contract):
@@ -80,6 +102,50 @@ class Constant(Contract):
 NumberOrConstant = Annotated[
     Constant, BeforeValidator(_number_or_keys, json_schema_input_type=float | Constant)
 ]
+
+
+class Thermal(Contract):
+    """Drift that is linear in temperatures: through given values at given positions.
+
+    Gradients are per degC above the machine's reference temperature, in the component's unit.
+    Valdes et al., eqs. (5)-(8) and (13).
+    """
+
+    positions_mm: Annotated[list[float], Field(min_length=1)] | None = Field(
+        default=None, description="Where the gradients hold; none: the drift is the same everywhere"
+    )
+    degree: Annotated[int, Field(ge=0, le=MAX_DEGREE)] = Field(
+        default=0, description="Degree in position; number of positions - 1 unless said"
+    )
+    gradients: Annotated[dict[str, Gradients], Field(min_length=1)] = Field(
+        description="By sensor (T_<sensor>_degC): unit per degC at each position"
+    )
+    time_constants_min: dict[str, TimeConstant] = Field(
+        default={}, description="By sensor: time constant of its first-order lag, min"
+    )
+    s_leftover: NonNegative = Field(
+        default=0.0,
+        description="Standard deviation of what the model leaves, shared by the points of a part",
+    )
+    sensor_u_degC: SensorNoise = Field(  # noqa: N815  # unit
+        default={}, description="Standard uncertainty of a reading; a number, or by sensor"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _what_follows(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        found = dict(data)
+        if found.get("degree") is None:
+            positions = found.get("positions_mm")
+            found["degree"] = max(0, len(positions) - 1) if isinstance(positions, list) else 0
+        noise, gradients = found.get("sensor_u_degC"), found.get("gradients")
+        if isinstance(noise, (int, float)) and _is_number(noise) and noise >= 0:
+            # What is no standard uncertainty stays a number, and is reported as such.
+            sensors = gradients if isinstance(gradients, dict) else ()
+            found["sensor_u_degC"] = dict.fromkeys(sensors, noise)
+        return found
 
 
 class Component(Contract):
@@ -159,12 +225,12 @@ class Effect(Contract):
         description="Of what was searched (`pitch_mm`): other values that fit what it was found "
         "on as well, so that it holds there alone",
     )
-    seen: dict[SearchedName, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+    seen: dict[SearchedName, Range] = Field(
         default={},
         description="Lowest and highest value, in what it was found on, of the positions and "
         "columns of its equations: beyond them it is a guess",
     )
-    within: dict[SearchedName, Annotated[list[float], Field(min_length=2, max_length=2)]] = Field(
+    within: dict[SearchedName, Range] = Field(
         default={},
         description="Lowest and highest value, in what it was found on, of columns that its "
         "equations do not have: beyond them it may be of another size",

@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from mtu_cli.errors import Notice
-from mtu_cli.files.contract_errors import path_text, told
-from mtu_cli.files.contracts import (
+from mtu_cli.files.contract import (
     Contract,
-    Findings,
+    Faults,
     IdText,
     NonNegative,
     Positive,
     check_contract,
     duplicates,
     present,
+    wrong,
 )
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
@@ -32,9 +31,6 @@ REFERENCE_TEMPERATURE = 20.0
 
 LARGEST_MM = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
-
-LEAST_TOLERANCE_UM = 0.1
-"""No machine tool holds less: 0.025 is a number in mm."""
 
 Coordinate = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
 
@@ -78,14 +74,14 @@ def _by_temperature(value: object) -> object:
     """A calibrated diameter as {degC: mm}; a plain number holds at every temperature."""
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         if not 0.0 < value < math.inf:
-            raise told("wrong value", "a number above 0, the diameter in mm")
+            raise wrong("a number above 0, the diameter in mm")
         return {REFERENCE_TEMPERATURE: value}
     if not isinstance(value, dict):
-        raise told("wrong value", "a diameter in mm, or {temperature in degC: diameter in mm}")
+        raise wrong("a diameter in mm, or {temperature in degC: diameter in mm}")
     try:
         return {float(key): item for key, item in value.items()}
     except ValueError:
-        raise told("a key is not a temperature", "keys in degC, such as 20") from None
+        raise wrong("keys in degC, such as 20") from None
 
 
 Calibration = Annotated[
@@ -96,6 +92,7 @@ Calibration = Annotated[
 
 
 class _Round(_Identified):
+    features: list[IdText]
     calibrated_mm: Calibration | None = Field(
         default=None, description="Calibrated diameter, mm, or {degC: mm}"
     )
@@ -160,116 +157,57 @@ class LoadedPart:
 def load_part(path: Path, role: str = "part") -> LoadedPart:
     """Reads and checks a part file.
 
-    Raises InputError with all problems of the file, each with its line.
+    Raises InputError with all faults of the file, each with its line.
     """
     document = read_yaml(path, role)
     part = check_contract(document, Part, "part", _check)
-    warnings = tuple(_small_tolerances(part, document))
-    return LoadedPart(source=document.source, part=part, document=document, warnings=warnings)
+    return LoadedPart(source=document.source, part=part, document=document)
 
 
-def _small_tolerances(part: Part, document: YamlDocument) -> Iterator[Finding]:
-    """One warning of all tolerances that are likely in mm."""
-    small = [
-        (index, item.tolerance_um)
-        for index, item in enumerate(part.lengths)
-        if item.tolerance_um is not None and item.tolerance_um < LEAST_TOLERANCE_UM
-    ]
-    if not small:
-        return
-    index, tolerance = small[0]
-    place: YamlPath = ("lengths", index, "tolerance_um")
-    more = f" (and of {len(small) - 1} more)" if small[1:] else ""
-    text = (
-        f"{document.source.shown}:{document.line_of(*place)}: {path_text(place)}: a tolerance of "
-        f"{tolerance:g} um{more}, which no machine tool holds: is {tolerance * 1000:g}, for "
-        f"{tolerance:g} mm, meant?"
-    )
-    yield Notice(code="tolerance-small", message=text)
-
-
-def _check(part: Part, findings: Findings) -> None:
-    places = part.places() if part.features else {}
+def _check(part: Part, faults: Faults) -> None:
+    places = part.places()
     for index, length in present(part.lengths):
-        _check_length(length, ("lengths", index), places, findings)
+        path: YamlPath = ("lengths", index)
+        ends = {"from": length.from_, "to": length.to}
+        known = [_known(name, (*path, key), faults) for key, name in ends.items()]
+        if length.from_ == length.to:
+            faults.add(path, "same-place", value=length.to, what="both ends", where="feature")
+        elif all(known) and places.get(length.from_, 0) == places.get(length.to, 1):
+            what = f"the features {length.from_!r} and {length.to!r}"
+            faults.add(path, "same-place", what=what, where="place", expected="a length above 0")
     for index, item in present(part.orthogonality):
-        _check_line(item.row, ("orthogonality", index, "row"), 0, places, findings)
-        _check_line(item.column, ("orthogonality", index, "column"), 1, places, findings)
-    rounds: dict[str, Sequence[_Round]] = {
-        "circles": part.circles or (),
-        "spheres": part.spheres or (),
-    }
-    for kind, items in rounds.items():
-        for index, group in present(items):
-            _check_round(group, (kind, index), places, findings)
-    identified: dict[str, Sequence[_Identified]] = {
-        "lengths": part.lengths or (),
-        "orthogonality": part.orthogonality or (),
-        **rounds,
-    }
-    for kind, named in identified.items():
-        ids = [(index, item.id) for index, item in present(named)]
+        for axis, (key, names) in enumerate((("row", item.row), ("column", item.column))):
+            path, letter = ("orthogonality", index, key), "xy"[axis]
+            sound = [name for name in _known_names(names, path, faults) if name in places]
+            apart = len({places[name][axis] for name in sound}) > 1
+            if len(set(names)) > 1 and len(sound) == len(names) and not apart:
+                what, expected = f"all features of the {key}", f"features that differ in {letter}"
+                faults.add(path, "same-place", what=what, where=letter, expected=expected)
+    for kind in ("circles", "spheres"):
+        groups: list[_Round | None] = getattr(part, kind)
+        for index, group in present(groups):
+            _known_names(group.features, (kind, index, "features"), faults)
+            if len(group.calibrated_mm or ()) > 1 and group.temperature is None:
+                expected = "`temperature:` with the name of a covariate"
+                path = (kind, index, "calibrated_mm")
+                faults.add(path, "no-temperature-stated", expected=expected)
+    for kind in ("lengths", "orthogonality", "circles", "spheres"):
+        ids = [(index, item.id) for index, item in present(getattr(part, kind))]
         for index, name, first in duplicates(ids):
-            line = findings.document.line_of(kind, first)
-            what = f"the id stands twice, first in line {line}"
-            findings.add((kind, index, "id"), what, value=name, expected="an `id` of its own")
+            expected = f"another `id` than that of line {faults.document.line_of(kind, first)}"
+            path = (kind, index, "id")
+            faults.add(path, "appears-twice", value=name, what="the id", expected=expected)
 
 
-def _check_length(
-    length: Length, path: YamlPath, places: Mapping[str, Place], findings: Findings
-) -> None:
-    ends = {"from": length.from_, "to": length.to}
-    known = [_known(name, (*path, key), places, findings) for key, name in ends.items()]
-    if length.from_ == length.to:
-        findings.add(path, "a length from a feature to itself", value=length.to)
-    elif all(known) and places.get(length.from_, 0) == places.get(length.to, 1):
-        what = f"the features {length.from_!r} and {length.to!r} stand at the same place"
-        findings.add(path, what, expected="a length above zero")
-
-
-def _check_line(
-    names: Sequence[str],
-    path: YamlPath,
-    axis: int,
-    places: Mapping[str, Place],
-    findings: Findings,
-) -> None:
-    known = _check_list(names, path, places, findings)
-    distinct = {places[name][axis] for name in known if name in places}
-    if len(known) == len(names) >= 2 and len(distinct) == 1 and len(set(names)) > 1:
-        letter = "xy"[axis]
-        what = f"all features of the {path[-1]} stand at the same {letter}"
-        findings.add(path, what, expected=f"features that differ in {letter}")
-
-
-def _check_list(
-    names: Sequence[str], path: YamlPath, places: Mapping[str, Place], findings: Findings
-) -> list[str]:
+def _known_names(names: Sequence[str], path: YamlPath, faults: Faults) -> list[str]:
     for index, name, _ in duplicates(enumerate(names)):
-        findings.add((*path, index), "the feature is listed twice", value=name)
-    return [
-        name for index, name in enumerate(names) if _known(name, (*path, index), places, findings)
-    ]
+        faults.add((*path, index), "appears-twice", value=name, what="the feature")
+    return [name for index, name in enumerate(names) if _known(name, (*path, index), faults)]
 
 
-def _check_round(
-    group: _Round, path: YamlPath, places: Mapping[str, Place], findings: Findings
-) -> None:
-    names = group.features if isinstance(group, (Circle, Sphere)) else []
-    _check_list(names, (*path, "features"), places, findings)
-    if len(group.calibrated_mm or ()) > 1 and group.temperature is None:
-        findings.add(
-            (*path, "calibrated_mm"),
-            "diameters at several temperatures, and nothing says which holds",
-            expected="`temperature:` with the name of a covariate",
-        )
-
-
-def _known(name: str, path: YamlPath, places: Mapping[str, Place], findings: Findings) -> bool:
-    if name in places:
-        return True
-    names = findings.keys("features")
-    # A feature whose own entry is faulty has its own message; it is not unknown.
+def _known(name: str, path: YamlPath, faults: Faults) -> bool:
+    """Whether the file has a feature; one whose own entry is faulty is not unknown."""
+    names = faults.keys("features")
     if name not in names:
-        findings.add_unknown(path, "unknown feature", name, names)
-    return False
+        faults.unknown(path, name, names, "feature")
+    return name in names

@@ -3,36 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mtu_cli.errors import Problem, did_you_mean, shorten
-from mtu_cli.files import doubled, joined
-from mtu_cli.files.column_twins import column_twins
-from mtu_cli.files.column_words import nominal_by_sign
+from mtu_cli.files import joined
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
-from mtu_cli.files.drift_notes import negative_times
-from mtu_cli.files.features_alike import features_alike
-from mtu_cli.files.mixed_cells import mixed_cells
-from mtu_cli.files.names_alike import names_alike
-from mtu_cli.files.odd_rows import is_total
-from mtu_cli.files.point_temperatures import check_temperatures_of_points, temperature_notes
-from mtu_cli.files.sensor_names import check_temperature_names, sensor_name_notes
+from mtu_cli.files.headers import check_sensor_names
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from mtu_cli.findings import Finding, finding, listed
 
 Place = tuple[float, float, float | None]
 """Nominal x, y, z in mm; z None where nothing states it."""
 
 AXES = ("x", "y", "z")
 NOMINAL_TOLERANCE_MM = 1e-6
-SHOWN_FEATURES = 3
 
 SPEC = TableSpec(
     required=("part", "feature", "x_mm", "y_mm"),
@@ -46,10 +33,6 @@ SPEC = TableSpec(
     may_be_empty=frozenset({"dir_x", "dir_y", "dir_z", *(f"nominal_{axis}_mm" for axis in AXES)}),
     exclusive=(("time", "time_min"),),
     together=(("nominal_x_mm", "nominal_y_mm"),),
-    vectors=(
-        tuple(f"{axis}_mm" for axis in AXES),
-        tuple(f"nominal_{axis}_mm" for axis in AXES),
-    ),
     says={
         "part": "the serial number or name of the part",
         "feature": "the name of a feature of the part",
@@ -68,8 +51,7 @@ class Points:
     where not given; `sequence` the order of manufacture, as given or counted from 1 in the
     order in which parts first appear; `direction` (n, 3) -1, +1, or nan where not given;
     `covariates` floats (nan where not given) or texts ("" where not given); `row` counts as a
-    text editor in the file `sources[file_index[i]]`. Arrays may be read-only. `notes` say which
-    sensors look odd, which columns are none, and which features stand at one place.
+    text editor in the file `sources[file_index[i]]`. Arrays may be read-only.
     """
 
     parts: tuple[str, ...]
@@ -113,12 +95,7 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
         problems.raise_if_any()
     points = _assemble(tables, features, problems)
     problems.raise_if_any()
-    check_temperatures_of_points(tables, points, problems)
-    problems.raise_if_any()
-    notes = (*temperature_notes(tables, points), *sensor_name_notes(tables))
-    notes = (*features_alike(points), *names_alike(points), *negative_times(tables), *notes)
-    notes = (*column_twins(tables, SPEC), *mixed_cells(tables, SPEC), *notes)
-    return replace(points, notes=notes)
+    return points
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
@@ -126,21 +103,9 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
         joined.check_magnitude(table, f"{axis}_mm", problems)
         joined.check_magnitude(table, f"nominal_{axis}_mm", problems)
     joined.check_names(table, ("part", "operation"), problems)
-    joined.check_labels(
-        table, "part", "a row that sums up others",
-        lambda label: "rows of measured parts alone" if is_total(label) else None, problems,
-    )  # fmt: skip
-    if features is None:
-        joined.check_names(table, ("feature",), problems)
-    else:
-        joined.check_labels(
-            table, "feature", "unknown feature",
-            lambda label: None if label in features else did_you_mean(label, features), problems,
-        )  # fmt: skip
-    check_temperature_names(table, problems)
-    names = {*table.columns.numbers, *table.columns.times}
-    if names & {"repeat", "time", "time_min"} and not doubled.told_apart(table, "repeat"):
-        doubled.check_doubled_rows(table, problems)
+    joined.check_known(table, "feature", features, problems)
+    check_sensor_names(table, problems)
+    joined.check_equal_rows(table, problems)
 
 
 def _assemble(
@@ -179,9 +144,9 @@ def _sequence(
         return part + 1
     for table in tables:
         if table not in with_it:
-            what = f"no column 'sequence', which {with_it[0].source.shown} has"
-            expected = "it in all files, or in none"
-            problems.add(Problem(what=what, file=table.source.shown, expected=expected))
+            expected = f"it in all files, or in none: {with_it[0].source.shown} has it"
+            place = {"file": table.source.shown, "row": table.header_row}
+            problems.add(finding("missing-column", name="sequence", expected=expected, **place))
     return joined.integers(tables, "sequence", problems)
 
 
@@ -227,51 +192,29 @@ def _merge(
     letter: str,
     problems: ProblemList,
 ) -> None:
+    """Fills in nominal coordinates (n,) from the columns' `own`, with which they must agree."""
     apart = np.flatnonzero(np.abs(own - nominal) > NOMINAL_TOLERANCE_MM)
-    if len(apart):
-        features = table.columns.texts["feature"]
-        # What is wrong of a feature is mostly wrong in every part: that is one finding.
-        cells = np.column_stack([features.codes[apart], own[apart]])
-        _, first, counts = np.unique(cells, axis=0, return_index=True, return_counts=True)
-        found = sorted(zip(apart[first].tolist(), counts.tolist(), strict=True))
-        for index, count in found[:1000]:
-            name = features.labels[features.codes[index]]
-            more = f" (and {count - 1} more row{'s' if count > 2 else ''})" if count > 1 else ""
-            expected = f"{nominal[index]:.9g}, as the part file has it for {name!r}{more}"
-            column = f"nominal_{letter}_mm"
-            what = f"the nominal {letter} of {name!r} is not the part file's"
-            problems.add(table.problem(index, column, what, float(own[index]), expected))
-        problems.uncounted += max(0, len(found) - 1000)
+    features = table.columns.texts["feature"]
+    # What is wrong of a feature is mostly wrong in every part: that is one finding.
+    cells = np.column_stack([features.codes[apart], own[apart]])
+    for index in np.sort(apart[np.unique(cells, axis=0, return_index=True)[1]]).tolist():
+        name = features.labels[features.codes[index]]
+        expected = f"{nominal[index]:.9g}, as in the part file"
+        column, value = f"nominal_{letter}_mm", [float(own[index])]
+        problems.add_cells(table, [index], column, "other-nominal", value, expected, feature=name)
     np.copyto(nominal, own, where=np.isnan(nominal))
 
 
 def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: ProblemList) -> None:
-    unknown = np.isnan(nominal[:, 0]) | np.isnan(nominal[:, 1])
-    if not unknown.any():
+    """One problem of all features without a nominal place."""
+    rows = np.flatnonzero(np.isnan(nominal[:, 0]) | np.isnan(nominal[:, 1]))
+    if not len(rows):
         return
     column = table.columns.texts["feature"]
-    codes, first = np.unique(column.codes[unknown], return_index=True)
-    rows = np.flatnonzero(unknown)[first]
-    names = [column.labels[code] for code in codes[np.argsort(rows)]]
-    one, first_row = len(names) == 1, int(rows.min())
-    expected = "the feature" if one else "them"
-    expected += " in a part file (--part), or nominal_x_mm and nominal_y_mm" + _meant(table)
-    if one:
-        what = "no nominal place is known for the feature"
-        problems.add(table.problem(first_row, "feature", what, names[0], expected))
-        return
-    shown = ", ".join(map(shorten, names[:SHOWN_FEATURES]))
-    left = len(names) - SHOWN_FEATURES
-    more = f" and {left} more" if left > 0 else ""
-    what = f"no nominal place is known of {len(names)} features: {shown}{more}"
-    problems.add(table.problem(first_row, "feature", what, "", expected))
-
-
-def _meant(table: Table) -> str:
-    """The columns that look like nominal places under another name."""
-    found = [
-        name
-        for name in table.covariates
-        if name.casefold().startswith("nom") or nominal_by_sign(name)
-    ]
-    return f"; rename {', '.join(map(repr, found))}" if found else ""
+    names = [column.labels[code] for code in dict.fromkeys(column.codes[rows].tolist())]
+    meant = [name for name in table.covariates if name.casefold().startswith("nom")]
+    expected = "them in a part file (--part), or nominal_x_mm and nominal_y_mm"
+    expected += f"; rename {', '.join(map(repr, meant))}" if meant else ""
+    place = {"file": table.source.shown, "row": int(table.rows[rows[0]]), "column": "feature"}
+    features = listed(names, 3)
+    problems.add(finding("no-nominal", features=features, expected=expected, **place))

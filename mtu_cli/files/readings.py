@@ -3,39 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mtu_cli.errors import Problem, did_you_mean
-from mtu_cli.files import doubled, joined
-from mtu_cli.files.blank_directions import check_blank_directions
-from mtu_cli.files.column_twins import column_twins
-from mtu_cli.files.copied_files import check_copied_files
-from mtu_cli.files.copied_passes import check_copied_passes
-from mtu_cli.files.csv_missing import missing_column
+from mtu_cli.files import joined
+from mtu_cli.files.covariates import (
+    SIGN_EXPECTED,
+    TEMPERATURE_EXPECTED,
+    direction_sign,
+    is_temperature,
+)
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
-from mtu_cli.files.drift_cells import check_drift, refuse_as_drift, refuse_drift
-from mtu_cli.files.drift_notes import drift_notes
-from mtu_cli.files.lone_positions import lone_positions
-from mtu_cli.files.mixed_cells import mixed_cells
-from mtu_cli.files.mixed_units import mixed_units
-from mtu_cli.files.pass_units import pass_units
-from mtu_cli.files.reading_cells import Travels
-from mtu_cli.files.reading_sizes import check_sizes, check_units
-from mtu_cli.files.run_signs import run_signs
-from mtu_cli.files.sign_words import direction_hint, direction_sign
-from mtu_cli.files.small_readings import small_readings
+from mtu_cli.files.headers import check_sensor_names
 from mtu_cli.files.source import DRIFT, Source
-from mtu_cli.files.swapped_columns import refuse_swapped
-from mtu_cli.files.unused_positions import unused_positions
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, counted, finding, nearest, suggestion
 from mtu_cli.units import UNITS, dimension_name
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SPEC = TableSpec(
     required=("component", "error", "unit"),
@@ -51,6 +37,10 @@ SPEC = TableSpec(
         "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
     },
 )
+
+
+Travels = Mapping[str, tuple[float, float]]
+"""Lowest and highest coordinate of each axis, mm, as the machine file states them."""
 
 
 class ComponentLike(Protocol):
@@ -74,7 +64,8 @@ class Readings:
     """Readings of all files, end to end; every array has one entry a reading.
 
     `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a position
-    given there has no meaning and is ignored); `error` in mm or rad, as its `dimension` (the
+    given there has no meaning and is ignored); `error` in mm or rad, read in the `unit`-th of UNITS
+    (None where the readings were made, not read), as its `dimension` (the
     exponent of length) says; `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1,
     or 0 where not given; `cycles[cycle[i]]`, -1 where not given; `time_min` in minutes, from the
     earliest time of all files where those are dates, nan where not given; `covariates` are floats
@@ -100,9 +91,20 @@ class Readings:
     sources: tuple[Source, ...]
     roles: tuple[str, ...]
     notes: tuple[Finding, ...] = ()
+    unit: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
         return len(self.code)
+
+    def where(self, keep: NDArray[np.bool_]) -> Readings:
+        """The readings that are kept; `keep` (n,)."""
+        arrays: dict[str, Any] = {
+            item.name: value[keep]
+            for item in fields(self)
+            if isinstance(value := getattr(self, item.name), np.ndarray)
+        }
+        covariates = {name: column[keep] for name, column in self.covariates.items()}
+        return replace(self, covariates=covariates, **arrays)
 
 
 def read_readings(
@@ -110,86 +112,84 @@ def read_readings(
     components: Mapping[str, ComponentLike] | None,
     *,
     for_fit: bool,
-    travels: Travels | None = None,
 ) -> Readings:
     """Reads all files of readings; `files` are (path, role).
 
     `components` are the machine's, by name; without them any name is accepted and positions
-    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component, and for
-    errors and positions of a machine, whose `travels` are known in part, the latter of drifts too.
+    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component.
 
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
     problems = ProblemList()
     tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
+        if for_fit and table.source.role != DRIFT:
+            _refuse_drift(table)
         check_cells(table, components, problems)
-    equal = [doubled.check_equal_readings(table, problems) for table in tables]
+        joined.check_equal_rows(table, problems)
+        if for_fit:
+            _check_blank_directions(table, problems)
     if problems.listed:
-        refuse_as_drift(tables, components, problems)
         joined.integers(tables, "pass", problems)
         problems.raise_if_any()
     readings = assemble(tables, components, problems)
-    if len(tables) > 1 and not problems.listed:
-        check_copied_files(readings, problems)
-    known = components if for_fit else None
-    if known is not None and not problems.listed:
-        _check_for_fit(readings, known, travels or {}, problems)
-        for table in tables:
-            refuse_drift(table)
-    if not problems.listed:
-        sized = [table for table in tables if known is not None or table.source.role == DRIFT]
-        check_sizes(sized, components, travels or {}, problems)
+    if for_fit and components is not None and not problems.listed:
+        _check_for_fit(readings, components, problems)
     problems.raise_if_any()
-    notes = [*readings.notes, *_notes_of_all(tables), *doubled.equal_notes(tables, equal)]
-    if known is not None:
-        notes += _notes_for_fit(readings, tables, known)
-    return replace(readings, notes=(*notes, *(run_signs(readings) if for_fit else ())))
-
-
-def _notes_of_all(tables: Sequence[Table]) -> tuple[Finding, ...]:
-    """What no block of the rows tells by itself."""
-    return (*mixed_units(tables), *small_readings(tables), *mixed_cells(tables, SPEC))
-
-
-def _notes_for_fit(
-    readings: Readings,
-    tables: Sequence[Table],
-    components: Mapping[str, ComponentLike],
-) -> list[Finding]:
-    """What looks odd among readings of sound sizes. Raises InputError for passes whose unit is sure
-    to be another one, and for directions that are missing.
-    """
-    problems = ProblemList()
-    for table in tables:
-        check_blank_directions(table, problems)
-    found = [*unused_positions(tables, components), *lone_positions(readings, components)]
-    found += pass_units(readings, tables, problems)
-    problems.raise_if_any()
-    return found
+    return readings
 
 
 def check_cells(
     table: Table, components: Mapping[str, ComponentLike] | None, problems: ProblemList
 ) -> None:
-    """Cells that mean nothing: units, directions, components, positions, sizes."""
-    refuse_swapped(table)
-    check_units(table, problems)
-    joined.check_labels(table, "direction", "unknown direction", direction_hint, problems)
+    """Cells that mean nothing: units, directions, components, positions, temperatures."""
+
+    def unit(label: str) -> dict[str, Any] | None:
+        return None if label in UNITS else suggestion(label, UNITS)
+
+    def direction(label: str) -> dict[str, Any] | None:
+        near = nearest(label, ("forward", "reverse"))
+        return None if direction_sign(label) else {"meant": near, "expected": SIGN_EXPECTED}
+
+    joined.check_labels(table, "unit", "unknown-unit", unit, problems)
+    joined.check_labels(table, "direction", "not-a-direction", direction, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)
     if table.source.role == DRIFT:
-        check_drift(table, components, problems)
+        check_sensor_names(table, problems)
+        for name, values in table.columns.numbers.items():
+            if is_temperature(name):
+                empty = np.flatnonzero(np.isnan(values))
+                problems.add_cells(table, empty, name, "empty-cell", [""], TEMPERATURE_EXPECTED)
     joined.check_names(table, ("cycle",), problems)
-    if components is None:
-        joined.check_names(table, ("component",), problems)
-    else:
-        joined.check_labels(
-            table, "component", "unknown component",
-            lambda label: None if label in components else did_you_mean(label, components),
-            problems,
-        )  # fmt: skip
+    joined.check_known(table, "component", components, problems)
+    if components is not None:
         _check_machine(table, components, problems)
+    elif table.source.role == DRIFT:
+        _check_alike(table, problems)
+
+
+def _check_alike(table: Table, problems: ProblemList) -> None:
+    """Without a machine, all readings of a component have one kind of unit, and a position in all
+    rows or in none.
+    """
+    units, names = table.columns.texts["unit"], table.columns.texts["component"]
+    kinds = np.array([UNITS[u].dimension if u in UNITS else -1 for u in units.labels] + [-1])
+    positions = table.columns.numbers.get("position_mm", np.full(len(table), np.nan))
+    for code, label in enumerate(names.labels):
+        inside = np.flatnonzero(names.codes == code)
+        known = inside[kinds[units.codes[inside]] >= 0]
+        usual = int(np.bincount(kinds[units.codes[known]], minlength=1).argmax())
+        other = known[kinds[units.codes[known]] != usual]
+        expected = f"{dimension_name(usual)}, as in most readings of it"
+        cells = [units.labels[i] for i in units.codes[other]]
+        problems.add_cells(
+            table, other, "unit", "wrong-kind-of-unit", cells, expected, component=label
+        )
+        empty = inside[np.isnan(positions[inside])]
+        if len(empty) < len(inside):
+            expected = f"a position in all readings of {label!r}, or in none"
+            problems.add_cells(table, empty, "position_mm", "empty-cell", [""], expected)
 
 
 def _check_machine(
@@ -204,22 +204,60 @@ def _check_machine(
         if component is None:
             continue
         inside = column.codes == code
+        expected = f"a number: {label} is a function of {component.of}"
         if component.of is not None and positions is None:
-            place = (table.source.shown, table.header_row, table.header)
-            problems.add(missing_column("position_mm", *place, SPEC))
+            place = {"file": table.source.shown, "row": table.header_row}
+            problems.add(
+                finding(
+                    "missing-column",
+                    name="position_mm",
+                    expected=f"it, as {label} is a function of {component.of}",
+                    **place,
+                )
+            )
             positions = np.zeros(len(table))
         elif component.of is not None and positions is not None:
             empty = np.flatnonzero(inside & np.isnan(positions))
-            expected = f"a number: {label} is a function of {component.of}"
-            problems.add_cells(table, empty, "position_mm", "empty cell", [""], expected)
+            problems.add_cells(table, empty, "position_mm", "empty-cell", [""], expected)
         dimension = UNITS[component.unit].dimension
         for unit_code, unit in enumerate(units.labels):
             if unit in UNITS and UNITS[unit].dimension != dimension:
                 rows = np.flatnonzero(inside & (units.codes == unit_code))
                 expected = f"{dimension_name(dimension)}: the machine gives {label} in "
                 expected += component.unit
-                what = f"wrong kind of unit for {label!r}"
-                problems.add_cells(table, rows, "unit", what, [unit], expected)
+                problems.add_cells(
+                    table, rows, "unit", "wrong-kind-of-unit", [unit], expected, component=label
+                )
+
+
+def _check_blank_directions(table: Table, problems: ProblemList) -> None:
+    """A problem for every empty direction of a component whose other rows have one: such a reading
+    would be of neither way, and a pass of its own.
+    """
+    column = table.columns.texts.get("direction")
+    if column is None or table.source.role == DRIFT:
+        return
+    names = table.columns.texts["component"]
+    given = np.bincount(names.codes[(column.codes >= 0) & (names.codes >= 0)], minlength=1)
+    for code in np.flatnonzero(given).tolist():
+        rows = np.flatnonzero((names.codes == code) & (column.codes < 0))
+        expected = f"forward or reverse, as in the other rows of {names.labels[code]}"
+        problems.add_cells(table, rows, "direction", "empty-cell", [""], expected)
+
+
+def _refuse_drift(table: Table) -> None:
+    """Raises InputError for drift readings given as others: drift would count as scatter."""
+    columns = table.columns
+    sensors = [name for name in columns.numbers if is_temperature(name)]
+    passes = "pass" in columns.numbers or "direction" in columns.texts
+    if sensors and "cycle" in columns.texts and not passes:
+        raise InputError(drift_problem(table.source.shown, sensors))
+
+
+def drift_problem(file: str, sensors: Sequence[str]) -> Finding:
+    """The fault of drift readings where others are asked for."""
+    expected = "readings of components, with 'pass' instead of 'cycle'; drift goes to thermal-fit"
+    return finding("drift-readings", file=file, sensors=sensors, expected=expected)
 
 
 def assemble(
@@ -235,6 +273,7 @@ def assemble(
         position = np.where(np.array(axisless, bool)[code], np.nan, position)
     units, unit_code = joined.labelled(tables, "unit")
     factors = np.array([UNITS[unit].to_internal if unit in UNITS else np.nan for unit in units])
+    place = {name: i for i, name in enumerate(UNITS)}
     dimensions = np.array([UNITS[unit].dimension if unit in UNITS else -1 for unit in units])
     directions, direction_code = joined.labelled(tables, "direction")
     values = [direction_sign(label) or 0 for label in directions]
@@ -246,6 +285,7 @@ def assemble(
         position_mm=position,
         error=joined.numbers(tables, "error") * factors[unit_code],
         dimension=dimensions.astype(np.int8)[unit_code],
+        unit=np.array([place.get(unit, -1) for unit in units], np.int8)[unit_code],
         pass_number=joined.integers(tables, "pass", problems),
         has_pass=has_pass,
         direction=np.array([*values, 0], np.int8)[direction_code],
@@ -257,17 +297,13 @@ def assemble(
         row=np.concatenate([table.rows for table in tables]),
         sources=tuple(table.source for table in tables),
         roles=tuple(table.source.role for table in tables),
-        notes=(*column_twins(tables, SPEC), *drift_notes(tables)),
     )
 
 
 def _check_for_fit(
-    readings: Readings,
-    components: Mapping[str, ComponentLike],
-    travels: Travels,
-    problems: ProblemList,
+    readings: Readings, components: Mapping[str, ComponentLike], problems: ProblemList
 ) -> None:
-    check_copied_passes(readings, problems)
+    """Components that are measured at too few positions for their polynomial."""
     for code, name in enumerate(readings.components):
         component = components[name]
         inside = np.flatnonzero(readings.code == code)
@@ -276,17 +312,16 @@ def _check_for_fit(
             continue
         first = inside[0]
         shown = ", ".join(f"{value:g}" for value in distinct)
-        length = float(np.ptp(travels.get(component.of, (0.0, np.inf))))
-        far = np.abs(distinct).max() > length
-        travel = f"; {component.of} travels {length:g} mm" if far else ""
-        plural = "one position only" if len(distinct) == 1 else f"{len(distinct)} positions only"
         problems.add(
-            Problem(
-                what=f"{name!r} of degree {component.degree} is measured at {plural}",
+            finding(
+                "too-few-positions",
                 file=readings.sources[readings.file_index[first]].shown,
                 row=int(readings.row[first]),
                 column="position_mm",
+                component=name,
+                degree=component.degree,
+                count=counted(len(distinct), "position"),
                 value=f"{shown} mm",
-                expected=f"at least {component.degree + 1} positions{travel}",
+                expected=f"at least {component.degree + 1} positions",
             )
         )

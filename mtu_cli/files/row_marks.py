@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import math
-from array import array
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.files.in_order import in_order
-
 _BLOCK = 1 << 15
-_PARTS = 4
-_PART_SHIFT = np.uint64(62)
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT = np.uint64(29)
 _HALF = np.uint64(26)
@@ -41,38 +36,6 @@ def row_marks(columns: Sequence[NDArray[Any]]) -> NDArray[np.uint64]:
             mark *= _ODD
             mark ^= mark >> _SHIFT
     return marks
-
-
-class AllMarks:
-    """The marks of all rows of a file, 8 bytes each, by which rows that stand twice are found.
-
-    Held apart by their first bits: equal ones meet in one part, and parts are sorted at once.
-    """
-
-    def __init__(self) -> None:
-        self._parts = [array("Q") for _ in range(_PARTS)]
-
-    def add(self, marks: NDArray[np.uint64]) -> None:
-        """The marks (n,) of further rows."""
-        number = marks >> _PART_SHIFT
-        for index, part in enumerate(self._parts):
-            part.frombytes(marks[number == np.uint64(index)].tobytes())
-
-    def any_twice(self) -> bool:
-        """Whether two of them are equal; changes the order in which they are held."""
-        return any([*in_order(_any_twice, self._parts)])
-
-
-def _any_twice(part: array[int]) -> bool:
-    marks = in_ascending_order(part)
-    return bool((marks[1:] == marks[:-1]).any())
-
-
-def in_ascending_order(marks: array[int]) -> NDArray[np.uint64]:
-    """The marks sorted, in the memory they are in."""
-    found = np.frombuffer(marks, np.uint64) if marks else np.zeros(0, np.uint64)
-    found.sort()
-    return found
 
 
 def fingerprints(

@@ -5,15 +5,15 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from mtu_cli.errors import did_you_mean, fault
+from mtu_cli.findings import error, suggestion
 
 KINDS: dict[str, tuple[str, str]] = {
     "machine": ("mtu_cli.files.machine_contract", "Machine"),
     "part": ("mtu_cli.files.part", "Part"),
     "study": ("mtu_cli.files.study", "Study"),
-    "budget": ("mtu_cli.files.budget_contract", "Budget"),
+    "budget": ("mtu_cli.files.budget", "Budget"),
     "graph": ("mtu_cli.files.graph_contract", "Graph"),
-    "effects": ("mtu_cli.close_loop_sealed.files.effects_contract", "Effects"),
+    "effects": ("mtu_cli.files.effects", "Effects"),
 }
 """Module and model of each kind; the modules are imported when asked for."""
 
@@ -24,7 +24,7 @@ def json_schema(kind: str) -> dict[str, Any]:
     Raises InputError for a kind that there is not.
     """
     if kind not in KINDS:
-        raise fault("unknown schema", value=kind, expected=did_you_mean(kind, KINDS))
+        raise error("unknown-name", what="schema", value=kind, **suggestion(kind, KINDS))
     module, name = KINDS[kind]
     model = getattr(import_module(module), name)
     schema: dict[str, Any] = model.model_json_schema(by_alias=True, mode="validation")

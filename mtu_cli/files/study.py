@@ -8,10 +8,10 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.errors import question
-from mtu_cli.files.contracts import Contract, Findings, check_contract, duplicates
+from mtu_cli.files.contract import Contract, Faults, check_contract, duplicates
 from mtu_cli.files.source import Source, missing_file, resolved
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
+from mtu_cli.findings import InputError
 
 STUDY_NAME = "mtu.yaml"
 SINGLE = ("machine", "part")
@@ -113,25 +113,19 @@ def find_study(start: Path) -> Path | None:
 def load_study(path: Path, role: str = "study", *, there: bool = True) -> LoadedStudy:
     """Reads and checks a study file; the files that it names must be `there`.
 
-    Raises InputError with all problems of the file, each with its line.
+    Raises InputError with all faults of the file, each with its line.
     """
     document = read_yaml(path, role)
     folder = path.parent
 
-    def check(study: Study, findings: Findings) -> None:
+    def check(study: Study, faults: Faults) -> None:
         for _, place, name in _named(study):
-            problem = missing_file(folder, name) if there else None
-            if problem is not None:
-                findings.add(
-                    place,
-                    problem.text,
-                    value=name,
-                    expected=problem.expected or question(problem.meant),
-                )
+            if there and (missing := missing_file(folder, name)):
+                faults.extend(faults.existing(place), InputError(missing))
         for key in SEVERAL:
             names = [(index, name) for index, name in enumerate(getattr(study, key) or ()) if name]
             for index, name, _ in duplicates(names):
-                findings.add((key, index), "the file is listed twice", value=name)
+                faults.add((key, index), "appears-twice", value=name, what="the file")
 
     study = check_contract(document, Study, "study", check)
     files: dict[str, tuple[Path, ...]] = {}

@@ -1,10 +1,16 @@
-"""The one YAML reader: YAML 1.2 scalars, bounded size, a line for every value.
+"""The one YAML reader: plain data, and the line of every value.
 
-Every mapping key is text as it is written, so that a feature may be called ``007`` or ``no``.
+Scalars are those of the YAML 1.2 core schema: ``1e-6`` is a number, ``no`` and ``12:30`` are
+texts. Every key of a mapping is text as it is written, so that a feature may be called ``007`` or
+``no``. What nobody can read in one way alone (a key that appears twice, a merge key, a decimal
+comma in a list) is an error, and so is what would grow without bounds.
 """
 
 from __future__ import annotations
 
+import json
+import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -12,67 +18,115 @@ from typing import Any
 
 import yaml
 
-from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.source import Source, a_file, check_text, read_source
-from mtu_cli.files.yaml_commas import Cell, OddNumber, decimal_point, odd_number
-from mtu_cli.files.yaml_faults import control_line, unreadable
-from mtu_cli.files.yaml_scalars import CORE_TAG, plain_scalar, tagged_scalar
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding
 
 MAX_BYTES = 10_000_000
 MAX_NODES = 500_000
+"""Values of a document, aliases expanded."""
 MAX_DEPTH = 60
-TOO_DEEP = f"values are nested deeper than {MAX_DEPTH} levels"
-MAX_TEXT = 120_000
-"""Characters of one text: longer names would make tables that no reader of CSV files takes."""
+MAX_DIGITS = 300
+"""Longer integers are read as floats: no quantity needs them, and they take quadratic time."""
 
+Scalar = str | int | float | bool | None
 YamlPath = tuple[str | int, ...]
+
+_CONTROL = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ufffe\uffff]")
+_INTEGER = re.compile(r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_NOT_FINITE = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
+_WORDS = {"": None, "~": None} | {
+    form: value
+    for word, value in (("null", None), ("true", True), ("false", False))
+    for form in (word, word.capitalize(), word.upper())
+}
+_TIGHT, _SPACED = re.compile(r"[0-9],[0-9]"), re.compile(r"[0-9],[ \t]+[-+.0-9]")
+_IDLE_ZERO = re.compile(r"(?<![\w.+-])[-+]?0[0-9]")
+_CORE, _PLAIN, _TEXT = "tag:yaml.org,2002:", "plain", "text"
+
+EXPECTED = {
+    "mapping values are not allowed": "one `key: value` a line, or quotes around a text with ': '",
+    "could not find expected ':'": "`key: value`, or a text indented below its key",
+    "did not find expected key": "one `key: value` a line, all of a mapping in the same column",
+    "did not find expected '-'": "a dash before every entry of a list",
+    "did not find expected ',' or ']'": "a comma between two entries, or the ']'",
+    "did not find expected ',' or '}'": "a comma between two entries, or the '}'",
+    "block sequence entries are not allowed": "the list on lines of its own below its key",
+    "found unknown escape": r"single quotes: within double ones a \ has another meaning",
+    "found unexpected end of stream": "a quotation mark at the end of the text, as at its start",
+}
+"""What is expected, by how the parser's words begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class YamlDocument:
-    """A YAML file: plain data, and the 1-based line of each value by its path.
+    """Plain data of a YAML file, and the line, counted from 1, of each value by its path.
 
-    The line of a mapping's entry is its key's; `starts` has that of a value which begins below
-    its key's, where it is no mapping or list. `odd_numbers`, by the path of their list, are faults
-    that `check_contract` raises together with all that it finds itself. `content` are the bytes of
+    The line of a mapping's entry is that of its key. `odd_numbers`, by the path of their list,
+    are errors unless the list holds texts, which the contract knows. `content` are the bytes of
     the file, none where the text came from elsewhere.
     """
 
     source: Source
     data: Any
     lines: Mapping[YamlPath, int]
-    odd_numbers: Mapping[YamlPath, OddNumber] = field(default_factory=dict)
-    starts: Mapping[YamlPath, int] = field(default_factory=dict)
+    odd_numbers: Mapping[YamlPath, Finding] = field(default_factory=dict)
     content: bytes = b""
 
     def line_of(self, *path: str | int) -> int | None:
         """The line of a value, or of the nearest value around it that the file holds."""
-        for length in range(len(path), -1, -1):
-            line = self.lines.get(path[:length])
-            if line is not None:
-                return line
-        return None
+        around = (path[:length] for length in range(len(path), -1, -1))
+        return next((self.lines[place] for place in around if place in self.lines), None)
+
+    def at(self, *path: str | int) -> Any:
+        """The value at a path; None where there is none."""
+        data = self.data
+        for step in path:
+            try:
+                data = data[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return data
 
 
-@dataclass(slots=True)
-class _Node:
-    """A value while it is composed; `size` and `depth` are those with aliases expanded."""
+def path_text(path: YamlPath) -> str:
+    """A path as text.
 
-    line: int
-    value: Any = None
-    items: list[_Node] | None = None
-    entries: dict[str, tuple[int, _Node]] | None = None
-    size: int = 1
-    depth: int = 1
-    anchor: str | None = None
-    key: tuple[str, int] | None = None
-    cells: list[Cell] | None = None
-    odd: OddNumber | None = None
+    >>> path_text(("lengths", 0, "from"))
+    'lengths[0].from'
+    """
+    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return "".join(steps).removeprefix(".")
 
-    def is_null(self) -> bool:
-        """Whether nothing stands there, as behind `5` in ``{u: 1,5}``."""
-        return self.value is None and self.items is None and self.entries is None
+
+def shown_value(value: object) -> str:
+    """A value as it would be written in a YAML file."""
+    if isinstance(value, str):
+        return value
+    text = json.dumps(value, ensure_ascii=False, default=str)
+    return re.sub(r"(?<![\w\"])(-?)(Infinity|NaN)\b", _not_finite_text, text)
+
+
+def _not_finite_text(found: re.Match[str]) -> str:
+    return f"{found[1]}.{'inf' if found[2] == 'Infinity' else 'nan'}"
+
+
+def plain_scalar(text: str) -> Scalar:
+    """The value of a scalar without quotes (YAML 1.2.2, 10.3.2).
+
+    >>> [plain_scalar(text) for text in ("1e-6", "0x1F", "no", "null", "-.inf")]
+    [1e-06, 31, 'no', None, -inf]
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        based = text[:2] in ("0o", "0x")
+        if len(text) > MAX_DIGITS:
+            return math.inf if based else float(text)
+        return int(text, 0) if based else int(text)
+    if _FLOAT.fullmatch(text):
+        return float(text)
+    return float(text.replace(".", "")) if _NOT_FINITE.fullmatch(text) else text
 
 
 def read_yaml(path: Path, role: str) -> YamlDocument:
@@ -88,214 +142,153 @@ def read_yaml(path: Path, role: str) -> YamlDocument:
 def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
-    Raises InputError, with the line, for text that is no YAML, tags beyond the core schema and
-    keys that appear twice (nobody knows which of their values is meant), an alias inside its own
-    anchor, more than one document, more than 60 levels, a text of more than 120 000 characters, or
-    more than 500 000 values once aliases are expanded.
+    Raises InputError, with the line, for text that is no YAML, tags beyond the core schema, keys
+    that appear twice, merge keys, an alias inside its own anchor, more than one document, more
+    than 60 levels, or more than 500 000 values once aliases are expanded.
     """
-    shown = source.shown
+    root = composed(text, source)
+    builder = _Builder(text, source.shown)
+    data = builder.value(root, (), root.start_mark.line + 1)
+    if builder.findings:
+        raise InputError(builder.findings)
+    return YamlDocument(source=source, data=data, lines=builder.lines, odd_numbers=builder.odd)
+
+
+def composed(text: str, source: Source) -> yaml.Node:
+    """The nodes of a YAML text, whose marks count its characters."""
     try:
-        composer = _Composer(shown, text)
-        root = composer.compose(yaml_events(text))
-    except yaml.MarkedYAMLError as error:
-        mark = error.problem_mark or error.context_mark
-        if mark is not None and "nesting depth" in str(error):
-            # The parser's own limit, which it may meet before the value that is too deep for us.
-            raise fault(TOO_DEEP, file=shown, line=mark.line + 1) from None
-        raise unreadable(error, text, shown, None if mark is None else mark.line + 1) from None
-    except yaml.YAMLError as error:
-        what = f"not readable as YAML: {str(error).splitlines()[0]}"
-        raise fault(what, file=shown, line=control_line(text)) from None
-    if problems := [*composer.bad_tags, *composer.duplicates]:
-        raise InputError(sorted(problems, key=lambda problem: problem.line or 0))
+        root = yaml.compose(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as fault:
+        raise _not_yaml(fault, text, source.shown) from None
+    except (yaml.YAMLError, RecursionError) as fault:
+        control = _CONTROL.search(text)
+        line = None if control is None else text.count("\n", 0, control.start()) + 1
+        why = (str(fault).splitlines() or ["unknown fault"])[0]
+        raise error("not-yaml", reason=why, file=source.shown, line=line) from None
     if root is None:
-        raise fault("the file holds no values", file=shown, expected=a_file(source.role))
-    data, lines, odd, starts = _expand(root)
-    return YamlDocument(source=source, data=data, lines=lines, odd_numbers=odd, starts=starts)
+        expected = a_file(source.role)
+        raise error("no-values", file=source.shown, expected=expected)
+    return root
 
 
-def yaml_events(text: str) -> Iterator[Any]:
-    """The parser's events, whose marks count the characters of `text`."""
-    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    events: Iterator[Any] = yaml.parse(text, Loader=loader)
-    return events
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Leaves the meaning of plain scalars to `plain_scalar`."""
+
+    def resolve(self, kind: Any, value: str, implicit: Any) -> str:
+        if kind is yaml.ScalarNode:
+            return _PLAIN if implicit[0] else _TEXT
+        return _CORE + ("map" if kind is yaml.MappingNode else "seq")
 
 
-class _Composer:
-    """Builds nodes from events without recursion, so that depth is a message, not a crash."""
+def _not_yaml(fault: yaml.MarkedYAMLError, text: str, shown: str) -> InputError:
+    mark = fault.problem_mark or fault.context_mark
+    problem = fault.problem or "unknown fault"
+    # A text whose end is missing is at fault where it begins.
+    if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
+        mark = fault.context_mark
+    line = None if mark is None else mark.line + 1
+    if "nesting depth" in str(fault):
+        return error("too-deep", most=MAX_DEPTH, file=shown, line=line)
+    lines = text.splitlines()
+    faulty = lines[line - 1] if line is not None and line <= len(lines) else ""
+    expected = next((own for start, own in EXPECTED.items() if problem.startswith(start)), None)
+    if "\t" in faulty[: len(faulty) - len(faulty.lstrip())]:
+        expected = "spaces, not tabs, for indentation"
+    why = f"{problem} ({fault.context})" if fault.context else problem
+    if "another document" in problem:
+        why, expected = "a second document starts here", "one document in a file"
+    return error("not-yaml", reason=why, file=shown, line=line, expected=expected)
 
-    def __init__(self, shown: str, text: str) -> None:
-        self.shown = shown
+
+class _Builder:
+    """Values and lines of a tree of nodes; collects what the whole file has of faults."""
+
+    def __init__(self, text: str, shown: str) -> None:
         self.text = text
-        self.open: list[_Node] = []
-        self.anchors: dict[str, _Node] = {}
-        self.root: _Node | None = None
-        self.documents = 0
-        self.total = 0
-        self.duplicates: list[Finding] = []
-        self.bad_tags: list[Finding] = []
+        self.shown = shown
+        self.lines: dict[YamlPath, int] = {}
+        self.odd: dict[YamlPath, Finding] = {}
+        self.findings: list[Finding] = []
+        self.open: set[int] = set()
+        self.nodes = 0
 
-    def compose(self, events: Iterator[Any]) -> _Node | None:
-        for event in events:
-            match event:
-                case yaml.DocumentStartEvent():
-                    self._document(event)
-                case yaml.ScalarEvent() | yaml.AliasEvent():
-                    self._leaf(event)
-                case yaml.CollectionStartEvent():
-                    self._start(event)
-                case yaml.CollectionEndEvent():
-                    self._end()
-        return self.root
+    def value(self, node: yaml.Node, path: YamlPath, line: int) -> Any:
+        """The value of a node whose place is `line`."""
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            # Aliases stand for lines far above: the entry that holds them is at fault.
+            at = self.lines.get(path[:1], line)
+            raise error("too-many-values", most=MAX_NODES, file=self.shown, line=at)
+        if len(path) > MAX_DEPTH:
+            raise error("too-deep", most=MAX_DEPTH, file=self.shown, line=line)
+        if id(node) in self.open:
+            raise error("alias-in-itself", file=self.shown, line=line)
+        self.lines[path] = line
+        if isinstance(node, yaml.ScalarNode):
+            return self.scalar(node, line)
+        found: Any = None
+        own = "map" if isinstance(node, yaml.MappingNode) else "seq"
+        if node.tag != _CORE + own:
+            self.add("yaml-tag", line, tag=node.tag.replace(_CORE, "!!"))
+        self.open.add(id(node))
+        if isinstance(node, yaml.MappingNode):
+            found = {
+                key: self.value(item, (*path, key), at) for key, item, at in self.entries(node)
+            }
+        elif isinstance(node, yaml.SequenceNode):
+            found = [
+                self.value(item, (*path, i), item.start_mark.line + 1)
+                for i, item in enumerate(node.value)
+            ]
+            self.commas(node, found, path, line)
+        self.open.discard(id(node))
+        return found
 
-    def _fault(self, what: str, line: int, expected: str | None = None) -> InputError:
-        return fault(what, file=self.shown, line=line, expected=expected)
+    def entries(self, node: yaml.MappingNode) -> Iterator[tuple[str, yaml.Node, int]]:
+        first: dict[str, int] = {}
+        for key, item in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise error("odd-key", file=self.shown, line=line, expected="a plain key")
+            self.scalar(key, line)
+            name = str(key.value)
+            if name == "<<":
+                raise error("merge-key", file=self.shown, line=line, expected="the keys in full")
+            if name in first:
+                self.add("duplicate-key", line, key=name, lines=sorted({first[name], line}))
+            first.setdefault(name, line)
+            yield name, item, line
 
-    def _document(self, event: Any) -> None:
-        self.documents += 1
-        if self.documents > 1:
-            line = event.start_mark.line + 1
-            raise self._fault("a second document starts here", line, "one document in a file")
-
-    def _leaf(self, event: Any) -> None:
-        line = event.start_mark.line + 1
-        parent = self.open[-1] if self.open else None
-        if parent is not None and parent.entries is not None and parent.key is None:
-            self._key(parent, event, line)
-        elif isinstance(event, yaml.AliasEvent):
-            self._place(self._alias(str(event.anchor), line))
-        else:
-            node = _Node(line, self._scalar(event, line), anchor=event.anchor)
-            self._bound(node, line)
-            if parent is not None and parent.cells is not None and _is_number(node.value):
-                marks = event.start_mark.index, event.end_mark.index
-                parent.cells.append(Cell(str(event.value), *marks))
-            self._place(node)
-
-    def _key(self, parent: _Node, event: Any, line: int) -> None:
-        if isinstance(event, yaml.AliasEvent):
-            raise self._fault("an alias stands as a key", line, "a plain key")
-        key = str(event.value)
-        if key == "<<":
-            raise self._fault("merge keys (<<) are not part of YAML 1.2", line, "the keys in full")
-        value = self._scalar(event, line)
-        if event.anchor is not None:
-            self.anchors[event.anchor] = _Node(line, value)
-        entries = parent.entries or {}
-        if key in entries:
-            first, node = entries[key]
-            where = f" in line {line}" if first == line else f": in lines {first} and {line}"
-            what = f"key {key!r} appears twice{where}"
-            expected = decimal_point(key) if node.is_null() else None
-            problem = Problem(what=what, file=self.shown, line=line, expected=expected)
-            self.duplicates.append(problem)
-        parent.key = (key, line)
-
-    def _scalar(self, event: Any, line: int) -> Any:
-        text = str(event.value)
-        if len(text) > MAX_TEXT:
-            raise self._fault(
-                f"a text of {len(text)} characters", line, f"at most {MAX_TEXT} of them"
-            )
-        if event.tag is None:
-            return plain_scalar(text) if event.implicit[0] else text
-        fits, value = tagged_scalar(event.tag, text)
-        if not fits:
-            self._bad_tag(event.tag, line)
+    def scalar(self, node: yaml.ScalarNode, line: int) -> Scalar:
+        if node.tag in (_TEXT, _CORE + "str"):
+            return str(node.value)
+        value = plain_scalar(node.value)
+        kind = node.tag.removeprefix(_CORE)
+        types = {"null": type(None), "bool": bool, "int": int, "float": float}
+        if kind == "float" and type(value) is int:
+            return float(value)
+        if node.tag != _PLAIN and type(value) is not types.get(kind):
+            self.add("yaml-tag", line, tag=node.tag.replace(_CORE, "!!"))
         return value
 
-    def _bad_tag(self, tag: str, line: int) -> None:
-        what = f"the tag {tag.replace(CORE_TAG, '!!', 1)!r} is not accepted here"
-        self.bad_tags.append(
-            Problem(what=what, file=self.shown, line=line, expected="plain values")
-        )
+    def commas(self, node: yaml.SequenceNode, items: list[Any], path: YamlPath, line: int) -> None:
+        """Decimal commas in a list of numbers: ``[50,0021, 50,0024]`` would be four of them.
 
-    def _alias(self, anchor: str, line: int) -> _Node:
-        if any(node.anchor == anchor for node in self.open):
-            raise self._fault(f"the alias *{anchor} stands inside its own anchor", line)
-        if anchor not in self.anchors:
-            raise self._fault(
-                f"unknown alias *{anchor}", line, f"an anchor &{anchor} above the alias"
-            )
-        node = self.anchors[anchor]
-        self._bound(node, line)
-        return node
-
-    def _bound(self, node: _Node, line: int) -> None:
-        # An alias counts as all that it stands for, so a bomb is refused before it expands.
-        self.total += node.size
-        if self.total > MAX_NODES:
-            raise self._fault(f"more than {MAX_NODES} values", line, "a smaller file")
-        if len(self.open) + node.depth > MAX_DEPTH:
-            raise self._fault(TOO_DEEP, line)
-
-    def _start(self, event: Any) -> None:
-        line = event.start_mark.line + 1
-        mapping = isinstance(event, yaml.MappingStartEvent)
-        if event.tag not in (None, "!", CORE_TAG + ("map" if mapping else "seq")):
-            self._bad_tag(event.tag, line)
-        parent = self.open[-1] if self.open else None
-        if parent is not None and parent.entries is not None and parent.key is None:
-            raise self._fault("a list or mapping stands as a key", line, "a plain key")
-        node = _Node(line, anchor=event.anchor)
-        self._bound(node, line)
-        if mapping:
-            node.entries = {}
-        else:
-            node.items = []
-            node.cells = [] if event.flow_style else None
-        self.open.append(node)
-
-    def _end(self) -> None:
-        node = self.open.pop()
-        if node.cells and len(node.cells) == len(node.items or ()):
-            node.odd = odd_number(node.cells, self.text)
-        node.cells = None
-        self._place(node)
-
-    def _place(self, node: _Node) -> None:
-        if node.anchor is not None:
-            self.anchors[node.anchor] = node
-        parent = self.open[-1] if self.open else None
-        if parent is None:
-            self.root = node
+        Where some commas have a blank behind them, those between digits are decimal ones; and no
+        number of its own begins with an idle zero.
+        """
+        if (
+            not node.flow_style
+            or not items
+            or not all(type(item) in (int, float) for item in items)
+        ):
             return
-        parent.size += node.size
-        parent.depth = max(parent.depth, node.depth + 1)
-        if parent.items is not None:
-            parent.items.append(node)
-        elif parent.entries is not None and parent.key is not None:
-            key, key_line = parent.key
-            parent.entries[key] = (key_line, node)
-            parent.key = None
+        text = self.text[node.start_mark.index : node.end_mark.index]
+        if (_TIGHT.search(text) and _SPACED.search(text)) or _IDLE_ZERO.search(text):
+            self.odd[path] = finding(
+                "decimal-comma", file=self.shown, line=line, path=path_text(path), value=text,
+                expected="decimal points, and a blank behind each comma between two numbers",
+            )  # fmt: skip
 
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-Places = dict[YamlPath, int]
-
-
-def _expand(root: _Node) -> tuple[Any, Places, dict[YamlPath, OddNumber], Places]:
-    lines: Places = {}
-    starts: Places = {}
-    odd: dict[YamlPath, OddNumber] = {}
-
-    # Recursion is bounded: MAX_DEPTH holds with aliases expanded.
-    def build(node: _Node, path: YamlPath, line: int) -> Any:
-        lines[path] = line
-        if node.entries is not None:
-            return {
-                key: build(child, (*path, key), key_line)
-                for key, (key_line, child) in node.entries.items()
-            }
-        if node.odd is not None:
-            odd[path] = node.odd
-        if node.items is not None:
-            return [build(child, (*path, i), child.line) for i, child in enumerate(node.items)]
-        if node.line > line and node.value is not None:
-            starts[path] = node.line
-        return node.value
-
-    return build(root, (), root.line), lines, odd, starts
+    def add(self, code: str, line: int, **facts: Any) -> None:
+        self.findings.append(finding(code, file=self.shown, line=line, **facts))

@@ -1,17 +1,17 @@
 """The equation language of machines, effects, budgets and graphs.
 
-``+ - * / **``, parentheses, numbers, ``pi``, functions and names; never `eval`.
+``+ - * / **``, parentheses, numbers, ``pi``, functions and names; never `eval`. Faults are
+InputErrors of findings whose `column` is a character of the equation, counted from 1; who knows
+the file adds it with `Finding.at`.
 """
 
-from mtu_cli.language.errors import EquationError
 from mtu_cli.language.evaluate import evaluate
 from mtu_cli.language.linear import LinearForm, linear_form
 from mtu_cli.language.parser import parse
-from mtu_cli.language.term_dimensions import check_dimension
 from mtu_cli.language.tree import Node, names, to_text
+from mtu_cli.language.unit_algebra import check_dimension
 
 __all__ = [
-    "EquationError",
     "LinearForm",
     "Node",
     "check_dimension",

@@ -15,9 +15,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.language.errors import EquationError
-from mtu_cli.language.scalar import apply_scalar
-from mtu_cli.language.slopes import ORDER, SLOPES
+from mtu_cli.findings import Finding, error, finding
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, ORDER, apply_scalar
 from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number
 from mtu_cli.language.tree import names as names_in
 
@@ -51,7 +50,7 @@ class Derivatives:
     first: FloatArray
     second: FloatArray
     third: FloatArray
-    faults: tuple[EquationError, ...]
+    faults: tuple[Finding, ...]
 
 
 # What is too large is inf or nan, which who asked tells; numpy has no word on it.
@@ -59,14 +58,14 @@ class Derivatives:
 def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -> Derivatives:
     """The derivatives of an equation with respect to `names` (n) at `values`.
 
-    Raises EquationError for a name without a value.
+    Raises InputError for a name without a value.
     """
     n = len(names)
     used = names_in(node)
     rows = np.array([k for k, name in enumerate(names) if name in used], dtype=np.intp)
     own = [names[k] for k in rows]
     value, first, third, second = math.nan, np.zeros(n), np.zeros(n), np.zeros((n, n))
-    faults: dict[tuple[str, int], EquationError] = {}
+    faults: dict[str, Finding] = {}
     for i, j in _slabs(len(own)):
         pairs = np.arange(len(i))
         along = np.zeros((2, len(own), len(i)))
@@ -74,7 +73,7 @@ def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -
             along[0, i, pairs] = 1.0
             along[1, j, pairs] = 1.0
         found, slab_faults = taylor(node, values, own, along)
-        faults |= {(fault.what, fault.column): fault for fault in slab_faults}
+        faults |= {fault.message: fault for fault in slab_faults}
         value = float(found[0, 0])
         if own:
             same = i == j
@@ -100,14 +99,14 @@ def _slabs(n: int) -> Iterator[tuple[IntArray, IntArray]]:
 
 def taylor(
     node: Node, values: Mapping[str, float], names: Sequence[str], along: FloatArray
-) -> tuple[FloatArray, list[EquationError]]:
+) -> tuple[FloatArray, list[Finding]]:
     """Taylor coefficients (10, pairs) of ``f(x + s along[0, :, p] + t along[1, :, p])``.
 
     `along` (2, n, pairs) holds the two directions of each pair, in the order of `names`.
     `TERMS` gives the order of the coefficients. Those that do not exist are nan; the second
     result says why.
 
-    Raises EquationError for a name without a value.
+    Raises InputError for a name without a value.
     """
     expansion = _Expansion(values, {name: k for k, name in enumerate(names)}, along)
     with np.errstate(all="ignore"):
@@ -120,7 +119,7 @@ class _Expansion:
     values: Mapping[str, float]
     index: Mapping[str, int]
     along: FloatArray
-    faults: list[EquationError] = field(default_factory=list)
+    faults: list[Finding] = field(default_factory=list)
 
     def of(self, node: Node) -> FloatArray:
         match node:
@@ -153,7 +152,7 @@ class _Expansion:
 
     def variable(self, name: str, column: int) -> FloatArray:
         if name not in self.values:
-            raise EquationError(f"{name!r} has no value", column)
+            raise error("name-without-value", name=name, column=column)
         series = self.constant(self.values[name])
         if name in self.index:
             series[PLACE[1, 0]], series[PLACE[0, 1]] = self.along[:, self.index[name]]
@@ -167,8 +166,9 @@ class _Expansion:
         outer = apply_scalar(function, (at,))
         if outer is None:
             return self.undefined(f"{function}()", at, column)
-        slopes = SLOPES[function](at)
-        return self.chained(outer, slopes, inner, f"{function}()", column, argument)
+        slopes = BUDGET_FUNCTIONS[function].slopes
+        assert slopes is not None, function
+        return self.chained(outer, slopes(at), inner, f"{function}()", column, argument)
 
     def power(
         self,
@@ -208,7 +208,7 @@ class _Expansion:
             return self.constant(outer)
         if at[0] == 0.0 and at[1] <= 0.0:
             # The angle jumps by 2 pi there, or is any angle at the origin: it has a value alone.
-            self.fault(f"atan2(y, x) with y = 0 has no derivative at x = {at[1]:.6g}", column)
+            self.fault("no-derivative", "atan2(y, x) with y = 0", at[1], column)
             series = self.constant(outer)
             series[1:, np.any(y[1:], axis=0) | np.any(x[1:], axis=0)] = math.nan
             return series
@@ -236,7 +236,7 @@ class _Expansion:
             # x**4 vanishes to the third order at 0 and yet sqrt(x**4) is x**2.
             varies = np.any(h != 0.0, axis=0) | self.along_any(argument)
             if np.any(varies):
-                self.fault(f"{what} has no derivative at {float(inner[0, 0]):.6g}", column)
+                self.fault("no-derivative", what, float(inner[0, 0]), column)
                 series[1:, varies] = math.nan
             return series
         if not np.any(h):
@@ -255,11 +255,11 @@ class _Expansion:
         return np.asarray(np.any(self.along[:, rows] != 0.0, axis=(0, 1)))
 
     def undefined(self, what: str, at: float, column: int) -> FloatArray:
-        self.fault(f"{what} has no finite value or no derivative at {at:.6g}", column)
+        self.fault("no-value-here", what, at, column)
         return self.constant(math.nan) * math.nan
 
-    def fault(self, what: str, column: int) -> None:
-        self.faults.append(EquationError(what, column))
+    def fault(self, code: str, what: str, at: float, column: int) -> None:
+        self.faults.append(finding(code, operation=what, at=f"{at:.6g}", column=column))
 
 
 def product(left: FloatArray, right: FloatArray) -> FloatArray:

@@ -1,12 +1,14 @@
-"""The value of an equation over arrays."""
+"""The value of an equation over arrays, and of what holds constants alone."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.language.errors import EquationError
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number
+from mtu_cli.findings import error
+from mtu_cli.language.functions import BUDGET_FUNCTIONS, OPERATORS, apply_scalar
+from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,12 +24,12 @@ def evaluate(node: Node, values: Mapping[str, Value]) -> Value:
     by zero, the logarithm of a negative number) is returned as such: the caller knows the
     row it belongs to and reports it.
 
-    Raises EquationError for a name without a value.
+    Raises InputError for a name without a value.
     """
     import numpy as np
 
     with np.errstate(all="ignore"):
-        value: Value = _value(node, values, _numpy_functions())
+        value: Value = _value(node, values, _arrays())
     return value
 
 
@@ -37,7 +39,7 @@ def _value(node: Node, values: Mapping[str, Value], functions: Mapping[str, Any]
             return value
         case Name(name, column):
             if name not in values:
-                raise EquationError(f"{name!r} has no value", column)
+                raise error("name-without-value", name=name, column=column)
             return values[name]
         case Negative(operand):
             return -_value(operand, values, functions)
@@ -49,26 +51,43 @@ def _value(node: Node, values: Mapping[str, Value], functions: Mapping[str, Any]
             return functions[function](*(_value(item, values, functions) for item in arguments))
 
 
-def _numpy_functions() -> Mapping[str, Callable[..., Any]]:
+@cache
+def _arrays() -> Mapping[str, Callable[..., Any]]:
     import numpy as np
 
-    return {
-        "+": np.add,
-        "-": np.subtract,
-        "*": np.multiply,
-        "/": np.divide,
-        "**": lambda base, exponent: np.power(np.asarray(base, float), exponent),
-        "sin": np.sin,
-        "cos": np.cos,
-        "tan": np.tan,
-        "asin": np.arcsin,
-        "acos": np.arccos,
-        "atan": np.arctan,
-        "atan2": np.arctan2,
-        "exp": np.exp,
-        "log": np.log,
-        "sqrt": np.sqrt,
-        "abs": np.abs,
-        # nan stays nan: what has no value has no side of 0.
-        "step": lambda value: np.heaviside(value, 1.0),
-    }
+    found = {name: getattr(np, own) for name, (_, own) in OPERATORS.items()}
+    # numpy raises no negative integer to a power.
+    found["**"] = lambda base, exponent: np.power(np.asarray(base, float), exponent)
+    for name, item in BUDGET_FUNCTIONS.items():
+        found[name] = getattr(np, item.array)
+        if item.extra:
+            found[name] = lambda *given, item=item: getattr(np, item.array)(*given, *item.extra)
+    return found
+
+
+def check_finite(node: Node, constants: Mapping[str, float]) -> float | None:
+    """The value of what holds numbers and `constants` alone, None of what holds more.
+
+    Raises InputError at the first operation on such values that has no finite real value, as
+    `parse` does where they are numbers: ``1/(c - d)`` where c is d.
+    """
+    match node:
+        case Number(value):
+            return value
+        case Name(name):
+            return constants.get(name)
+        case Negative(operand):
+            inner = check_finite(operand, constants)
+            return None if inner is None else -inner
+        case Binary(name, left, right, column):
+            operands: tuple[Node, ...] = (left, right)
+        case Call(name, operands, column):
+            pass
+    found = [check_finite(item, constants) for item in operands]
+    known = tuple(value for value in found if value is not None)
+    if len(known) < len(found):
+        return None
+    result = apply_scalar(name, known)
+    if result is None:
+        raise error("no-finite-value", operation=name, column=column, value=shown(node))
+    return result

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
-from mtu_cli.language.errors import EquationError
+from mtu_cli.findings import InputError, error
 from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, names
 
 
@@ -26,7 +26,7 @@ def linear_form(
     """Writes an equation as a linear form in `linear_names`; those of them in `parameters` are an
     effect's and are called so.
 
-    Raises EquationError with the column at which linearity is lost: a product of two
+    Raises InputError with the column at which linearity is lost: a product of two
     components, a division by one, a power or a function of one.
     """
     linear = {name: PARAMETER if name in parameters else COMPONENT for name in linear_names}
@@ -50,12 +50,12 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
         case Binary("*", left, right, column):
             return _product(left, right, column, linear)
         case Binary("/", left, right, column):
-            _refuse(right, linear, "stands in a denominator")
+            _refuse(right, linear, "in a denominator")
             return _scaled(_split(left, linear), lambda part: Binary("/", part, right, column))
         case Binary("**", _, _, _):
-            _refuse(node, linear, "stands in a power")
+            _refuse(node, linear, "in a power")
         case Call(function, _, _):
-            _refuse(node, linear, f"stands inside {function}()")
+            _refuse(node, linear, f"inside {function}()")
     raise AssertionError(node)
 
 
@@ -63,14 +63,10 @@ def _product(left: Node, right: Node, column: int, linear: Mapping[str, str]) ->
     in_left = [name for name in names(left) if name in linear]
     in_right = [name for name in names(right) if name in linear]
     if in_left and in_right:
-        # What stands inside a function is told so.
+        # What stands inside a function is reported as such.
         _split(left, linear)
         _split(right, linear)
-        one, other = in_left[0], in_right[0]
-        named = f"{linear[one]}s {one!r} and {other!r}"
-        if linear[one] != linear[other]:
-            named = f"{linear[one]} {one!r} and the {linear[other]} {other!r}"
-        raise EquationError(f"product of the {named}", column, _expected(linear, (one, other)))
+        raise _not_linear((in_left[0], in_right[0]), linear, "their product", column)
     if in_left:
         return _scaled(_split(left, linear), lambda part: _times(part, right, column))
     return _scaled(_split(right, linear), lambda part: _times(left, part, column))
@@ -109,14 +105,17 @@ def _times(left: Node, right: Node, column: int) -> Node:
     return Binary("*", left, right, column)
 
 
-def _refuse(node: Node, linear: Mapping[str, str], what: str) -> None:
+def _refuse(node: Node, linear: Mapping[str, str], how: str) -> None:
     inside = {name: column for name, column in names(node).items() if name in linear}
     if inside:
         name = min(inside, key=lambda key: inside[key])
-        expected = _expected(linear, (name,))
-        raise EquationError(f"a {linear[name]} {what}: {name!r}", inside[name], expected)
+        raise _not_linear((name,), linear, how, inside[name])
 
 
-def _expected(linear: Mapping[str, str], told: Collection[str]) -> str:
-    kinds = dict.fromkeys(linear[name] for name in told)
-    return f"an equation that is linear in the {' and '.join(f'{kind}s' for kind in kinds)}"
+def _not_linear(
+    told: Collection[str], linear: Mapping[str, str], how: str, column: int
+) -> InputError:
+    what = " and ".join(f"the {linear[name]} {name!r}" for name in told)
+    kinds = " and ".join(f"{kind}s" for kind in dict.fromkeys(linear[name] for name in told))
+    expected = f"an equation that is linear in the {kinds}"
+    return error("not-linear", names=what, how=how, column=column, expected=expected)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from functools import cache
 from typing import NamedTuple
 
-from mtu_cli.errors import did_you_mean
-from mtu_cli.language.errors import EquationError
-from mtu_cli.language.functions import MACHINE_FUNCTIONS
-from mtu_cli.language.scalar import apply_scalar
+from mtu_cli.findings import InputError, error, suggestion
+from mtu_cli.language.functions import MACHINE_FUNCTIONS, Function, apply_scalar
 from mtu_cli.language.tree import (
     PRECEDENCE,
     Binary,
@@ -27,11 +26,11 @@ MAX_DEPTH = 60
 MAX_OPERATORS = 300
 """The tree of a long sum is as deep as its terms are many, and is walked recursively."""
 
-_TOKEN = re.compile(
-    r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
-    r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
-    r"|(?P<operator>\*\*|[-+*/(),]))"
-)
+NAME = r"[A-Za-z_][A-Za-z_0-9]*"
+BRACED = r"(?:[A-Za-z_]|\{[A-Za-z_0-9]++\})(?:[A-Za-z_0-9]|\{[A-Za-z_0-9]++\})*+"
+"""Names of templates, of which parts may stand in braces: ``dir_{a}``."""
+DOTTED = NAME + r"(?:\.[A-Za-z_][A-Za-z_0-9]*)?"
+"""Names of coordinates of places: ``H1.x``."""
 
 
 class _Token(NamedTuple):
@@ -40,51 +39,66 @@ class _Token(NamedTuple):
     column: int
 
 
-def parse(text: str, functions: Mapping[str, int] = MACHINE_FUNCTIONS) -> Node:
+def parse(
+    text: str, functions: Mapping[str, Function] = MACHINE_FUNCTIONS, name: str = NAME
+) -> Node:
     """The syntax tree of an equation.
 
-    `functions` maps each known function to its number of arguments. Constant parts such as
-    ``2*pi/360`` are folded to one number, which must be finite.
+    `functions` are the known ones, `name` is the pattern of names: `NAME`, `BRACED` or `DOTTED`.
+    Constant parts such as ``2*pi/360`` are folded to one number, which must be finite.
 
-    Raises EquationError with the column for anything that is not an equation, is longer
+    Raises InputError with the column for anything that is not an equation, is longer
     than 20 000 characters, has more than 300 operators or is nested deeper than 60 levels.
     """
     if len(text) > MAX_CHARACTERS:
-        raise EquationError(
-            f"the equation has {len(text)} characters",
-            MAX_CHARACTERS,
-            f"at most {MAX_CHARACTERS}",
-        )
-    return _Parser(_tokens(text), functions, len(text) + 1).whole()
+        raise _too_large(len(text), "characters", MAX_CHARACTERS, MAX_CHARACTERS)
+    return _Parser(_tokens(text, _token(name)), functions, len(text) + 1).whole()
 
 
-def _tokens(text: str) -> list[_Token]:
+@cache
+def _token(name: str) -> re.Pattern[str]:
+    return re.compile(
+        r"\s*(?:(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+        rf"|(?P<name>{name})"
+        r"|(?P<operator>\*\*|[-+*/(),]))"
+    )
+
+
+def _too_large(number: int, unit: str, most: int, column: int) -> InputError:
+    return error(
+        "equation-too-large", number=number, unit=unit, column=column, expected=f"at most {most}"
+    )
+
+
+def _tokens(text: str, pattern: re.Pattern[str]) -> list[_Token]:
     tokens: list[_Token] = []
     position = 0
     end = len(text.rstrip())
     while position < end:
-        match = _TOKEN.match(text, position)
+        match = pattern.match(text, position)
         if match is None:
             start = position + len(text[position:]) - len(text[position:].lstrip())
             expected = "a number, a name, + - * / ** or parentheses"
             if text[start] == "^":
                 expected = "** for a power"
-            raise EquationError(f"unexpected character {text[start]!r}", start + 1, expected)
+            raise _unexpected(_Token("", text[start], start + 1), expected)
         kind = match.lastgroup or ""
         tokens.append(_Token(kind, match.group(kind), match.start(kind) + 1))
         position = match.end()
     operators = [token for token in tokens if token.text in PRECEDENCE]
     if len(operators) > MAX_OPERATORS:
-        raise EquationError(
-            f"the equation has {len(operators)} operators",
-            operators[MAX_OPERATORS].column,
-            f"at most {MAX_OPERATORS}",
-        )
+        column = operators[MAX_OPERATORS].column
+        raise _too_large(len(operators), "operators", MAX_OPERATORS, column)
     return tokens
 
 
+def _unexpected(token: _Token, expected: str) -> InputError:
+    text = "end of the equation" if token.kind == "end" else repr(token.text)
+    return error("equation-syntax", token=text, column=token.column, expected=expected)
+
+
 class _Parser:
-    def __init__(self, tokens: list[_Token], functions: Mapping[str, int], end: int) -> None:
+    def __init__(self, tokens: list[_Token], functions: Mapping[str, Function], end: int) -> None:
         self.tokens = tokens
         self.functions = functions
         self.end = end
@@ -103,23 +117,21 @@ class _Parser:
 
     def whole(self) -> Node:
         if not self.tokens:
-            raise EquationError("the equation is empty", 1, "an expression")
+            raise _unexpected(_Token("end", "", 1), "an expression")
         tree = self.expression(0)
         left = self.peek()
         if left.kind != "end":
             expected = "an operator or the end of the equation"
             if left.kind != "operator" or left.text == "(":
                 expected = "an operator, such as * between factors, or the end of the equation"
-            raise EquationError(f"unexpected {left.text!r}", left.column, expected)
+            raise _unexpected(left, expected)
         return tree
 
     def expression(self, minimum: int) -> Node:
         """An expression whose operators bind tighter than `minimum`."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
-            raise EquationError(
-                f"the equation is nested deeper than {MAX_DEPTH} levels", self.peek().column
-            )
+            raise _too_large(self.depth, "levels", MAX_DEPTH, self.peek().column)
         left = self.prefix()
         while True:
             token = self.peek()
@@ -151,10 +163,7 @@ class _Parser:
             inner = self.expression(0)
             self.expect(")", token)
             return inner
-        what = (
-            "the equation ends too early" if token.kind == "end" else f"unexpected {token.text!r}"
-        )
-        raise EquationError(what, token.column, "a number, a name or '('")
+        raise _unexpected(token, "a number, a name or '('")
 
     def name(self, token: _Token) -> Node:
         if self.peek().text == "(":
@@ -162,39 +171,38 @@ class _Parser:
         if token.text == "pi":
             return Number(math.pi, token.column)
         if token.text in self.functions:
-            raise EquationError(
-                f"the function {token.text!r} needs parentheses", token.column, f"{token.text}(...)"
-            )
+            raise _arguments(token, 0, f"{token.text}(...)")
         return Name(token.text, token.column)
 
     def call(self, token: _Token) -> Node:
         if token.text not in self.functions:
-            raise EquationError(
-                f"unknown function {token.text!r}",
-                token.column,
-                did_you_mean(token.text, self.functions),
-            )
+            near = suggestion(token.text, self.functions)
+            raise error("unknown-function", name=token.text, column=token.column, **near)
         opening = self.take()
         arguments = [self.expression(0)]
         while self.peek().text == ",":
             self.take()
             arguments.append(self.expression(0))
         self.expect(")", opening)
-        wanted = self.functions[token.text]
+        wanted = self.functions[token.text].arity
         if len(arguments) != wanted:
-            raise EquationError(
-                f"{token.text} has {len(arguments)} arguments", token.column, f"{wanted}"
-            )
+            raise _arguments(token, len(arguments), str(wanted))
         return _finite(Call(token.text, tuple(arguments), token.column))
 
     def expect(self, text: str, opening: _Token) -> None:
         token = self.take()
         if token.text != text:
-            raise EquationError(
-                f"the parenthesis opened at column {opening.column} is not closed",
-                token.column,
-                f"{text!r}",
-            )
+            raise _unexpected(token, f"{text!r} for the '(' at column {opening.column}")
+
+
+def _arguments(token: _Token, number: int, expected: str) -> InputError:
+    return error(
+        "function-arguments",
+        function=token.text,
+        number=number,
+        column=token.column,
+        expected=expected,
+    )
 
 
 def _operator(text: str) -> Operator:
@@ -207,7 +215,7 @@ def _operator(text: str) -> Operator:
 def _number(token: _Token) -> Number:
     value = float(token.text)
     if not math.isfinite(value):
-        raise EquationError(f"the number {token.text} is not finite", token.column)
+        raise error("not-finite", value=token.text, column=token.column)
     return Number(value, token.column)
 
 
@@ -227,5 +235,5 @@ def _finite(node: Node) -> Node:
             return node
     value = apply_scalar(name, operands)
     if value is None:
-        raise EquationError(f"{name!r} of these numbers has no finite value", column)
+        raise error("no-finite-value", operation=name, column=column)
     return Number(value, column)

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from mtu_cli.findings import shorten
+
 Operator = Literal["+", "-", "*", "/", "**"]
 PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
 """How tightly operators bind; unary minus lies between * and **."""
@@ -100,6 +102,47 @@ def names(node: Node) -> dict[str, int]:
         if isinstance(item, Name):
             found[item.name] = min(item.column, found.get(item.name, item.column))
     return found
+
+
+def terms(node: Node) -> Iterator[Node]:
+    """The terms of a sum."""
+    return (term for _, term in signed_terms(node))
+
+
+def signed_terms(node: Node, sign: int = 1) -> Iterator[tuple[int, Node]]:
+    """The terms of a sum, each with the sign that it is counted with."""
+    match node:
+        case Binary("+" | "-" as operator, left, right):
+            yield from signed_terms(left, sign)
+            yield from signed_terms(right, sign if operator == "+" else -sign)
+        case Negative(operand):
+            yield from signed_terms(operand, -sign)
+        case _:
+            yield sign, node
+
+
+def first_column(node: Node) -> int:
+    """The column at which a term begins."""
+    match node:
+        case Binary(_, left, _, column):
+            return min(column, first_column(left))
+    return node.column
+
+
+def literal_value(node: Node) -> float | None:
+    """The value of a number, which a template that was filled in may have negated."""
+    match node:
+        case Number(value):
+            return value
+        case Negative(operand):
+            inner = literal_value(operand)
+            return None if inner is None else -inner
+    return None
+
+
+def shown(node: Node) -> str:
+    """A term as a message shows it."""
+    return shorten(to_text(node))
 
 
 def to_text(node: Node) -> str:

@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
 from typing import Any
 
 from numpy.typing import NDArray
 
 from mtu_cli.errors import Warned
-from mtu_cli.files.mixed_cells import is_name, of_names
+from mtu_cli.files.csv_cells import number
+from mtu_cli.files.csv_table import DECIMALS
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding
+
+FEW = 0.1
+"""Share of the cells that are texts up to which the others are what the column holds."""
+
+
+def is_name(cell: str) -> bool:
+    """Whether a cell is no number, with a decimal point or with a comma."""
+    return all(number(cell, sign) is None for sign in DECIMALS)
+
+
+def of_names(cells: Iterable[str]) -> bool:
+    """Whether a column, of which some cells are texts, is one of names by more than FEW of them."""
+    count = Counter(cell for cell in cells if cell)
+    names = sum(n for cell, n in count.items() if is_name(cell))
+    return names > FEW * count.total()
 
 
 def texts_told(measured: Points | Readings) -> list[Finding]:

@@ -9,12 +9,16 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, Warned
-from mtu_cli.files.components_contract import ReportedComponent, ReportedEffects, ReportedGroup
-from mtu_cli.files.components_file import ComponentsReport
 from mtu_cli.files.covariates import is_temperature
-from mtu_cli.files.drift_cells import drift_problem
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.findings import Finding
+from mtu_cli.files.readings import drift_problem
+from mtu_cli.files.reports_read import (
+    ComponentsReport,
+    ReportedComponent,
+    ReportedEffects,
+    ReportedGroup,
+)
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -54,8 +58,9 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     components = machine.machine.components
     read = set(readings.components)
     missing = [
-        Problem(
-            what=f"the component {name!r} has neither readings nor coefficients",
+        finding(
+            "no-estimate",
+            names=[name],
             file=machine.source.shown,
             line=machine.line_of("components", name),
             path=f"components.{name}",

@@ -22,7 +22,7 @@ FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
 LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 """Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
-SINGLE = ("reading-stands-out", "position-alone")
+SINGLE = ("outlying-reading",)
 """Doubts of single rows, which alone may make a line misfit."""
 RAISE = "raise its degree"
 FIRST = "a single row of it looks mistaken, put that right first; else raise its degree"
@@ -41,7 +41,7 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Findin
     A component of which the `doubts` of the readings name a single row is not advised to be given
     a higher degree.
     """
-    named = {name for item in doubts if item.code in SINGLE for name in item.facts.get("about", ())}
+    named = {item.facts["component"] for item in doubts if item.code in SINGLE}
     return [
         *fit.warnings,
         *scatter_warnings(fit),

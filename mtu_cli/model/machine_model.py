@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, fault
-from mtu_cli.files.contract_errors import path_text
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.findings import Finding
+from mtu_cli.files.yaml_file import path_text
+from mtu_cli.findings import Finding, finding
 from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
 from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
@@ -192,8 +192,9 @@ def _added(lever: Node | None, more: Node) -> Node:
 
 
 def _no_estimate(machine: LoadedMachine, name: str) -> Finding:
-    return Problem(
-        what=f"the component {name!r} has neither readings nor coefficients",
+    return finding(
+        "no-estimate",
+        names=[name],
         file=machine.source.shown,
         line=machine.line_of("components", name),
         path=f"components.{name}",

@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from mtu_cli.errors import InputError, Problem, did_you_mean
-from mtu_cli.files.machine import Component, LoadedMachine
-from mtu_cli.files.thermal_contract import Thermal
-from mtu_cli.files.thermal_file import ReportedDrift, ThermalReport
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.machine_contract import Component, Thermal
+from mtu_cli.files.reports_read import ReportedDrift, ThermalReport
 from mtu_cli.findings import Finding
 from mtu_cli.model.thermal import ThermalEstimate, through_positions
 from mtu_cli.units import UNITS

@@ -16,8 +16,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
-from mtu_cli.errors import Warned, listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.correct_errors import errors_after
 from mtu_cli.reports.correct_figure import figure
@@ -167,17 +166,19 @@ def _sides(before: float, after: float, shown: Any) -> dict[str, float | None]:
 
 
 def warnings(result: CorrectResult) -> list[Finding]:
-    """What cannot be had, and why."""
+    """Figures that are not estimable, and what the correction leaves."""
     exact = [f"{item.id} of {item.part}" for item in result.sizes if item.error[0] == 0]
     found = []
     if exact:
-        text = f"{listed(exact)} had no error before: there is nothing to reduce"
-        found.append(Warned(code="no-error-before", message=text))
+        reason = "no error before the correction"
+        found.append(
+            finding("not-estimable", quantity="reduction_percent", names=exact, reason=reason)
+        )
     found += [*heights_differ(result.leaning), *errors_after(result), *ovals_left(result.ovals)]
     sure = [f"{i.id} of {i.part}" for i in result.sizes if i.u_error == 0]
     if sure:
-        text = f"no uncertainty is known for {listed(sure)}: E_n cannot be had"
-        found.append(Warned(code="no-uncertainty", message=text))
+        reason = "its uncertainty is unknown"
+        found.append(finding("not-estimable", quantity="E_n", names=sure, reason=reason))
     return found
 
 

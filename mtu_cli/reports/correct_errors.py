@@ -6,10 +6,9 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 from mtu_cli.analyses.correct.result import CorrectResult
-from mtu_cli.analyses.correct.summary import ROUNDING_MM, SizeErrors
-from mtu_cli.errors import Warned, listed
-from mtu_cli.findings import Finding
-from mtu_cli.reports.numbers import significant, told_apart
+from mtu_cli.analyses.correct.summary import SizeErrors
+from mtu_cli.findings import Finding, finding
+from mtu_cli.reports.numbers import significant
 from mtu_cli.units import UM
 
 Cause = Literal["calibration", "model", "heights"]
@@ -53,53 +52,42 @@ def _larger(item: SizeErrors, result: CorrectResult) -> float:
     return max(own, default=0.0) if item.kind == "circle" else 0.0
 
 
-def _by_heights(worst: SizeErrors, result: CorrectResult) -> str:
+_CAUSES = {
+    "heights": "the points of {worst} lie at different heights, which makes it {larger} um larger",
+    "calibration": "{worst} gets rounder: calibrated_mm is wrong, or the model lacks a scale that "
+    "its axes share",
+    "model": "the model does not describe these points, or calibrated_mm is wrong",
+}
+
+
+def _cause_text(cause: Cause, worst: SizeErrors, result: CorrectResult) -> str:
     larger = significant(_larger(worst, result) / UM)
-    return f"the points of {worst.id} lie at different heights: a bore is {larger} um larger there"
+    return _CAUSES[cause].format(worst=worst.id, larger=larger)
 
 
 def _grown(items: Items, result: CorrectResult) -> list[Finding]:
-    found = []
-    for cause, own, worst in _by_cause(items, result, lambda item: item.rms[1] - item.rms[0]):
-        before, after = told_apart(worst.rms[0] / UM, worst.rms[1] / UM)
-        text = (
-            f"the correction makes the errors of {listed([item.id for item in own])} larger "
-            f"({worst.id}: root mean square {before} um before, {after} um after), by more than "
-            "its uncertainty: "
+    return [
+        finding(
+            "errors-grown",
+            names=[item.id for item in own],
+            worst=worst.id,
+            rms_before_um=worst.rms[0] / UM,
+            rms_after_um=worst.rms[1] / UM,
+            cause=_cause_text(cause, worst, result),
         )
-        if cause == "heights":
-            text += _by_heights(worst, result)
-        elif cause == "calibration":
-            sides = (0.0 if side < ROUNDING_MM else side / UM for side in worst.form)
-            first, last = map(significant, sides)
-            text += (
-                f"{worst.id} gets rounder (form {first} um before, {last} um after): is "
-                "calibrated_mm right, or does the model lack a scale that its axes share?"
-            )
-        else:
-            text += (
-                "the model does not describe these points (`mtu compare` and `mtu close-loop` "
-                "tell what it lacks), or calibrated_mm is not right"
-            )
-        found.append(Warned(code="errors-grown", message=text))
-    return found
+        for cause, own, worst in _by_cause(items, result, lambda item: item.rms[1] - item.rms[0])
+    ]
 
 
 def _left(items: Items, result: CorrectResult) -> list[Finding]:
-    found = []
-    for cause, own, worst in _by_cause(items, result, lambda x: abs(x.mean[1]) - x.half):
-        mean, half = (significant(value / UM) for value in (worst.mean[1], worst.half))
-        within = f"95 % within {half} um" if worst.half else "no uncertainty is known"
-        text = (
-            f"after the correction the mean errors of {listed([item.id for item in own])} are "
-            f"beyond their uncertainty ({worst.id}: {mean} um, {within}): "
+    return [
+        finding(
+            "errors-left",
+            names=[item.id for item in own],
+            worst=worst.id,
+            mean_um=worst.mean[1] / UM,
+            half_width_um=worst.half / UM,
+            cause=_cause_text(cause, worst, result),
         )
-        if cause == "heights":
-            text += _by_heights(worst, result)
-        else:
-            text += (
-                "the model does not take out all of it (`mtu compare` and `mtu close-loop` tell "
-                "what it lacks), or calibrated_mm is not right"
-            )
-        found.append(Warned(code="errors-left", message=text))
-    return found
+        for cause, own, worst in _by_cause(items, result, lambda x: abs(x.mean[1]) - x.half)
+    ]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from mtu_cli.analyses.correct.result import CorrectResult, Size
 from mtu_cli.analyses.correct.summary import ROUNDING_MM
-from mtu_cli.errors import listed
+from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.numbers import (
     MISSING,

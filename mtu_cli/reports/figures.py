@@ -10,7 +10,7 @@ from functools import wraps
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 
 SUFFIXES = ("png", "svg", "pdf")
+ENDINGS = "a name that ends in .png, .svg or .pdf"
 DOTS_PER_INCH = 150
 
 INK = "#1b1f24"
@@ -113,8 +114,8 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     """
     kind = suffix.lower().removeprefix(".")
     if kind not in SUFFIXES:
-        raise fault(
-            "not a kind of figure", value=suffix, expected="a file name ending in .png, .svg, .pdf"
+        raise error(
+            "wrong-ending", option="--plot", kind="a picture", value=suffix, expected=ENDINGS
         )
     out = io.BytesIO()
     with house_style(), warnings.catch_warnings():

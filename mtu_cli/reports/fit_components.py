@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import Warned, listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, Estimates, JointPasses
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
@@ -39,7 +38,7 @@ from mtu_cli.reports.fitted import (
     run_covariance,
     single_instrument,
 )
-from mtu_cli.reports.observability import observability, told
+from mtu_cli.reports.observability import not_estimable, observability
 from mtu_cli.reports.runs import runs_fields
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import FTest, Shift
@@ -55,7 +54,7 @@ def document(
     says: Mapping[str, str] | None = None,
     effects: EffectEstimates | None = None,
 ) -> dict[str, Any]:
-    """`results` of the report, which `files.components_file` reads back.
+    """`results` of the report, which `files.reports_read` reads back.
 
     `estimates` holds the components of the machine file too; `says` their meaning in words.
     `effects` are parameters of the machine's effects, which close-loop reports beside them.
@@ -227,16 +226,11 @@ def warnings(fit: MachineFit, estimates: Estimates) -> list[Finding]:
     """Why fields of the report are null."""
     noted = []
     if found := observability(fit, estimates):
-        noted.append(Warned(code="not-determined", message=told(found), report_only=True))
+        noted += not_estimable(found)
     several = [name for name, item in fit.components.items() if len(item.instruments) > 1]
     if several:
-        noted.append(
-            Warned(
-                code="several-instruments",
-                message=f"{listed(several)}: read by several instruments; dof, r2 and the tests "
-                "stand under `instruments`",
-            )
-        )
+        reason = "several instruments: see `instruments`"
+        noted.append(finding("not-estimable", quantity="dof and r2", names=several, reason=reason))
     return noted + _order_of_files(fit)
 
 
@@ -250,11 +244,7 @@ def _order_of_files(fit: MachineFit) -> list[Finding]:
     ]
     if not names:
         return []
-    text = (
-        f"{listed(dict.fromkeys(names))}: several files and no times. The trend takes the files in "
-        "the order in which they are given; in another order it is another. A column `time` tells"
-    )
-    return [Warned(code="order-of-files", message=text)]
+    return [finding("order-of-files", names=list(dict.fromkeys(names)), expected="a column time")]
 
 
 CSV_COLUMNS = [

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mtu_cli.errors import listed
+from mtu_cli.findings import listed
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, from_centre, to_centre
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 from mtu_cli.analyses.graph.check import GraphCheck
-from mtu_cli.errors import listed
-from mtu_cli.files.graph_steps import Step
+from mtu_cli.files.graph import Step
+from mtu_cli.findings import listed
 from mtu_cli.reports.tables import Column, Sheet
 
 MOST = 12

@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.graph.rare_jumps import UNSEEN
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.reports.numbers import plus_minus, significant, with_u
+from mtu_cli.stats.rare_jumps import UNSEEN
 
 BOUNDS = f"< and >: none or all of n trials are 1, and {UNSEEN:g}/n bounds the chance (95 %)"
 
 
 def not_converged(trials: int, digits: int, what: str) -> Finding:
     """The warning of so many trials; `what`: of which places, or how far they have come."""
-    plural = "s" if digits > 1 else ""
-    return Warned(
-        code="not-converged",
-        message=f"{trials} Monte Carlo trials: not converged to {digits} significant "
-        f"digit{plural} of u (JCGM 101, 7.9.4), {what}",
-    )
+    goal = f"{counted(digits, 'significant digit')} of u (JCGM 101, 7.9.4), {what}"
+    return finding("not-converged", trials=trials, goal=goal)
 
 
 def one_sided(chance: float, error: float) -> bool:

@@ -7,8 +7,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
-from mtu_cli.errors import listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, listed
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
 from mtu_cli.reports.graph_net import share_percent

@@ -8,15 +8,13 @@ from typing import Any
 
 from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.graph_convergence import BOUNDS, chance_text, not_converged, one_sided
 from mtu_cli.reports.numbers import (
     PLAIN_DIGITS,
     decimal_exponent,
     fixed,
-    p_value,
     significant,
     with_u,
 )
@@ -83,21 +81,19 @@ def warnings(result: Sweep) -> list[Finding]:
     found = result.formula
     if found is None:
         if not result.chance:
-            noted.append(Warned(code="no-formula", message=f"no formula: {result.no_formula}"))
+            noted.append(finding("no-formula", reason=result.no_formula))
     elif found.p < UNLIKELY and found.max_error_percent > 1.0:
         noted.append(
-            Warned(
-                code="formula-does-not-fit",
-                message=f"the formula is up to {significant(found.max_error_percent)} % off, more "
-                f"than the Monte Carlo's own scatter explains (p {p_value(found.p)})",
-            )
+            finding("formula-does-not-fit", error_percent=found.max_error_percent, p=found.p)
         )
     if found is not None and math.isnan(found.own_max_percent):
+        reason = "the first-order uncertainty is 0, or a small part of u"
         noted.append(
-            Warned(
-                code="first-order-nil",
-                message=f"{result.output}: the first-order uncertainty is 0, or little of u; the "
-                "error of the formula itself cannot be told from the Monte Carlo's",
+            finding(
+                "not-estimable",
+                quantity="the error of the formula",
+                names=[str(result.output)],
+                reason=reason,
             )
         )
     return noted
@@ -106,11 +102,7 @@ def warnings(result: Sweep) -> list[Finding]:
 def _unrelated(result: Sweep) -> list[Finding]:
     if not result.without or (result.formula is None and not result.chance):
         return []
-    names = ", ".join(result.without)
-    message = f"{result.output} does not depend on {names}"
-    if result.formula is not None:
-        message += ": not in the formula"
-    return [Warned(code="unrelated", message=message)]
+    return [finding("unrelated", output=str(result.output), names=result.without)]
 
 
 def _not_converged(result: Sweep) -> list[Finding]:

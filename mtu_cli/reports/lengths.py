@@ -11,8 +11,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.analyses.lengths import Length, LengthsResult
-from mtu_cli.errors import listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, listed
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import finite, root, um, um2
 from mtu_cli.reports.labels import folded

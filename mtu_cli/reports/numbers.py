@@ -62,15 +62,6 @@ def significant(value: float | None, digits: int = 2) -> str:
     return text.rstrip("0").rstrip(".") if digits >= PLAIN_DIGITS and "." in text else text
 
 
-def told_apart(a: float, b: float) -> tuple[str, str]:
-    """Two values to two significant digits, or to as many more as they differ in."""
-    for digits in range(2, PLAIN_DIGITS + 1):
-        first, second = significant(a, digits), significant(b, digits)
-        if first != second:
-            break
-    return first, second
-
-
 def fixed(value: float | None, decimals: int) -> str:
     """`value` to so many decimals; what rounds to zero has no sign."""
     if value is None or not math.isfinite(value):

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from mtu_cli.errors import listed
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
@@ -68,19 +68,15 @@ def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
     return found + list(_apart(fit, estimates))
 
 
-def told(found: Iterable[NotDetermined]) -> str:
-    """All of it, a sentence for each thing, with its components; where one kind of reading would
-    tell it of all of them, a sentence with that kind.
-    """
-    grouped: dict[str, list[NotDetermined]] = {}
+def not_estimable(found: Iterable[NotDetermined]) -> list[Finding]:
+    """A note for each quantity, with all components of which the readings leave it open."""
+    grouped: dict[tuple[str, str], list[str]] = {}
     for item in found:
-        grouped.setdefault(item.not_determined, []).append(item)
-    parts = []
-    for items in grouped.values():
-        would = {item.reading_that_would for item in items}
-        tell = f" What would: {would.pop()}." if len(would) == 1 else ""
-        parts.append(f"the {items[0].of(listed(item.shown for item in items))}.{tell}")
-    return f"the readings do not tell {' Nor '.join(parts)} Why: results.observability"
+        grouped.setdefault((item.not_determined, item.because), []).append(item.shown)
+    return [
+        finding("not-estimable", quantity=quantity, names=names, reason=reason)
+        for (quantity, reason), names in grouped.items()
+    ]
 
 
 def _of_instrument(name: str, fit: ComponentFit, item: InstrumentFit) -> list[NotDetermined]:

@@ -18,8 +18,7 @@ from mtu_cli.analyses.orthogonality import (
     OrthogonalityResult,
     first_order_interval,
 )
-from mtu_cli.errors import Warned, listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.reports import figures, validations
 from mtu_cli.reports.document import arcsec, finite
 from mtu_cli.reports.labels import cut
@@ -103,13 +102,7 @@ def warnings(result: OrthogonalityResult) -> list[Finding]:
     without_u = [item.id for item in result.angles if not np.isfinite(item.run.u[0])]
     noted = [*result.warnings]
     if without_u:
-        noted.append(
-            Warned(
-                code="no-standard-uncertainty",
-                message="a source with two degrees of freedom or fewer stands behind "
-                f"{listed(without_u)}: no standard uncertainty exists, use the 95 % interval",
-            )
-        )
+        noted.append(finding("no-standard-uncertainty", names=without_u))
     noted += validations.validation_warnings(names, found, "arcsec", ARCSEC)
     for item in result.angles:
         noted += validations.convergence_warnings(item.run.trials, item.run.converged)

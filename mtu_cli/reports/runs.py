@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import listed
+from mtu_cli.findings import listed
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.passes import Passes, PassKey

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from rich.text import Text
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.errors import listed
+from mtu_cli.findings import listed
 from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import MISSING, p_value, percent, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet

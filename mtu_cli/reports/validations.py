@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mtu_cli.errors import Warned, listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.validation import Validation
@@ -35,23 +34,12 @@ def validation_warnings(
     if failed:
         largest = max(max(found[i].d_low, found[i].d_high) for i in failed) / factor
         # A ratio has no unit.
-        up_to = f"{significant(largest)} {unit}".rstrip()
+        shown = f"{significant(largest)} {unit}".rstrip()
         warnings.append(
-            Warned(
-                code="validation-failed",
-                message="the first-order 95 % interval differs from the Monte Carlo one by more "
-                f"than the tolerance of JCGM 101, clause 8 (up to {up_to}), "
-                f"for {listed(names[i] for i in failed)}",
-            )
+            finding("validation-failed", names=[names[i] for i in failed], difference=shown)
         )
     if unknown:
-        warnings.append(
-            Warned(
-                code="validation-undecided",
-                message="too few Monte Carlo trials to judge the first-order interval (JCGM 101, "
-                f"clause 8) of {listed(names[i] for i in unknown)}",
-            )
-        )
+        warnings.append(finding("validation-undecided", names=[names[i] for i in unknown]))
     return warnings
 
 
@@ -59,10 +47,5 @@ def convergence_warnings(trials: int, converged: bool) -> list[Finding]:
     """A Monte Carlo that ended, as asked or at its largest count, before its goal."""
     if converged:
         return []
-    return [
-        Warned(
-            code="not-converged",
-            message=f"{trials} Monte Carlo trials: not converged to a fifth of the numerical "
-            "tolerance (JCGM 101, 7.9.4 and 8.2)",
-        )
-    ]
+    goal = "a fifth of the numerical tolerance (JCGM 101, 7.9.4 and 8.2)"
+    return [finding("not-converged", trials=trials, goal=goal)]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.reports.figures import INK, blank, styled
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -64,11 +64,12 @@ def _roles(points: FloatArray) -> tuple[int, int, int]:
     counts = [len(np.unique(points[:, a][np.isfinite(points[:, a])])) for a in range(3)]
     if sorted(counts)[1] < 2:
         used = [axis for axis, count in zip("xyz", counts, strict=True) if count]
-        has = ", ".join(f"{axis} {counts['xyz'.index(axis)]}" for axis in used)
-        why = f"here they have: {has}"
-        if len(used) < 2:
-            why = f"only {used[0]} enters the equations" if used else "no axis enters the equations"
-        raise fault(f"--plot of a --grid needs two axes with two places or more: {why}")
+        places = [f"{axis} {counts['xyz'.index(axis)]}" for axis in used]
+        raise error(
+            "grid-without-map",
+            value=", ".join(places) or "no axis in the equations",
+            expected="two axes of the equations with two places or more",
+        )
     level = int(np.argmin(counts[::-1]))
     level = 2 - level
     across, up = (a for a in range(3) if a != level)

@@ -162,3 +162,109 @@ def told_apart(distance: FloatArray, limit: float, few: float) -> IntArray:
         return far
     apart = float(np.mean(distance[far] > FAR_BEYOND * limit / GROSS)) >= MOSTLY
     return far if apart and len(far) <= MOST * len(distance) else far[:0]
+
+
+OUTLYING_P = 1e-4
+"""Chance that any value of a sound normal sample is beyond the limit of `outlying`."""
+MAD_EFFICIENCY = 0.37
+"""Of a median absolute deviation as a deviation of normal values (Rousseeuw & Croux,
+J. Am. Stat. Assoc. 88 (1993) 1273): so many of its degrees of freedom count."""
+
+
+def outlying(
+    values: FloatArray,
+    groups: IntArray,
+    *,
+    fitted: int = 0,
+    factor: float = 2.0,
+    floor: float = 0.0,
+) -> tuple[BoolArray, float]:
+    """Outliers among values (n,) that are alike within their `groups` (n,), and the deviation s.
+
+    r is the distance from the median of the group, s = 1.4826 median |r| / sqrt(1 - g/n) of
+    groups that have three values or more, g of them and of parameters `fitted` before, at least
+    `floor` and what the display tells. An outlier is beyond GROSS s, beyond s times Student's t at
+    OUTLYING_P/n (Bonferroni), and beyond `factor` times the farthest of the rest: no tail of a
+    distribution, nor the turn of a curve. More than a fifth are none.
+
+    >>> mask, s = outlying(np.array([1.0, 1.2, 0.9, 1.1, 9.0, 1.05, 0.95, 1.15]), np.zeros(8, int))
+    >>> mask.nonzero()[0], round(s, 2)
+    (array([4]), 0.16)
+    """
+    from scipy.special import stdtrit
+
+    found = np.zeros(len(values), bool)
+    _, group, counts = np.unique(groups, return_inverse=True, return_counts=True)
+    usable = (counts >= FEWEST)[group] & np.isfinite(values)
+    n, taken = int(usable.sum()), int((counts >= FEWEST).sum()) + fitted
+    if n - taken < FEWEST:
+        return found, 0.0
+    rest = np.abs(values - group_medians(values, group))[usable]
+    s = NORMAL_MAD * float(np.median(rest)) / math.sqrt(max(1 - taken / n, LEAST_DOF))
+    s = max(s, floor, display_u(values[usable]))
+    dof = max(MAD_EFFICIENCY * (n - taken), 1.0)
+    limit = max(GROSS, -float(stdtrit(dof, OUTLYING_P / (2 * n)))) * s
+    order = np.sort(rest)
+    # The outermost gap that is wide enough parts the outliers from the rest.
+    first = np.arange(max(math.ceil((1 - MOST) * n), 1), n)
+    wide = (order[first] > limit) & (order[first] > factor * order[first - 1])
+    if wide.any():
+        found[usable] = rest >= order[first[wide][0]]
+    return found, s
+
+
+def spikes(values: FloatArray) -> tuple[BoolArray, float]:
+    """Outliers among evenly taken values (n,) of a curve, and the deviation s, as `outlying`.
+
+    A value is compared with the lines through the two before, the two after and those on both
+    sides, and its smallest deviation counts: beside a kink one of them is sound. Those that are
+    off farthest are taken out and the rest is judged again, as spikes hide beside each other; s
+    is that of deviations from the mean of both neighbours. The ends are not judged.
+
+    >>> curve = np.exp(-np.arange(20.0) / 5) + 0.01 * np.cos(np.arange(20.0) ** 2)
+    >>> curve[7] += 3
+    >>> spikes(curve)[0].nonzero()[0].tolist()
+    [7]
+    """
+    from scipy.special import stdtrit
+
+    found, s = np.zeros(len(values), bool), 0.0
+    while len(rest := np.flatnonzero(~found)) >= 2 * FEWEST:
+        away, scatter = _off_neighbours(values[rest])
+        known = scatter[np.isfinite(scatter)]
+        s = max(NORMAL_MAD * float(np.median(np.abs(known))), display_u(values[rest]))
+        dof = max(MAD_EFFICIENCY * len(known), 1.0)
+        limit = max(GROSS, -float(stdtrit(dof, OUTLYING_P / (2 * len(known)))))
+        off = np.where(away > limit * s, away, 0.0)
+        padded = np.pad(off, 2)
+        top = np.max([padded[i : i + len(off)] for i in range(5)], axis=0)
+        worst = (off > 0) & (off == top)
+        if s == 0 or not worst.any():
+            break
+        found[rest[worst]] = True
+    return found, s
+
+
+def _off_neighbours(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The smallest deviation of each value from the lines of its neighbours, 0 where fewer than
+    two of them are known, and its deviation from the mean of both.
+    """
+    n = len(values)
+    x = np.pad(values, 2, constant_values=np.nan)
+    before2, before, own, after, after2 = (x[i : i + n] for i in range(5))
+    both = own - (before + after) / 2
+    off = np.abs([own - 2 * before + before2, own - 2 * after + after2, both,
+                  own - (before2 + after2) / 2])  # fmt: skip
+    judged = np.isfinite(off).sum(axis=0) >= 2
+    away = np.where(judged, np.min(np.where(np.isnan(off), np.inf, off), axis=0), 0.0)
+    return away, both
+
+
+def group_medians(values: FloatArray, group: IntArray) -> FloatArray:
+    """The median (n,) of the group of each value; `group` (n,) counts from 0."""
+    order = np.lexsort((values, group))
+    counts = np.bincount(group)
+    starts = np.cumsum(counts) - counts
+    low, high = starts + (counts - 1) // 2, starts + counts // 2
+    found: FloatArray = ((values[order[low]] + values[order[high]]) / 2)[group]
+    return found

@@ -67,11 +67,11 @@ def test_every_fault_at_once(tmp_path: Path) -> None:
     message = refused(tmp_path, "budget", "b.yaml", "-o", "out.json")
     words = [
         "b.yaml:3: quantity.nam: unknown key: 'nam'; did you mean 'name'?",
-        "b.yaml:4: equation: unknown name 'thata' at column 8; did you mean 'theta'?",
-        "b.yaml:6: inputs.ls: u and half_width are given",
+        "b.yaml:4: equation: unknown name at column 8: 'thata'; did you mean 'theta'?",
+        "b.yaml:6: inputs.ls: u and half_width are given together",
         "b.yaml:7: inputs.d.u: wrong value: '-1'",
         "b.yaml:8: inputs.theta.value: wrong value: '1e'",
-        "b.yaml:9: correlations[0]: unknown input: 'x'",
+        "b.yaml:9: correlations[0]: unknown name: 'x'",
     ]
     lines = message.removeprefix("mtu: ").splitlines()
     assert len(lines) == len(words), message

@@ -17,8 +17,7 @@ from mtu_cli.cli.fit_components import analyse as fitting
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.errors import InputError, Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 
 DEFAULTS: dict[str, Any] = {
     "passes": 1, "parts": 1, "repeats": 1, "reverse_every": 0, "cycles": 1, "cmm_u_um": 1.0,
@@ -79,7 +78,7 @@ def _report(folder: Path) -> Path:
 
 def _told(values: Mapping[str, Any]) -> tuple[list[Finding], list[str]]:
     found = modelled(Inputs(Options("lengths", dict(values)))).warnings
-    own = [item for item in found if item.code == "readings-not-used"]
+    own = [item for item in found if item.code.startswith("readings-")]
     return own, warning_lines(own)
 
 
@@ -87,18 +86,19 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
     """The report of a run has it in any case; the screen only where the files are others."""
     fitted = _report(work)
     (item,), lines = _told({"components": [fitted]})
-    assert item.message == "r.json gives the components: the readings are not read again"
+    assert item.code == "readings-of-report"
     assert lines == []
     (work / "new.csv").write_bytes((work / "lbb.csv").read_bytes() + b"# once more\n")
     for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
-        _, (line,) = _told({"components": [fitted], "lbb": [Path(name) for name in lbb]})
-        assert "; new.csv is none of the files that it was fitted to [readings-not-" in line
+        (item,), (line,) = _told({"components": [fitted], "lbb": [Path(name) for name in lbb]})
+        assert item.facts["files"] == ["new.csv"]
+        assert line.endswith("[readings-not-used]")
     with pytest.raises(InputError, match=r"lbb\.cvs: no such file; did you mean 'lbb\.csv'"):
         _told({"components": [fitted], "lbb": [Path("lbb.cvs")]})
     document = json.loads(fitted.read_text())
     document["inputs"].append({"role": "laser", "path": "l.csv", "sha256": "0", "rows": 3})
     fitted.write_text(json.dumps(document))
-    assert "it was fitted to more files than these" in _told({"components": [fitted]})[1][0]
+    assert "[readings-not-used]" in _told({"components": [fitted]})[1][0]
     fitted.write_text(json.dumps(document | {"inputs": None}))
     assert _told({"components": [fitted]})[1]
 
@@ -107,7 +107,7 @@ def test_a_covariate_that_is_needed_by_another_name(work: Path) -> None:
     text = (work / "machine.yaml").read_text()
     (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
     found = modelled(Inputs(Options("lengths", {"at": ["dirx=1"]}))).warnings
-    assert "is 'dir_x' meant? no equation needs --at dirx" in [x.message for x in found]
+    assert [x.meant for x in found if x.code == "covariate-not-needed"] == [("dir_x",)]
 
 
 VALDES = CONFIGS / "valdes-cmm" / "mtu.yaml"
@@ -117,17 +117,18 @@ VALDES = CONFIGS / "valdes-cmm" / "mtu.yaml"
     ("given", "hint"),
     [
         (["T_air_degC=20"], ""),
-        (["T_1_degC=20"], "is 'T_01_degC' meant? "),
+        (["T_1_degC=20"], "T_01_degC"),
         (["T_99_degC=20"], ""),
         (["T_*_degC=20", "T_1_degC=21"], ""),
-        (["t_05_degC=20"], "is 'T_05_degC' meant? "),
+        (["t_05_degC=20"], "T_05_degC"),
         (["T_05_degC=20", "t_05_degC=21"], ""),
     ],
 )
 def test_only_a_temperature_that_would_be_taken_is_offered(given: list[str], hint: str) -> None:
     found = modelled(Inputs(Options("predict-points", {"study": VALDES, "at": given}))).warnings
-    (told,) = [item.message for item in found if item.code == "covariate-not-needed"]
-    assert told == f"{hint}no equation needs --at {given[-1].partition('=')[0]}"
+    (told,) = [item for item in found if item.code == "covariate-not-needed"]
+    assert told.facts["name"] == given[-1].partition("=")[0]
+    assert told.meant == ((hint,) if hint else ())
 
 
 def test_no_column_of_the_points_is_offered(work: Path) -> None:
@@ -149,11 +150,11 @@ def _simulated(**values: Any) -> None:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"effect": ["Ex: 0.004*dir_x"]}, "--effect changes nothing .*: 'Ex: 0.004.*--write-cmm"),
-        ({"twin": ["nonsense"]}, "--twin changes nothing in what is written: 'nonsense'"),
-        ({"room": "warm"}, "--room changes .*'warm'; expected --write-drift FILE, or --write-cmm"),
-        ({"cycles": 1}, "--cycles changes nothing in what is written: '1'; expected --write-dr"),
-        ({"cmm_wobble_degc": 0.1}, "--cmm-wobble-degC changes .* --cmm-room DEGC beside it"),
+        ({"effect": ["Ex: 0.004*dir_x"]}, "--effect: changes nothing .*: 'Ex: 0.004.*--write-cmm"),
+        ({"twin": ["nonsense"]}, "--twin: changes nothing in what is written: 'nonsense'"),
+        ({"room": "warm"}, "--room: changes .*'warm'; expected --write-drift FILE, or --write-cmm"),
+        ({"cycles": 1}, "--cycles: changes nothing in what is written: '1'; expected --write-dr"),
+        ({"cmm_wobble_degc": 0.1}, "--cmm-wobble-degC: changes .* --cmm-room DEGC beside it"),
     ],
 )
 def test_options_that_would_act_on_nothing(values: dict[str, Any], words: str, work: Path) -> None:
@@ -167,7 +168,7 @@ def test_counts_that_act_on_nothing_are_told(
     work: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _simulated(write_lbb=work / "l.csv", passes=1, parts=2)
-    told = "warning: --parts changes nothing in what is written: '2'; expected --write-cmm FILE"
+    told = "warning: --parts: changes nothing in what is written: '2'; expected --write-cmm FILE"
     first, cut = capsys.readouterr().err.splitlines()
     assert first == f"{told} beside it [option-not-used]"
     # Of the study's own two passes, which differ by little.
@@ -176,22 +177,25 @@ def test_counts_that_act_on_nothing_are_told(
     _simulated(write_cmm=work / "c.csv", one_way=True, positions="0:100:5")
     of_readings = capsys.readouterr().err.splitlines()[:2]
     for line, option in zip(of_readings, ("--one-way", "--positions"), strict=True):
-        assert line.startswith(f"warning: {option} changes nothing in what is written")
+        assert line.startswith(f"warning: {option}: changes nothing in what is written")
         assert line.endswith("--write-lbb FILE beside it [option-not-used]")
 
 
 def test_what_the_report_alone_says() -> None:
-    warned = [Warned(code="a", message="m"), Warned(code="b", message="n", report_only=True)]
-    assert warning_lines([*warned, *warned]) == ["warning: m [a]"]
+    warned = [
+        finding("no-formula", reason="m"),
+        finding("not-estimable", quantity="u", names=["a"], reason="n"),
+    ]
+    assert warning_lines([*warned, *warned]) == ["warning: no formula: m [no-formula]"]
 
 
 def test_many_warnings_of_one_kind_are_summed_up() -> None:
-    many = [Warned(code="a", message=f"m{i}") for i in range(4000)]
-    lines = warning_lines([*many, Warned(code="b", message="n")])
-    assert lines[:19] == [f"warning: m{i} [a]" for i in range(19)]
-    last = "warning: m19; and 3980 more such, all in the report (-o) [a]"
-    assert lines[19:] == [last, "warning: n [b]"]
-    assert warning_lines(many[:20])[-1] == "warning: m19 [a]"
+    many = [finding("no-formula", reason=f"m{i}") for i in range(4000)]
+    lines = warning_lines([*many, finding("reported", message="n")])
+    assert lines[:19] == [f"warning: no formula: m{i} [no-formula]" for i in range(19)]
+    last = "warning: no formula: m19; and 3980 more such, all in the report (-o) [no-formula]"
+    assert lines[19:] == [last, "warning: n [reported]"]
+    assert warning_lines(many[:20])[-1] == "warning: no formula: m19 [no-formula]"
 
 
 def test_quiet_runs_name_what_they_warn_of(work: Path) -> None:
@@ -207,8 +211,8 @@ def test_quiet_runs_name_what_they_warn_of(work: Path) -> None:
         quiet = done(mtu(*call, "--at", "T_a_degC=1", "-q", cwd=work)).stderr.splitlines()
         assert plain
         assert quiet == [line.replace("warning: ", f"warning: {of}", 1) for line in plain]
-    assert warning_lines([Warned(code="a", message="m.yaml:3: x: y")], "m.yaml") == [
-        "warning: m.yaml:3: x: y [a]"
+    assert warning_lines([finding("reported", file="m.yaml", line=3, message="x")], "m.yaml") == [
+        "warning: m.yaml:3: x [reported]"
     ]
 
 
@@ -220,14 +224,14 @@ def test_a_direction_is_forth_or_back(name: str, work: Path) -> None:
     for sign in ("-1", "-", "reverse"):
         assert Inputs(Options("lengths", {"at": [f"dir_*={sign}"]})).at == {"dir_*": -1.0}
     modelled(Inputs(Options("lengths", {"at": ["dir_*=-1"]})))
-    words = r"--at dir_[xz]: not a direction: '.*'; expected -1 or \+1"
+    words = r"--at dir_[xz]: out of range: '.*'; expected -1 or \+1"
     with pytest.raises(InputError, match=words):
         modelled(Inputs(Options("lengths", {"at": [name]})))
 
 
 def test_simulated_files_do_not_go_to_standard_output(work: Path) -> None:
     before = listing(work)
-    with pytest.raises(InputError, match="--write-cmm does not go to standard output; expected a"):
+    with pytest.raises(InputError, match="--write-cmm cannot go to standard output; expected a"):
         _simulated(write_lbb=work / "l.csv", write_cmm=Path("-"))
     assert listing(work) == before
 
@@ -236,7 +240,7 @@ def test_a_count_is_a_whole_number() -> None:
     """As in a column of points."""
     for text, value in (("sequence=7", 7.0), ("T_a_degC=-4.5", -4.5)):
         assert list(Inputs(Options("lengths", {"at": [text]})).at.values()) == [value]
-    words = "^--at sequence: not a whole number: '-4.5'; expected a whole number, as in the files$"
+    words = "^--at sequence: not a whole number: '-4.5'$"
     with pytest.raises(InputError, match=words):
         _ = Inputs(Options("lengths", {"at": ["sequence=-4.5"]})).at
 

@@ -22,10 +22,10 @@ from mtu_cli.cli.outputs import check_outputs
 from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
-from mtu_cli.close_loop_sealed.files.machine_write import WrittenEffect, extended_machine
-from mtu_cli.errors import InputError
-from mtu_cli.files.components_file import read_components
+from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import load_machine
+from mtu_cli.files.reports_read import read_components
+from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 EFFECTS = [
@@ -498,7 +498,7 @@ def _with_rows(rows: Any, files: dict[Path, bytes]) -> Outcome:
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"write_machine": Path("-")}, "--write-machine does not go to standard output"),
+        ({"write_machine": Path("-")}, "--write-machine cannot go to standard output"),
         ({"write_machine": Path("no/x")}, "the folder 'no' does not exist"),
         (
             {"write_machine": Path("a"), "write_components": Path("a")},
@@ -535,10 +535,10 @@ def test_choices_of_the_study_and_of_the_call(
     assert chosen(**given) == (0.1, 1, "offset,rotation")
     with pytest.raises(InputError) as caught:
         chosen(alpha=1.0, max_effects=0, fail_if="found,foud")
-    assert [problem.text for problem in caught.value.findings] == [
-        "--alpha is out of range",
-        "--max-effects is out of range",
+    assert [item.path or item.text for item in caught.value.findings] == [
+        "--alpha",
+        "--max-effects",
         "unknown gate",
     ]
-    with pytest.raises(InputError, match="--alpha is out of range"):
+    with pytest.raises(InputError, match="--alpha: out of range"):
         chosen(alpha=float("nan"))

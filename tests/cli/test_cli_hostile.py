@@ -33,11 +33,11 @@ def bomb() -> str:
         (MACHINE + "equations: " + "[" * 5000, "machine.yaml:4: values are nested deeper than 60"),
         (
             MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
-            "machine.yaml:4: equations.Ex: the equation is nested deeper than 60 levels at column",
+            "machine.yaml:4: equations.Ex: the equation has 61 levels at column",
         ),
         (
             MACHINE + "equations: {Ex: 'a*9**9**9**9'}",
-            "machine.yaml:4: equations.Ex: '**' of these numbers has no finite value at column 7",
+            "machine.yaml:4: equations.Ex: '**' of these constants has no finite value at column 7",
         ),
         (
             MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
@@ -45,11 +45,11 @@ def bomb() -> str:
         ),
         (
             MACHINE + f"equations: {{Ex: '{'a*' + '9' * 9000}'}}",
-            "machine.yaml:4: equations.Ex: the number 999",
+            "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
         ),
         (
             MACHINE + "equations: {Ex: \"__import__('os').system('touch stolen')\"}",
-            'machine.yaml:4: equations.Ex: unexpected character "\'" at column 12',
+            'machine.yaml:4: equations.Ex: unexpected "\'" at column 12',
         ),
         (
             "!!python/object/apply:os.system ['touch stolen']\n",
@@ -74,9 +74,9 @@ def test_hostile_equations_of_simulate_are_refused_at_once(tmp_path: Path) -> No
     equation = "__import__('os').system('touch stolen')"
     call = ["simulate", "--write-cmm", "out.csv", "--covariate"]
     message = refused(work, *call, f"a: {equation}")
-    assert '--covariate a: unexpected character "\'" at column 15' in message
+    assert '--covariate a: unexpected "\'" at column 15' in message
     start = time.perf_counter()
-    assert "nested deeper" in refused(work, *call, "a: " + "(" * 5000)
+    assert "the equation has 61 levels" in refused(work, *call, "a: " + "(" * 5000)
     assert time.perf_counter() - start < SECONDS
 
 

@@ -13,11 +13,7 @@ from mtu_cli.cli.fit_components import analyse as fitting
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
-from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
-from mtu_cli.errors import InputError
-
-LARGE = "coefficients-large"
+from mtu_cli.findings import InputError
 
 
 @pytest.fixture
@@ -60,18 +56,10 @@ def test_a_part_beyond_the_travels_is_told_in_any_order(
             getattr(inputs, asked)
 
 
-def large(command: str, code: str = LARGE, **files: object) -> bool:
-    """Whether a call asks about coefficients of the machine file."""
-    paths = {"machine": Path("machine.yaml")} | files
-    if command == "fit-components":
-        execute(Options(command, paths | {"out": Path("c.json"), "quiet": True}), fitting)
-        return f'"{code}"' in Path("c.json").read_text()
-    inputs = Inputs(Options(command, paths))
-    if command == "close-loop":
-        _, _, warnings = tables_of(inputs, read_choices(inputs))
-    else:
-        warnings = [*modelled(inputs).warnings]
-    return code in [item.code for item in warnings]
+def warned(code: str, command: str, **files: object) -> bool:
+    """Whether the model of a call has a warning."""
+    inputs = Inputs(Options(command, {"machine": Path("machine.yaml")} | files))
+    return code in [item.code for item in modelled(inputs).warnings]
 
 
 @pytest.mark.parametrize(
@@ -87,26 +75,8 @@ def test_exact_coefficients_are_told_where_nothing_wins_over_them(
     edited(work / "machine.yaml", old, new)
     lines = (work / "lbb.csv").read_text().splitlines()
     (work / "rest.csv").write_text("\n".join(x for x in lines if not x.startswith(name)) + "\n")
-    assert not large("lengths", "no-uncertainty", lbb=[Path("lbb.csv")])
-    assert large("lengths", "no-uncertainty", lbb=[Path("rest.csv")])
-
-
-def test_coefficients_are_asked_about_where_nothing_wins_over_them(work: Path) -> None:
-    """Readings do, and a report of their fit; not readings that are judged by the file."""
-    old = "{of: x, unit: um, says: X positioning}"
-    edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 30], u_future: 1}")
-    all_read, rest = [Path("lbb.csv")], [Path("rest.csv")]
-    lines = (work / "lbb.csv").read_text().splitlines()
-    (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
-    report = [Path("c.json")]
-    assert not large("lengths", lbb=all_read)
-    assert not large("fit-components", lbb=all_read)
-    assert not large("lengths", components=report)
-    assert not large("close-loop", lbb=all_read, components=report)
-    assert large("lengths", lbb=rest)
-    assert large("fit-components", lbb=rest)
-    assert large("lengths", components=report)
-    assert large("close-loop", lbb=rest, components=report)
+    assert not warned("no-uncertainty", "lengths", lbb=[Path("lbb.csv")])
+    assert warned("no-uncertainty", "lengths", lbb=[Path("rest.csv")])
 
 
 def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
@@ -122,20 +92,9 @@ def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
     assert told("coefficients-not-used", lbb=[Path("lbb.csv")]) == []
 
 
-def test_numbers_in_another_unit_reach_who_asks(work: Path) -> None:
-    """A constant in mm of an equation, wherever errors are made of it; a tolerance in mm."""
-    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: 5 + dx_x - y*axy")
-    for call in (["lengths"], ["simulate", "--write-lbb", "s.csv"]):
-        found = mtu(*call, cwd=work).stderr
-        assert "its constant terms make 5 mm" in found, found
-    edited(work / "part.yaml", "tolerance_um: 30", "tolerance_um: 0.025")
-    found = mtu("lengths", cwd=work).stderr
-    assert found.count("[tolerance-small]") == 1, found
-
-
 def test_a_position_is_no_covariate_to_be_given(work: Path) -> None:
     found = mtu("lengths", "--at", "x=5", cwd=work).stderr
-    assert "x is a position, which features have, and no covariate: not used: --at x" in found
+    assert "no equation needs --at x; expected a covariate: x is the position" in found
 
 
 def drifting(path: Path) -> None:
@@ -160,17 +119,18 @@ def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:
     readings, report = {"lbb": [Path("lbb.csv")]}, {"components": [Path("c.json")]}
     assert told("passes-drift", **readings) == []
     drifting(work / "lbb.csv")
-    assert large("fit-components", "passes-drift", **readings)
-    (own,) = told("passes-drift", **readings)
-    assert own.startswith("dx_x drifts by ")
-    assert told("passes-drift", **report) == [f"c.json: {own}"]
+    own = {"machine": Path("machine.yaml"), **readings, "out": Path("c.json"), "quiet": True}
+    execute(Options("fit-components", own), fitting)
+    (drift,) = told("passes-drift", **readings)
+    assert drift.startswith("dx_x drifts by ")
+    assert told("reported", **report) == [f"c.json: {drift}"]
     # A report that says it twice, and what is no warning of a fit.
     document = json.loads((work / "c.json").read_text())
     for entry in ({}, "drift", {"code": 1, "message": None}, *document["warnings"]):
         document["warnings"].append(entry)
     (work / "c.json").write_text(json.dumps(document))
-    assert told("passes-drift", **report) == [f"c.json: {own}"]
+    assert told("reported", **report) == [f"c.json: {drift}"]
     (work / "c.json").write_text(json.dumps(document | {"warnings": None}))
-    assert told("passes-drift", **report) == []
+    assert told("reported", **report) == []
     edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
     assert told("passes-drift", **readings) == []

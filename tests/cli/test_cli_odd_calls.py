@@ -19,9 +19,12 @@ def work(tmp_path: Path) -> Path:
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (["--fail-if", "nonconforming=0.5", "--fail-if", "nonconforming=0.01"], "--fail-if is"),
-        (["--k", "2", "--k", "3"], "--k is given 2 times"),
-        (["-o", "a.json", "-o", "b.json"], "--out is given 2 times"),
+        (
+            ["--fail-if", "nonconforming=0.5", "--fail-if", "nonconforming=0.01"],
+            "--fail-if appears twice",
+        ),
+        (["--k", "2", "--k", "3"], "--k appears twice"),
+        (["-o", "a.json", "-o", "b.json"], "--out appears twice"),
     ],
     ids=["gate", "number", "file"],
 )

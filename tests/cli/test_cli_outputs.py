@@ -12,7 +12,7 @@ from cli_runner import done, mtu, prepared
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import check_outputs
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 STUDY = """\
 schema: mtu/study/1
@@ -63,11 +63,11 @@ def refused(command: str, **values: Any) -> str:
         ("fit-components", {"machine": "m.yaml", "csv": "cmm.csv"}, f"cmm.csv: {OF_STUDY}"),
         ("close-loop", {"machine": "m.yaml", "write_machine": "mtu.yaml"}, f"mtu.yaml: {OF_STUDY}"),
         ("close-loop", {"machine": "m.yaml", "csv": "m.yaml"}, f"m.yaml: {RUN}"),
-        ("anova", {"out": "a.yaml"}, "a.yaml: ends in .yaml, and -o writes JSON; expected"),
-        ("anova", {"csv": "b.JSON"}, "b.JSON: ends in .JSON, and --csv writes CSV; expected"),
-        ("anova", {"machine": "m.yaml", "out": "apart.csv"}, "apart.csv: ends in .csv"),
-        ("simulate", {"write_cmm": "b.csv.gz"}, "ends in .gz, and --write-cmm writes CSV; expec"),
-        ("simulate", {"write_lbb": "b.yml"}, "ends in .yml, and --write-lbb writes CSV"),
+        ("anova", {"out": "a.yaml"}, "a.yaml: -o writes JSON; expected"),
+        ("anova", {"csv": "b.JSON"}, "b.JSON: --csv writes CSV; expected"),
+        ("anova", {"machine": "m.yaml", "out": "apart.csv"}, "apart.csv: -o writes JSON"),
+        ("simulate", {"write_cmm": "b.csv.gz"}, "--write-cmm writes CSV; expec"),
+        ("simulate", {"write_lbb": "b.yml"}, "--write-lbb writes CSV"),
         ("anova", {"out": "/no-such/a.json"}, "/no-such/a.json: the folder '/no-such' does not"),
         ("anova", {"out": "/"}, "/: is a folder"),
     ],
@@ -144,7 +144,7 @@ def test_simulate_overwrites_files_of_its_own_alone(tmp_path: Path) -> None:
     told = mtu(*call, "--seed", "3", cwd=work)
     assert told.returncode == 2
     assert told.stderr == (
-        f"mtu: {files['--write-cmm']}: is there already and does not begin with '# Synthetic': "
+        f"mtu: {files['--write-cmm']}: does not begin with '# Synthetic': "
         "measured data is not overwritten; expected another name, or the file moved away\n"
     )
     assert [path.read_bytes() for path in files.values()] == [second[0], measured]

@@ -14,13 +14,13 @@ PART = """\
 schema: mtu/part/1
 name: two holes
 features: {a: {x_mm: 10, y_mm: 10}, b: {x_mm: 140, y_mm: 10}}
-lengths: [{from: a, to: b, tolerance_um: 0.02}]
+lengths: [{from: a, to: b, tolerance_um: 20}]
 """
 
 
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
-    """A study of a fault in its readings and a doubt in its part."""
+    """A study of a fault in its readings whose warnings name it."""
     folder = tmp_path / "mill-2"
     folder.mkdir()
     (folder / "machine.yaml").write_bytes(MACHINE)
@@ -47,13 +47,17 @@ def test_faults_say_where_their_file_is(study: Path, tmp_path: Path) -> None:
 
 def test_warnings_say_it_and_reports_do_not(study: Path, tmp_path: Path) -> None:
     (study / "mtu.yaml").write_text(STUDY.replace("lbb: [bar.csv]\n", ""), "utf-8")
+    spare = b"components:\n  spare: {unit: um, coefficients: [0], u_future: 1}\n"
+    (study / "machine.yaml").write_bytes(MACHINE.replace(b"components:\n", spare))
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     told = mtu("lengths", str(study), "-o", "report.json", cwd=elsewhere)
     assert told.returncode == 0, told.stderr
-    assert f"warning: {study}/part.yaml:4: lengths[0].tolerance_um: a tolerance" in told.stderr
+    line = MACHINE.split(b"components:\n")[0].count(b"\n") + 2
+    own = f"machine.yaml:{line}: components.spare: the component 'spare' is in no equation"
+    assert f"warning: {study}/{own}" in told.stderr
     report = (elsewhere / "report.json").read_bytes()
-    assert b'"part.yaml:4: lengths[0].tolerance_um' in report
+    assert f'"{own}'.encode() in report
     assert str(tmp_path).encode() not in report
 
 

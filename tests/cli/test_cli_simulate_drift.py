@@ -145,45 +145,57 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--room", "26:20"), "--room: LOW is above HIGH: '26:20'; expected the lower end first"),
-        (("--room", "warm"), "--room is not LOW:HIGH: 'warm'; expected 20:26, say"),
+        (("--room", "26:20"), "--room: out of range: '26:20'; expected LOW below HIGH"),
+        (("--room", "warm"), "--room: not LOW:HIGH: 'warm'; expected 20:26, say"),
         (("--room", "20:warm"), "--room: not a number: 'warm'; expected a number"),
-        (("--room", "20:"), "--room is not LOW:HIGH: '20:'; expected 20:26, say"),
-        (("--sensor-lag-min", "-1:5"), "--sensor-lag-min is out of range: '-1:5'; expected from 0"),
-        (("--interval-min", "0"), "--interval-min is out of range"),
-        (("--cycle-minutes", "inf"), "--cycle-minutes is out of range"),
-        (("--interval-min", "1e-6"), "the drift test is too long"),
+        (("--room", "20:"), "--room: not LOW:HIGH: '20:'; expected 20:26, say"),
+        (("--sensor-lag-min", "-1:5"), "--sensor-lag-min: out of range: '-1:5'; expected from 0"),
+        (("--interval-min", "0"), "--interval-min: out of range"),
+        (("--cycle-minutes", "inf"), "--cycle-minutes: out of range"),
+        (("--interval-min", "1e-6"), "--cycles, --interval-min: out of range"),
         (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
-        (("--settled-drift", "a: 3 4"), "--settled-drift gives 2 values of a"),
+        (
+            ("--settled-drift", "a: 3 4"),
+            "--settled-drift a: not one value a position: '2 values'; expected 1",
+        ),
         (("--settled-drift", "a: 3 x"), "--settled-drift a: not a number: 'x'; expected a num"),
-        (("--settled-drift", "a:"), "--settled-drift is not NAME: NUMBERS"),
-        (("--settled-drift", "a: 1", "--settled-drift", "a: 2"), "names 'a' twice"),
-        (("--twin", "T_c_degC: T_q_degC"), "--twin is not NAME: SENSOR"),
-        (("--twin", "T_b_degC: T_a_degC"), "--twin has no name of its own"),
-        (("--room", "20:1e300"), "--room is no temperature of a room"),
+        (("--settled-drift", "a:"), "--settled-drift: not NAME: NUMBERS"),
+        (
+            ("--settled-drift", "a: 1", "--settled-drift", "a: 2"),
+            "--settled-drift a appears twice",
+        ),
+        (("--twin", "T_c_degC: T_q_degC"), "--twin: unknown sensor"),
+        (("--twin", "T_b_degC: T_a_degC"), "--twin: not a name"),
+        (("--room", "20:1e300"), "--room: out of range"),
         (("--room", "-51:20"), "from -50 to 200 degC"),
-        (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "--cmm-room is no temperature"),
+        (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "--cmm-room: out of range"),
         (("--cmm-room", "20"), "expected --write-cmm FILE"),
-        (("--sensor-noise-degC", "1e300"), "--sensor-noise-degC is out of range"),
+        (("--sensor-noise-degC", "1e300"), "--sensor-noise-degC: out of range"),
         (
             ("--interval-min", "nan"),
-            "--interval-min is out of range: 'nan'; expected a number above 0",
+            "--interval-min: out of range: 'nan'; expected a number above 0",
         ),
-        (("--reading-noise-um", "nan"), "--reading-noise-um is out of range: 'nan'; expected"),
-        (("--passes", "0"), "mtu: --passes is out of range: '0'; expected a whole number of 1"),
-        (("--cycles", "1001"), "--cycles is out of range: '1001'; expected a whole number of 1"),
+        (("--reading-noise-um", "nan"), "--reading-noise-um: out of range: 'nan'; expected"),
+        (("--passes", "0"), "mtu: --passes: out of range: '0'; expected a whole number of 1"),
+        (("--cycles", "1001"), "--cycles: out of range: '1001'; expected a whole number of 1"),
         (
             ("--minutes", "-0.1", "--parts", "0"),
-            "--minutes is out of range: '-0.1'; expected a number",
+            "--minutes: out of range: '-0.1'; expected a number",
         ),
         (
             ("--cmm-u-um", "inf"),
-            "--cmm-u-um is out of range: 'inf'; expected a number of 0 or more",
+            "--cmm-u-um: out of range: 'inf'; expected a number of 0 or more",
         ),
-        (("--seed", "-1"), "mtu: --seed is out of range: '-1'; expected 0 or more"),
-        (("--positions", "y=-1:300:5", "--write-lbb", "l.csv"), "are outside the travel of y"),
-        (("--drift-positions", "a: 0 301"), "a at 301 mm is outside the travel of y"),
-        (("--drift-positions", "a: 0 50 0"), "reads a twice at one place"),
+        (("--seed", "-1"), "mtu: --seed: out of range: '-1'; expected 0 or more"),
+        (
+            ("--positions", "y=-1:300:5", "--write-lbb", "l.csv"),
+            "--positions: outside the travel of y",
+        ),
+        (
+            ("--drift-positions", "a: 0 301"),
+            "a: outside the travel of y: '301 mm'",
+        ),
+        (("--drift-positions", "a: 0 50 0"), "--drift-positions appears twice"),
         (
             ("--drift-positions", "a: 0 300", "--settled-drift", "a: 3 4"),
             "give a the settled drift at",
@@ -203,7 +215,7 @@ def test_all_numbers_out_of_range_are_told_at_once(folder: Path) -> None:
     call = ("simulate", "-m", "machine.yaml", "--write-lbb", "l.csv", "--parts", "0")
     result = mtu(*call, "--reverse-every", "-1", "--sensor-spread", "-inf", cwd=folder)
     assert result.returncode == 2
-    options = [line.removeprefix("mtu: ").split()[0] for line in result.stderr.splitlines()]
+    options = [line.removeprefix("mtu: ").split(":")[0] for line in result.stderr.splitlines()]
     assert options == ["--parts", "--reverse-every", "--sensor-spread"]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from cli_runner import done, mtu, prepared
 
-ASKS = "more than a machine errs by: in which unit is it meant? Its values are mm, 0.003 for 3 um"
+ASKS = "more than a machine errs by; expected mm, 0.003 for 3 um"
 
 
 @pytest.fixture

@@ -31,8 +31,11 @@ def test_a_model_that_nothing_was_held_out_of_says_so_once(
     assert fitted.stderr.count("[not-held-out]") == 2 * times
     predicted = done(mtu("predict-points", "-m", "m.yaml", "-p", "p.yaml", "-c", "t.json",
                          "--at", "T_a_degC=23", "--at", "T_b_degC=23", cwd=tmp_path))  # fmt: skip
-    assert predicted.stderr.count("[not-held-out]") == times
-    assert ("warning: t.json: a, b: there are two cycles only: " in predicted.stderr) == (times > 0)
+    assert predicted.stderr.count("[unconfirmed-drift]") == times
+    assert (
+        "warning: t.json: the thermal model of a, b is unconfirmed: there are two cycles only: "
+        in predicted.stderr
+    ) == (times > 0)
 
 
 def test_thermal_blocks_that_a_drift_test_wins_over_are_named(tmp_path: Path) -> None:
@@ -73,9 +76,9 @@ def test_a_report_of_drifts_alone_is_told_to_be_one(
     if study:
         (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\nmachine: m.yaml\npart: p.yaml\n")
     message = refused(tmp_path, "predict-points", "-m", "m.yaml", "-p", "p.yaml", "-c", "t.json")
-    which = "the component 'a' has" if lacking == 1 else "the components 'a', 'b' have"
+    which = "a" if lacking == 1 else "a, b"
     assert message == (
-        f"mtu: m.yaml:4: components: {which} neither readings nor coefficients: t.json holds the "
-        "thermal part only; expected a fit-components report too (-c), readings (--lbb, --laser), "
-        f"or {rest}\n"
+        f"mtu: m.yaml:4: components: neither readings nor coefficients of {which}; expected a "
+        f"fit-components report too (-c), readings (--lbb, --laser), or {rest} (t.json holds the "
+        "thermal part only)\n"
     )

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import gzip
 import warnings
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from random import Random
 
@@ -23,9 +21,6 @@ from fuzz.samples import KINDS, Sample, prepared_folder, samples_of
 from fuzz.tally import Tally
 
 from mtu_cli.errors import fault
-from mtu_cli.files import csv_file
-from mtu_cli.files.csv_table import TextColumn
-from mtu_cli.files.readings import SPEC as READINGS
 
 SEED = 5
 
@@ -125,29 +120,6 @@ def test_failing_readers_are_noticed_and_kept(
     told = (tmp_path / "kept" / "readers-3-7.txt").read_text()
     assert told.startswith("python -m fuzz --seed 3 --first 7 --readers 1\n")
     assert "failures: 1" in "\n".join(tally.lines())
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [None, lambda column: column, lambda column: replace(column, labels=column.labels[::-1]),
-     lambda column: replace(column, codes=column.codes[::-1])],
-)  # fmt: skip
-def test_units_that_one_reader_takes_otherwise_are_noticed(
-    wrong: Callable[[TextColumn], TextColumn] | None,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """Against an oracle of their own: the reader's would be as wrong."""
-    units = ("\u00b5m", "um", "\u03bcrad", "um", "\u00b5x", "\u03bcm/m")
-    path = tmp_path / "t.csv"
-    rows = "".join(f"a,{i},{unit}\n" for i, unit in enumerate(units))
-    path.write_text(f"component,error,unit\n{rows}", "utf-8")
-    if wrong is None:
-        readers._check_agreement(path, "lbb", READINGS)
-        return
-    monkeypatch.setattr(csv_file, "_plain_units", wrong)
-    with pytest.raises(AssertionError, match=r"cell by cell: unit"):
-        readers._check_agreement(path, "lbb", READINGS)
 
 
 def test_no_except_clause_of_a_reader_holds_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mtu_cli.cli.simulate_equations import named_equation
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 
 @pytest.mark.parametrize(
@@ -39,14 +39,14 @@ def test_columns_that_may_be_right(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "column", "words"),
     [
-        ("Ex: x*y", False, r"this term is mm\^2, its equation is a length \(mm\) at column 5"),
-        ("Ex: 0.001 + x*(T_a_degC - 20)", False, r"times a temperature \(degC\).* at column 13"),
-        ("Ex: T_a_degC - 20", False, r"this term is a temperature \(degC\), its equation is a l"),
-        ("Ex: time_min", False, r"this term is a time \(min\), its equation is a length"),
+        ("Ex: x*y", False, r"this term is mm\^2, not a length \(mm\) at column 5"),
+        ("Ex: 0.001 + x*(T_a_degC - 20)", False, r"mm\*K, not a length \(mm\) at column 13"),
+        ("Ex: T_a_degC - 20", False, r"this term is a temperature \(degC\), not a l"),
+        ("Ex: time_min", False, r"this term is a time \(min\), not a length"),
         ("Ex: 0.01*sin(x)", False, r"sin of a length \(mm\) at column 14"),
         ("Ex: 0.01*(x + time_min)", False, "are added at column 13"),
         ("Ex: 0.01*step(sequence - x)", False, "are added at column 24"),
-        ("T_a_degC: x", True, r"this term is a length \(mm\), its equation is a temperature"),
+        ("T_a_degC: x", True, r"this term is a length \(mm\), not a temperature"),
         ("load: exp(time_min)", True, r"exp of a time \(min\)"),
         ("load: x + T_a_degC", True, "are added"),
         ("T_table: 20 + sequence", True, "not the name of a temperature.*T_table_degC"),

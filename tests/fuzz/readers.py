@@ -20,24 +20,20 @@ import numpy as np
 from fuzz.cases import Case
 from fuzz.messages import unclean
 from fuzz.samples import Kind, Sample
-from mtu_cli.close_loop_sealed.files.effects_file import load_effects
-from mtu_cli.close_loop_sealed.files.machine_write import WrittenEffect, extended_machine
 from mtu_cli.close_loop_sealed.model.effect_library import effect_library
 from mtu_cli.errors import InputError
-from mtu_cli.files import csv_file
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_slow import read_slow
 from mtu_cli.files.csv_table import ProblemList, TableSpec
-from mtu_cli.files.csv_text import read_csv_text
+from mtu_cli.files.effects import load_effects
+from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine
-from mtu_cli.files.model_reports import read_report
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import SPEC as POINTS_SPEC
 from mtu_cli.files.points import Points, read_points
 from mtu_cli.files.readings import SPEC as READINGS_SPEC
 from mtu_cli.files.readings import ComponentLike, Readings, read_readings
-from mtu_cli.files.readings_stream import stream_readings
+from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.study import load_study
 from mtu_cli.model.graph.examine import examine
 
@@ -152,7 +148,7 @@ def _budget(path: Path, sample: Sample, rng: Random) -> object:
 
 
 def _graph(path: Path, sample: Sample, rng: Random) -> object:
-    from mtu_cli.files.graph_file import load_graph
+    from mtu_cli.files.graph import load_graph
 
     return load_graph(path, examine)
 
@@ -199,24 +195,9 @@ def _check_readings(found: Readings) -> None:
 
 
 def _drift(path: Path, sample: Sample, rng: Random) -> object:
-    """In one piece and block by block, with the same rows or the same words."""
-    components = _components(sample, rng)
-    refused = None
-    try:
-        whole = read_readings([(path, "drift")], components, for_fit=False)
-    except InputError as error:
-        refused = error
-    try:
-        stream = stream_readings([(path, "drift")], components)
-        rows = [row for block in stream for row in block.row.tolist()]
-    except InputError as error:
-        if str(error) != str(refused):
-            raise AssertionError(f"as a whole {refused}, block by block {error}") from error
-        raise
-    assert refused is None, f"refused as a whole: {refused}"
-    assert rows == whole.row.tolist(), "other rows as a whole"
-    _check_readings(whole)
-    return rows
+    found = read_readings([(path, "drift")], _components(sample, rng), for_fit=False)
+    _check_readings(found)
+    return found
 
 
 def _points(path: Path, sample: Sample, rng: Random) -> object:
@@ -240,41 +221,26 @@ def _check_points(found: Points) -> None:
 
 
 def _check_agreement(path: Path, role: str, spec: TableSpec) -> None:
-    """The quick way through a table and the one cell by cell give the same."""
+    """The quick way through a table and the one record by record give the same."""
     told, exact = ProblemList(), ProblemList()
-    # Whatever the size; commands read small files cell by cell at once.
-    small, csv_file.SMALL = csv_file.SMALL, 0
     try:
         found = read_table(path, role, spec, told)
     except InputError:
         return
-    finally:
-        csv_file.SMALL = small
-    rows, columns = read_slow(read_csv_text(path, role), spec, exact)
-    assert _cells(exact) <= _cells(told), "more problems cell by cell"
+    plain = read_table(path, role, spec, exact, by_records=True)
+    assert _cells(exact) == _cells(told), "other faults record by record"
     if told.listed:
         return
-    assert found.rows.tolist() == rows.tolist(), "other rows cell by cell"
-    for name, values in columns.numbers.items():
+    assert found.rows.tolist() == plain.rows.tolist(), "other rows record by record"
+    for name, values in plain.columns.numbers.items():
         np.testing.assert_array_equal(found.columns.numbers[name], values, err_msg=name)
-    for name, raw in columns.texts.items():
-        cells = [raw.labels[code] if code >= 0 else None for code in raw.codes.tolist()]
-        if name in spec.units:
-            cells = [UNIT_SIGNS.get(cell or "", cell) for cell in cells]
+    for name, texts in plain.columns.texts.items():
         mine = found.columns.texts[name]
-        labels = tuple(dict.fromkeys(cell for cell in cells if cell is not None))
-        assert mine.labels == labels, f"other texts cell by cell: {name}"
-        texts = [mine.labels[code] if code >= 0 else None for code in mine.codes.tolist()]
-        assert texts == cells, f"texts of other rows cell by cell: {name}"
-    for name, times in columns.times.items():
+        assert mine.labels == texts.labels, f"other texts record by record: {name}"
+        assert mine.codes.tolist() == texts.codes.tolist(), f"texts of other rows: {name}"
+    for name, times in plain.columns.times.items():
         mine_too = found.columns.times[name]
         np.testing.assert_array_equal(mine_too.microseconds, times.microseconds, err_msg=name)
-
-
-UNIT_SIGNS = {
-    f"{sign}{unit}": f"u{unit}" for sign in "\u00b5\u03bc" for unit in ("m", "rad", "m/m")
-}
-"""Units with another sign for micro."""
 
 
 def _cells(problems: ProblemList) -> set[tuple[int | None, str | int | None]]:

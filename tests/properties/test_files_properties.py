@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from random import Random
@@ -19,23 +19,13 @@ from fuzz.samples import KINDS, Kind, Sample
 from hypothesis import given
 from hypothesis import strategies as st
 from property_settings import tried
+from reading_files import stream_readings
 
 from mtu_cli.errors import InputError
-from mtu_cli.files import csv_file
 from mtu_cli.files.machine_contract import Component
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import Readings, read_readings
-from mtu_cli.files.readings_stream import stream_readings
 from mtu_cli.units import UNITS
-
-
-@pytest.fixture(autouse=True, scope="module")
-def every_table_is_large() -> Iterator[None]:
-    """The fast reader first, whatever the size; commands read small files with the slow one."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(csv_file, "SMALL", 0)
-        yield
-
 
 HEADER = ("component", "position_mm", "pass", "direction", "error", "unit", "note", "load")
 LENGTHS, ANGLES = ("um", "mm", "nm"), ("arcsec", "urad", "mrad", "rad", "deg")

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mtu_cli.files.graph import Step
 from mtu_cli.files.graph_kinds import TRANSITIONS
-from mtu_cli.files.graph_steps import Step
 from mtu_cli.model.geometry import fit_circle, fit_sphere
 from mtu_cli.model.graph.nominal import construction
 

@@ -12,8 +12,8 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from property_settings import tried
 
+from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import (
-    EquationError,
     Node,
     check_dimension,
     evaluate,
@@ -24,7 +24,9 @@ from mtu_cli.language import (
 )
 from mtu_cli.language.derivative import derivatives
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.units import internal
 
+UNITS = {"a": internal(1), "b": internal(), "x": internal(1)}
 KNOWN = ("a", "b", "x", "y")
 PIECES = (*EQUATION_PIECES, *KNOWN, *(f"{name}(" for name in BUDGET_FUNCTIONS), ")", "2", "+", "*")
 pieces = st.lists(st.sampled_from(PIECES), max_size=25).map("".join)
@@ -41,7 +43,8 @@ terms = st.recursive(
         ),
         inner.map(lambda text: f"(-{text})"),
         st.tuples(
-            st.sampled_from([name for name, count in BUDGET_FUNCTIONS.items() if count == 1]), inner
+            st.sampled_from([name for name, item in BUDGET_FUNCTIONS.items() if item.arity == 1]),
+            inner,
         ).map(lambda found: f"{found[0]}({found[1]})"),
         st.tuples(inner, inner).map(lambda found: f"atan2({found[0]}, {found[1]})"),
     ),
@@ -50,13 +53,14 @@ terms = st.recursive(
 
 
 def parsed(text: str) -> Node | None:
-    fault: EquationError | None = None
+    fault: Finding
     try:
         return parse(text, BUDGET_FUNCTIONS)
-    except EquationError as error:
-        fault = error
+    except InputError as error:
+        (fault,) = error.findings
+    assert isinstance(fault.column, int)
     assert 1 <= fault.column <= len(text) + 1
-    assert unclean(str(fault.problem(file="m.yaml"))) is None
+    assert unclean(str(fault.at(file="m.yaml"))) is None
     return None
 
 
@@ -107,10 +111,10 @@ def test_forms_and_dimensions_are_told_or_refused(text: str, linear: set[str], w
     told = ["linear"]
     for check in (
         lambda found: linear_form(found, linear),
-        lambda found: check_dimension(found, wanted, {"a": 1, "b": 0, "x": 1}),
+        lambda found: check_dimension(found, internal(wanted), UNITS),
     ):
         try:
             check(node)
-        except EquationError as error:
-            told.append(str(error.problem(file="m.yaml")))
+        except InputError as error:
+            told += [str(each.at(file="m.yaml")) for each in error.findings]
     assert unclean("\n".join(told)) is None

@@ -11,11 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from model_examples import loaded
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.thermal_fit import thermal_fit, warnings
+from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
@@ -125,11 +124,7 @@ def held(rng: np.random.Generator, known: LoadedMachine) -> tuple[bool, ...]:
     return tuple((off <= k * np.sqrt(variance.total)).tolist())
 
 
-def test_intervals_of_errors_and_lengths_cover(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # To look for gross readings is much of the work of a fit, and nothing is said of them here.
-    monkeypatch.setattr(warnings, "gross_warnings", lambda *_: [])
+def test_intervals_of_errors_and_lengths_cover(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE)
     found = np.array([held(rng, known) for rng in np.random.default_rng(7).spawn(MACHINES)])
     # Errors along two axes have nothing in common.

@@ -1,4 +1,4 @@
-"""Values written as YAML or JSON are read back as they were, whatever they are."""
+"""Values written as JSON are read back as they were, whatever they are."""
 
 from __future__ import annotations
 
@@ -9,13 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from property_settings import tried
 
-from mtu_cli.close_loop_sealed.files.yaml_append import with_appended
-from mtu_cli.close_loop_sealed.files.yaml_dump import block_lines, flow_text
 from mtu_cli.files.json_file import read_json, report_bytes
-from mtu_cli.files.source import Source
-from mtu_cli.files.yaml_file import parse_yaml
 
-SOURCE = Source(role="machine", path=Path("m.yaml"), shown="m.yaml", sha256="")
 LOOKS_LIKE = (
     "1e-6", "0o17", "0x1F", "007", "no", "NULL", "~", ".inf", "-.5", "12:30", "2024-05-03", "- a",
     "a: b", "a #b", "&a", "*a", "!!int 1", "%a", "@", "`", "|", ">", "{a}", "[a", "'", '"', " a ",
@@ -26,7 +21,7 @@ numbers = st.one_of(
     st.integers(-(10**40), 10**40), st.floats(allow_nan=False, allow_infinity=False)
 )
 scalars = st.one_of(texts, numbers, st.booleans(), st.none())
-keys = texts.filter(lambda key: key != "<<")
+keys = texts
 
 
 def grown(inner: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -40,37 +35,6 @@ mappings = st.dictionaries(keys, values, min_size=1, max_size=5)
 def same(one: Any, two: Any) -> bool:
     """Equal in kind too: 1 is neither 1.0 nor true."""
     return repr(one) == repr(two)
-
-
-@tried(150)
-@given(data=mappings, depth=st.integers(0, 3))
-def test_yaml_is_read_back(data: dict[str, Any], depth: int) -> None:
-    text = "\n".join(block_lines(data, depth))
-    assert same(parse_yaml(text, SOURCE).data, data)
-
-
-@tried(150)
-@given(value=values)
-def test_values_on_one_line_are_read_back(value: Any) -> None:
-    text = flow_text(value)
-    assert len(text.split("\n")) == 1
-    assert same(parse_yaml(f"a: [{text}]", SOURCE).data, {"a": [value]})
-    assert same(parse_yaml(f'{{"a": {flow_text(value, quoted=True)}}}', SOURCE).data, {"a": value})
-
-
-@tried(100)
-@given(
-    before=st.lists(values, max_size=3),
-    after=st.lists(mappings, min_size=1, max_size=2),
-    rest=st.dictionaries(keys.filter(lambda key: key != "list"), values, min_size=1, max_size=3),
-    depth=st.integers(0, 2),
-)
-def test_what_is_appended_stands_behind_the_rest(
-    before: list[Any], after: list[Any], rest: dict[str, Any], depth: int
-) -> None:
-    text = "\n".join(block_lines(rest | {"list": before}, depth)) + "\n"
-    found = parse_yaml(with_appended(text, {"list": after}), SOURCE).data
-    assert same(found, rest | {"list": [*before, *after]})
 
 
 @tried(150)

@@ -15,7 +15,7 @@ from mtu_cli.analyses.budget.tails import Tail, long_tails
 from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding
-from mtu_cli.language import EquationError, Node, names
+from mtu_cli.language import Node, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
@@ -48,7 +48,7 @@ class FirstOrder:
     second_value: float
     second_u: float
     tails: tuple[Tail, ...]
-    faults: tuple[EquationError, ...]
+    faults: tuple[Finding, ...]
     scale: float = 1.0
 
 
@@ -81,7 +81,7 @@ def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Finding:
     line = loaded.line_of(*path)
     where = ".".join(str(step) for step in path)
     if slopes.faults:
-        return slopes.faults[0].problem(file=loaded.source.shown, line=line, path=where)
+        return slopes.faults[0].at(file=loaded.source.shown, line=line, path=where)
     what = "the equation has no finite value at the estimates of its inputs"
     return Problem(what=what, file=loaded.source.shown, line=line, path=where)
 

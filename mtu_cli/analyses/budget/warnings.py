@@ -191,7 +191,7 @@ def _first_order(
     if first.faults:
         fault = first.faults[0]
         message = (
-            f"{name}: {fault.what} (column {fault.column} of its equation): no first-order "
+            f"{name}: {fault.text} (column {fault.column} of its equation): no first-order "
             "uncertainty exists, use the Monte Carlo"
         )
         return [Warned(code="not-differentiable", message=message)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mtu_cli.files.graph_steps import Step
+from mtu_cli.files.graph import Step
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph
 
 

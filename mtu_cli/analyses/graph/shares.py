@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.model.graph.first_order import first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 
@@ -19,16 +19,11 @@ def shares_by_place(graph: MeasurementGraph, of: str) -> dict[str, float]:
     outputs = graph.outputs([of])
     if len({item.unit for item in outputs}) > 1:
         names = ", ".join(str(item) for item in outputs)
-        what = "mm^2 and the variance of a direction do not add up: --of names several coordinates"
-        raise fault(what, value=of, expected=f"one of: {names}")
+        raise error("several-coordinates", value=of, expected=f"one of: {names}")
     linear = first_order(evaluation(graph, outputs))
     total = float(np.sum(linear.u**2))
     if total == 0:
-        raise fault(
-            "the first-order uncertainty is 0: no shares of variance",
-            value=of,
-            expected="another place or coordinate",
-        )
+        raise error("no-variance", value=of, expected="another place or coordinate")
     return {
         name: float(np.nansum(values * linear.u**2) / total)
         for name, values in linear.by_place.items()

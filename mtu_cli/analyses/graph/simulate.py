@@ -7,17 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.graph.rare_jumps import rare_jumps
 from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns
 from mtu_cli.analyses.graph.trials import Errors, Trials
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
-from mtu_cli.model.graph.measurement_graph import Evaluation, MeasurementGraph, evaluation
+from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.rare_jumps import told_jump
 from mtu_cli.stats.validation import Validation
 
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
@@ -98,26 +95,8 @@ def simulate_graph(
         trials=max((item.trials for item in coordinates), default=0),
         digits=settings.digits,
         converged=all(item.converged for item in coordinates),
-        warnings=(*_warnings(coordinates), *_rare(whole, linear, coordinates, settings.digits)),
+        warnings=tuple(_warnings(coordinates)),
     )
-
-
-def _rare(
-    whole: Evaluation,
-    linear: FirstOrder,
-    coordinates: Sequence[SimulatedCoordinate],
-    digits: int,
-) -> list[Finding]:
-    """Of outputs that are called converged; what varies by chance alone is counted otherwise."""
-    judged = np.array([item.converged and not (item.fixed or item.chance) for item in coordinates])
-    u = np.where(judged, [item.u for item in coordinates], 0.0)
-    trials = np.array([item.trials for item in coordinates], dtype=np.float64)
-    warnings = []
-    for jump in rare_jumps(whole, linear, u, trials, digits):
-        i = jump.output
-        text = told_jump(str(coordinates[i].output), jump, float(u[i]), float(trials[i]))
-        warnings.append(Warned(code="rare-jump", message=text))
-    return warnings
 
 
 def _shares(linear: FirstOrder, index: int) -> dict[str, float]:
@@ -178,15 +157,10 @@ def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Finding]:
     ]
     warnings = []
     if coordinates and all(item.fixed for item in coordinates):
-        text = "nothing varies: no reading or given value that this depends on has an uncertainty"
-        warnings.append(Warned(code="no-uncertainty", message=text))
+        warnings.append(finding("nothing-varies"))
     if nil:
-        more = f" and {len(nil) - 6} more" if len(nil) > 6 else ""
+        reason = "the first-order uncertainty is 0, u is of second order"
         warnings.append(
-            Warned(
-                code="first-order-nil",
-                message=f"{', '.join(nil[:6])}{more}: the first-order uncertainty is 0 and no use, "
-                "the Monte Carlo u is of second order; it has no shares by source",
-            )
+            finding("not-estimable", quantity="shares by source", names=nil, reason=reason)
         )
     return warnings

@@ -12,8 +12,8 @@ import numpy as np
 from mtu_cli.analyses.graph.surface import Formula, fit_formula
 from mtu_cli.analyses.graph.trial_runs import SWEPT, TrialRuns
 from mtu_cli.analyses.graph.varied import REPEATS, probed_with, unrelated
-from mtu_cli.errors import fault
 from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
+from mtu_cli.findings import error
 from mtu_cli.model.graph.chances import chance_places
 from mtu_cli.model.graph.first_order import first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
@@ -122,7 +122,7 @@ def _one_output(graph: MeasurementGraph, of: str) -> Output:
     outputs = graph.outputs([of])
     if len(outputs) != 1:
         names = ", ".join(str(item) for item in outputs)
-        raise fault("--of names several coordinates", value=of, expected=f"one of: {names}")
+        raise error("several-coordinates", value=of, expected=f"one of: {names}")
     return outputs[0]
 
 
@@ -174,10 +174,12 @@ def _check(varied: Mapping[str, Sequence[float]]) -> None:
             if not (least <= value <= largest and whole):
                 kind = "whole numbers" if name == REPEATS else "numbers"
                 expected = f"{kind} from {least} to {largest:g}"
-                raise fault(f"--vary {name} out of range", value=f"{value:g}", expected=expected)
+                path = f"--vary {name}"
+                raise error("out-of-range", path=path, value=f"{value:g}", expected=expected)
     count = math.prod(len(values) for values in varied.values())
     if count > LARGEST_GRID:
-        raise fault("the grid is too large", value=str(count), expected=f"at most {LARGEST_GRID}")
+        expected = f"at most {LARGEST_GRID} combinations"
+        raise error("out-of-range", path="--vary", value=str(count), expected=expected)
 
 
 def _seed(settings: Settings, number: int) -> int:

@@ -37,7 +37,6 @@ from mtu_cli.analyses.thermal_fit.uncertainty import (
 from mtu_cli.analyses.thermal_fit.warnings import (
     component_warnings,
     sensor_warnings,
-    unit_warnings,
 )
 from mtu_cli.findings import Finding
 from mtu_cli.model.thermal import ThermalEstimate
@@ -96,7 +95,7 @@ def thermal_fit(
         not_used=others,
         reference=reference,
         method=method,
-        warnings=tuple(dict.fromkeys(warnings + unit_warnings(series.values(), sensors, warnings))),
+        warnings=tuple(dict.fromkeys(warnings)),
     )
 
 

@@ -9,11 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
-from mtu_cli.errors import InputError, Problem, Warned, fault
-from mtu_cli.files.covariates import HOTTEST_DEGC, is_temperature
-from mtu_cli.files.drift_cells import TEMPERATURE_EXPECTED
-from mtu_cli.files.fahrenheit import FAHRENHEIT
-from mtu_cli.files.sensor_names import unused_sensor_notes
+from mtu_cli.errors import InputError, Problem, fault
+from mtu_cli.files.covariates import HOTTEST_DEGC, TEMPERATURE_EXPECTED, is_temperature
 from mtu_cli.findings import Finding
 from mtu_cli.stats.compressed import compress, together
 from mtu_cli.stats.least_squares import FloatArray
@@ -62,17 +59,9 @@ def read_series(
 
 
 def noting(blocks: Iterable[Readings], warnings: list[Finding]) -> Iterator[Readings]:
-    """The blocks as they are; their notes, and those of columns that may be sensors, are put among
-    the `warnings`.
-    """
-    told: set[str] = set()
-    for number, block in enumerate(blocks):
-        for note in (*block.notes, *(() if number else unused_sensor_notes(block))):
-            # From which row on a sensor is in Fahrenheit differs from block to block.
-            once = note.message.split(": ")[0] if note.code == FAHRENHEIT else note.message
-            if once not in told:
-                warnings.append(Warned(code=note.code, message=note.message))
-            told.add(once)
+    """The blocks as they are; their notes are put among the `warnings`."""
+    for block in blocks:
+        warnings += block.notes
         yield block
 
 

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.columns import Library
 from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
-from mtu_cli.analyses.thermal_fit.gross import gross_warnings
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, HeldOut
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import Rest
 from mtu_cli.errors import Warned
-from mtu_cli.files.fahrenheit import FAHRENHEIT, cycles_words, fahrenheit_words
 from mtu_cli.findings import Finding
-from mtu_cli.model.temperature_warnings import OTHERS_MOVE_DEGC
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
 
 OVER_FIT = 2.0
+FEWEST_ROWS = 10
 COLLINEAR = 30.0
 """Condition number from which on single coefficients are not to be trusted (Belsley, Kuh &
 Welsch 1980, ch. 3)."""
-STUCK_SHARE = 0.5
-"""A sensor counts as stuck where one value fills this share of a cycle, half or more."""
-FEWEST_ROWS = 10
 LEAST_GAIN, GAIN_P = 0.05, 0.05
 """Fall of the held-out rms from which on a model is of use whatever its cycles' scatter, and the
 level at which a smaller one is told from none."""
@@ -187,38 +181,10 @@ def _consistent(held: HeldOut) -> bool:
     return float(gain.mean() * np.sqrt(n)) > float(stdtrit(n - 1, 1 - GAIN_P)) * s
 
 
-def unit_warnings(
-    every: Iterable[Series], sensors: tuple[str, ...], told: Iterable[Finding]
-) -> list[Finding]:
-    """One warning of sensors whose readings of all components seem to be in Fahrenheit, or else
-    one of each that is in some cycles, which those `told` by rows do not name.
-    """
-    code, cycles = FAHRENHEIT, dict[str, FloatArray]()
-    for series in every:
-        for cycle, (low, high) in series.spans.items():
-            # Lowest and the negative of the highest, (2, s): the least of both is wanted.
-            own = np.array([low, -high])
-            cycles[cycle] = np.minimum(cycles.get(cycle, own), own)
-    low, high = np.min(list(cycles.values()), axis=0) * [[1.0], [-1.0]]
-    extents = zip(low.tolist(), high.tolist(), strict=True)
-    words = fahrenheit_words(dict(zip(sensors, extents, strict=True)))
-    if words is not None:
-        return [Warned(code=code, message=words)]
-    known = " ".join(item.message for item in told if item.code == code)
-    found = []
-    for s, name in enumerate(sensors):
-        text = cycles_words({c: (float(o[0, s]), -float(o[1, s])) for c, o in cycles.items()})
-        if text is not None and repr(name) not in known:
-            found.append(Warned(code=code, message=f"{name}: {text}"))
-    return found
-
-
 def sensor_warnings(
     series: Series, lib: Library, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
 ) -> list[Finding]:
-    """Sensors that do not move, at all or for a time in which the others do, and readings that
-    are no part of the others.
-    """
+    """Sensors that do not move, and readings whose cycles begin apart."""
     span = series.range()
     still = [sensors[s] for s in range(len(sensors)) if span[s, 0] == span[s, 1]]
     found = [
@@ -228,20 +194,7 @@ def sensor_warnings(
         )
         for name in still
     ]
-    found += [*gross_warnings(lib, rest, drift), *_levels(rest, drift)]
-    for c, cycle in enumerate(series.cycles):
-        rows = rest.kept.at(series.positions[0], c)
-        for s in _stuck(rest.kept.temperature[rows]):
-            if sensors[s] in still:
-                continue
-            found.append(
-                Warned(
-                    code="sensor-stuck",
-                    message=f"{sensors[s]} stands still in cycle {cycle!r} while the others "
-                    f"move{_consequence(drift, sensors[s], span[s])}",
-                )
-            )
-    return found
+    return found + _levels(rest, drift)
 
 
 def _levels(rest: Rest, drift: ComponentDrift) -> list[Finding]:
@@ -266,31 +219,3 @@ def _levels(rest: Rest, drift: ComponentDrift) -> list[Finding]:
             )
             return [Warned(code="cycles-begin-apart", message=text)]
     return []
-
-
-def _stuck(temperature: FloatArray) -> list[int]:
-    """Columns (n, s) of which one value fills half the rows while the others move."""
-    if len(temperature) < FEWEST_ROWS:
-        return []
-    found = []
-    # What fills half the rows is in the middle of them all.
-    middle = sorted({(len(temperature) - 1) // 2, len(temperature) // 2})
-    values = np.partition(temperature, middle, axis=0)[middle]
-    alike = np.array([(temperature == value).sum(axis=0) for value in values])
-    for s in range(temperature.shape[1]):
-        most = int(np.argmax(alike[:, s]))
-        if alike[most, s] < STUCK_SHARE * len(temperature):
-            continue
-        still = temperature[:, s] == values[most, s]
-        others = np.delete(np.ptp(temperature[still], axis=0), s)
-        if len(others) and np.median(others) >= OTHERS_MOVE_DEGC:
-            found.append(s)
-    return found
-
-
-def _consequence(drift: ComponentDrift, sensor: str, span: FloatArray) -> str:
-    if sensor not in drift.estimate.sensors:
-        return f": the model of {drift.name} does not use it"
-    largest = max(abs(gradients[sensor]) for _, gradients in drift.at_positions)
-    wrong = drift.shown(largest * float(span[1] - span[0]))
-    return f": it makes the model of {drift.name} wrong by up to {wrong}"

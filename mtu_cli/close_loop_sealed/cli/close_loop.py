@@ -10,11 +10,11 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import drift_estimates, modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import UNEXPLAINED, Choices, read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
-from mtu_cli.errors import Warned, fault, listed
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
 from mtu_cli.model.effect_ranges import column_ranges, seen_ranges
 from mtu_cli.model.fit import (
@@ -23,7 +23,6 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
-from mtu_cli.model.reading_doubts import scale_doubts
 from mtu_cli.model.residual_table import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
 
@@ -115,7 +114,7 @@ def _doubts(result: CloseLoopResult, written: bool) -> list[Finding]:
         CLASS: "of effects that this data cannot tell apart, the likeliest is written",
     }
     return [
-        Warned(code=f"written-{verdict}", message=text)
+        loop_warning(code=f"written-{verdict}", message=text)
         for verdict, text in doubts.items()
         if verdict in own
     ]
@@ -151,13 +150,14 @@ def _tables(
         return (table,), Known(estimates=found.estimates, fit=found.fit), [*found.warnings, *more]
     readings = inputs.readings
     if readings is None:
-        raise fault(
-            "nothing measured is given",
+        raise error(
+            "no-input",
+            role="cmm, lbb or laser file",
             expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one "
             f"({inputs.without('cmm', 'lbb', 'laser')})",
         )
     machine = inputs.machine
-    warnings = [*not_told_warnings(machine), *scale_doubts(machine, readings)]
+    warnings = [*not_told_warnings(machine), *readings.notes]
     report = inputs.components
     if report is not None:
         before = estimates_from_report(machine, report)
@@ -182,7 +182,7 @@ def _not_used(inputs: Inputs, choices: Choices) -> list[Finding]:
     }
     text = "is not used: readings are judged, no points of parts (--cmm) are given"
     return [
-        Warned(code="option-not-used", message=f"{option} {text}")
+        loop_warning(code="option-not-used", message=f"{option} {text}")
         for option, given in asked.items()
         if given
     ]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.gates import given_gates, unknown_gates
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.errors import InputError, Problem, did_you_mean
+from mtu_cli.findings import InputError, finding
 from mtu_cli.model.datum import Datum
 
 if TYPE_CHECKING:
@@ -46,17 +46,17 @@ def read_choices(inputs: Inputs) -> Choices:
     problems = []
     if not 0 < alpha < 1:
         problems.append(
-            Problem(
-                what="--alpha is out of range", value=str(alpha), expected="a rate between 0 and 1"
+            finding(
+                "out-of-range", path="--alpha", value=str(alpha), expected="a rate between 0 and 1"
             )
         )
     if max_effects < 1:
         problems.append(
-            Problem(
-                what="--max-effects is out of range", value=str(max_effects), expected="1 or more"
+            finding(
+                "out-of-range", path="--max-effects", value=str(max_effects), expected="1 or more"
             )
         )
-    problems += unknown_gates(gates, GATES.__contains__, lambda gate: did_you_mean(gate, GATES))
+    problems += unknown_gates(gates, GATES.__contains__, lambda _: " or ".join(GATES))
     if problems:
         raise InputError(problems)
     return Choices(

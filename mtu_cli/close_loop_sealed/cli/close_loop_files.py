@@ -12,12 +12,12 @@ import numpy as np
 from mtu_cli import __version__
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.outputs import written_files
-from mtu_cli.close_loop_sealed.files.machine_write import (
+from mtu_cli.close_loop_sealed.bridge import as_listed, loop_warning
+from mtu_cli.files.extend_machine import (
     ExtendedMachine,
     WrittenEffect,
     extended_machine,
 )
-from mtu_cli.errors import Warned
 from mtu_cli.findings import Finding
 from mtu_cli.language import to_text
 from mtu_cli.language.tree import Number
@@ -119,10 +119,10 @@ def written(
     on = found_on or [FoundOn()] * len(effects)
     entries = [_entry(inputs, effects[i], stated[i], worth[i], on[i]) for i in kept]
     extended = extended_machine(inputs.machine, entries)
-    warnings += [Warned(code=item.code, message=item.message) for item in extended.warnings]
+    warnings += extended.warnings
     if not kept:
         message = "no effect is added: what is written is the machine as it was"
-        warnings.append(Warned(code="nothing-added", message=message))
+        warnings.append(loop_warning(code="nothing-added", message=message))
     files = {}
     for name, path in targets.items():
         if name == "write_machine":
@@ -138,7 +138,7 @@ def _left_out(effects: Sequence[Found]) -> list[Finding]:
         return []
     names = ", ".join(effect.name for effect in effects)
     message = f"no equation of the machine can describe {names}: not added to it"
-    return [Warned(code="effect-not-written", message=message)]
+    return [loop_warning(code="effect-not-written", message=message)]
 
 
 def _entry(
@@ -279,11 +279,7 @@ def _results(inputs: Inputs, known: Known) -> tuple[dict[str, Any], list[Finding
     machine = inputs.machine
     if inputs.components is not None:
         given = inputs.components.document
-        earlier = [
-            Warned(code=str(item.get("code")), message=str(item.get("message")))
-            for item in given.get("warnings", ())
-            if isinstance(item, dict)
-        ]
+        earlier = [as_listed(item) for item in given.get("warnings", ()) if isinstance(item, dict)]
         rest = {key: value for key, value in given["results"].items() if key != "effects"}
         return rest, earlier
     fit = known.fit or MachineFit(components={}, joint=())

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.close_loop_sealed.files.effects_contract import Kind
+from mtu_cli.files.effects import Kind
 
 FloatArray = NDArray[np.float64]
 Column = dict[int, FloatArray]

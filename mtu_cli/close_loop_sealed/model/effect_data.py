@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.close_loop_sealed.model.effect_candidate import FloatArray
-from mtu_cli.files.contracts import is_identifier
+from mtu_cli.files.contract import is_identifier
 from mtu_cli.files.covariates import COVARIATES, is_steady, is_temperature
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.model.residual_table import ResidualTable

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.close_loop_sealed.files.effects_contract import Family
 from mtu_cli.close_loop_sealed.model.effect_candidate import FloatArray, Member
 from mtu_cli.close_loop_sealed.model.effect_data import COPY, TableData
 from mtu_cli.close_loop_sealed.model.effect_members import Batch
+from mtu_cli.files.effects import Family
 
 LEFT = 1.0 - COPY
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.close_loop_sealed.files.effects_contract import Search
 from mtu_cli.close_loop_sealed.model.effect_candidate import FloatArray
+from mtu_cli.files.effects import Search
 from mtu_cli.language import evaluate, parse
 
 DEFAULT_COUNT = 40

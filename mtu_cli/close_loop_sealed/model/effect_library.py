@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from mtu_cli.close_loop_sealed.files.effects_file import LoadedEffects, LoadedFamily, load_effects
 from mtu_cli.close_loop_sealed.model.effect_binding import (
     Binding,
     filled,
@@ -23,8 +22,9 @@ from mtu_cli.close_loop_sealed.model.effect_data import TableData, copy_notes, l
 from mtu_cli.close_loop_sealed.model.effect_distinct import distinct
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember, check_column
 from mtu_cli.close_loop_sealed.model.effect_members import Batch, BoundTemplate
-from mtu_cli.errors import InputError, Problem, closest, did_you_mean
+from mtu_cli.files.effects import LoadedEffects, LoadedFamily, load_effects
 from mtu_cli.files.source import Source
+from mtu_cli.findings import InputError, finding, nearest
 from mtu_cli.language import names
 from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.threads import one_blas_thread
@@ -108,27 +108,28 @@ def _check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
     if unknown:
         raise InputError(
             [
-                Problem(
-                    what="unknown effect to exclude",
+                finding(
+                    "unknown-name",
+                    what="effect to exclude",
                     value=name,
-                    expected=_meant(name, library),
+                    meant=_meant(name, library),
+                    expected=_offered(library),
                 )
                 for name in unknown
             ]
         )
 
 
-def _meant(name: str, library: EffectLibrary) -> str:
-    """What was probably meant by a name that no effect has, or all families there are."""
-    families = [name for name in library.names() if "{" not in name]
+def _meant(name: str, library: EffectLibrary) -> tuple[str, ...]:
+    """What was probably meant by a name that no effect has."""
+    families = [known for known in library.names() if "{" not in known]
     text = name.strip().casefold()
-    inside = [known for known in families if text and text in known.casefold()]
-    if inside:
-        *first, last = map(repr, inside)
-        return f"did you mean {', '.join(first)}{' or ' if first else ''}{last}?"
-    known = [*families, *_all_possible(library)]
-    if closest(name, known) is not None:
-        return did_you_mean(name, known)
+    inside = tuple(known for known in families if text and text in known.casefold())
+    return inside or nearest(name, [*families, *_all_possible(library)])
+
+
+def _offered(library: EffectLibrary) -> str:
+    families = [known for known in library.names() if "{" not in known]
     return (
         f"a family ({', '.join(families)}) or one of its effects, such as backlash-x; --csv FILE "
         "lists all that your data allows"

@@ -8,9 +8,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.close_loop_sealed.files.effect_templates import CHOSEN, Template, number_of
-from mtu_cli.close_loop_sealed.files.effect_text import equation_text, filled_tree, with_number
-from mtu_cli.close_loop_sealed.files.effects_contract import Family
 from mtu_cli.close_loop_sealed.model.effect_binding import Binding, filled, resolved
 from mtu_cli.close_loop_sealed.model.effect_candidate import (
     Column,
@@ -27,12 +24,21 @@ from mtu_cli.close_loop_sealed.model.effect_grid import (
 )
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember, check_column
 from mtu_cli.close_loop_sealed.model.effect_slopes import slopes
-from mtu_cli.language import EquationError, Node, evaluate, names
-from mtu_cli.language.dimensions import base_scales, exponent
-from mtu_cli.language.term_dimensions import units_per
+from mtu_cli.files.declared_effects import units_per_minute
+from mtu_cli.files.effects import (
+    CHOSEN,
+    Family,
+    Template,
+    equation_text,
+    filled_tree,
+    number_of,
+    with_number,
+)
+from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.tree import Binary, Name
+from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.design import LARGEST
-from mtu_cli.units import MINUTE, PARAMETER_UNITS
+from mtu_cli.units import PARAMETER_UNITS, internal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +168,7 @@ class BoundTemplate:
 
     def parameter(self, name: str, bound: Binding) -> str:
         """The name of a parameter, which no column of the equations has."""
-        own = filled(self.template.braced.get(name, name), bound)
+        own = filled(name, bound)
         while own in {resolved(raw, bound).name for raw in self.template.raw_names}:
             own = f"own_{own}"
         return own
@@ -172,11 +178,10 @@ class BoundTemplate:
         angular = self.data.table.unit == "arcsec"
         found: dict[str, str] = {}
         for name, unit in self.template.units.items():
-            raw = self.template.braced.get(name, name)
             shown = re.sub("^um", "arcsec", unit) if angular else unit
             if self.binding.get("c") == "time_min":
                 shown = self._beside_time(name, shown)
-            axes = self.data.table.axes if "{each}" in raw else ("",)
+            axes = self.data.table.axes if "{each}" in name else ("",)
             each = ({**self.binding, "each": axis} for axis in axes)
             found |= {self.parameter(name, bound): shown for bound in each}
         return tuple(found.items())
@@ -188,17 +193,17 @@ class BoundTemplate:
         """
         forms = self.template.forms.values()
         levers = [form.coefficients[parameter] for form in forms if parameter in form.coefficients]
-        raw = {own: self.template.braced.get(own, own) for item in levers for own in names(item)}
-        counts = {own: int(text == "{c}") for own, text in raw.items()}
-        written = {own for own, text in raw.items() if number_of(text) is not None}
-        literal = dict.fromkeys(written | {*raw} & {self.template.searched}, 1.0)
-        scale = base_scales({MINUTE: counts})[MINUTE]
-        try:
-            if any(exponent(filled_tree(item, literal), scale) != 1 for item in levers):
-                return unit
-        except EquationError as error:
-            raise NoMember(f"time_min in place of {{c}}: {error.what}") from None
-        per = units_per(MINUTE, PARAMETER_UNITS[unit])
+        held = {own for item in levers for own in names(item)}
+        counts = {own: internal(minute=own == "{c}") for own in held}
+        written = {own for own in held if number_of(own) is not None}
+        literal = dict.fromkeys(written | held & {self.template.searched}, 1.0)
+        algebra = Algebra(units=counts, whole=True)
+        timed = [algebra.of(filled_tree(item, literal)).minute == 1 for item in levers]
+        if algebra.faults:
+            raise NoMember(f"time_min in place of {{c}}: {algebra.faults[0].text}")
+        if not all(timed):
+            return unit
+        per = units_per_minute(PARAMETER_UNITS[unit])
         if not per or PARAMETER_UNITS[unit].per is not None:
             raise NoMember(f"{unit} of {parameter} has no unit per minute")
         return per[0]
@@ -206,7 +211,6 @@ class BoundTemplate:
     def columns(self, searched: FloatArray | None) -> tuple[Column, ...]:
         """Levers of the parameters by axis, each (G or 1, P or 1, H or 1)."""
         found: dict[str, Column] = {name: {} for name, _ in self.parameters()}
-        braced = self.template.braced
         for key, index, _, bound in self.equations():
             values: dict[str, FloatArray | float] = {}
             for name in names(self.template.trees[key]):
@@ -215,7 +219,7 @@ class BoundTemplate:
                 elif name == CHOSEN and self.family.over is not None:
                     values[name] = indicators(self.data.table, self.family.over)
                 elif name not in self.template.units:
-                    values[name] = self.value(braced.get(name, name), bound)
+                    values[name] = self.value(name, bound)
             for name, node in self.template.forms[key].coefficients.items():
                 lever = np.asarray(evaluate(node, values), float)
                 if not (np.abs(lever) < LARGEST).all():
@@ -266,8 +270,7 @@ class BoundTemplate:
                 continue
             numbers: dict[str, float | str] = {}
             for name in names(self.template.trees[key]):
-                raw = self.template.braced.get(name, name)
-                own = resolved(raw, bound)
+                own = resolved(name, bound)
                 if name in self.template.units:
                     numbers[name] = self.parameter(name, bound)
                 elif own.kind is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Warned
+from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
@@ -240,7 +240,7 @@ class _Reader:
             f"the readings of {self.name} do not have {', '.join(lost)} in every row: its known "
             "drift with temperature stays in them"
         )
-        return None, [Warned(code="drift-not-removed", message=text)]
+        return None, [loop_warning(code="drift-not-removed", message=text)]
 
     def _paired(self) -> list[Finding]:
         if not self.layout.pairs:
@@ -250,14 +250,14 @@ class _Reader:
             f"passes of {self.name} run one way: one there and one back are judged as one pass "
             f"({', '.join(pairs[:SHOWN])}{' and so on' if len(pairs) > SHOWN else ''})"
         )
-        return [Warned(code="passes-paired", message=text)]
+        return [loop_warning(code="passes-paired", message=text)]
 
     def _instruments(self) -> list[Finding]:
         roles = dict.fromkeys(self.readings.roles[i] for i in self.readings.file_index[self.rows])
         if len(roles) < 2:
             return []
         text = f"{self.name} was read by {' and '.join(roles)}: their passes stand in one table"
-        return [Warned(code="instruments-together", message=text)]
+        return [loop_warning(code="instruments-together", message=text)]
 
 
 def _shared_by_directions(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
 from mtu_cli.close_loop_sealed.analyses.loop.shown import own_verdict
 from mtu_cli.close_loop_sealed.reports.close_loop_shown import RIVALS, class_of
-from mtu_cli.errors import listed
+from mtu_cli.findings import listed
 
 
 def gate_text(result: CloseLoopResult) -> str:

@@ -19,8 +19,8 @@ from mtu_cli.close_loop_sealed.reports.close_loop_shown import (
     stays,
     sure_levels,
 )
-from mtu_cli.errors import listed
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
+from mtu_cli.findings import listed
 from mtu_cli.reports.numbers import p_value, plus_minus
 
 WEAR, SEQUENCE = "wear-approach", "sequence"

@@ -45,7 +45,7 @@ from mtu_cli.close_loop_sealed.reports.close_loop_shown import (
     size_of,
 )
 from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_lines
-from mtu_cli.errors import listed
+from mtu_cli.findings import listed
 from mtu_cli.reports.document import finite
 from mtu_cli.reports.numbers import MISSING, p_value, plus_minus, significant
 from mtu_cli.reports.tables import Column, Sheet

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 
 import numpy as np
 
-from mtu_cli.files.graph_steps import Step
+from mtu_cli.files.graph import Step
 from mtu_cli.language import Node, evaluate, to_text
 from mtu_cli.language.tree import Call, Name, rewritten, walk
 

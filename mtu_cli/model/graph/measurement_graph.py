@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.files.contract_errors import path_text
+from mtu_cli.files.graph import LoadedGraph
 from mtu_cli.files.graph_contract import Graph
-from mtu_cli.files.graph_file import LoadedGraph
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.graph.inputs import Inputs
-from mtu_cli.model.graph.nominal import Computed, Values, named_scalars, nominal_values
-from mtu_cli.model.graph.not_finite import not_finite
+from mtu_cli.model.graph.nominal import (
+    Computed,
+    Values,
+    named_scalars,
+    nominal_values,
+    not_finite,
+)
 from mtu_cli.model.graph.outputs import Output, outputs_of, read
 from mtu_cli.model.graph.units import place_units
 from mtu_cli.stats.least_squares import FloatArray
@@ -99,14 +103,17 @@ class Evaluation:
         if step.formula is not None:
             at = named_scalars(step.formula, values, int(np.argmax(bad)))
             why = f": {not_finite(step.formula, at)}"
-        return Problem(
-            what=f"{step.do} of {', '.join(step.outputs)}: no finite value below {LARGEST:g} in "
-            f"{count} of {len(bad)} Monte Carlo trials{why}",
-            file=self.loaded.source.shown,
-            line=self.loaded.line_of("transitions", step.index),
-            path=path_text(("transitions", step.index)),
+        return finding(
+            "not-finite-in-trials",
+            do=step.do,
+            places=step.outputs,
+            largest=LARGEST,
+            count=count,
+            trials=len(bad),
+            reason=why,
             expected="a step that is defined for all values its inputs may take: bounded "
             "distributions or smaller uncertainties where it needs them",
+            **place_of_step(self.loaded, step.index),
         )
 
 
@@ -115,8 +122,8 @@ def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
     nominal, computed, faults = nominal_values(loaded.graph.places, loaded.rounds)
     if faults:
         raise InputError(
-            Problem(what=what, file=loaded.source.shown, line=loaded.line_of("transitions", index))
-            for index, what in faults
+            finding("degenerate", reason=reason, **place_of_step(loaded, index))
+            for index, reason in faults
         )
     return MeasurementGraph(
         loaded=loaded,
@@ -125,6 +132,12 @@ def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
         computed=tuple(computed),
         units=place_units(loaded.graph, loaded.steps),
     )
+
+
+def place_of_step(loaded: LoadedGraph, index: int) -> dict[str, Any]:
+    """Where a transition stands in its file."""
+    line = loaded.line_of("transitions", index)
+    return {"file": loaded.source.shown, "line": line, "path": f"transitions[{index}]"}
 
 
 def evaluation(graph: MeasurementGraph, outputs: Sequence[Output]) -> Evaluation:

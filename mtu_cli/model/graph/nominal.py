@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.files.graph import Rounds, Step, place_of
 from mtu_cli.files.graph_contract import Graph, Place
-from mtu_cli.files.graph_file import Rounds
-from mtu_cli.files.graph_formulas import place_of
 from mtu_cli.files.graph_kinds import COORDINATES, NAMED_BY_COORDINATE
-from mtu_cli.files.graph_steps import Step
-from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language import Node, evaluate, names, to_text
+from mtu_cli.language.tree import Binary, Call, children, walk
 from mtu_cli.model.graph import fits
 from mtu_cli.model.graph.constructions import CONSTRUCTIONS, Construction, Outputs
 from mtu_cli.model.graph.degenerate import degenerate
-from mtu_cli.model.graph.not_finite import not_finite
 from mtu_cli.stats.least_squares import FloatArray
 
 Values = dict[str, FloatArray]
@@ -148,6 +147,31 @@ def named_scalars(node: Node, values: Mapping[str, FloatArray], trial: int = 0) 
         value, row = values[place_of(name)], _row(name)
         found[name] = float((value if row is None else value[row])[trial])
     return found
+
+
+def not_finite(formula: Node, values: Mapping[str, float]) -> str:
+    """What in a formula has no finite value for these names, and at which of its characters."""
+    for node in walk(formula):
+        finite = (math.isfinite(_value(item, values)) for item in children(node))
+        if not math.isfinite(_value(node, values)) and all(finite):
+            return f"{_fault(node, values)}, at column {node.column} of the formula"
+    return f"it is {_value(formula, values):g}"
+
+
+def _value(node: Node, values: Mapping[str, float]) -> float:
+    return float(evaluate(node, values))
+
+
+def _fault(node: Node, values: Mapping[str, float]) -> str:
+    match node:
+        case Binary("/", _, right) if _value(right, values) == 0:
+            return f"division by zero: {to_text(right)} is 0"
+        case Binary("**", left, right) if _value(left, values) == 0 and _value(right, values) < 0:
+            return f"division by zero: {to_text(left)} is 0 in {to_text(node)}"
+        case Call(function, (argument,)):
+            given = _value(argument, values)
+            return f"no finite {function}: {to_text(argument)} is {given:g}"
+    return f"no finite value of {to_text(node)}"
 
 
 def _orientation(nominal: Sequence[FloatArray]) -> FloatArray:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import fault
 from mtu_cli.files.graph_contract import Place
 from mtu_cli.files.graph_kinds import COORDINATES
-from mtu_cli.files.graph_names import known_places
+from mtu_cli.findings import error, suggestion
 from mtu_cli.model.graph.nominal import Values
 from mtu_cli.model.graph.vectors import cross, dot
 from mtu_cli.stats.least_squares import FloatArray
@@ -59,12 +58,12 @@ def _split(name: str, places: Mapping[str, Place]) -> tuple[str, str | None]:
         return name, None
     place, dot_, coordinate = name.rpartition(".")
     if not dot_ or place not in places:
-        hint = known_places(place if dot_ else name, places)
-        raise fault("unknown place", value=name, expected=hint)
+        near = suggestion(place if dot_ else name, places)
+        raise error("unknown-name", what="place", value=name, **near)
     known = COORDINATES[places[place].kind]
     if coordinate not in known:
         hint = f"one of: {', '.join(f'{place}.{item}' for item in known)}"
-        raise fault(f"a {places[place].kind} has no such coordinate", value=name, expected=hint)
+        raise error("no-such-coordinate", kind=places[place].kind, name=name, expected=hint)
     return place, coordinate
 
 

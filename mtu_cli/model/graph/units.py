@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
+from mtu_cli.files.graph import Step, place_of
 from mtu_cli.files.graph_contract import Graph
-from mtu_cli.files.graph_formulas import place_of
-from mtu_cli.files.graph_steps import Step
-from mtu_cli.language import EquationError, Node, names
-from mtu_cli.language.dimensions import check_arguments, exponent, length_scale
+from mtu_cli.findings import InputError
+from mtu_cli.language import Node, names
 from mtu_cli.language.tree import Call
+from mtu_cli.language.unit_algebra import Algebra, plain_number
+from mtu_cli.units import internal
 
 INVERSE = ("asin", "acos", "atan", "atan2")
 LENGTHS = {
@@ -21,7 +22,7 @@ LENGTHS = {
 }
 """Which input of a transition is a length, of those that may hold something else."""
 Unit = str | None
-Faults = list[tuple[Step, EquationError]]
+Faults = list[tuple[Step, InputError]]
 
 
 def place_units(
@@ -60,7 +61,7 @@ def _told(graph: Graph, steps: Iterable[Step], faults: Faults | None) -> dict[st
             if units[name] is None or graph.places[name].kind == "vector":
                 try:
                     units[name] = _unit(step, units)
-                except EquationError as error:
+                except InputError as error:
                     if faults is not None:
                         faults.append((step, error))
     return units
@@ -105,12 +106,15 @@ def _named(exponent: int, *, angle: bool) -> str:
 def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
     """The unit of a formula's value, or None where the units of its inputs do not tell it.
 
-    Raises EquationError where dimensions do not agree.
+    Raises InputError where dimensions do not agree.
     """
-    lengths = length_scale({name: _exponent(unit) for name, unit in units.items()})
-    found = exponent(node, lengths)
-    check_arguments(node, lengths)
-    if found is None:
+    known = {name: _exponent(unit) for name, unit in units.items()}
+    lengths = {name: internal(own) for name, own in known.items() if own is not None}
+    algebra = Algebra(units=lengths, factor=plain_number, whole=True)
+    found = algebra.of(node)
+    if algebra.faults:
+        raise InputError(algebra.faults)
+    if not found.known:
         return None
     circular = isinstance(node, Call) and node.function in INVERSE
-    return _named(int(found), angle=circular or set(units.values()) == {"rad"})
+    return _named(int(found.exponents[0]), angle=circular or set(units.values()) == {"rad"})

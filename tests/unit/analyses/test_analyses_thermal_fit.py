@@ -132,21 +132,6 @@ def test_a_still_sensor_is_left_out() -> None:
     assert "T_02_degC reads 21.3 degC throughout" in warned.message
 
 
-def test_sensors_in_fahrenheit_are_told_once_and_one_odd_cell_is_none() -> None:
-    runs = Plan(gradients=np.array([[2.0, 1.0]])).runs(np.random.default_rng(6))
-    hot = [
-        replace(run, name=name, temperature=32.0 + 1.8 * (run.temperature + add))
-        for run in runs
-        for name, add in (("p", 0.0), ("q", 0.5))
-    ]
-    parts = dict.fromkeys("pq", ("x", "um"))
-    found = thermal_fit([readings(hot)], parts, reference=REFERENCE, method="ridge")
-    (warned,) = [item for item in found.warnings if "Fahrenheit" in item.message]
-    assert warned.code == "looks-like-fahrenheit"
-    runs[0].temperature[5] = 85.0
-    assert "looks-like-fahrenheit" not in codes(fitted(readings(runs)))
-
-
 def test_no_sensor_moves() -> None:
     plan = Plan(gradients=np.array([[2.0, 1.0]]))
     runs = plan.runs(np.random.default_rng(7))
@@ -158,17 +143,6 @@ def test_no_sensor_moves() -> None:
     assert drift.estimate.coefficients.shape == (1, 0)
     assert drift.rms_after == pytest.approx(drift.rms_before, rel=ROUNDING)
     assert {"no-sensor", "sensor-still"} <= set(codes(found))
-
-
-def test_a_stuck_sensor_is_named_with_its_cycle() -> None:
-    plan = Plan(gradients=np.array([[2.0, 1.0, 0.5]]))
-    runs = plan.runs(np.random.default_rng(8))
-    runs[2].temperature[20:, 1] = runs[2].temperature[20, 1]
-    found = fitted(readings(runs))
-    (warned,) = [item for item in found.warnings if item.code == "sensor-stuck"]
-    assert "T_02_degC stands still in cycle 'c2'" in warned.message
-    assert "makes the model of p wrong by up to" in warned.message
-    assert "sensor-stuck" not in codes(fitted(plan.read(np.random.default_rng(8))))
 
 
 @pytest.mark.parametrize("positions", [(None,), (0.0, 200.0)])

@@ -10,18 +10,12 @@ import pytest
 from plain_thermal import Table, held_out_errors
 from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, rises
 
-from mtu_cli.analyses.thermal_fit import columns, thermal_fit, warnings
+from mtu_cli.analyses.thermal_fit import columns, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.lag import first_order_lag
 
 PLACES = (0.0, 120.0, 200.0)
-
-
-@pytest.fixture
-def without_gross(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To look for gross readings is half of the work of a fit, and nothing is said of them here."""
-    monkeypatch.setattr(warnings, "gross_warnings", lambda *_: [])
 
 
 def one(found: Readings, method: str) -> ComponentDrift:
@@ -140,7 +134,6 @@ def test_a_held_out_cycle_takes_no_part_in_its_own_model(method: str) -> None:
     assert seen[1] + seen[2] - 2 * seen[0] == pytest.approx(2 * 1000.0**2, rel=ROUNDING)
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_noise_alone_is_no_better_held_out() -> None:
     plan = Plan(gradients=np.zeros((1, 4)), n=40, noise=1.0)
     found = [one(plan.read(np.random.default_rng(seed)), "ridge").held_out for seed in range(30)]
@@ -163,14 +156,12 @@ def false_alarms(draws: int, **changes: object) -> float:
     return alarms / draws
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_false_alarms_of_the_test_of_position() -> None:
     draws = 400
     rate = false_alarms(draws)
     assert abs(rate - 0.05) < 4 * np.sqrt(0.05 * 0.95 / draws)
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_false_alarms_where_readings_follow_each_other() -> None:
     """The autocorrelation is estimated from the residuals, a little too low: near 5 %, not 50 %."""
     draws = 300

@@ -12,10 +12,9 @@ from mtu_cli.analyses.thermal_fit import reading, thermal_fit
 from mtu_cli.analyses.thermal_fit.columns import library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.errors import InputError, Notice
+from mtu_cli.errors import InputError
 from mtu_cli.files.covariates import HOTTEST_DEGC
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding
 from mtu_cli.stats.lag import first_order_lag
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
@@ -253,30 +252,3 @@ def test_cycles_of_one_name_in_two_files() -> None:
     (warned,) = [w for w in fitted(two).warnings if w.code == "cycle-in-two-files"]
     assert "p: cycle 'c0' stands in d.csv and e.csv and counts as one" in warned.message
     assert "cycle-in-two-files" not in [w.code for w in fitted(found).warnings]
-
-
-def test_a_cycle_in_fahrenheit_is_told_where_no_block_shows_it() -> None:
-    runs = Plan(gradients=LINE[:1]).runs(np.random.default_rng(6))
-    runs[1].temperature[:, 1] = 32.0 + 1.8 * runs[1].temperature[:, 1]
-    (warned,) = [w for w in fitted(readings(runs)).warnings if "Fahrenheit" in w.message]
-    assert warned.code == "looks-like-fahrenheit"
-    assert warned.message.startswith(f"T_02_degC: in cycle {runs[1].cycle!r} it is ")
-
-
-def test_what_blocks_note_is_told_once_a_column() -> None:
-    """Rows differ from block to block; two faults of one column are two."""
-    given = Plan(gradients=LINE[:1]).read(np.random.default_rng(6))
-    beside = {**given.covariates, "NTC7": given.covariates["T_01_degC"] + 1.0}
-    doubts = [Notice(code="sensor-doubtful", message=f"d, column 'T': {why}") for why in "ab"]
-    blocks = [
-        replace(
-            given,
-            covariates=beside,
-            notes=(Notice(code="looks-like-fahrenheit", message=f"d, column 'T': {k}"), *doubts),
-        )
-        for k in range(2)
-    ]
-    warnings = list[Finding]()
-    assert len(list(reading.noting(blocks, warnings))) == 2
-    assert [w.message[:16] for w in warnings] == ["d, column 'T': 0", *(d.message for d in doubts),
-                                                  "column 'NTC7' is"]  # fmt: skip

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, rises
 
-from mtu_cli.analyses.thermal_fit import thermal_fit, warnings
+from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.columns import Library, library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.reading import read_series
@@ -18,12 +18,6 @@ from mtu_cli.stats.least_squares import FloatArray, least_squares
 
 STRONG = np.array([[3.0, 2.0, 4.0], [5.0, 1.5, 2.0]])
 PLACES = (50.0, 250.0)
-
-
-@pytest.fixture
-def without_gross(monkeypatch: pytest.MonkeyPatch) -> None:
-    """To look for gross readings is half of the work of a fit, and nothing is said of them here."""
-    monkeypatch.setattr(warnings, "gross_warnings", lambda *_: [])
 
 
 def drawn(plan: Plan, draws: int, method: str) -> list[ThermalEstimate]:
@@ -45,7 +39,6 @@ def moments(found: list[ThermalEstimate]) -> tuple[FloatArray, FloatArray]:
     return np.cov(b.T), C.mean(axis=0)
 
 
-@pytest.mark.usefixtures("without_gross")
 @pytest.mark.parametrize("method", ["stepwise", "ridge"])
 def test_coefficients_scatter_as_their_covariance_says(method: str) -> None:
     """Independent noise, one cycle (no penalty), all sensors far beyond doubt."""
@@ -64,7 +57,6 @@ def test_coefficients_scatter_as_their_covariance_says(method: str) -> None:
     assert (np.abs(b.mean(axis=0) - planted.ravel()) < 4.5 * np.sqrt(np.diag(seen) / draws)).all()
 
 
-@pytest.mark.usefixtures("without_gross")
 @pytest.mark.parametrize("method", ["stepwise", "ridge"])
 def test_more_cycles_never_claim_more_than_there_is(method: str) -> None:
     """The larger of two estimates is reported: too large on average. The limit of a factor of 2 in
@@ -79,7 +71,6 @@ def test_more_cycles_never_claim_more_than_there_is(method: str) -> None:
     assert (ratio < 4).all()
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_intervals_of_a_drift_cover_it() -> None:
     """The drift in the middle of the axis, of readings that follow each other."""
     plan = Plan(gradients=STRONG, positions=PLACES, cycles=1, n=100, noise=0.3, noise_memory=0.5)
@@ -92,7 +83,6 @@ def test_intervals_of_a_drift_cover_it() -> None:
     assert np.mean(inside) > 0.95 - 4 * np.sqrt(0.05 * 0.95 / 200)
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_a_slow_misfit_is_the_leftover() -> None:
     """A level and a slope that each follow themselves: leftover is their covariance at one step.
 
@@ -108,7 +98,6 @@ def test_a_slow_misfit_is_the_leftover() -> None:
     assert (np.abs(mean - planted) < 4 * error + taken * planted).all()
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_noise_of_readings_is_no_leftover() -> None:
     """White noise of variance s^2 = 0.09 um^2: what is left of it is its own scatter, cut at 0. The
     autocovariance of n has the standard error s^2/sqrt(n) (Bartlett 1946).
@@ -120,7 +109,6 @@ def test_noise_of_readings_is_no_leftover() -> None:
     assert found.max() < 4 * 0.09 / np.sqrt(400)
 
 
-@pytest.mark.usefixtures("without_gross")
 def test_sensor_noise_within_its_standard_error() -> None:
     """From second differences: the median of n of them is good to 1.17/sqrt(n_effective)."""
     for noise in (0.01, 0.05):

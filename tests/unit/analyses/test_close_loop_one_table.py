@@ -15,7 +15,7 @@ from shop_day import SIGMA, ShopDay, Truth, effect, measure
 
 from mtu_cli.close_loop_sealed.analyses.loop import CloseLoopResult, close_loop
 from mtu_cli.close_loop_sealed.model.effect_library import effect_library
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 PARTS, SEED = 10, 7
 SLOW = ("cyclic", "warm-up", "curvature", "straightness", "wear-approach", "thermal-growth")

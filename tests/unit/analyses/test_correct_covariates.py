@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import correct
 from mtu_cli.analyses.correct.warmth import unused_warmth
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings
 

@@ -155,9 +155,9 @@ def test_heights_are_told_however_a_round_bore_is_drawn(drawn: str, tmp_path: Pa
     found = correct(
         machine(tmp_path), ring_part(tmp_path), replace(points, nominal=nominal), Settings()
     )
-    messages = [w.message for w in warnings(found) if w.code == "heights-differ"]
-    assert "the plane through them leans by 0.29 degrees" in messages[0]
-    assert "and 1.1 um larger" in messages[0]
+    facts = [w.facts for w in warnings(found) if w.code == "heights-differ"]
+    assert facts[0]["angle_deg"] == pytest.approx(0.29, abs=0.005)
+    assert facts[0]["larger_um"] == pytest.approx(1.1, abs=0.05)
 
 
 @pytest.mark.parametrize(("axis", "clause"), [("x", False), ("y", False), ("z", True)])
@@ -167,9 +167,9 @@ def test_heights_are_told_along_the_axis_of_the_bore(
 ) -> None:
     """Of any circle; without z only one about z is left."""
     found = at_two_heights(tmp_path, axis, calibrated=calibrated)
-    (told,) = (w.message for w in warnings(found) if w.code == "heights-differ")
-    assert f"ring lie at different heights along {axis} (ring: the plane" in told
-    assert ("leave z_mm out of the points" in told) == clause
+    (told,) = (w for w in warnings(found) if w.code == "heights-differ")
+    assert (told.facts["axis"], told.facts["names"]) == (axis, ["ring"])
+    assert ("no column z_mm" in (told.expected or "")) == clause
     assert found.ovals == ()
 
 
@@ -187,11 +187,10 @@ def test_of_a_bore_that_is_inclined_no_axis_is_told(tmp_path: Path) -> None:
     found = at_two_heights(tmp_path, "z", calibrated=True)
     own = replace(found.leaning[0], axis=None, operation="milled", larger=0.4142, angle=0.5)
     first, second = heights_differ([found.leaning[0], own])
-    assert "along z (ring: " in first.message
-    assert "milled ring lie at different heights along the bore, which is " in second.message
-    assert "leans by 29 degrees" in second.message
-    assert "410 um larger: touch it at one height" in second.message
-    assert "z_mm" not in second.message
+    assert (first.facts["axis"], second.facts["axis"]) == ("z", "the axis of the inclined bore")
+    assert second.facts["names"] == ["milled ring"]
+    assert second.facts["larger_um"] == pytest.approx(414.2)
+    assert second.expected == "points at one height"
 
 
 @pytest.mark.parametrize(("degrees", "axis"), [(0.5, "z"), (2.0, None), (89.5, "x")])
@@ -219,9 +218,9 @@ def test_what_heights_make_is_laid_to_them(tmp_path: Path) -> None:
             )
             told = [w for w in warnings(replace(found, sizes=sizes)) if w.code.startswith("errors")]
             assert [w.code for w in told] == [code]
-            message = told[0].message
-            assert ("points of ring lie at different heights: a bore is" in message) == heights
-            assert ("calibrated_mm" in message) != heights
+            cause = told[0].facts["cause"]
+            assert ("lie at different heights" in cause) == heights
+            assert ("calibrated_mm" in cause) != heights
 
 
 @pytest.mark.parametrize("digits", [2, 3])

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.rows import REACH
-from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
+from mtu_cli.findings import InputError
 from mtu_cli.model.basis import ThermalBasis
 from mtu_cli.model.machine_model import MachineModel, Term
 from mtu_cli.model.settings import Settings

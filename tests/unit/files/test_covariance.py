@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.files.covariance import covariance_fault
+from mtu_cli.files.machine import covariance_fault
 
 NAN, INF = float("nan"), float("inf")
 

@@ -1,193 +1,170 @@
-"""The CSV reader: every form of a table that it takes, and how fast and slow paths agree."""
+"""The reader of CSV tables: what it takes, and that it names every bad cell."""
 
 from __future__ import annotations
 
+import csv
 import gzip
 from pathlib import Path
 
 import numpy as np
 import pytest
 from csv_contract import SPEC, faults, names, table
+from hypothesis import given
+from hypothesis import strategies as st
 
-from mtu_cli.files import csv_file
-from mtu_cli.files.csv_cells import TIME_EXPECTED
-from mtu_cli.files.csv_fast import read_fast
+from mtu_cli.errors import InputError
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_frames import Suspect
-from mtu_cli.files.csv_slow import read_slow
-from mtu_cli.files.csv_table import ProblemList
-from mtu_cli.files.csv_text import read_csv_text
+from mtu_cli.files.csv_table import LISTED_PROBLEMS, ProblemList
+from mtu_cli.files.headers import meant_by
 
-
-@pytest.fixture(autouse=True)
-def every_table_is_large(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The fast reader first, whatever the size; commands read small files with the slow one."""
-    monkeypatch.setattr(csv_file, "SMALL", 0)
-
-
-def test_a_table(tmp_path: Path) -> None:
-    read = table(
-        tmp_path, "value,name,T_a_degC,shift\n1.5,a,20,day\n-2e-3, b ,,\n+3,a,21.5,night\n"
-    )
-    assert read.columns.numbers["value"].tolist() == [1.5, -2e-3, 3.0]
-    assert names(read) == ["a", "b", "a"]
-    assert read.columns.texts["name"].labels == ("a", "b")
-    np.testing.assert_array_equal(read.columns.numbers["T_a_degC"], [20.0, np.nan, 21.5])
-    assert names(read, "shift") == ["day", "", "night"]
-    assert read.covariates == ("T_a_degC", "shift")
-    assert read.rows.tolist() == [2, 3, 4]
-    assert (read.source.rows, read.source.role) == (3, "lbb")
-
-
-PLAIN = "name,value,note\na,1.5,x\nb,2.25,y\n"
+PLAIN = "name,value,size\na,1,2\nb,-2.5e-3,\n"
 
 
 @pytest.mark.parametrize(
     "content",
     [
         PLAIN,
-        PLAIN.rstrip("\n"),
+        "\ufeff" + PLAIN,
         PLAIN.replace("\n", "\r\n"),
         PLAIN.replace("\n", "\r"),
-        "\ufeff" + PLAIN,
         PLAIN.replace(",", ";"),
         PLAIN.replace(",", ";").replace(".", ","),
-        PLAIN.replace("name,value,note", '"name", value ,note'),
-        PLAIN.replace("a,", '"a",').replace("x", '"x"'),
-        PLAIN + "\n\n  \n",
+        "# a comment\n\n" + PLAIN.replace("b,", "# another\n  \nb,"),
+        PLAIN.replace("a,1", '"a","1"'),
+        PLAIN.removesuffix("\n"),
+        "size,name,value\n2,a,1\n,b,-0.0025\n",
     ],
 )
-def test_forms_of_the_same_table(tmp_path: Path, content: str) -> None:
-    read = table(tmp_path, content)
-    assert names(read) == ["a", "b"]
-    assert read.columns.numbers["value"].tolist() == [1.5, 2.25]
-    assert names(read, "note") == ["x", "y"]
-    assert read.rows.tolist() == [2, 3]
+def test_one_table_in_many_ways(content: str, tmp_path: Path) -> None:
+    found = table(tmp_path, content)
+    assert names(found) == ["a", "b"]
+    assert found.columns.numbers["value"].tolist() == [1.0, -0.0025]
+    np.testing.assert_array_equal(found.columns.numbers["size"], [2.0, np.nan])
 
 
-def test_comments_and_blank_lines_count_as_rows(tmp_path: Path) -> None:
-    content = '# say "hi\n\n#\nname,value\n# x\na,1\n\n   \nb#1,2\n#end\n'
-    read = table(tmp_path, content)
-    assert names(read) == ["a", "b#1"]
-    assert read.rows.tolist() == [6, 9]
-    assert table(tmp_path, content.replace("\n", "\r\n")).rows.tolist() == [6, 9]
+def test_rows_count_as_in_an_editor(tmp_path: Path) -> None:
+    content = '# one\n\nname,value\n"a\nb",1\n\n# six\nc,2\n'
+    assert table(tmp_path, content).rows.tolist() == [4, 8]
+    assert table(tmp_path, "name,value\na,1\n\n   \nc,2\n").rows.tolist() == [2, 5]
 
 
-def test_quoted_cells_over_several_lines(tmp_path: Path) -> None:
-    content = 'name,value,note\na,1,"one\n# two, ""three""\n"\n# comment\nb,2,plain\n'
-    read = table(tmp_path, content)
-    assert names(read, "note") == ['one\n# two, "three"', "plain"]
-    assert read.rows.tolist() == [2, 6]
-    assert faults(tmp_path, content + "c,x,\n") == [
-        ", row 7, column 'value': not a number: 'x'; expected a number"
-    ]
-
-
-def test_a_quote_inside_a_plain_cell_is_data(tmp_path: Path) -> None:
-    read = table(tmp_path, 'name,value\n5" pin,1\n6" pin, 2\n7" pin,3\n')
-    assert names(read) == ['5" pin', '6" pin', '7" pin']
-
-
-def test_fast_and_slow_readers_agree(tmp_path: Path) -> None:
-    content = (
-        "name,value,size,time,c,d,e\n"
-        "a,1,,2024-05-03T14:30:00,1,x,\n"
-        "NA,2.5e3,7,2024-05-03 14:31,,,\n"
-        "null,-.5,8.,2024-05-04,007,1,\n"
-    )
-    (tmp_path / "t.csv").write_text(content)
-    text = read_csv_text(tmp_path / "t.csv", "lbb")
-    count, fast = read_fast(text, SPEC)
-    rows, slow = read_slow(text, SPEC, ProblemList())
-    assert rows.tolist() == [2, 3, 4]
-    assert count == 3
-    assert set(fast.numbers) == set(slow.numbers) == {"value", "size", "c", "e"}
-    for name, values in fast.numbers.items():
-        np.testing.assert_array_equal(values, slow.numbers[name])
-    for name, column in fast.texts.items():
-        assert column.labels == slow.texts[name].labels
-        np.testing.assert_array_equal(column.codes, slow.texts[name].codes)
-    np.testing.assert_array_equal(fast.times["time"].microseconds, slow.times["time"].microseconds)
-    assert np.diff(fast.times["time"].microseconds).tolist() == [60_000_000, 34_140_000_000]
-    assert fast.texts["name"].labels == ("a", "NA", "null")
-
-
-def test_numbers_are_read_to_the_last_digit(tmp_path: Path) -> None:
-    values = np.random.default_rng(1).normal(0, 1, 2000) * 10.0 ** np.arange(-50, 50).repeat(20)
-    body = "".join(f"a,{value!r}\n" for value in values.tolist())
-    read = table(tmp_path, "name,value\n" + body)
-    np.testing.assert_array_equal(read.columns.numbers["value"], values)
-
-
-def test_semicolons_with_decimal_points_and_commas_in_texts(tmp_path: Path) -> None:
-    read = table(tmp_path, "name;value;note\na;1.5;x, y\nb;2;z\n")
-    assert read.columns.numbers["value"].tolist() == [1.5, 2.0]
-    assert names(read, "note") == ["x, y", "z"]
-
-
-def test_times(tmp_path: Path) -> None:
-    head = "name,value,time\n"
-    read = table(tmp_path, head + "a,1,2024-05-03T14:30:00.25Z\na,1,2024-05-03T16:30:00+02:00\n")
-    assert read.columns.times["time"].aware
-    assert np.diff(read.columns.times["time"].microseconds).tolist() == [-250_000]
-    found = faults(tmp_path, head + "a,1,2024-05-03\na,1,\na,1,12:30\na,1,2024\na,1,2024-13-01\n")
-    assert [line.split(": ")[:2] for line in found] == [
-        [", row 3, column 'time'", f"empty cell; expected {TIME_EXPECTED}"],
-        [", row 4, column 'time'", "not a time"],
-        [", row 5, column 'time'", "not a time"],
-        [", row 6, column 'time'", "not a time"],
-    ]
-    assert "ISO 8601" in found[1]
-    mixed = head + "a,1,2024-05-03T10:00\na,1,2024-05-03T10:00Z\n"
-    assert "times with and without an offset from UTC" in faults(tmp_path, mixed)[0]
-
-
-def test_compressed_files(tmp_path: Path) -> None:
-    packed = gzip.compress(PLAIN.encode())
+def test_packed(tmp_path: Path) -> None:
+    packed = gzip.compress(PLAIN[:20].encode()) + gzip.compress(PLAIN[20:].encode())
     assert names(table(tmp_path, packed, "t.csv.gz")) == ["a", "b"]
-    two = gzip.compress(b"name,value\na,1\n") + gzip.compress(b"b,2\n")
-    assert names(table(tmp_path, two, "t.csv.gz")) == ["a", "b"]
-    assert "the compressed data end too early" in faults(tmp_path, packed[:-12], "t.csv.gz")[0]
-    damaged = packed[:15] + bytes([packed[15] ^ 0xFF]) + packed[16:]
-    assert "damaged gzip data" in faults(tmp_path, damaged, "t.csv.gz")[0]
-    assert "is not gzip-compressed" in faults(tmp_path, PLAIN, "t.csv.gz")[0]
+    (fault,) = faults(tmp_path, packed[:-9], "t.csv.gz")
+    assert "end too early" in fault
+    bomb = gzip.compress(b"name,value\n" + b"0" * (1 << 28))
+    (fault,) = faults(tmp_path, bomb, "t.csv.gz")
+    assert "unpacks to more than" in fault
 
 
-def test_a_compressed_bomb_is_refused(tmp_path: Path) -> None:
-    bomb = gzip.compress(b"\n" * (1 << 27))
-    assert "unpacks to more than" in faults(tmp_path, bomb, "t.csv.gz")[0]
+def test_texts_that_look_like_numbers_stay_texts(tmp_path: Path) -> None:
+    assert names(table(tmp_path, "name,value\n007,1\n7,2\n7.0,3\n")) == ["007", "7", "7.0"]
 
 
-def test_encodings(tmp_path: Path) -> None:
-    assert names(table(tmp_path, "name,value\nmüller,1\n")) == ["müller"]
-    assert (
-        ":3: not UTF-8: byte 17 is 0xfc" in faults(tmp_path, b"name,value\na,1\nm\xfcller,1\n")[0]
+def test_covariates_are_numbers_or_texts(tmp_path: Path) -> None:
+    content = "name,value,load,tool,flag\na,1,3,T1,TRUE\nb,2,,2,true\n"
+    found = table(tmp_path, content)
+    np.testing.assert_array_equal(found.columns.numbers["load"], [3.0, np.nan])
+    assert names(found, "tool") == ["T1", "2"]
+    assert names(found, "flag") == ["TRUE", "true"]
+
+
+def test_all_bad_cells_are_named(tmp_path: Path) -> None:
+    content = (
+        "name,value,size,time\n"
+        "a,1,2,2024-01-02T03:04\n"
+        ",x,y,2024-01-02T03:04\n"
+        "a,z\n"
+        "a,1,2,3,4\n"
+        "b,,nan,03.01.2024\n"
+        'c,1e999,"1,5",2024-01-02T03:04\n'
+        "d,1_0,0x1,2024-01-02T03:04\n"
     )
-    assert "byte 13 is zero" in faults(tmp_path, b"name,value\na\0,1\n")[0]
+    found = {tuple(line.split(": ")[:2]) for line in faults(tmp_path, content)}
+    assert found == {
+        (", row 3, column 'name'", "empty cell; expected a text"),
+        (", row 3, column 'value'", "not a number"),
+        (", row 3, column 'size'", "not a number"),
+        (", row 4", "a short row of 2 cells"),
+        (", row 5", "a long row of 5 cells"),
+        (", row 6, column 'value'", "empty cell; expected a number"),
+        (", row 6, column 'size'", "not a finite number"),
+        (", row 6, column 'time'", "not a time"),
+        (", row 7, column 'value'", "not a finite number"),
+        (", row 7, column 'size'", "not a number"),
+        (", row 8, column 'value'", "not a number"),
+        (", row 8, column 'size'", "not a number"),
+    }
 
 
-def test_a_large_table_takes_the_fast_path(tmp_path: Path) -> None:
-    n = 60_000
-    index = np.arange(n)
-    lines = [f"P{i // 1000:03},{i * 0.5},{i % 7},{'late' if i == n - 1 else i}" for i in index]
-    lines[30_000] += "\n# a comment in the middle\n"
-    content = "name,value,c,d\n" + "\n".join(lines) + "\n"
-    (tmp_path / "t.csv").write_text(content)
-    text = read_csv_text(tmp_path / "t.csv", "lbb")
-    count, columns = read_fast(text, SPEC)
-    assert count == n
-    np.testing.assert_array_equal(columns.numbers["value"], index * 0.5)
-    np.testing.assert_array_equal(columns.numbers["c"], index % 7)
-    np.testing.assert_array_equal(columns.texts["name"].codes, index // 1000)
-    # Nearly all cells of `d` are numbers; one is not, so that all stay as they are written.
-    assert columns.texts["d"].labels[:2] == ("0", "1")
-    assert columns.texts["d"].labels[-1] == "late"
-    read = read_table(tmp_path / "t.csv", "lbb", SPEC)
-    np.testing.assert_array_equal(read.rows, index + 2 + 2 * (index > 30_000))
+def test_very_many_bad_cells_are_counted(tmp_path: Path) -> None:
+    many = LISTED_PROBLEMS + 5000
+    (tmp_path / "m.csv").write_text("name,value\n" + "a,x\n" * many)
+    with pytest.raises(InputError) as caught:
+        read_table(tmp_path / "m.csv", "lbb", SPEC)
+    assert len(caught.value.findings) + caught.value.uncounted == many
+    first, last = str(caught.value).splitlines()
+    assert first.startswith("m.csv, row 2, column 'value': not a number: 'x'")
+    assert last == "... and 5000 more"
 
 
-def test_the_fast_path_refuses_what_it_cannot_vouch_for(tmp_path: Path) -> None:
-    for row in ("a,x", "a,1,2", "a,inf", ",1", 'a,"1'):
-        (tmp_path / "t.csv").write_text(f"name,value\na,1\n{row}\n")
-        with pytest.raises(Suspect):
-            read_fast(read_csv_text(tmp_path / "t.csv", "lbb"), SPEC)
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "the file is empty"),
+        ("# nothing\n", "holds no rows"),
+        ("name,value\n", "holds no rows"),
+        ("name\tvalue\na\t1\n", "separated by tabs"),
+        ('{"name": 1}', "JSON, no table"),
+        ("name,value,value\na,1,2\n", "stands twice"),
+        ("name,value,\na,1,\n", "column 3 has no name"),
+        ("name,Value\na,1\n", "'Value' renamed to 'value'"),
+        ("name,valeu\na,1\n", "'valeu' renamed to 'value'"),
+        ("name,value,Size\na,1,2\n", "would not be read as 'size'"),
+        ('name,value\n"a,1\n', "row cannot be read"),
+    ],
+)
+def test_what_is_no_table(content: str, words: str, tmp_path: Path) -> None:
+    assert any(words in line for line in faults(tmp_path, content))
+
+
+@pytest.mark.parametrize(
+    ("name", "header", "meant"),
+    [
+        ("x_mm", ["Actual X", "Nominal X"], "Actual X"),
+        ("nominal_x_mm", ["Actual X", "Soll X [mm]"], "Soll X [mm]"),
+        ("part", ["Serial-No.", "Hole"], "Serial-No."),
+        ("feature", ["Hole", "Bohrung"], None),
+        ("error", ["Deviation (um)"], "Deviation (um)"),
+    ],
+)
+def test_columns_by_other_names(name: str, header: list[str], meant: str | None) -> None:
+    assert meant_by(name, header) == meant
+
+
+CELLS = st.sampled_from(
+    ["1", "-2.5", " 3 ", "", "x", "nan", "1e400", "7,5", "2024-05-03", "True", "é", "1e-3", '"q"']
+)
+
+
+@given(st.lists(st.lists(CELLS, min_size=4, max_size=4), min_size=1, max_size=8), st.booleans())
+def test_the_quick_way_is_the_plain_one(rows: list[list[str]], semicolons: bool) -> None:
+    """Also where quotes or wrong lengths make it go record by record at once."""
+    from tempfile import TemporaryDirectory
+
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "t.csv"
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, delimiter=";" if semicolons else ",")
+            writer.writerows([["name", "value", "size", "other"], *rows])
+        told, exact = ProblemList(), ProblemList()
+        quick = read_table(path, "lbb", SPEC, told)
+        plain = read_table(path, "lbb", SPEC, exact, by_records=True)
+    assert {p.message for p in told.listed} == {p.message for p in exact.listed}
+    assert quick.rows.tolist() == plain.rows.tolist()
+    for name, values in plain.columns.numbers.items():
+        np.testing.assert_array_equal(quick.columns.numbers[name], values)
+    for name, texts in plain.columns.texts.items():
+        assert quick.columns.texts[name].labels == texts.labels
+        assert quick.columns.texts[name].codes.tolist() == texts.codes.tolist()

@@ -1,4 +1,4 @@
-"""Effects files: what is accepted, and every fault with its line and path."""
+"""Effects files: what is accepted, and every fault with its line, path and code."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import jsonschema
 import pytest
 import yaml
 
-from mtu_cli.close_loop_sealed.files.effects_file import LoadedEffects, load_effects
 from mtu_cli.close_loop_sealed.model.effect_library import BUILT_IN, effect_library
-from mtu_cli.errors import InputError
+from mtu_cli.files.effects import LoadedEffects, load_effects
 from mtu_cli.files.schemas import json_schema
-from mtu_cli.units import PARAMETER_UNITS, UNITS
+from mtu_cli.findings import Finding, InputError
+from mtu_cli.language import names, parse, to_text
+from mtu_cli.language.parser import BRACED
 
 BACKLASH = """\
 - family: play
@@ -31,10 +32,10 @@ def load(tmp_path: Path, text: str) -> LoadedEffects:
     return load_effects(tmp_path / "e.yaml")
 
 
-def faults(tmp_path: Path, text: str) -> list[str]:
+def faults(tmp_path: Path, text: str) -> tuple[Finding, ...]:
     with pytest.raises(InputError) as caught:
         load(tmp_path, text)
-    return [str(problem) for problem in caught.value.findings]
+    return caught.value.findings
 
 
 def family(
@@ -67,175 +68,108 @@ def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:
     jsonschema.validate(yaml.safe_load(BUILT_IN.read_text("utf-8")), schema)
 
 
+def test_names_in_braces_keep_their_columns() -> None:
+    text = "k_{each}*({a} - {a0})*dir_{a}"
+    tree = parse(text, name=BRACED)
+    assert names(tree) == {"k_{each}": 1, "{a}": 11, "{a0}": 17, "dir_{a}": 23}
+    assert to_text(tree) == text
+
+
 @pytest.mark.parametrize(
-    ("equations", "told"),
+    ("equations", "column"),
     [
-        ("{Ex: k*speed}", "effects[0].equations.Ex: unknown name 'speed' at column 3; expected "),
-        ('{Ex: "k*({a} - {q0})"}', "effects[0].equations.Ex: unknown name '{q0}' at column 10"),
-        ("{Ex: k*x*k}", "product of the parameters 'k' and 'k' at column 4"),
-        ("{Ex: k*x + 0.001}", "a term without a parameter at column 1"),
-        ("{Ex: k*(x}", "the parenthesis opened at column 3 is not closed at column 5"),
-        ("{Ex: k}", "this term is an angle or ratio (rad), its equation is a length (mm)"),
-        ('{Ex: "k*({a} - {a0})**2"}', "this term is mm^2, its equation is a length (mm)"),
-        (
-            '{Ex: "k*{a}*dir_{b}*{b}"}',
-            "this term is mm^2, its equation is a length (mm) at column 1",
-        ),
-        (
-            '{Ex: "k*{b}*exp({a})"}',
-            "exp of a length (mm) at column 11: '{a}'; expected a plain num",
-        ),
-        ("{Ex: k*x*log(T_a_degC)}", "log of a temperature (degC) at column 9"),
-        ("{E1: k*x}", "effects[0].equations.E1: not an equation: 'E1'; expected Ex, Ey, Ez, E{a}"),
-        ('{"E{each}": "k*{each}", Ex: k*x}', "stands beside other equations"),
-        ('{Ex: "k*{each}"}', "'{each}' in Ex at column 3; expected {each} in E{each} only"),
-        ("{Ex: k*x*chosen}", "unknown name 'chosen' at column 5"),
-        ("{Ex: k*sin(x}", "the parenthesis opened at column 6 is not closed"),
-        ("{Ex: k*foo(x)}", "unknown function 'foo' at column 3"),
-        ("{}", "effects[0].equations: wrong value: '{}'; expected at least 1 of them"),
+        ("{Ex: k*speed}", 3),
+        ('{Ex: "k*({a} - {q0})"}', 10),
+        ("{Ex: k*x*k}", 4),
+        ("{Ex: k*x + 0.001}", 1),
+        ("{Ex: k*(x}", 5),
+        ("{Ex: k}", 1),
+        ('{Ex: "k*({a} - {a0})**2"}', 1),
+        ('{Ex: "k*{a}*dir_{b}*{b}"}', 1),
+        ('{Ex: "k*{b}*exp({a})"}', 11),
+        ("{Ex: k*x*log(T_a_degC)}", 9),
+        ('{Ex: "k*{each}"}', 3),
+        ("{Ex: k*x*chosen}", 5),
+        ("{Ex: k*foo(x)}", 3),
+        ("{E1: k*x}", None),
+        ('{"E{each}": "k*{each}", Ex: k*x}', None),
+        ("{}", None),
     ],
 )
-def test_faults_of_equations(tmp_path: Path, equations: str, told: str) -> None:
+def test_faults_of_equations(tmp_path: Path, equations: str, column: int | None) -> None:
     found = faults(tmp_path, family(equations))
-    assert any(told in fault for fault in found), found
-    assert all(fault.startswith("e.yaml:4: ") for fault in found), found
+    assert {item.line for item in found} == {4}
+    assert column in [item.column for item in found]
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("equation", "parameters", "value"),
     [
-        (
-            family(parameters="{k: um/m, j: um}"),
-            "e.yaml:3: effects[0].parameters.j: in no equation: 'j'",
-        ),
-        (
-            family(parameters="{k: parsec}"),
-            "e.yaml:3: effects[0].parameters.k: unknown unit: 'parsec'",
-        ),
-        (
-            family("{Ex: x*x}", "{x: um}"),
-            "e.yaml:3: effects[0].parameters.x: the name is taken: 'x'",
-        ),
-        (
-            family('{Ex: "2k*x"}', "{2k: um/m}"),
-            "e.yaml:3: effects[0].parameters.2k: not a name that equations can use: '2k'",
-        ),
-        (family(name="Ball screw"), "e.yaml:1: effects[0].family: wrong value: 'Ball screw'"),
-        (
-            family(more="kind: scatter"),
-            "e.yaml:5: effects[0].kind: an unknown effect on the scatter",
-        ),
-        (
-            family(more="kind: outlier"),
-            "e.yaml:1: effects[0]: the key 'over' is missing",
-        ),
-        (
-            family(more="over: feature"),
-            "e.yaml:4: effects[0].equations: `chosen` is in no equation",
-        ),
-        (
-            family(more="serach: {p: {from: 1, to: 2}}"),
-            "e.yaml:5: effects[0].serach: unknown key: 'serach'; did you mean 'search'?",
-        ),
-        (
-            family(more="search: {p: {from: 1, to: 2}}"),
-            "e.yaml:5: effects[0].search.p: in no equation: 'p'",
-        ),
-        (
-            family("{Ex: k*x*sin(p)}", more="search: {p: {from: 1, to: span}}"),
-            "e.yaml:5: effects[0].search.p: the key 'of' is missing",
-        ),
-        (
-            family("{Ex: k*x*sin(p)}", more="search: {p: {of: x, from: 1, to: reach}}"),
-            "e.yaml:5: effects[0].search.p.to: unknown name: 'reach'",
-        ),
-        (
-            family("{Ex: k*x*sin(p)}", more="search: {p: {from: 120, to: 5}}"),
-            "e.yaml:5: effects[0].search.p.to: nothing lies between: '5'; expected more than 120",
-        ),
-        (
-            family("{Ex: k*x*sin(p)}", more="search: {p: {grid: log, from: 0, to: 5}}"),
-            "e.yaml:5: effects[0].search.p.from: a log grid has positive values alone: '0'",
-        ),
-        (
-            family("{Ex: k*x*step(z - at_mm)}", more="search: {at_mm: {of: sequence}}"),
-            "e.yaml:5: effects[0].search.at_mm.of: its name says mm, the column has none: "
-            "'sequence'; expected another name than at_mm, or a column in that unit",
-        ),
-        (
-            family("{Ex: k*x*y*exp(-time_min/t)}", more="search: {t: {from: 1, to: 2}}"),
-            "e.yaml:4: effects[0].equations.Ex: this term is mm^2, its equation is a length (mm) "
-            "at column 1: 'k*x*y*exp(-time_min/t)'; expected",
-        ),
-        (
-            family("{'E{each}': 'k_{each}*({T} - {T0})'}", "{'k_{each}': um}"),
-            "e.yaml:4: effects[0].equations.E{each}: this term has a temperature (degC) too many "
-            "at column 1: 'k_{each}*({T} - {T0})'; expected k_{each} in um/K, or the temperature",
-        ),
-        (
-            family("{Ex: k*dir_x*time_min}", "{k: um}"),
-            "e.yaml:4: effects[0].equations.Ex: this term has a time (min) too many at column 1: "
-            "'k*dir_x*time_min'; expected k in um/min or um/h, or the time divided by a number",
-        ),
-        (
-            family('{Ex: "k*x*({a} - {a0})"}'),
-            "e.yaml:4: effects[0].equations.Ex: this term is mm^2, its equation is a length (mm) "
-            "at column 1: 'k*x*({a} - {a0})'; expected",
-        ),
-        (
-            family("{Ex: k*x*sin(p)}", more="search: {p: {of: w, from: 1, to: 2}}"),
-            "e.yaml:5: effects[0].search.p.of: unknown name: 'w'",
-        ),
-        (
-            family(more="name: f-{T}"),
-            "e.yaml:5: effects[0].name: {T} in the name of a candidate: 'f-{T}'",
-        ),
-        (
-            family(more="separates: move {b}"),
-            "e.yaml:5: effects[0].separates: {b} is not in the name 'f': 'move {b}'; expected "
-            "plain words, or what it has",
-        ),
-        (
-            family(more="members: [{parameters: {k: um/m}, equations: {Ex: k*x}}]"),
-            "e.yaml:3: effects[0].parameters: stands beside `members`",
-        ),
-        ("- family: f\n  says: s\n", "e.yaml:1: effects[0]: the key 'parameters' is missing"),
-        (
-            family() + family(),
-            "e.yaml:5: effects[1]: a second family whose candidates are called so (the first: "
-            "line 1): 'f'",
-        ),
-        (family('{Ex: "k*{b}"}'), "e.yaml:1: effects[0]: {b} without {a}"),
-        ("schema: mtu/machine/1\n", "e.yaml:1: schema: not an effects file"),
-        ("effects: []\n", "e.yaml:1: the key 'schema' is missing"),
-        ("[]\n", "e.yaml:1: effects: wrong value: '[]'; expected at least 1 of them"),
-        ("- 5\n", "e.yaml:1: effects[0]: wrong value: '5'; expected keys with values"),
+        ("k*x*y*exp(-time_min/t)", "{k: um/m}", "k*x*y*exp(-time_min/t)"),
+        ("k*({T} - {T0})", "{k: um}", "k*({T} - {T0})"),
+        ("k*dir_x*time_min", "{k: um}", "k*dir_x*time_min"),
+        ("k*x*({a} - {a0})", "{k: um/m}", "k*x*({a} - {a0})"),
     ],
 )
-def test_other_faults(tmp_path: Path, text: str, told: str) -> None:
-    found = faults(tmp_path, text)
-    assert any(fault.startswith(told) for fault in found), found
-
-
-@pytest.mark.parametrize(
-    ("name", "of", "equation"),
-    [
-        ("T_min", "'{T}'", "k*({T} - T_min)*step({T} - T_min)"),
-        ("seq_min", "sequence", "k*x*step(sequence - seq_min)"),
-        ("t_min", "time_min", "k*x*exp(-time_min/t_min)"),
-    ],
-)
-def test_a_name_that_ends_in_min_may_be_a_minimum(
-    tmp_path: Path, name: str, of: str, equation: str
+def test_a_term_of_a_wrong_unit_is_shown_as_in_the_file(
+    tmp_path: Path, equation: str, parameters: str, value: str
 ) -> None:
-    parameters = "{k: um/K}" if "T" in name else "{k: um/m}"
-    text = family(f"{{Ex: '{equation}'}}", parameters, f"search: {{{name}: {{of: {of}}}}}")
-    assert len(load(tmp_path, text).families) == 1
+    more = "search: {t: {from: 1, to: 2}}" if "/t" in equation else ""
+    (found,) = faults(tmp_path, family(f"{{Ex: '{equation}'}}", parameters, more))
+    assert (found.line, found.column, found.value) == (4, 1, value)
+
+
+PERIOD = "{Ex: k*x*sin(p)}"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "path", "code"),
+    [
+        (family(parameters="{k: um/m, j: um}"), 3, "[0].parameters.j", "not-in-equations"),
+        (family(parameters="{k: parsec}"), 3, "[0].parameters.k", "unknown-unit"),
+        (family("{Ex: x*x}", "{x: um}"), 3, "[0].parameters.x", "name-taken"),
+        (family('{Ex: "2k*x"}', "{2k: um/m}"), 3, "[0].parameters.2k", "not-a-name"),
+        (family(name="Ball screw"), 1, "[0].family", "wrong-value"),
+        (family(more="kind: scatter"), 5, "[0].kind", "wrong-value"),
+        (family(more="kind: scatter"), 3, "[0].parameters", "key-elsewhere"),
+        (family(more="kind: outlier"), 1, "[0]", "missing-key"),
+        (family(more="over: feature"), 4, "[0].equations", "not-in-equations"),
+        (family(more="serach: {p: {from: 1, to: 2}}"), 5, "[0].serach", "unknown-key"),
+        (family(more="search: {p: {from: 1, to: 2}}"), 5, "[0].search.p", "not-in-equations"),
+        (family(PERIOD, more="search: {p: {to: span}}"), 5, "[0].search.p", "missing-key"),
+        (family(PERIOD, more="search: {p: {of: x, to: reach}}"), 5, "[0].search.p.to",
+         "unknown-name"),
+        (family(PERIOD, more="search: {p: {from: 120, to: 5}}"), 5, "[0].search.p.to",
+         "wrong-value"),
+        (family(PERIOD, more="search: {p: {grid: log, from: 0, to: 5}}"), 5, "[0].search.p.from",
+         "wrong-value"),
+        (family(PERIOD, more="search: {p: {of: w, from: 1, to: 2}}"), 5, "[0].search.p.of",
+         "unknown-name"),
+        (family(more="name: f-{T}"), 5, "[0].name", "key-elsewhere"),
+        (family(more="separates: move {b}"), 5, "[0].separates", "key-needs"),
+        (family(more="members: [{parameters: {k: um/m}, equations: {Ex: k*x}}]"), 3,
+         "[0].parameters", "key-elsewhere"),
+        ("- family: f\n  says: s\n", 1, "[0]", "missing-key"),
+        (family() + family(), 5, "[1]", "appears-twice"),
+        (family('{Ex: "k*{b}"}'), 1, "[0]", "key-needs"),
+        ("[]\n", 1, "", "wrong-value"),
+        ("- 5\n", 1, "[0]", "wrong-value"),
+    ],
+)  # fmt: skip
+def test_other_faults(tmp_path: Path, text: str, line: int, path: str, code: str) -> None:
+    found = [(item.line, item.path, item.code) for item in faults(tmp_path, text)]
+    assert (line, f"effects{path}", code) in found
+
+
+@pytest.mark.parametrize("text", ["schema: mtu/machine/1\n", "effects: []\n"])
+def test_another_kind_of_file(tmp_path: Path, text: str) -> None:
+    (found,) = faults(tmp_path, text)
+    assert found.code in ("other-kind", "missing-key")
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
     found = faults(tmp_path, family("{Ex: k*speed}") + family("{Ey: k**2}", name="g"))
-    assert [fault.split(":")[1] for fault in found] == ["4", "8"]
+    assert [item.line for item in found] == [4, 8]
 
 
 @pytest.mark.parametrize(
@@ -244,21 +178,19 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
 )
 def test_braces_within_braces_are_explained(tmp_path: Path, line: str, example: str) -> None:
     (found,) = faults(tmp_path, f"- family: f\n  says: s\n  {line}\n")
-    assert found.startswith("e.yaml:3: not readable as YAML")
-    assert found.endswith(
-        f"expected names with braces on lines of their own, or in quotes: {example}"
-    )
+    assert (found.line, found.code) == (3, "not-yaml")
+    assert str(found.expected).endswith(example)
 
 
 def test_names_of_built_in_families_and_of_other_files_are_taken(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(family(name="backlash"))
-    with pytest.raises(
-        InputError, match=r"a\.yaml:1: effects\[0\]\.family: the name is taken: a bu"
-    ):
-        effect_library([tmp_path / "a.yaml"])
     (tmp_path / "b.yaml").write_text(family())
-    with pytest.raises(InputError, match=r"the name is taken: a family of b\.yaml"):
-        effect_library([tmp_path / "b.yaml", tmp_path / "b.yaml"])
+    for names_of in ([tmp_path / "a.yaml"], [tmp_path / "b.yaml"] * 2):
+        with pytest.raises(InputError) as caught:
+            effect_library(names_of)
+        assert [item.code for item in caught.value.findings] == ["name-taken"]
+    with pytest.raises(InputError, match="no such file"):
+        effect_library([tmp_path / "none.yaml"])
 
 
 @pytest.mark.parametrize("name", ["a" * 200_000, "{a}" * 50_000, "{" * 200_000, "a{b" * 50_000])
@@ -267,30 +199,3 @@ def test_a_very_long_name_costs_nothing(tmp_path: Path, name: str) -> None:
     start = time.process_time()
     faults(tmp_path, family(parameters=f"{{? '{name}' : um}}", equations=f"{{Ex: '{name}'}}"))
     assert time.process_time() - start < 5.0
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no such file"):
-        effect_library([tmp_path / "none.yaml"])
-
-
-@pytest.mark.parametrize(
-    ("unit", "dimension", "internal"),
-    [
-        ("um/K", 1, 1e-3),
-        ("um/m/K", 0, 1e-6),
-        ("um/m^2", -1, 1e-9),
-        ("um/m^3", -2, 1e-12),
-        ("um/h", 1, 1e-3 / 60),
-        ("um/m/min", 0, 1e-6),
-        ("um/m/h", 0, 1e-6 / 60),
-        ("arcsec/K", 0, 4.84813681109536e-6),
-        ("arcsec/m", -1, 4.84813681109536e-9),
-    ],
-)
-def test_units_of_parameters(unit: str, dimension: int, internal: float) -> None:
-    assert PARAMETER_UNITS[unit].dimension == dimension
-    assert PARAMETER_UNITS[unit].to_internal == pytest.approx(internal, rel=1e-12)
-    # Readings and components stay in the units of the contract.
-    assert unit not in UNITS
-    assert UNITS.items() <= PARAMETER_UNITS.items()

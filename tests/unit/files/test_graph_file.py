@@ -1,20 +1,34 @@
-"""Graph files: values, signatures, the token rule, and faults that hide no other."""
+"""Graph files: values, signatures, the token rule, formulas, and the faults of a file."""
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import pytest
 
-from mtu_cli.errors import InputError
+from mtu_cli.files.graph import LoadedGraph, Step, cycles, firing_order, load_graph
 from mtu_cli.files.graph_contract import Graph, number_or_formula
-from mtu_cli.files.graph_file import LoadedGraph, load_graph
 from mtu_cli.files.graph_kinds import KINDS, TRANSITIONS, TransitionKind
-from mtu_cli.files.graph_steps import Step
-from mtu_cli.files.graph_structure import firing_order
 from mtu_cli.files.schemas import json_schema
+from mtu_cli.findings import InputError
+from mtu_cli.language import parse
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.parser import DOTTED
 
 HEAD = "schema: mtu/graph/1\nname: example\n"
+NET = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [1, 2, 9]}
+  v: {kind: vector}
+  L: {kind: constant}
+transitions:
+  - {do: meas, out: P, along: x}
+  - {do: meas, out: Q, along: x}
+  - {do: vector, in: [P, Q], out: v}
+  - {do: length, in: [v], out: L}
+"""
 
 
 def load(folder: Path, text: str) -> LoadedGraph:
@@ -23,10 +37,11 @@ def load(folder: Path, text: str) -> LoadedGraph:
     return load_graph(path)
 
 
-def faults(folder: Path, text: str) -> list[str]:
+def faults(folder: Path, text: str) -> list[tuple[int | None, str | None, str]]:
+    """Line, path and code of every fault."""
     with pytest.raises(InputError) as caught:
         load(folder, text)
-    return [str(problem).removeprefix("graph.yaml:") for problem in caught.value.findings]
+    return [(item.line, item.path, item.code) for item in caught.value.findings]
 
 
 def step(index: int, inputs: str, outputs: str) -> Step:
@@ -41,6 +56,14 @@ def test_token_rule() -> None:
     assert [[item.index for item in fired] for fired in rounds] == [[1, 2, 3, 7], [0]]
 
 
+def test_two_knots_are_two_cycles() -> None:
+    arcs = {"b": ["a", "c"], "a": ["b"], "c": ["b"], "e": ["d"], "d": ["e"], "f": ["e"]}
+    assert [len(cycle) for cycle in cycles(arcs)] == [3, 3]
+    for cycle in cycles(arcs):
+        assert cycle[0] == cycle[-1]
+        assert all(a in arcs[b] for a, b in itertools.pairwise(cycle))
+
+
 def test_every_transition_is_in_the_contract() -> None:
     assert set(TRANSITIONS) == set(TransitionKind.__args__)  # type: ignore[attr-defined]  # a Literal has them
     for variants in TRANSITIONS.values():
@@ -48,6 +71,10 @@ def test_every_transition_is_in_the_contract() -> None:
             assert set(variant.outputs) <= set(KINDS)
             assert all(set(slot.kinds) <= set(KINDS) for slot in variant.inputs)
         assert len({item.name for item in variants}) == len(variants)
+    schema = json_schema("graph")
+    known = {info.alias or name for name, info in Graph.model_fields.items()}
+    assert set(schema["properties"]) == known
+    assert schema["$defs"]["Transition"]["properties"]["do"]["enum"] == list(TRANSITIONS)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +85,7 @@ def test_numbers_and_formulas(given: object, value: float) -> None:
     assert number_or_formula(given) == pytest.approx(value, rel=1e-15)
 
 
-def test_directions(tmp_path: Path) -> None:
+def test_directions_and_what_is_reported(tmp_path: Path) -> None:
     text = """
 places:
   P: {kind: point, nominal_mm: [1, 2, 3]}
@@ -90,122 +117,44 @@ transitions:
   - {do: meas, out: S, along: x}
 """
     assert faults(tmp_path, text) == [
-        "6: places.Q: known, but where?; expected `nominal_mm:`",
-        "7: places.R: no transition makes this point; expected a transition with `out: R`",
-        "8: places.S.known: is known, and the transition in line 13 makes it; "
-        "expected one of the two",
-        "9: places.c.known: a constant is not known; expected a point",
-        "9: places.c: leads nowhere; expected an input of a transition, or `report: [M, c]`",
+        (6, "places.Q", "missing-key"),
+        (7, "places.R", "not-made"),
+        (8, "places.S.known", "made-twice"),
+        (9, "places.c.known", "key-elsewhere"),
+        (9, "places.c", "leads-nowhere"),
     ]
 
 
-def test_two_knots_are_two_cycles(tmp_path: Path) -> None:
-    names = "abcdef"
-    text = "places:\n" + "".join(f"  {name}: {{kind: constant}}\n" for name in names)
-    text += "transitions:\n"
-    for a, b in ("ab", "ba", "bc", "cb", "de", "ed", "ef"):
-        text += f"  - {{do: ratio, in: [{a}, {a}], out: {b}}}\n"
-    told = [item for item in faults(tmp_path, text) if "cycle" in item]
-    assert [item.partition("a cycle: ")[2] for item in told] == ["a -> b -> a", "d -> e -> d"]
-
-
-NET = """
-places:
-  P: {kind: point, nominal_mm: [1, 2, 3]}
-  Q: {kind: point, nominal_mm: [1, 2, 9]}
-  v: {kind: vector}
-  L: {kind: constant}
-transitions:
-  - {do: meas, out: P, along: x}
-  - {do: meas, out: Q, along: x}
-  - {do: vector, in: [P, Q], out: v}
-  - {do: length, in: [v], out: L}
-"""
-
-
 @pytest.mark.parametrize(
-    ("right", "wrong", "told"),
+    ("right", "wrong", "line", "path"),
     [
-        ("out: v", "out: w", "12: transitions[2].out: unknown place: 'w'; expected one of: P"),
-        ("out: v", "output: v", "12: transitions[2].output: unknown key: 'output'; did you mean"),
-        ("in: [P, Q]", "input: [P, Q]", "12: transitions[2].input: unknown key: 'input'"),
-        ("in: [P, Q]", "in: [P, R]", "12: transitions[2].in[1]: unknown place: 'R'"),
-        ("in: [P, Q]", "in: [P, [Q]]", "12: transitions[2].in[1]: wrong value: '[\"Q\"]'"),
-        ("in: [P, Q]", "in: [[P, Q]]", "12: transitions[2].in[0]: wrong value"),
-        ("out: v", "out: {a: v}", "12: transitions[2].out: wrong value"),
-        ("out: v", "out: [[v]]", "12: transitions[2].out[0]: wrong value"),
-        ("in: [P, Q]", "in: P, Q", "12: transitions[2].in: a comma ends a value: 'P, Q'"),
-        ("do: vector, in: [P, Q]", "do: vec, in: [P, R]", "12: transitions[2].do: unknown value"),
-        ("P: {kind: point, nom", "P: {kind: pont, nom", "5: places.P.kind: unknown value: 'pont'"),
-        ("P: {kind: point, nominal_mm", "P: {kind: point, nominal", "5: places.P.nominal: unkno"),
-        ("[1, 2, 9]", "[1, 2]", "6: places.Q.nominal_mm: wrong value: '[1, 2]'"),
-        ("transitions:", "report: [[L]]\ntransitions:", "9: report[0]: wrong value"),
-        ("transitions:", "report: [M]\ntransitions:", "9: report[0]: unknown place: 'M'"),
+        ("out: v", "out: w", 12, "transitions[2].out"),
+        ("out: v", "output: v", 12, "transitions[2].output"),
+        ("in: [P, Q]", "input: [P, Q]", 12, "transitions[2].input"),
+        ("in: [P, Q]", "in: [P, R]", 12, "transitions[2].in[1]"),
+        ("in: [P, Q]", "in: [P, [Q]]", 12, "transitions[2].in[1]"),
+        ("in: [P, Q]", "in: [[P, Q]]", 12, "transitions[2].in[0]"),
+        ("out: v", "out: {a: v}", 12, "transitions[2].out"),
+        ("do: vector, in: [P, Q]", "do: vec, in: [P, R]", 12, "transitions[2].do"),
+        ("P: {kind: point, nom", "P: {kind: pont, nom", 5, "places.P.kind"),
+        ("P: {kind: point, nominal_mm", "P: {kind: point, nominal", 5, "places.P.nominal"),
+        ("[1, 2, 9]", "[1, 2]", 6, "places.Q.nominal_mm"),
+        ("transitions:", "report: [[L]]\ntransitions:", 9, "report[0]"),
+        ("transitions:", "report: [M]\ntransitions:", 9, "report[0]"),
     ],
 )
-def test_one_slip_is_one_message(tmp_path: Path, right: str, wrong: str, told: str) -> None:
-    """What follows from it, a place that nothing makes or that leads nowhere, is not told too."""
+def test_one_slip_is_one_fault(
+    tmp_path: Path, right: str, wrong: str, line: int, path: str
+) -> None:
+    """What follows from it, a place that nothing makes or that leads nowhere, is none."""
     assert right in NET
-    (found,) = faults(tmp_path, NET.replace(right, wrong, 1))
-    assert found.startswith(told)
+    ((found_line, found_path, _),) = faults(tmp_path, NET.replace(right, wrong, 1))
+    assert (found_line, found_path) == (line, path)
 
 
-def test_more_places_than_a_slip_explains_are_told(tmp_path: Path) -> None:
+def test_more_places_than_a_slip_explains_are_reported(tmp_path: Path) -> None:
     text = NET.replace("out: v", "out: w").replace("  L:", "  u: {kind: vector}\n  L:")
-    assert sum("no transition makes this vector" in line for line in faults(tmp_path, text)) == 2
-
-
-def test_a_place_that_leads_nowhere_comes_after_what_was_to_use_it(tmp_path: Path) -> None:
-    """However many do: the unknown input stands below them, and is what is to be mended."""
-    spare = NET.replace("  L:", "  u: {kind: vector}\n  w: {kind: constant, value: 1}\n  L:")
-    assert "places.w: leads nowhere" in str(faults(tmp_path, spare))
-    (found,) = [line for line in faults(tmp_path, spare.replace("in: [P, Q]", "in: [P, K]"))
-                if "no transition makes" not in line]  # fmt: skip
-    assert "unknown place: 'K'" in found
-
-
-def test_a_faulty_transition_is_not_a_missing_one(tmp_path: Path) -> None:
-    text = """
-places:
-  P: {kind: point, nominal_mm: [1, 2, 3]}
-  Q: {kind: point}
-transitions:
-  - {do: meas, out: P, alonk: z}
-  - {do: midle, in: [P, P], out: Q}
-report: [Q]
-"""
-    assert faults(tmp_path, text) == [
-        "8: transitions[0].alonk: unknown key: 'alonk'; did you mean 'along'?",
-        "9: transitions[1].do: unknown value: 'midle'; did you mean 'middle'?",
-    ]
-
-
-@pytest.mark.parametrize(
-    ("name", "hint"),
-    [
-        ("uniform", "did you mean 'rectangular'?"),
-        ("gaussian", "did you mean 'normal'?"),
-        ("student", "expected one of: normal, rectangular, triangular"),
-    ],
-)
-def test_a_distribution_by_another_name(name: str, hint: str, tmp_path: Path) -> None:
-    text = f"""
-places:
-  P: {{kind: constant, value: 1, u: 0.1, distribution: {name}}}
-  Q: {{kind: constant}}
-transitions:
-  - {{do: ratio, in: [P, P], out: Q}}
-"""
-    told = [item for item in faults(tmp_path, text) if "distribution" in item]
-    assert told == [f"5: places.P.distribution: unknown value: {name!r}; {hint}"]
-
-
-def test_schema_for_editors() -> None:
-    schema = json_schema("graph")
-    assert set(schema["properties"]) == {
-        info.alias or name for name, info in Graph.model_fields.items()
-    }
-    assert schema["$defs"]["Transition"]["properties"]["do"]["enum"] == list(TRANSITIONS)
+    assert [code for _, _, code in faults(tmp_path, text)].count("not-made") == 2
 
 
 def test_a_single_measured_point_is_to_be_reported(tmp_path: Path) -> None:
@@ -215,9 +164,7 @@ places:
 transitions:
   - {do: meas, out: p0, along: x}
 """
-    assert faults(tmp_path, text) == [
-        "5: places.p0: leads nowhere; expected an input of a transition, or `report: [p0]`"
-    ]
+    assert faults(tmp_path, text) == [(5, "places.p0", "leads-nowhere")]
     assert load(tmp_path, text + "report: [p0]\n").reported == ("p0",)
 
 
@@ -231,27 +178,54 @@ transitions:
   - {do: compute, in: [first, second], out: s, formula: first + second}
 correlations: [[first, secnd, 2], [first], 3, [first, second, much]]
 """
-    assert faults(tmp_path, text) == [
-        "10: correlations[1]: not a correlation: '[\"first\"]'; expected [first, second, r]",
-        "10: correlations[2]: not a correlation: '3'; expected [first, second, r]",
-        "10: correlations[3][2]: wrong value: 'much'; expected a number",
-        "10: correlations[0][1]: unknown place: 'secnd'; did you mean 'second'?",
-        "10: correlations[0][2]: a correlation beyond 1: '2'; expected -1 to 1",
+    found = [path for line, path, _ in faults(tmp_path, text) if line == 10]
+    assert sorted(map(str, found)) == [
+        "correlations[0][1]",
+        "correlations[0][2]",
+        "correlations[1]",
+        "correlations[2]",
+        "correlations[3][2]",
     ]
 
 
 def test_a_name_with_a_dot_is_refused(tmp_path: Path) -> None:
     """P.x would be a place and the coordinate x of the place P."""
-    text = """
+    text = NET.replace("  L:", "  P.x:").replace("out: L", "out: P.x")
+    assert faults(tmp_path, text) == [(8, "places.P.x", "not-a-name")]
+
+
+FORMULA = """
 places:
-  P: {kind: point, nominal_mm: [0, 0, 0]}
-  Q: {kind: point, nominal_mm: [1, 0, 0]}
-  P.x: {kind: constant}
+  N: {kind: point, nominal_mm: [0, 0, 0], known: true}
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  P_x: {kind: constant, value: 3}
+  v: {kind: vector}
+  c: {kind: constant}
 transitions:
   - {do: meas, out: P, along: x}
-  - {do: meas, out: Q, along: x}
-  - {do: distance, in: [P, Q], out: P.x}
+  - {do: vector, in: [N, P], out: v}
+  - {do: compute, in: [P, v, P_x], out: c, formula: FORMULA}
 """
-    (found,) = faults(tmp_path, text)
-    assert found.startswith("7: places.P.x: a name with a dot")
-    assert found.endswith("expected P_x")
+
+
+def test_coordinates_are_inputs(tmp_path: Path) -> None:
+    text = "P.x*P_x + v.k - P.y"
+    steps = load(tmp_path, FORMULA.replace("FORMULA", text)).steps
+    assert steps[-1].formula == parse(text, BUDGET_FUNCTIONS, DOTTED)
+
+
+@pytest.mark.parametrize(
+    ("formula", "code", "column"),
+    [
+        ("P.u + v.i*P_x", "no-such-coordinate", 1),
+        ("P + v.i*P_x", "no-such-coordinate", 1),
+        ("P.x + v.i*P_x.value", "no-such-coordinate", 11),
+        ("P.x*P_x*v.i*N.x", "not-an-input", 13),
+        ("P.x*P_x", "unused-place", None),
+    ],
+)
+def test_faults_of_names(formula: str, code: str, column: int | None, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, FORMULA.replace("FORMULA", formula))
+    (found,) = caught.value.findings
+    assert (found.line, found.code, found.column) == (13, code, column)

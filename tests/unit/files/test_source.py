@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
+from reading_files import stream_readings
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.json_file import read_json
 from mtu_cli.files.readings import read_readings
-from mtu_cli.files.readings_stream import stream_readings
 from mtu_cli.files.source import check_text, hash_of, read_bytes, read_source, shown_path
 from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.files.yaml_file import read_yaml

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mtu_cli.language import EquationError, evaluate, parse
+from mtu_cli.findings import InputError
+from mtu_cli.language import evaluate, parse
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 
@@ -131,7 +132,7 @@ def test_third_order_along_two_directions() -> None:
 def test_where_no_derivative_exists(text: str, what: str, column: int) -> None:
     found = at(text, x=0.0)
     assert math.isnan(found.first[0]) or math.isnan(found.second[0, 0])
-    assert what in found.faults[0].what
+    assert what in found.faults[0].text
     assert found.faults[0].column == column
 
 
@@ -156,7 +157,7 @@ def test_values_that_are_not_finite_are_faults(text: str) -> None:
 
 
 def test_a_name_without_a_value() -> None:
-    with pytest.raises(EquationError, match="'y' has no value at column 5"):
+    with pytest.raises(InputError, match="'y' has no value at column 5"):
         at("x + y", x=1.0)
 
 
@@ -182,7 +183,7 @@ def test_an_argument_that_vanishes_beyond_the_third_order(
     found = at(text, **values)
     assert found.value == 0.0
     assert np.all(np.isnan(found.first))
-    assert outer in found.faults[0].what
+    assert outer in found.faults[0].text
     # By a name that it does not hold the output does vary.
     other = at(f"{text} + 2*z", **values, z=1.0)
     assert other.first[-1] == 2.0
@@ -196,7 +197,7 @@ def test_atan2_on_its_cut_has_a_value_alone(x: float, value: float) -> None:
     assert np.all(np.isnan(found.first[:2]))
     assert found.first[2] == 1.0
     (fault,) = found.faults
-    assert (fault.what[:5], fault.column) == ("atan2", 1)
+    assert (fault.text[:5], fault.column) == ("atan2", 1)
 
 
 def test_atan2_of_constants_on_its_cut_is_a_constant() -> None:

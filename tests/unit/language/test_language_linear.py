@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.language import EquationError, evaluate, linear_form, names, parse, to_text
+from mtu_cli.findings import InputError
+from mtu_cli.language import evaluate, linear_form, names, parse, to_text
 
 COMPONENTS = ("a", "b", "c")
 
@@ -49,27 +50,28 @@ def test_the_machine_of_gilsinn_and_ling() -> None:
 @pytest.mark.parametrize(
     ("text", "column", "says"),
     [
-        ("x + a*b", 6, "product of the components 'a' and 'b'"),
-        ("(x + a)*(y - c)", 8, "product of the components 'a' and 'c'"),
-        ("a*a", 2, "product of the components 'a' and 'a'"),
+        ("x + a*b", 6, "the component 'a' and the component 'b': their product"),
+        ("(x + a)*(y - c)", 8, "the component 'a' and the component 'c': their product"),
+        ("a*a", 2, "the component 'a' and the component 'a': their product"),
         ("x/(y + a)", 8, "'a'"),
-        ("b/a", 3, "denominator: 'a'"),
-        ("x + a**2", 5, "power: 'a'"),
-        ("2**(x*b)", 7, "power: 'b'"),
-        ("x**a", 4, "power: 'a'"),
-        ("1 + sin(x + c)", 13, "inside sin(): 'c'"),
-        ("x*abs(b + a)", 7, "inside abs(): 'b'"),
-        ("-(y*(x - sqrt(a)))", 15, "inside sqrt(): 'a'"),
-        ("step(x)*step(a)", 14, "inside step(): 'a'"),
-        ("1/(1/a)", 6, "denominator: 'a'"),
+        ("b/a", 3, "'a': in a denominator"),
+        ("x + a**2", 5, "'a': in a power"),
+        ("2**(x*b)", 7, "'b': in a power"),
+        ("x**a", 4, "'a': in a power"),
+        ("1 + sin(x + c)", 13, "'c': inside sin()"),
+        ("x*abs(b + a)", 7, "'b': inside abs()"),
+        ("-(y*(x - sqrt(a)))", 15, "'a': inside sqrt()"),
+        ("step(x)*step(a)", 14, "'a': inside step()"),
+        ("1/(1/a)", 6, "'a': in a denominator"),
     ],
 )
 def test_what_is_not_linear_is_refused_at_its_column(text: str, column: int, says: str) -> None:
-    with pytest.raises(EquationError) as caught:
+    with pytest.raises(InputError) as caught:
         linear_form(parse(text), COMPONENTS)
-    assert says in caught.value.what
-    assert caught.value.column == column
-    assert caught.value.expected == "an equation that is linear in the components"
+    (fault,) = caught.value.findings
+    assert says in fault.text
+    assert (fault.code, fault.column) == ("not-linear", column)
+    assert fault.expected == "an equation that is linear in the components"
 
 
 def test_coefficients_evaluate_over_arrays() -> None:

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtu_cli.close_loop_sealed.files.effects_contract import Search
 from mtu_cli.close_loop_sealed.model.effect_grid import (
     coarseness,
     grid_of,
     periods_apart,
     shortest_of,
 )
+from mtu_cli.files.effects import Search
 
 VALUES = np.array([4.0, 1.0, 2.0, 4.0, 10.0])
 

@@ -24,14 +24,14 @@ from mtu_cli.close_loop_sealed.model.effect_library import (
     effect_library,
 )
 from mtu_cli.errors import InputError
-from mtu_cli.files.column_dimensions import columns_of, own_columns
+from mtu_cli.files.column_dimensions import own_columns
 from mtu_cli.files.machine import load_machine
 from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse
 from mtu_cli.model.design import design
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.units import LENGTH, PARAMETER_UNITS
+from mtu_cli.units import LENGTH, PARAMETER_UNITS, internal
 
 OF_READINGS = {"scale-trend"}
 """Passes follow each other while a machine warms up."""
@@ -789,11 +789,10 @@ def test_readings_of_an_angle_are_in_arcsec(library: EffectLibrary) -> None:
 def test_members_of_readings_have_units_that_a_machine_file_takes(library: EffectLibrary) -> None:
     for member in (m for c in candidates(readings_table(), library) for m in c.members[:2]):
         units = {name: PARAMETER_UNITS[unit] for name, unit in member.parameters}
-        lengths = {name: unit.dimension for name, unit in units.items()}
         for text in member.equations.values():
             tree = parse(text)
-            columns = columns_of(own_columns(names(tree), units), units)
-            check_dimension(tree, LENGTH, lengths, columns)
+            columns = own_columns(names(tree), units)
+            check_dimension(tree, internal(LENGTH), {}, parameters=units, columns=columns)
 
 
 TIMED = """
@@ -829,7 +828,7 @@ def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: 
     found = by_name(candidates(readings_table(), effect_library([tmp_path / "own.yaml"])))
     units = {m.covariate: m.parameters[0][1] for m in found["creep-x"].members}
     assert units == {"sequence": unit} | ({} if told is None else {"time_min": told})
-    why = "time_min in place of {c}: a time (min) and what is not in min are added"
+    why = "time_min in place of {c}: a time (min) and an angle or ratio (rad) are added"
     why = why if "+" in equation else "um/m^3 of k has no unit per minute"
     assert (why in " ".join(found["creep-x"].notes)) == (told is None)
 

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.files.graph_formulas import parse_dotted
-from mtu_cli.files.graph_steps import Step
+from mtu_cli.files.graph import Step
+from mtu_cli.language import parse
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.graph.chances import chance_places, may_jump
 
 
 def step(formula: str, out: str) -> Step:
     return Step(
-        index=0, do="compute", variant="", inputs=(), outputs=(out,), formula=parse_dotted(formula)
+        index=0,
+        do="compute",
+        variant="",
+        inputs=(),
+        outputs=(out,),
+        formula=parse(formula, BUDGET_FUNCTIONS, DOTTED),
     )
 
 

@@ -28,7 +28,7 @@ def test_the_pair_and_its_range(tmp_path: Path) -> None:
     text = TEXT.format(pairs="[[a, b, 0.9], [b, c, 0.9], [a, c, -0.9]]")
     with pytest.raises(InputError, match=r"'a, c, -0.9'; expected 0\.62 to 1, as") as error:
         graph_of(tmp_path, text)
-    assert "correlations[2]: contradicts the other" in str(error.value)
+    assert "correlations[2]: the correlations contradict" in str(error.value)
 
 
 @pytest.mark.parametrize(("r", "sound"), [(0.62, True), (0.619, False), (1.0, True)])
@@ -47,5 +47,5 @@ def test_where_no_single_pair_is_to_blame(tmp_path: Path) -> None:
     """All six at -0.6: each three of them contradict each other already."""
     names = ("a", "b", "c", "d")
     pairs = [f"[{x}, {y}, -0.6]" for x in names for y in names if x < y]
-    with pytest.raises(InputError, match=r"not positive semi-definite: '[a-d], [a-d] above all'"):
+    with pytest.raises(InputError, match="not positive semi-definite"):
         graph_of(tmp_path, TEXT.format(pairs=f"[{', '.join(pairs)}]"))

@@ -11,9 +11,8 @@ import pytest
 from model_examples import FloatArray, loaded
 
 from mtu_cli.errors import InputError
-from mtu_cli.files.components_file import read_components
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.report_file import Matrix
+from mtu_cli.files.reports_read import Matrix, read_components
 from mtu_cli.model.effect_parameters import all_together, effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
@@ -199,14 +198,14 @@ def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
     [
         ({"units": ["um"]}, "results.effects.units: 1 entry for 3 parameters"),
         ({"values": []}, "results.effects.values: 0 entries for 3 parameters"),
-        ({"units": ["um", "um", "ell"]}, "results.effects.units: unknown unit: 'ell'"),
+        ({"units": ["um", "um", "ell"]}, "results.effects.units[2]: unknown unit: 'ell'"),
         ({"covariance": [[1]]}, "results.effects.covariance: not 3 x 3"),
-        ({"parameters": ["a.b"] * 3}, "results.effects.parameters: a parameter twice"),
+        ({"parameters": ["a.b"] * 3}, "results.effects.parameters[1]: the parameter appears twice"),
         (
             {"covariance": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]},
             "results.effects.covariance: not positive semidefinite",
         ),
-        ({"covariance": [[1, None, 0], [2, 1, 0], [0, 0, 1]]}, "results.effects.covariance.0.1"),
+        ({"covariance": [[1, None, 0], [2, 1, 0], [0, 0, 1]]}, "results.effects.covariance[0][1]"),
     ],
 )
 def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> None:

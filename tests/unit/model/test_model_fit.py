@@ -11,7 +11,7 @@ from machine_trials import POINTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings, run_command, stated
 
 from mtu_cli.errors import InputError
-from mtu_cli.files.components_file import read_components
+from mtu_cli.files.reports_read import read_components
 from mtu_cli.model.estimates import from_centre, to_centre
 from mtu_cli.model.fit import (
     MachineFit,
@@ -106,7 +106,7 @@ def test_a_component_with_nothing_names_the_line_and_the_csv(tmp_path: Path) -> 
         fit_machine(known, given)
     text = str(error.value)
     assert "machine.yaml:5: components.b" in text
-    assert "'b' has neither readings nor coefficients" in text
+    assert "neither readings nor coefficients of b" in text
     assert "lbb.csv" in text
 
 

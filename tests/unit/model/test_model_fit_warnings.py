@@ -12,8 +12,8 @@ from machine_trials import COMPONENTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings
 from scipy import stats
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.readings import Readings
+from mtu_cli.findings import finding
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
 from mtu_cli.reports.observability import observability
@@ -89,11 +89,11 @@ def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> No
     given = read_machine(np.random.default_rng(5), Drift(0.5))
     fit = fit_machine(known, planted(given, "dx_x", "lack-of-fit"))
     for name, first in (("dx_x", True), ("dx_x2", False)):
-        for code in ("position-alone", "reading-stands-out"):
-            doubt = Warned(code=code, message="r.csv, row 6: ...", about=("dx_y", name))
-            (text,) = [w.message for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
-            assert (": a single row of it looks mistaken, put that right first" in text) == first
-            assert (": raise its degree" in text) != first
+        facts = {"component": name, "count": 1, "off": 9.0, "unit": "um", "s": 1.0, "rows": (6,)}
+        doubt = finding("outlying-reading", **facts)
+        (text,) = [w.message for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
+        assert (": a single row of it looks mistaken, put that right first" in text) == first
+        assert (": raise its degree" in text) != first
 
 
 def test_the_stated_amounts_are_those_planted(tmp_path: Path) -> None:

@@ -13,8 +13,7 @@ from model_examples import loaded
 
 from mtu_cli.errors import InputError
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.model_reports import read_report
-from mtu_cli.files.thermal_file import ThermalReport
+from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
 
 POSITIONS = [0.0, 200.0, 75.0, 300.0]

@@ -14,7 +14,7 @@ from reading_examples import only
 
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.errors import InputError
-from mtu_cli.files.components_file import components_from
+from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
@@ -285,7 +285,7 @@ def test_runs_that_differ_by_the_same_are_read_back(tmp_path: Path) -> None:
     found = report.components["a"].half_difference_mean_square
     assert found is not None
     np.testing.assert_allclose(found, 0, atol=1e-12)
-    for damaged, told in (([[None, 0], [0, 0]], "not a number"), ([[1.0]], "not 2 x 2")):
+    for damaged, told in (([[None, 0], [0, 0]], "no value"), ([[1.0]], "not 2 x 2")):
         results["components"]["a"]["half_difference_mean_square"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": "mtu/fit-components/1", "results": results})

@@ -13,7 +13,7 @@ from reading_examples import only
 
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.errors import InputError
-from mtu_cli.files.components_file import components_from
+from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import ComponentFit
@@ -99,7 +99,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
         D = own.components["a"].pass_covariance
         np.testing.assert_allclose(found[same], (X @ D @ X.T)[same], rtol=1e-6)
         np.testing.assert_allclose(found[~same], (X @ K @ X.T)[~same], rtol=1e-6)
-    for damaged, told in (([[None, 0], [0, 0]], "not a number"), ([[1.0]], "not 2 x 2")):
+    for damaged, told in (([[None, 0], [0, 0]], "no value"), ([[1.0]], "not 2 x 2")):
         results["components"]["a"]["run_covariance"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": SCHEMA, "results": results})

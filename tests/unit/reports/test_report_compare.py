@@ -17,7 +17,7 @@ from mtu_cli.analyses.compare import Compared, CompareResult, StandsOut, Verdict
 from mtu_cli.analyses.compare.evidence import Foretold, evidence
 from mtu_cli.analyses.compare.summary import summarised
 from mtu_cli.analyses.compare.verdicts import judged
-from mtu_cli.errors import Warned
+from mtu_cli.findings import Finding
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import csv_rows, document, figure, table
@@ -406,7 +406,7 @@ def test_parts_that_are_all_off_alike_may_have_lain_shifted_or_turned(two: Compa
     ):
         assert "shifted or" not in plain_text(table(other))
     # What was used beyond what it was found on may be at fault as well.
-    guess = Warned(code="outside-effect-range", message="a guess")
+    guess = Finding(code="outside-effect-range")
     text = plain_text(table(replace(found, warnings=(guess,)))).replace("\n", " ")
     assert "it may be that an effect is used beyond what it was found on, or that all parts" in text
     assert "takes the latter out." in text

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtu_cli.errors import InputError, Warned, listed
 from mtu_cli.files.json_file import report_bytes
 from mtu_cli.files.source import Source
+from mtu_cli.findings import InputError, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.csv_text import csv_text
 from mtu_cli.reports.document import arcsec, envelope, finite, matrix, um, um2
@@ -25,7 +25,7 @@ def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
     source = Source(
         role="machine", path=Path("/secret/machine.yaml"), shown="machine.yaml", sha256="ab"
     )
-    warning = Warned(code="a-code", message="a message")
+    warning = finding("unrelated", output="C.x", names=["a"], file="a.csv", row=3)
     document = envelope(
         "lengths",
         inputs=[source],
@@ -47,9 +47,13 @@ def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
         "trials": None,
         "at": {"dir_x": 1.0},
     }
+    message = "a.csv, row 3: C.x does not depend on a"
+    facts = {"output": "C.x", "names": ["a"]}
     (listed,) = document["warnings"]
-    assert listed["code"] == "a-code"
-    assert listed["message"] == "a message"
+    assert listed == {
+        "code": "unrelated", "severity": "warning", "message": message, "facts": facts,
+        "file": "a.csv", "row": 3,
+    }  # fmt: skip
     assert b"secret" not in report_bytes(document)
 
 
@@ -116,7 +120,7 @@ def test_the_users_own_matplotlib_settings_change_nothing() -> None:
 
 
 def test_another_kind_of_figure_is_refused() -> None:
-    with pytest.raises(InputError, match=r"\.png, \.svg, \.pdf"):
+    with pytest.raises(InputError, match=r"\.png, \.svg or \.pdf"):
         figure_bytes(blank(1.0, 1.0), ".bmp")
 
 

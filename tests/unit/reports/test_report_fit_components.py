@@ -11,14 +11,14 @@ import numpy as np
 import pytest
 from report_examples import LINES, SAYS, SETTINGS, Example, example
 
-from mtu_cli.files.components_file import read_components
 from mtu_cli.files.json_file import report_bytes
+from mtu_cli.files.reports_read import read_components
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import MachineFit, estimates_from_report
 from mtu_cli.reports import fit_components, fit_table
 from mtu_cli.reports.document import envelope
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
-from mtu_cli.reports.observability import NotDetermined, observability, told
+from mtu_cli.reports.observability import NotDetermined, not_estimable, observability
 from mtu_cli.reports.tables import plain_text
 
 CONTRACT = [
@@ -204,8 +204,9 @@ def test_observability_of_one_run(tmp_path: Path) -> None:
     assert "`direction`" in found["reversal"]
     item = report(given)["results"]["components"]["dx_x"]
     assert [item[key] for key in ("drift", "trend", "lack_of_fit", "reversal")] == [None] * 4
-    (warning,) = report(given)["warnings"]
-    assert "reversal of dx_x, dy_x" in warning["message"]
+    noted = {item["facts"]["quantity"]: item for item in report(given)["warnings"]}
+    assert noted["reversal"]["facts"]["names"][:2] == ["dx_x", "dy_x"]
+    assert {item["severity"] for item in noted.values()} == {"note"}
 
 
 def test_observability_of_a_good_run_names_only_the_axis_angle(paper: Example) -> None:
@@ -217,25 +218,21 @@ def test_observability_of_a_good_run_names_only_the_axis_angle(paper: Example) -
     }
 
 
-def test_what_is_not_determined_is_told_once_with_what_would(paper: Example) -> None:
-    """Each thing once, with its components: no "correlation of its drift of other components of
-    axy".
-    """
-    (warning,) = fit_components.warnings(paper.fit, paper.estimates)
-    assert warning.message == (
-        "the readings do not tell the repeatability of one visit of axy. What would: read it at "
-        "least twice in a pass from the same side, in the same set-up. Nor the correlation of the "
-        "drift of axy with "
-        "that of other components. What would: read it in the same directions of the same passes "
-        "(same set-up) as the others. Why: results.observability"
-    )
+def test_each_quantity_that_is_not_estimable_is_one_note(paper: Example) -> None:
+    """A note for each quantity, with its components."""
+    noted = fit_components.warnings(paper.fit, paper.estimates)
+    assert [item.code for item in noted] == ["not-estimable"] * 2
+    assert [item.facts["quantity"] for item in noted] == [
+        "repeatability of one visit",
+        "correlation of its drift with that of other components",
+    ]
     two = ["no axis", "one run"]
     several = [
         NotDetermined(component=name, not_determined="it", because="so", reading_that_would=name)
         for name in two
     ]
-    expected = "the readings do not tell the it of no axis, one run. Why: results.observability"
-    assert told(several) == expected
+    (one,) = not_estimable(several)
+    assert one.message == "not estimable: it (no axis, one run); so"
 
 
 def test_observability_of_stated_components_and_several_instruments(tmp_path: Path) -> None:
@@ -254,7 +251,8 @@ def test_observability_of_stated_components_and_several_instruments(tmp_path: Pa
     assert [x["role"] for x in item["instruments"]] == ["lbb", "laser"]
     assert [x["n"] for x in item["instruments"]] == [48, 48]
     assert 0 <= item["agreement_p"] <= 1
-    assert "several-instruments" in {x["code"] for x in report(given)["warnings"]}
+    notes = [x["facts"] for x in report(given)["warnings"] if x["code"] == "not-estimable"]
+    assert ["dx_x", "dy_x"] in [x["names"][:2] for x in notes if x["quantity"] == "dof and r2"]
 
 
 def test_what_makes_passes_those_of_others_can_be_done(tmp_path: Path) -> None:
@@ -327,7 +325,7 @@ def test_components_of_a_group_stay_together_in_a_list_of_groups(
     text = plain_text(fit_components.table("machine", paper.fit, paper.estimates))
     assert "not known: the it of dx_x + dy_x, ex_y + ey_y. Why: so. To know it: that" in text
     (warning,) = fit_components.warnings(paper.fit, paper.estimates)
-    assert "it of dx_x + dy_x, ex_y + ey_y." in warning.message
+    assert warning.facts["names"] == ["dx_x + dy_x", "ex_y + ey_y"]
 
 
 @pytest.mark.parametrize("case", [*CASES, "long"])

@@ -127,19 +127,3 @@ def test_fixed_decimals_have_no_sign_on_zero() -> None:
     assert numbers.fixed(-0.4, 0) == "0"
     assert numbers.fixed(-0.00006, 4) == "-0.0001"
     assert numbers.fixed(float("nan"), 4) == numbers.fixed(None, 1) == "-"
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "shown"),
-    [
-        (12.04, 14.9, ("12", "15")),
-        (12.04, 12.31, ("12.0", "12.3")),
-        (12.0404, 12.0412, ("12.040", "12.041")),
-        (0.0, 0.5, ("0", "0.50")),
-        (3.0, 3.0, ("3", "3")),
-    ],
-)
-def test_two_values_have_the_digits_that_they_differ_in(
-    a: float, b: float, shown: tuple[str, str]
-) -> None:
-    assert numbers.told_apart(a, b) == shown

@@ -341,10 +341,10 @@ def test_warnings_tell_what_clause_8_found(paper: Example) -> None:
         lengths=(judged(True, first), judged(False, second), judged(None, third)),
         run=replace(result.run, converged=False),
     )
-    said = {item.code: item.message for item in lengths.warnings(changed)}
-    assert said["validation-failed"].endswith("for 9-15")
-    assert said["validation-undecided"].endswith("of 3-15")
-    assert "20000 Monte Carlo trials" in said["not-converged"]
+    said = {item.code: item.facts for item in lengths.warnings(changed)}
+    assert said["validation-failed"]["names"] == ["9-15"]
+    assert said["validation-undecided"]["names"] == ["3-15"]
+    assert said["not-converged"]["trials"] == 20000
 
 
 @pytest.mark.parametrize("planar", [True, False])

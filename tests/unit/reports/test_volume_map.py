@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.reports.volume_map import _roles
 
 NONE = np.nan
@@ -14,15 +14,16 @@ NONE = np.nan
 @pytest.mark.parametrize(
     ("points", "why"),
     [
-        ([[NONE, NONE, 0], [NONE, NONE, 50]], "only z enters the equations"),
-        ([[NONE, NONE, NONE]], "no axis enters the equations"),
-        ([[0, 5, NONE], [9, 5, NONE]], "here they have: x 2, y 1"),
+        ([[NONE, NONE, 0], [NONE, NONE, 50]], "z 2"),
+        ([[NONE, NONE, NONE]], "no axis in the equations"),
+        ([[0, 5, NONE], [9, 5, NONE]], "x 2, y 1"),
     ],
 )
 def test_a_grid_that_is_no_plane_says_why(points: list[list[float]], why: str) -> None:
     with pytest.raises(InputError) as raised:
         _roles(np.array(points, np.float64))
-    assert str(raised.value).endswith(f"two axes with two places or more: {why}")
+    (told,) = raised.value.findings
+    assert (told.code, told.value) == ("grid-without-map", why)
 
 
 def test_the_axes_with_the_most_places_span_the_map() -> None:

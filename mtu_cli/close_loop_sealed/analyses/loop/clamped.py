@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import TableResult
+from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.close_loop_sealed.stats.group_shifts import group_shift
-from mtu_cli.errors import Warned
 from mtu_cli.findings import Finding
 from mtu_cli.model.place_lines import smooth_of
 from mtu_cli.units import p_text, um_text
@@ -47,4 +47,4 @@ def shift_warnings(result: TableResult) -> list[Finding]:
         f"better than s/sqrt({len(table.parts)}): make them in one clamping, or measure the "
         "clamping by itself; --datum offset gives each operation of a part a place of its own"
     )
-    return [Warned(code=CODE, message=text)]
+    return [loop_warning(code=CODE, message=text)]

@@ -9,10 +9,10 @@ import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, TableResult
 from mtu_cli.close_loop_sealed.analyses.loop.shown import entry_text
-from mtu_cli.errors import Warned, fault
-from mtu_cli.files.contracts import is_identifier
+from mtu_cli.close_loop_sealed.bridge import loop_warning
+from mtu_cli.files.contract import is_identifier
 from mtu_cli.files.covariates import looks_like_temperature
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_table import ResidualTable
@@ -53,9 +53,9 @@ def judged_tables(
     lacking = [_lacking(table) for table in tables]
     if lacking[0] is not None and None not in lacking:
         what, expected = lacking[0]
-        raise fault(f"too little to judge by: {what}", expected=expected)
+        raise error("too-little-data", what=what, expected=expected)
     warned = [
-        Warned(code="too-few", message=f"not judged: {lack[0]}")
+        loop_warning(code="too-few", message=f"not judged: {lack[0]}")
         for lack in lacking
         if lack is not None
     ]
@@ -92,12 +92,12 @@ def loop_warnings(tables: Sequence[TableResult], most: int) -> tuple[Finding, ..
                 f"the search{'' if name is None else f' of {name}'} stopped at {most} "
                 f"cause{'' if most == 1 else 's'}, and more would pass (--max-effects)"
             )
-            found.append(Warned(code="max-effects", message=text))
+            found.append(loop_warning(code="max-effects", message=text))
     found += _odd_names([table.table for table in tables])
     datum = tables[0].table.datum
     if datum in FREES:
         text = f"the datum {datum!r} is free in every part: unseen are {FREES[datum]}"
-        found.append(Warned(code="datum-freed", message=text))
+        found.append(loop_warning(code="datum-freed", message=text))
     return tuple(dict.fromkeys(found))
 
 
@@ -110,32 +110,32 @@ def _of_table(result: TableResult) -> list[Finding]:
             f"{parts} {what}{'' if parts == 1 else 's' if what == 'part' else 'es'}{of}: effects "
             f"that change from {what} to {what} can hardly be told from its scatter"
         )
-        found.append(Warned(code="few-parts", message=text))
+        found.append(loop_warning(code="few-parts", message=text))
     if result.held_out_by is None:
         text = f"too few {what}s and columns{of} to hold any out: before and after are in sample"
-        found.append(Warned(code="not-held-out", message=text))
+        found.append(loop_warning(code="not-held-out", message=text))
     if result.gross:
         names = ", ".join(entry_text(g, result) for g in result.gross[:MOST_NAMED])
         beyond = len(result.gross) - MOST_NAMED
         more = f" and {beyond} more" if beyond > 0 else ""
         text = f"far off whatever the rest does, and set aside{of}: {names}{more}"
-        found.append(Warned(code="outliers-set-aside", message=text))
+        found.append(loop_warning(code="outliers-set-aside", message=text))
     found += [*_passes_apart(result), *_scatter_beyond(result)]
     for effect in result.effects:
         if effect.alike:
-            found.append(Warned(code="searched-not-told", message=_alike(effect, of)))
+            found.append(loop_warning(code="searched-not-told", message=_alike(effect, of)))
         found += _few_places(effect, table)
         if effect.family == "covariate" and effect.explained_share > ALL:
             text = (
                 f"{effect.covariate} explains all of the errors{of}: it seems to be the "
                 f"measurement itself under another name (--exclude {effect.name})"
             )
-            found.append(Warned(code="covariate-is-the-error", message=text))
+            found.append(loop_warning(code="covariate-is-the-error", message=text))
     found += [*_unlike(result), *_likelier(result)]
     missing = table.there.size - int(table.there.sum()) - len(result.gross)
     if missing > table.there.size / 2:
         text = "more than half of the cells were not measured: the search has little power"
-        found.append(Warned(code="sparse-table", message=text))
+        found.append(loop_warning(code="sparse-table", message=text))
     return found
 
 
@@ -156,7 +156,7 @@ def _unlike(result: TableResult) -> list[Finding]:
             "has from part to part (its scale, a guide, a direction): the library has none of it, "
             "and this name is a hint only"
         )
-        found.append(Warned(code="axes-unlike", message=text))
+        found.append(loop_warning(code="axes-unlike", message=text))
     return found
 
 
@@ -177,7 +177,7 @@ def _likelier(result: TableResult) -> list[Finding]:
             f"at the first look), but may be chance by how parts scatter (p = {p:.2f}): what was "
             "found may be a part of it; more parts, or the missing cells, would tell"
         )
-        found.append(Warned(code="likelier-not-passed", message=text))
+        found.append(loop_warning(code="likelier-not-passed", message=text))
     return found
 
 
@@ -202,7 +202,7 @@ def _passes_apart(result: TableResult) -> list[Finding]:
         f"deviation), single readings scatter by {noise / unit:.2g} {table.unit}: the model takes "
         "it as scatter from pass to pass, whatever makes it"
     )
-    return [Warned(code="passes-apart", message=text)]
+    return [loop_warning(code="passes-apart", message=text)]
 
 
 def _scatter_beyond(result: TableResult) -> list[Finding]:
@@ -232,7 +232,7 @@ def _scatter_beyond(result: TableResult) -> list[Finding]:
         f"machine's repeatability is {sizes[1]} and the CMM's {sizes[2]}: something else makes it, "
         "which no equation takes out, and which is the repeatability told here"
     )
-    return [Warned(code="scatter-not-predicted", message=text)]
+    return [loop_warning(code="scatter-not-predicted", message=text)]
 
 
 def _of_levels(left: FloatArray, noise: float) -> float:
@@ -256,7 +256,7 @@ def _odd_names(tables: Sequence[ResidualTable]) -> list[Finding]:
         "and _, that begin with no digit (a temperature is T_<sensor>_degC, a direction dir_x, a "
         "time time_min)"
     )
-    return [Warned(code="column-not-used", message=text)]
+    return [loop_warning(code="column-not-used", message=text)]
 
 
 def _alike(effect: FoundEffect, of: str) -> str:
@@ -291,5 +291,5 @@ def _few_places(effect: FoundEffect, table: ResidualTable) -> list[Finding]:
                 f"effect takes {taken} figures of them by itself, and quite another {name} may fit "
                 "as well; features at more distances would tell"
             )
-            found.append(Warned(code="searched-not-told", message=text))
+            found.append(loop_warning(code="searched-not-told", message=text))
     return found

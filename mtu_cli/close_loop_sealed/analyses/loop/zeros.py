@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
-from mtu_cli.language import EquationError, Node, evaluate, linear_form, names, parse
+from mtu_cli.findings import InputError
+from mtu_cli.language import Node, evaluate, linear_form, names, parse
 
 DIGITS = 14
 """Of a zero: two roundings of a product and a quotient are less."""
@@ -38,7 +39,7 @@ def _of_lever(lever: Node, covariate: str) -> float | None:
     """Where a c + b is 0 in a covariate c, -b/a, whatever a and b depend on."""
     try:
         form = linear_form(lever, [covariate])
-    except EquationError:
+    except InputError:
         return None
     if covariate not in form.coefficients:
         return None

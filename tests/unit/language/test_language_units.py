@@ -1,0 +1,197 @@
+"""The unit algebra: equations of machines, and of numbers that are taken as they stand."""
+
+from __future__ import annotations
+
+import pytest
+
+from mtu_cli.files.effects import filled_tree
+from mtu_cli.findings import Finding, InputError
+from mtu_cli.language import Node, check_dimension, parse
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.unit_algebra import check_consistent
+from mtu_cli.units import ANY, PARAMETER_UNITS, PLAIN, Powers, internal, unit_powers
+
+MM, RAD = internal(length=1), internal()
+UNITS = dict.fromkeys(("x", "y", "z", "dx_x", "dy_y"), MM) | dict.fromkeys(("ey_x", "ez_y"), RAD)
+COLUMNS = {"T": internal(degree=1), "t": internal(minute=1), "dir_x": RAD}
+
+
+def faults_of(text: str | Node, wanted: Powers = MM, units: str = "", **how: bool) -> list[Finding]:
+    """Of an equation of a machine, with parameters such as ``a um, b um/K``."""
+    stated = (item.split() for item in units.split(", ") if item)
+    parameters = {name: PARAMETER_UNITS[unit] for name, unit in stated}
+    node = parse(text) if isinstance(text, str) else text
+    try:
+        check_dimension(node, wanted, UNITS, parameters=parameters, columns=COLUMNS, **how)
+    except InputError as error:
+        return list(error.findings)
+    return []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "dx_x + z*ey_x - y*ez_y", "dx_x + arm*ey_x", "0.004*T", "dx_x + 0.01", "(x + 100)*ez_y",
+        "dx_x*ey_x", "dx_x*sin(2*pi*x/25)", "dx_x*step(x - 300)", "dx_x*cos(ey_x)*exp(x/y)*log(2)",
+        "dx_x*exp(-x/50)*(1 + x/500)*(1 - 0.002*y)", "dx_x*(x/500 - 1)", "sqrt(x**2 + y**2)*ey_x",
+        "-(dx_x - z*ey_x)", "x**arm", "x**0.5", "sqrt(x)", "3", "unheard_of", "-x*-ey_x",
+    ],
+)  # fmt: skip
+def test_equations_of_lengths(text: str) -> None:
+    assert not faults_of(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "columns"),
+    [
+        ("dx_x + ey_x", [8]), ("dx_x - 127*ey_x", [8]), ("dx_x - (dy_y - ey_x/2)", [16]),
+        ("-(dx_x + ey_x)", [10]), ("dx_x*z + ey_x", [1, 10]), ("step(x)", [1]), ("x**0", [1]),
+        ("sqrt(x**2*y**2)", [1]), ("z*ey_x/y + dx_x", [1]), ("dx_x*y*-1", [1]),
+    ],
+)  # fmt: skip
+def test_every_term_that_is_no_length_is_named_where_it_begins(
+    text: str, columns: list[int]
+) -> None:
+    found = faults_of(text)
+    assert [fault.column for fault in found] == columns
+    assert {fault.code for fault in found} == {"wrong-unit"}
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "column"),
+    [
+        ("2*(dx_x + ey_x)", "units-differ", 9), ("(x*y + x)/y", "units-differ", 6),
+        ("dx_x*sin(x)", "argument-unit", 10), ("dx_x*exp(-x)", "argument-unit", 10),
+        ("dx_x*cos(x*y)", "argument-unit", 10), ("dx_x*2**x", "argument-unit", 9),
+    ],
+)  # fmt: skip
+def test_faults_within_a_term(text: str, code: str, column: int) -> None:
+    assert [(fault.code, fault.column) for fault in faults_of(text)] == [(code, column)]
+
+
+@pytest.mark.parametrize(
+    ("text", "units", "expected"),
+    [
+        ("a*x", "a um", "a in um/m"), ("a*x*y", "a um/m", "a in um/m^2"),
+        ("a*(T - 20)", "a um", "a in um/K"), ("a*x*(T - 20)", "a um/m", "a in um/m/K"),
+        ("a", "a um/K", "a in um"), ("a*t*x", "a um/min", "a in um/m/min or um/m/h"),
+        ("a*(T - 20)**2", "a um/K", "a term that is a length (mm)"),
+        ("a*dir_x", "a um/m", "a in um"),
+        ("a*(T + x)", "a um/K", "terms of one unit"),
+    ],
+)  # fmt: skip
+def test_the_unit_that_a_parameter_should_have(text: str, units: str, expected: str) -> None:
+    (fault,) = faults_of(text, units=units)
+    assert fault.expected == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "units"),
+    [
+        ("a*(T - 20)", "a um/K"), ("a*x*(T - 20)", "a um/m/K"), ("a*t", "a um/h"),
+        ("a*(T - 20)**2", "a um"), ("a*2*(T - 20)", "a um"), ("a*dir_x + b*x", "a um, b urad"),
+        ("a*x*(T - 20)/10", "a um/m"), ("a*x*exp(-t/30)", "a um/m"), ("a*user_column", "a um"),
+    ],
+)  # fmt: skip
+def test_equations_of_parameters(text: str, units: str) -> None:
+    assert not faults_of(text, units=units)
+
+
+def test_a_negated_number_of_a_template_is_a_number() -> None:
+    """A parser makes ``-1`` a number, a template that is filled in does not."""
+    for text in ("dx_x*y**-n", "dx_x*y*-n", "dx_x*y**(-(-n))"):
+        filled = filled_tree(parse(text), {"n": 1.0})
+        assert faults_of(filled)
+        assert faults_of(text.replace("n", "1"))
+
+
+@pytest.mark.parametrize(
+    ("text", "wanted", "code"),
+    [
+        ("0.004*dir_x", MM, None), ("20 + 2*t", COLUMNS["T"], None), ("dir_x", MM, None),
+        ("x*y", MM, "wrong-unit"), ("0.1*x*y", MM, None), ("T", MM, "wrong-unit"),
+        ("2*(x + T)", MM, "units-differ"), ("exp(x)", MM, "argument-unit"),
+    ],
+)  # fmt: skip
+def test_numbers_that_may_have_a_unit(text: str, wanted: Powers, code: str | None) -> None:
+    if code is None:
+        check_dimension(parse(text), wanted, UNITS | COLUMNS, free=True)
+        return
+    with pytest.raises(InputError) as caught:
+        check_dimension(parse(text), wanted, UNITS | COLUMNS, free=True)
+    assert [fault.code for fault in caught.value.findings] == [code]
+
+
+def consistency(text: str, result: str, **units: str) -> str | None:
+    """The code of the fault of an equation whose names have these units."""
+    texts = [*units.values(), result]
+    named = {unit: unit_powers(unit) for unit in texts}
+    known = {name: named[unit] for name, unit in units.items()}
+    within, whole = check_consistent(parse(text, BUDGET_FUNCTIONS), known, named[result], named)
+    found = [*within, *([whole] if whole else [])]
+    assert len(found) <= 1
+    return found[0].code if found else None
+
+
+@pytest.mark.parametrize(
+    ("text", "result", "units", "code"),
+    [
+        # JCGM 100, H.1: nanometres, and coefficients per degree.
+        ("ls + d - ls*(a*t)", "nm", {"ls": "nm", "d": "nm", "a": "1/degC", "t": "degC"}, None),
+        ("ls + d", "nm", {"ls": "mm", "d": "nm"}, "units-differ"),
+        ("ls + t", "mm", {"ls": "mm", "t": "degC"}, "units-differ"),
+        ("l*a*t", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, "wrong-unit"),
+        ("l*a*t/1000", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, None),
+        ("V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, "wrong-unit"),
+        ("1000*V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, None),
+        ("cos(p)", "1", {"p": "deg"}, "argument-unit"),
+        ("cos(2*p)", "1", {"p": "deg"}, "argument-unit"),
+        ("cos(p*pi/180)", "1", {"p": "deg"}, None),
+        ("log(t + 273.15)", "1", {"t": "degC"}, None),
+        ("exp(34 - 6292/T)", "Pa", {"T": "K"}, None),
+        ("atan2(y, x)", "rad", {"y": "mm", "x": "um"}, "units-differ"),
+        ("pi/4*d**2", "mm^2", {"d": "mm"}, None),
+        ("pi/4*d**2", "um^2", {"d": "mm"}, "wrong-unit"),
+        ("sqrt(x**2 + y**2)", "mm", {"x": "mm", "y": "mm"}, None),
+        ("20 + 2*t", "degC", {"t": "min"}, None),
+        ("a + 2*b", "mm", {"a": "mm", "b": "furlong"}, None),
+        ("m*g", "N", {"m": "kg", "g": "m/s^2"}, None),
+        ("(a + b)*(a - c)", "mm^2", {"a": "mm", "b": "mm", "c": "um"}, "units-differ"),
+    ],
+)
+def test_numbers_that_are_taken_as_they_stand(
+    text: str, result: str, units: dict[str, str], code: str | None
+) -> None:
+    assert consistency(text, result, **units) == code
+
+
+@pytest.mark.parametrize(
+    ("text", "same"),
+    [
+        ("1", "1"), ("um/m", "ppm"), ("um/m/K", "ppm/degC"), ("um/(m K)", "um/m/K"),
+        ("kg m^2/s2", "J"), ("N/mm^2", "MPa"), ("\u00b5m", "um"), ("\u00b0C", "degC"),
+        ("inch", "in"), ("N*m", "J"), ("1/\u00b0C", "K^-1"), ("m**2", "m\u00b2"), ("kV/mA", "Mohm"),
+        ("hPa", "mbar"), ("V/A", "ohm"),
+    ],
+)  # fmt: skip
+def test_units_that_are_one(text: str, same: str) -> None:
+    found, other = unit_powers(text), unit_powers(same)
+    assert found.known
+    assert found.agrees(other)
+
+
+@pytest.mark.parametrize("text", [None, "", " ", "g", "um/m*K", "furlong", "Grad", "mm!", "x" * 99])
+def test_units_that_nobody_knows(text: str | None) -> None:
+    assert unit_powers(text) == ANY
+
+
+def test_size_of_units() -> None:
+    """1 arcsec is 4.848 um/m, an inch 25.4 mm, a bar 0.1 MPa."""
+    for one, other, ratio in (
+        ("arcsec", "um/m", 4.848137),
+        ("in", "mm", 25.4),
+        ("bar", "MPa", 0.1),
+    ):
+        off = unit_powers(one) / unit_powers(other)
+        assert off.alike(PLAIN)
+        assert 10**off.size == pytest.approx(ratio, rel=1e-7)

@@ -1,0 +1,57 @@
+"""The one definition of an outlier, against a plain version, and how often chance meets it."""
+
+from __future__ import annotations
+
+import statistics
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mtu_cli.stats.outliers import GROSS, OUTLYING_P, outlying, spikes
+
+RNG = np.random.default_rng(20261128)
+
+
+def plain(values: list[float], groups: list[int]) -> tuple[set[int], float]:
+    """Value by value, with statistics of the library and Student's t of scipy."""
+    medians = {
+        own: statistics.median(v for v, g in zip(values, groups, strict=True) if g == own)
+        for own in groups
+    }
+    away = [abs(v - medians[g]) for v, g in zip(values, groups, strict=True)]
+    n, taken = len(values), len(medians)
+    s = 1.4826 * statistics.median(away) / (1 - taken / n) ** 0.5
+    t = float(stats.t.isf(OUTLYING_P / (2 * n), 0.37 * (n - taken)))
+    return {i for i, d in enumerate(away) if d > max(GROSS, t) * s}, s
+
+
+@pytest.mark.parametrize("n", [12, 40, 300])
+@pytest.mark.parametrize("slips", [0, 1, 2])
+def test_as_a_plain_version(n: int, slips: int) -> None:
+    values = RNG.normal(0, 1, n)
+    groups = np.arange(n) % 3
+    at = RNG.choice(n, slips, replace=False)
+    values[at] += RNG.choice([-1, 1], slips) * RNG.uniform(60, 100, slips)
+    found, s = outlying(values, groups)
+    expected, plain_s = plain(values.tolist(), groups.tolist())
+    assert set(np.flatnonzero(found)) == expected
+    assert s == pytest.approx(plain_s, rel=1e-9)
+
+
+def test_chance_seldom_meets_it() -> None:
+    """A thousandth of the samples at most, of few values and of many."""
+    for n in (8, 20, 80):
+        sets = RNG.normal(0, 1, (1000, n))
+        assert sum(outlying(own, np.zeros(n, int))[0].any() for own in sets) <= 1
+        assert sum(spikes(own.cumsum())[0].any() for own in sets) <= 3
+
+
+def test_spikes_of_a_curve_are_named_and_its_kinks_are_not() -> None:
+    t = np.arange(60.0)
+    curve = np.where(t < 30, t, 30 + 5 * (t - 30)) + RNG.normal(0, 0.05, 60)
+    assert not spikes(curve)[0].any()
+    for at in ([10], [29], [30], [5, 7], [40, 41], [3, 20, 33, 50]):
+        own = curve.copy()
+        own[at] += 40
+        assert np.flatnonzero(spikes(own)[0]).tolist() == at
