@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
@@ -11,14 +10,12 @@ from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.files.contracts import NAME_TAKEN
 from mtu_cli.findings import error, listed, suggestion
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mtu_cli.files.points import Points
 
 GATE = "unusual"
 
@@ -35,7 +32,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     method = inputs.options.method
     if method not in METHODS:
         raise error("unknown-name", what="method", value=method, **suggestion(method, METHODS))
-    points = without_equations(inputs.points)
+    points = inputs.points
     part = inputs.part if inputs.files("part") else None
     datum = chosen_datum(inputs)
     result = analyse_variance(points, part, cast(Method, method), settings, datum)
@@ -47,12 +44,6 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         warnings=result.warnings,
         gate=_met(result) if gates else None,
     )
-
-
-def without_equations(points: Points) -> Points:
-    """The points less what is noted for equations alone: that none can name a column."""
-    notes = tuple(note for note in points.notes if note.code != NAME_TAKEN)
-    return replace(points, notes=notes)
 
 
 def _tables(result: AnovaResult, digits: int) -> list[object]:

@@ -20,9 +20,6 @@ from mtu_cli.files.contract import present as present
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, shown_value
 from mtu_cli.findings import Finding, suggestion
 
-NAME_TAKEN = "column-name-taken"
-"""Code of the Notice of a column that no equation can name."""
-
 
 class Findings(Faults):
     """Faults whose sentence is written where they are found."""

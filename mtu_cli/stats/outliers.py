@@ -19,15 +19,10 @@ TAKEN_OUT, MOST_TAKEN_OUT = 0.1, 5
 HIDDEN = 0.8
 """k equal values far off hide each other in a deviation of sqrt((n - 1)/k) (1 - k/n), the others'
 scatter apart: below this share of it nothing is hidden."""
-GROSS, GROSS_P = 8.0, 0.002
-"""Standard deviations of the others from which on a reading is no part of them; where few degrees
-of freedom are left, beyond what normal readings reach in so many of their files."""
-FAR_BEYOND, MOSTLY = 20.0, 0.75
-"""Where many are gross, this share of them lies as far off: tails thin out, most of what they hold
-is near the limit."""
+GROSS = 8.0
+"""Standard deviations of the others from which on a value is no part of them."""
 MOST = 0.2
 """Share of the readings beyond which they are their own distribution."""
-MOST_CHOSEN = 3
 NORMAL_MAD = 1.4826
 ROUNDED = 1e-9
 """Share of the largest value below which two differ by rounding alone."""
@@ -135,33 +130,6 @@ def display_step(values: FloatArray, rounding: float = 0.0) -> float:
 def display_u(values: FloatArray) -> float:
     """Standard uncertainty of a `display_step` (JCGM 100:2008, F.2.2.1): no values scatter less."""
     return display_step(values) / math.sqrt(12.0)
-
-
-def gross_limit(n: int, dof: int, out: int) -> float:
-    """Standard deviations beyond which a reading of n is gross, their deviation known from `dof`.
-
-    GROSS, or where that is larger the two-sided quantile of Student's t at GROSS_P over the number
-    of ways to leave `out` readings out, of three at most: Bonferroni's bound for deletion residuals
-    (Cook & Weisberg, Residuals and Influence, 1982), as the left out were chosen.
-    """
-    from scipy.special import binom, stdtrit
-
-    ways = float(binom(n, min(max(out, 1), MOST_CHOSEN)))
-    return max(GROSS, -float(stdtrit(max(dof, 1), GROSS_P / (2 * ways))))
-
-
-def told_apart(distance: FloatArray, limit: float, few: float) -> IntArray:
-    """Indices of the gross ones among `distance` (n,), in standard deviations of the others.
-
-    All beyond `limit` where they are one or no more than the share `few`. Up to the share MOST
-    only where they are apart from the others: not those of a distribution with heavy tails, nor
-    of two kinds of readings that scatter into each other.
-    """
-    far = np.flatnonzero(distance > limit)
-    if len(far) <= max(1.0, few * len(distance)):
-        return far
-    apart = float(np.mean(distance[far] > FAR_BEYOND * limit / GROSS)) >= MOSTLY
-    return far if apart and len(far) <= MOST * len(distance) else far[:0]
 
 
 OUTLYING_P = 1e-4

@@ -7,14 +7,11 @@ import pytest
 from scipy import stats
 
 from mtu_cli.stats.outliers import (
-    GROSS,
     deviation_p,
     display_step,
     display_u,
-    gross_limit,
     outlying_p,
     spread,
-    told_apart,
 )
 
 ROWS = 20_000
@@ -58,28 +55,6 @@ def test_rows_that_do_not_scatter_or_are_short() -> None:
     assert (found[[0, 2]] == 1).all()
     assert found[1, 0] == 0
     assert (found[1, 1:] == 1).all()
-
-
-def test_the_limit_of_few_degrees_of_freedom_is_bonferronis() -> None:
-    assert gross_limit(1000, 990, 0) == GROSS
-    p = 2 * stats.t(4).sf(gross_limit(8, 4, 2))
-    assert p * 8 * 7 / 2 == pytest.approx(0.002)
-    assert gross_limit(8, 4, 1) < gross_limit(8, 4, 2) < gross_limit(8, 4, 3)
-    # Beyond three, and of very many, it is a number still.
-    assert gross_limit(100_000, 90_000, 9000) < 10
-
-
-def test_many_are_told_where_they_are_apart_only() -> None:
-    """Few in any case; many of heavy tails, or of another kind not far off, never."""
-    distance = np.abs(np.random.default_rng(3).standard_normal(200))
-    for count, at, told in ((1, 9, 1), (10, 9, 10), (11, 9, 0), (11, 25, 11), (40, 25, 40),
-                            (41, 25, 0)):  # fmt: skip
-        given = distance.copy()
-        given[:count] = at
-        assert len(told_apart(given, GROSS, 0.05)) == told
-    tails = np.abs(np.random.default_rng(4).standard_cauchy(5000)) / 0.6745
-    assert (tails > GROSS).mean() > 0.03
-    assert len(told_apart(tails, GROSS, 0.01)) == 0
 
 
 def test_spread_is_that_of_what_is_not_gross() -> None:
