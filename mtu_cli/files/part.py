@@ -165,7 +165,8 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
 
 
 def _check(part: Part, faults: Faults) -> None:
-    places = part.places()
+    # Features that are faulty as a whole have their own message.
+    places = part.places() if part.features else {}
     for index, length in present(part.lengths):
         path: YamlPath = ("lengths", index)
         ends = {"from": length.from_, "to": length.to}
