@@ -16,8 +16,6 @@ from coverage import Coverage
 
 TESTS = Path(__file__).parent
 PRODUCT = TESTS.parent / "mtu_cli"
-MEASURED = ("model", "stats")
-"""Floors whose lines and branches are counted (pyproject.toml, coverage.run)."""
 sys.path.insert(0, str(TESTS))
 
 # As in the command: threads that wait for each other over small matrices take most of the time.
@@ -68,9 +66,10 @@ def pytest_collection() -> Generator[None, object, object]:
     """With ``--cov``, what is measured is imported first: to count while thousands of tests are
     collected takes longer than to collect them, and covers nothing more.
     """
-    if Coverage.current() is not None:
-        for floor in MEASURED:
-            for module in pkgutil.walk_packages([str(PRODUCT / floor)], f"{PRODUCT.name}.{floor}."):
+    if (running := Coverage.current()) is not None:
+        for folder in running.config.source or ():
+            prefix = f"{folder.replace('/', '.')}."
+            for module in pkgutil.walk_packages([str(PRODUCT.parent / folder)], prefix):
                 importlib.import_module(module.name)
     with uncounted():
         return (yield)
