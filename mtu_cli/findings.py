@@ -291,11 +291,11 @@ def _plain(value: Any) -> Any:
 
 
 class _Words(Formatter):
-    """Facts in a sentence: names are listed, rows are runs, numbers have four digits at most."""
+    """Facts in a sentence: names are listed, whole numbers are rows, floats have four digits."""
 
     def format_field(self, value: Any, format_spec: str) -> Any:
         if isinstance(value, tuple) and value and all(isinstance(each, int) for each in value):
-            return runs(value)
+            return f"row{'s' if len(value) > 1 else ''} {runs(value)}"
         if isinstance(value, (list, tuple, set, frozenset)):
             return listed(sorted(value) if isinstance(value, (set, frozenset)) else value)
         if isinstance(value, float) and not format_spec:

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.errors import Warned, fault
 from mtu_cli.files.part import Length as LengthEntry
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
@@ -134,8 +133,9 @@ def _predicted(
 ) -> tuple[_Geometry, Prediction, list[Finding]]:
     entries = part.part.lengths
     if not entries:
-        raise fault(
-            "the part has no lengths to predict",
+        raise error(
+            "nothing-to-predict",
+            what="lengths",
             file=part.source.shown,
             expected="lengths: [{from: '3', to: '9'}]",
         )
@@ -260,10 +260,10 @@ def _bounds(prediction: Prediction, by_block: FloatArray) -> Bounds:
 def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Finding]:
     missing = [axis for axis in AXES if axis not in model.axes]
     return [
-        Warned(
-            code="axis-without-equation",
-            message=f"the machine has no E{axis}: lengths along {axis} ({names[i]}, ...) are "
-            "taken as free of error there",
+        finding(
+            "axis-without-equation",
+            axis=axis,
+            consequence=f"lengths along {axis} ({names[i]}, ...) have no predicted error there",
         )
         for axis in missing
         for i in np.flatnonzero(np.abs(delta[:, AXES.index(axis)]) > 1e-9)[:1]

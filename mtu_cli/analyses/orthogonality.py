@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import fault
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error
 from mtu_cli.model.angle_geometry import Line, angle_error, check_square, contrasts
 from mtu_cli.model.angle_trials import AngleTrials
 from mtu_cli.model.effect_ranges import effect_warnings_at
@@ -76,13 +75,16 @@ def predict_orthogonality(
     """
     for axis in ("x", "y"):
         if axis not in model.axes:
-            raise fault(
-                f"the machine {model.name!r} has no equation E{axis}",
+            raise error(
+                "no-equation",
+                machine=model.name,
+                axis=axis,
                 expected="Ex and Ey: an angle in the plane needs both",
             )
     if not part.part.orthogonality:
-        raise fault(
-            "the part has no orthogonality to predict",
+        raise error(
+            "nothing-to-predict",
+            what="orthogonality",
             file=part.source.shown,
             expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
         )

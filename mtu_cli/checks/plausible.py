@@ -23,6 +23,16 @@ POSITIONS = {"metres": 1e3, "inches": 25.4, "um": 1e-3}
 """Units that a column of mm may hold, in mm."""
 NARROW, BEYOND = 0.02, 3.0
 """Positions span more than this share of a travel, and lie within so many travels of 0."""
+POINT_ERROR_MM = 0.5
+"""No machine tool in order errs by more."""
+SAME_MM = 1e-6
+"""Coordinates that differ by less are one: a nanometre, which nobody measures."""
+LEAST_REPEAT_MM = 5e-5
+"""Standard deviation of the repeats of the best CMM."""
+COORDINATES = {"inches": 25.4, "mm for inches": 1 / 25.4, "um": 1e-3, "metres": 1e3}
+"""What brings coordinates in another unit to mm."""
+TOLERANCE_UM, TRAVEL_MM, CONSTANT_TRAVELS = 0.2, 5.0, 20.0
+"""Least tolerance of a length, least travel of an axis, largest constant in longest travels."""
 SENSOR_DEGC = (-60.0, 150.0)
 SHOP_DEGC = (5.0, 60.0)
 """What a sensor of a machine in a shop typically reads."""

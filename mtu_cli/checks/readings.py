@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.checks import Odd, ReadingsData, check
+from mtu_cli.checks import Odd, ReadingsData, check, labels
 from mtu_cli.checks.plausible import (
     BEYOND,
     ERRORS,
@@ -53,13 +53,6 @@ def stated_unit(data: ReadingsData, row: int) -> str:
     known = data.components.get(data.table.components[data.table.code[row]])
     plain = "um" if data.table.dimension[row] == LENGTH else "arcsec"
     return plain if known is None else str(known.unit)
-
-
-def labels(*columns: NDArray[np.generic]) -> Rows:
-    """A number (n,) for every combination of values of columns (n,)."""
-    codes = [np.unique(each, return_inverse=True)[1] for each in columns]
-    _, found = np.unique(np.column_stack(codes), axis=0, return_inverse=True)
-    return found.reshape(-1).astype(np.int64)
 
 
 def passes(data: ReadingsData, rows: Rows) -> list[Rows]:
@@ -156,7 +149,7 @@ def beyond(data: ReadingsData) -> Iterator[Odd]:
     for name, rows, axis, travel in _on_axes(data):
         far = rows[np.abs(data.table.position_mm[rows]) > BEYOND * travel]
         if len(far):
-            facts = {"component": name, "axis": axis, "travel": travel}
+            facts = {"what": name, "axis": axis, "travel": travel}
             size = float(np.abs(data.table.position_mm[far]).max())
             meant = [unit for unit, to in POSITIONS.items() if size * to <= travel]
             hint = f"; in {' or '.join(meant)} it would lie within" if meant else ""

@@ -22,7 +22,7 @@ NEAR_K = 8.0
 def sensors(data: Data) -> Iterator[tuple[str, Floats]]:
     """Every temperature column and its values (n,)."""
     for name, values in data.table.covariates.items():
-        if is_temperature(name):
+        if is_temperature(name) and values.dtype != object:
             yield name, np.asarray(values, np.float64)
 
 
@@ -108,15 +108,18 @@ def _beyond_neighbours(values: Floats) -> NDArray[np.bool_]:
     return odd[np.searchsorted(changes, np.arange(len(values)), side="right") - 1]
 
 
-@check("stuck-sensor", of="drift")
+@check("stuck-sensor", of=("drift", "points"))
 def stuck(data: Data) -> Iterator[Odd]:
     """A sensor that stays where it is to the last digit while others move."""
     known = dict(sensors(data))
+    # The temperatures of points stand still while one part is measured.
+    share, fewest = (1.0, 2) if isinstance(data, PointsData) else (STUCK_SHARE, 1)
     spans = {name: float(np.nanmax(v) - np.nanmin(v)) for name, v in known.items()
              if np.isfinite(v).any()}  # fmt: skip
     for name, values in known.items():
         others = [span for other, span in spans.items() if other != name]
-        if not others or max(others) < OTHERS_MOVE_K or len(values) < 10:
+        # One other sensor beside points may well be in the air, and this one in the part.
+        if len(others) < fewest or np.median(others) < OTHERS_MOVE_K or len(values) < 10:
             continue
         order = np.concatenate(list(series(data)))
         own = values[order]
@@ -125,5 +128,5 @@ def stuck(data: Data) -> Iterator[Odd]:
         longest = int(np.argmax(lengths))
         rows = np.sort(order[ends[longest] - lengths[longest] + 1 : ends[longest] + 1])
         moved = max(float(np.ptp(v[rows])) for other, v in known.items() if other != name)
-        if len(rows) > STUCK_SHARE * len(own) and moved >= OTHERS_MOVE_K:
+        if len(rows) >= share * len(own) and moved >= OTHERS_MOVE_K:
             yield Odd(rows, {"others": moved}, name, f"{values[rows[0]]:g}")

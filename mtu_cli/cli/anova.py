@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, cast
 
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
-from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
@@ -34,7 +33,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         raise error("unknown-name", what="method", value=method, **suggestion(method, METHODS))
     points = inputs.points
     part = inputs.part if inputs.files("part") else None
-    datum = chosen_datum(inputs)
+    datum = inputs.datum
     result = analyse_variance(points, part, cast(Method, method), settings, datum)
     return Outcome(
         results=lambda: report.document(result),

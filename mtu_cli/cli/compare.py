@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mtu_cli.analyses.compare import Compared, CompareResult, compare
-from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.execute import Outcome, execute
 from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
@@ -29,7 +28,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
 
     gates = read_gates(inputs.options.fail_if, GATES.__contains__, EXPECTED)
     found = modelled(inputs)
-    datum = chosen_datum(inputs)
+    datum = inputs.datum
     result = compare(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
     met = list(dict.fromkeys(name for gate in gates for name in _met(result, gate)))
     return Outcome(

@@ -59,7 +59,9 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     with LateBar(options.command) as progress:
         settings = read_settings(inputs, progress)
         outcome = analyse(inputs, settings)
-        outcome = replace(outcome, warnings=[*doubts(inputs, settings), *outcome.warnings])
+        outcome = replace(
+            outcome, warnings=[*inputs.suspicions, *doubts(inputs, settings), *outcome.warnings]
+        )
     files = _files(options, inputs, settings, outcome)
     report = files.pop(STANDARD_OUTPUT, None)
     gate = None

@@ -35,15 +35,18 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
         )
     fit = fit_machine(machine, readings)
     estimates = estimates_from_fit(machine, fit)
-    doubts = list(readings.notes)
-    warnings = [*machine_warnings(machine, estimates), *doubts]
+    warnings = [*machine_warnings(machine, estimates), *readings.notes]
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     return Outcome(
         results=lambda: report.document(machine.machine.name, fit, estimates, says=says),
         tables=lambda: report.table(machine.machine.name, fit, estimates, settings.digits),
         rows=lambda: report.csv_rows(fit, estimates),
         figure=lambda: report.figure(fit, estimates, settings.coverage_factor, says=says),
-        warnings=[*warnings, *fit_warnings(fit, doubts), *report.warnings(fit, estimates)],
+        warnings=[
+            *warnings,
+            *fit_warnings(fit, inputs.suspicions),
+            *report.warnings(fit, estimates),
+        ],
         gate=_drift(fit) if gates else None,
     )
 

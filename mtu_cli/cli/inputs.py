@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from types import ModuleType
+from typing import TYPE_CHECKING, Literal, cast
 
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
 from mtu_cli.files.covariates import DIRECTIONS, direction_sign
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, error, finding, suggestion
+from mtu_cli.model.datum import DATUMS, Datum
 
 if TYPE_CHECKING:
+    from mtu_cli.checks import Data, Of
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.part import LoadedPart
     from mtu_cli.files.points import Points
@@ -35,6 +39,8 @@ class Inputs:
 
     options: Options
     sources: list[Source] = field(default_factory=list)
+    suspicions: list[Finding] = field(default_factory=list)
+    """What the checks warn of, of all that was read so far."""
 
     @cached_property
     def study(self) -> LoadedStudy | None:
@@ -90,6 +96,7 @@ class Inputs:
 
         machine = load_machine(self.only("machine", "-m"))
         self.sources.append(machine.source)
+        self._check("machine", lambda checks: checks.DocumentData(machine))
         return machine
 
     @cached_property
@@ -98,11 +105,9 @@ class Inputs:
         from mtu_cli.files.part import load_part
 
         part = load_part(self.only("part", "-p"))
-        if self.made_here:
-            from mtu_cli.files.extents import check_part_extent
-
-            check_part_extent(part, self.machine.machine.travels)
         self.sources.append(part.source)
+        travels = self.machine.machine.travels if self.made_here else {}
+        self._check("part", lambda checks: checks.DocumentData(part, travels))
         return part
 
     @cached_property
@@ -133,8 +138,8 @@ class Inputs:
         from mtu_cli.files.readings import read_readings
 
         readings = read_readings(files, self.machine.machine.components, for_fit=True)
-        self.sources.extend(readings.sources)
-        return self._checked(readings, "readings")
+        self._check_readings(readings, "readings")
+        return readings
 
     @cached_property
     def drift(self) -> Readings:
@@ -144,22 +149,32 @@ class Inputs:
         files = [(path, "drift") for path in self.files("drift")]
         machine = self.machine.machine if self.files("machine") else None
         readings = read_readings(files, machine.components if machine else None, for_fit=False)
+        self._check_readings(readings, "drift")
+        return readings
+
+    def _check_readings(self, readings: Readings, of: Literal["readings", "drift"]) -> None:
         self.sources.extend(readings.sources)
-        return self._checked(readings, "drift")
-
-    def _checked(self, readings: Readings, kind: Literal["readings", "drift"]) -> Readings:
-        """The readings with what is suspicious about them among their notes.
-
-        Raises InputError for what makes a result meaningless.
-        """
-        from mtu_cli.checks import ReadingsData, warnings_of
-
         machine = self.machine.machine if self.files("machine") else None
-        data = ReadingsData(readings)
-        if machine is not None:
-            data = ReadingsData(readings, machine.components, machine.travels)
-        found = warnings_of(kind, data)
-        return replace(readings, notes=(*readings.notes, *found))
+        known = (machine.components, machine.travels) if machine else ()
+        self._check(of, lambda checks: checks.ReadingsData(readings, *known))
+
+    def _check(self, of: Of, data: Callable[[ModuleType], Data]) -> None:
+        """Notes what the checks warn of; raises InputError for what makes a result meaningless."""
+        from mtu_cli import checks
+
+        self.suspicions += checks.warnings_of(of, data(checks))
+
+    @property
+    def datum(self) -> Datum:
+        """The datum of the call: the option over the study over none.
+
+        Raises InputError for a datum that is not known.
+        """
+        study = self.study.study.settings if self.study else None
+        datum = self.options.values.get("datum") or (study.datum if study else None) or "none"
+        if datum not in DATUMS:
+            raise error("unknown-name", what="datum", value=datum, **suggestion(datum, DATUMS))
+        return cast("Datum", datum)
 
     @cached_property
     def points(self) -> Points:
@@ -169,17 +184,13 @@ class Inputs:
         files = self.files("cmm")
         if not files:
             self.only("cmm", "--cmm")
-        places = self.part.part.places() if self.files("part") else None
+        part = self.part if self.files("part") else None
+        places = part.part.places() if part else None
         points = read_points([(path, "cmm") for path in files], places)
-        if self.made_here and places is None:
-            from mtu_cli.files.extents import check_points_extent
-
-            check_points_extent(points, self.machine.machine.travels)
         self.sources.extend(points.sources)
-        from mtu_cli.checks import PointsData, warnings_of
-
-        found = warnings_of("points", PointsData(points))
-        return replace(points, notes=(*points.notes, *found))
+        travels = self.machine.machine.travels if self.made_here else {}
+        self._check("points", lambda checks: checks.PointsData(points, part, travels, self.datum))
+        return points
 
     @cached_property
     def at(self) -> dict[str, float]:

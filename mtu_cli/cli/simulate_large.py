@@ -40,10 +40,9 @@ def large_warnings(
                 warnings.append(
                     finding(
                         "effect-too-large",
-                        equation=f"{option} E{axis}",
+                        effect=f"{option} E{axis}",
                         value_mm=largest,
-                        part=str(parts[row]),
-                        feature=visits.ids[row],
+                        where=f" in part {parts[row]} at feature {visits.ids[row]!r}",
                         expected="mm, 0.003 for 3 um",
                     )
                 )

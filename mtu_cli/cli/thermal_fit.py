@@ -47,7 +47,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
 def _without_outliers(inputs: Inputs, method: str) -> list[Finding]:
     """What the models are without the rows that the checks call outlying, which stay in the fit."""
     readings = inputs.drift
-    rows = {(each.file, row) for each in readings.notes if each.code in OUTLYING
+    rows = {(each.file, row) for each in inputs.suspicions if each.code in OUTLYING
             for row in each.facts["rows"]}  # fmt: skip
     if not rows:
         return []

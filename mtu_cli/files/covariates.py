@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
-from mtu_cli.errors import SHOWN_ALIKE, closest
+from mtu_cli.findings import closest
 
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 COVARIATES = (*DIRECTIONS, "time_min", "sequence")
@@ -100,11 +100,6 @@ def is_temperature(name: str) -> bool:
 def like_kelvin(value: float) -> bool:
     """Whether what is no temperature of a machine in degC likely is one in kelvin."""
     return COLDEST_K < value < HOTTEST_K
-
-
-def all_in_kelvin(values: Collection[float]) -> bool:
-    """Whether the values of a sensor that are no temperatures are one fault: many, all alike."""
-    return len(values) > SHOWN_ALIKE and all(map(like_kelvin, values))
 
 
 def expected_temperature(value: float) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from mtu_cli.files import joined
 from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
 from mtu_cli.files.headers import check_sensor_names
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.findings import Finding, InputError, finding, listed
 
 Place = tuple[float, float, float | None]
 """Nominal x, y, z in mm; z None where nothing states it."""
@@ -95,7 +95,32 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
         problems.raise_if_any()
     points = _assemble(tables, features, problems)
     problems.raise_if_any()
+    if found := [*_negative_repeats(points, tables), *_second_sequences(points)]:
+        raise InputError(found)
     return points
+
+
+def _negative_repeats(points: Points, tables: Sequence[Table]) -> Iterator[Finding]:
+    counted = np.array(["repeat" in table.header for table in tables], bool)
+    for i in np.flatnonzero((points.repeat < 0) & counted[points.file_index]).tolist():
+        yield _cell(points, i, "repeat", int(points.repeat[i]), "0, 1, 2, ...")
+
+
+def _second_sequences(points: Points) -> Iterator[Finding]:
+    """A part is made once in each operation: where its rows have two numbers of sequence."""
+    run = points.part * (len(points.operations) + 1) + points.operation + 1
+    _, first, code = np.unique(run, return_index=True, return_inverse=True)
+    before = points.sequence[first][code.reshape(-1)]
+    for i in np.flatnonzero(points.sequence != before).tolist():
+        name = points.parts[points.part[i]]
+        expected = f"{before[i]}, as before of part {name!r}: a part is made once"
+        yield _cell(points, i, "sequence", int(points.sequence[i]), expected)
+
+
+def _cell(points: Points, i: int, column: str, value: int, expected: str) -> Finding:
+    file, row = points.sources[points.file_index[i]].shown, int(points.row[i])
+    place = {"file": file, "row": row, "column": column}
+    return finding("out-of-range", **place, value=str(value), expected=expected)
 
 
 def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 _BLOCK = 1 << 15
 _ODD = np.uint64(0x9E3779B97F4A7C15)
 _SHIFT = np.uint64(29)
-_HALF = np.uint64(26)
-_LOW = np.uint64((1 << 26) - 1)
 
 
 def row_marks(columns: Sequence[NDArray[Any]]) -> NDArray[np.uint64]:
@@ -36,21 +34,6 @@ def row_marks(columns: Sequence[NDArray[Any]]) -> NDArray[np.uint64]:
             mark *= _ODD
             mark ^= mark >> _SHIFT
     return marks
-
-
-def fingerprints(
-    columns: Sequence[NDArray[Any]], group: NDArray[np.int64], groups: int
-) -> NDArray[np.float64]:
-    """Marks (groups, 3) of the rows of each group as a set, in whatever order they stand.
-
-    The count of the rows and the sums of both halves of their marks, exact up to 2^26 rows.
-    """
-    marks = row_marks(columns)
-    found = np.zeros((groups, 3))
-    found[:, 0] = np.bincount(group, minlength=groups)
-    for half, bits in ((1, marks & _LOW), (2, (marks >> _HALF) & _LOW)):
-        found[:, half] = np.bincount(group, bits, minlength=groups)
-    return found
 
 
 def all_distinct(columns: Sequence[tuple[NDArray[Any], int]], most: int) -> bool:

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import InputError, finding
 from mtu_cli.stats.least_squares import FloatArray
 
 LARGEST_SLOPE = 0.1
@@ -66,8 +66,12 @@ def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
             degrees = 90.0 if np.isnan(found) else np.degrees(np.arctan(found))
             axis = "xy"[along]
             problems.append(
-                Problem(
-                    what=f"the {kind} of {entry.id!r} runs {degrees:.3g} degrees off {axis}",
+                finding(
+                    "off-axis",
+                    kind=kind,
+                    entry=entry.id,
+                    degrees=float(degrees),
+                    axis=axis,
                     file=part.source.shown,
                     line=part.line_of("orthogonality", index, kind),
                     path=f"orthogonality[{index}].{kind}",

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.lag import farthest_at_once, lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray, polynomial
@@ -77,9 +77,12 @@ class ThermalBasis:
         for s in np.flatnonzero(self.estimate.time_constants > 0):
             i, j, apart = farthest_at_once(found[:, s], times)
             if apart > AGREE_DEGC:
-                raise fault(
-                    f"{self.estimate.sensors[s]} at {times[i]:g} min reads {found[i, s]:g} and "
-                    f"{found[j, s]:g} degC: the drift of {self.estimate.component} lags behind it",
+                raise error(
+                    "times-contradict",
+                    sensor=self.estimate.sensors[s],
+                    first=float(found[i, s]),
+                    second=float(found[j, s]),
+                    where=f" ({times[i]:g} min)",
                     expected=f"one temperature a moment: {TIME} that runs on over all rows",
                 )
 

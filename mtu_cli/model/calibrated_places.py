@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.errors import fault
 from mtu_cli.files.part import Circle
+from mtu_cli.findings import InputError, finding
 from mtu_cli.model.geometry import GeometryError, fit_circle
 from mtu_cli.model.simulate import SimulatedPoints
 from mtu_cli.stats.least_squares import FloatArray
@@ -35,7 +35,15 @@ def growth(
         try:
             ring = fit_circle(points[own])
         except GeometryError as error:
-            raise fault(f"the nominal points of circle {circle.id!r}: {error}") from None
+            raise InputError(
+                finding(
+                    "undetermined",
+                    kind="circle",
+                    points="the nominal points",
+                    name=repr(circle.id),
+                    reason=str(error),
+                )
+            ) from None
         known = np.array(sorted(circle.calibrated_mm.items()))
         diameter = np.interp(found.covariates[circle.temperature], known[:, 0], known[:, 1])
         rows = np.isin(code, own)

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.residual_covariates import point_columns
 from mtu_cli.model.residual_visits import only_rows
 from mtu_cli.stats.least_squares import FloatArray
@@ -53,7 +52,7 @@ def rows_without_gaps(
     first = int(gone.argmax())
     component = readings.components[readings.code[rows[first]]]
     place = f"{readings.sources[files[first]].shown}, row {readings.row[rows[first]]}"
-    return rows[~gone], [_told(named, gone, place, f"{component}: ")]
+    return rows[~gone], [_told(named, gone, place, f" of {component}")]
 
 
 def _few(
@@ -78,11 +77,8 @@ def _few(
 
 
 def _told(named: Sequence[str], gone: NDArray[np.bool_], place: str, whose: str = "") -> Finding:
-    text = (
-        f"{whose}empty cells in {', '.join(map(repr, named))}: left out {int(gone.sum())} of "
-        f"{len(gone)} rows, the first {place}"
-    )
-    return Warned(code="covariate-gaps", message=text)
+    consequence = f"{int(gone.sum())} of {len(gone)} rows{whose} left out, the first {place}"
+    return finding("covariate-gaps", names=named, consequence=consequence)
 
 
 def _differs(column: FloatArray) -> bool:

@@ -8,12 +8,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.csv_cells import number
 from mtu_cli.files.csv_table import DECIMALS
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 
 FEW = 0.1
 """Share of the cells that are texts up to which the others are what the column holds."""
@@ -33,15 +32,12 @@ def of_names(cells: Iterable[str]) -> bool:
 
 def texts_told(measured: Points | Readings) -> list[Finding]:
     """One warning of all columns that are texts by more than a few of their cells."""
-    told = [
+    texts = [
         _text(name, column, measured)
         for name, column in measured.covariates.items()
         if column.dtype == object and of_names(map(str, column))
     ]
-    if not told:
-        return []
-    text = f"{', '.join(told)}: text, not numbers, so that no effect of it can be tested"
-    return [Warned(code="covariate-is-text", message=text)]
+    return [finding("covariate-is-text", names=texts)] if texts else []
 
 
 def _text(name: str, column: NDArray[Any], measured: Points | Readings) -> str:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import evaluate, names
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -117,22 +117,28 @@ def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:
 
 
 def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Finding:
-    """The Problem of the equation of an axis that has no value at `point` (3,), mm."""
+    """The finding of the equation of an axis that has no value at `point` (3,), mm."""
     used = coordinates_of(model, axis)
     unknown = [name for k, name in enumerate(AXES) if np.isnan(point[k]) and name in used]
     known = [f"{name}={point[AXES.index(name)]:g}" for name in used if name not in unknown]
-    at = f" at {', '.join(known)}" if known else ""
-    without = f" without a {unknown[0]}, which nothing states" if unknown else ""
-    return Problem(
-        what=f"the equation E{axis} of {model.name!r} has no finite value{at}{without}",
-        expected=(
-            f"a value for {unknown[0]} (z_mm in the part, nominal_z_mm of the points, or a "
-            "constant of the machine)"
-            if unknown
-            else "an equation that is defined at every feature (no division by 0, no root or "
-            "logarithm of a negative number, no exponential of millimetres)"
-        ),
+    where = f" at {', '.join(known)}" if known else ""
+    if unknown:
+        where += f" without a {unknown[0]}"
+        expected = f"{unknown[0]}_mm in the part or nominal_{unknown[0]}_mm of the points, or a "
+        expected += "constant of the machine"
+    else:
+        expected = "an equation that is defined at every feature (no division by 0, no root or "
+        expected += "logarithm of a negative number, no exponential of millimetres)"
+    return finding(
+        "equation-undefined", axis=axis, machine=model.name, where=where, expected=expected
     )
+
+
+def of_feature(problem: Finding, name: str, more: int, **place: Any) -> Finding:
+    """The same finding of a feature, and of so many more, at its place in a file."""
+    others = f" (and {more} more)" if more else ""
+    where = f"{problem.facts['where']}, of feature {name!r}{others}"
+    return replace(problem, facts={**problem.facts, "where": where}, **place)
 
 
 def without_coordinate(

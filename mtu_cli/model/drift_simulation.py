@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.model.climate import Climate, Sensors, as_read, drawn_sensors, followed
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.lag import first_order_lag
@@ -174,9 +174,11 @@ def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) ->
     name, unit = worst.drift.component, worst.drift.unit.name
     at = "" if np.isnan(worst.positions[i]) else f" at {worst.positions[i]:g} mm"
     nearest = float(rise * worst.G[i] @ shares)
-    raise fault(
-        f"--settled-drift: no shares of the sensors in the room's rise of {rise:g} degC give "
-        f"{name} the settled drift{at}",
+    raise error(
+        "settled-drift-impossible",
+        rise=rise,
+        component=name,
+        where=at,
         value=f"{name}: {' '.join(f'{value:g}' for value in worst.value)}",
         expected=f"instead of {worst.value[i]:g} {unit} about {nearest:.4g} {unit} (nearest for "
         "all that is asked): drifts differ only where the gradients of the sensors do",

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import Warned, listed
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, Unit
@@ -19,7 +18,6 @@ EFFECT_MARK = "."
 """Stands between an effect and its parameter; no component's name holds it."""
 NAMELESS = "unnamed-"
 """What names of drifts and fields without a name in a class begin with."""
-MOST_NAMED = 4
 SAME_VALUE = 1e-9
 """Relative; less is the rounding of a value that went through a report's unit."""
 
@@ -162,16 +160,17 @@ def effect_warnings(
     known = dict(zip(reported.names, reported.units, strict=True))
     unused = [name for name in known if name not in stated or not _knows(known, stated[name])]
     if unused:
-        what = f"{shown} knows effects that {machine.source.shown} has not: {', '.join(unused)}"
-        warnings.append(Warned(code="effects-not-used", message=f"{what}; they do not count"))
+        place = {"report": shown, "machine": machine.source.shown}
+        warnings.append(finding("effects-not-used", names=unused, **place))
     changed = [
         name
         for name, item in found.items()
         if (item.coefficients != stated[name].coefficients).any()
     ]
     if changed:
-        what = f"{shown} gives other values than {machine.source.shown} for {', '.join(changed)}"
-        warnings.append(Warned(code="effects-differ", message=f"{what}: those of the report count"))
+        warnings.append(
+            finding("effects-differ", report=shown, machine=machine.source.shown, names=changed)
+        )
     return warnings
 
 
@@ -181,25 +180,16 @@ def not_told_warnings(machine: LoadedMachine) -> list[Finding]:
     """
     warnings = []
     for i, effect in enumerate(machine.machine.effects):
-        place = f"{machine.source.shown}:{machine.line_of('effects', i)}"
+        facts: dict[str, Any] = {"index": i, "effect": effect.name}
+        facts |= {"file": machine.source.shown, "line": machine.line_of("effects", i)}
         rivals = _named_with(effect.found, effect.name)
         if rivals:
-            text = (
-                f"{place}: the data that effects[{i}] ({effect.name}) was found on cannot tell it "
-                f"from {listed(rivals, MOST_NAMED)}: at other places or times each foretells other "
-                "errors, and u is that of this one"
-            )
-            warnings.append(Warned(code="effect-not-told", message=text))
+            warnings.append(finding("effect-not-separable", others=rivals, **facts))
         for name, others in effect.alike.items():
             what, _, unit = name.rpartition("_")
             where = "places" if unit == "mm" else "data"
-            fit = "1 other fits" if len(others) == 1 else f"{len(others)} others fit"
-            text = (
-                f"{place}: the {what or name} of effects[{i}] ({effect.name}) was not told by the "
-                f"{where} that it was found on ({fit} alike): what it says holds at those "
-                f"{where} alone"
-            )
-            warnings.append(Warned(code="searched-not-told", message=text))
+            facts |= {"what": what or name, "where": where, "fits": len(others)}
+            warnings.append(finding("searched-not-told", **facts))
     return warnings
 
 

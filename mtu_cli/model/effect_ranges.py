@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.covariates import NEAR_K, is_temperature
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
@@ -118,10 +117,12 @@ def _not_given(
             if not np.isfinite(np.asarray(values.get(column, np.nan), float)).all():
                 found.setdefault((column, *effect.seen[column]), []).append(effect)
     return [
-        Warned(
-            code="effect-range-unknown",
-            message=f"{_listed(own)} {'holds' if len(own) == 1 else 'hold'} with {column} "
-            f"{_between(low, high, high - low)}, of which {_lacks(values.get(column), column)}",
+        finding(
+            "effect-range-unknown",
+            effects=_listed(own),
+            covariate=column,
+            range=_between(low, high, high - low),
+            reason=_lacks(values.get(column), column),
         )
         for (column, low, high), own in found.items()
     ]
@@ -153,17 +154,18 @@ def outside_seen(
             if len(given) and beyond.max() > slack:
                 worst = float(given[int(np.argmax(beyond))])
                 found.setdefault(_Left(column, low, high, worst), []).append(effect)
-    return [Warned(code="outside-effect-range", message=_left(*item)) for item in found.items()]
+    return [_left(*item) for item in found.items()]
 
 
-def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> str:
-    were, say = ("was", "it says") if len(effects) == 1 else ("were", "they say")
+def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> Finding:
     unit = " mm" if left.column in AXES else ""
     beyond = max(left.low - left.value, left.value - left.high)
-    where = _between(left.low, left.high, left.high - left.low or beyond)
-    return (
-        f"{_listed(effects)} {were} found with {left.column} {where}{unit}: what {say} at "
-        f"{_shown(left.value, beyond)}{unit} is a guess"
+    return finding(
+        "outside-effect-range",
+        effects=_listed(effects),
+        covariate=left.column,
+        range=_between(left.low, left.high, left.high - left.low or beyond) + unit,
+        at=_shown(left.value, beyond) + unit,
     )
 
 
@@ -202,11 +204,15 @@ def _too_large(
         said = design(alone, points, covariates).J @ theta(alone)
         largest = float(said[int(np.argmax(np.abs(said)))])
         if abs(largest) > max(LARGE_MM, STEEP * moved):
-            text = (
-                f"{_listed([effect])} says {largest:.3g} mm, more than a machine errs by: look at "
-                "the units of its parameters, and at constants in another unit than their column"
+            warnings.append(
+                finding(
+                    "effect-too-large",
+                    effect=_listed([effect]),
+                    value_mm=largest,
+                    where="",
+                    expected="parameters and constants in the units of their columns",
+                )
             )
-            warnings.append(Warned(code="effect-too-large", message=text))
     return warnings
 
 

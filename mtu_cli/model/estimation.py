@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import InputError, finding
 from mtu_cli.model.estimates import ComponentEstimate, from_centre
 from mtu_cli.model.instruments import at_both_ways, combine
 from mtu_cli.model.passes import Passes, PassKey, passes_of
@@ -141,9 +141,10 @@ def _check_weights(
 ) -> None:
     """Without scatter an instrument has no weight against the others."""
     problems = [
-        Problem(
-            what=f"the readings of {name!r} by {fit.role} show no scatter: they cannot be "
-            "weighed against the other instruments'",
+        finding(
+            "no-weight",
+            component=name,
+            role=fit.role,
             file=", ".join(s.shown for s in readings.sources if s.role == fit.role) or None,
             expected="more readings, with all their digits",
         )

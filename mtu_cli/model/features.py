@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Warned, reworded
-from mtu_cli.files.features_alike import part_features_alike
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding
-from mtu_cli.model.design import without_coordinate
+from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.model.design import of_feature, without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
 
-OTHER_UNIT = 10.0
-"""Times the measured range beyond which a place seems to be in another unit."""
 FEW_DOF = 3.0
 
 
@@ -41,17 +36,7 @@ def feature_points(
     for axis, value in model.position_constants().items():
         column = points[:, AXES.index(axis)]
         if (np.isfinite(column) & (np.abs(column - value) > 1e-9)).any():
-            warnings.append(
-                Warned(
-                    code="position-fixed",
-                    message=f"the machine fixes {axis} at {value:g} mm; the part's own {axis} "
-                    "is used for nominal lengths only",
-                )
-            )
-    warnings += [
-        Warned(code=notice.code, message=notice.message)
-        for notice in part_features_alike(part.source.shown, ids, points)
-    ]
+            warnings.append(finding("position-fixed", axis=axis, at_mm=value))
     return ids, points, warnings
 
 
@@ -63,15 +48,8 @@ def _check_coordinates(
         return
     lacking, problem = found
     name = ids[lacking[0]]
-    more = f" (and {len(lacking) - 1} more features)" if len(lacking) > 1 else ""
-    raise InputError(
-        replace(
-            reworded(problem, f"{problem.text}, of feature {name!r}{more}"),
-            file=part.source.shown,
-            line=part.line_of("features", name),
-            path=f"features.{name}",
-        )
-    )
+    place = {"file": part.source.shown, "line": part.line_of("features", name)}
+    raise InputError(of_feature(problem, name, len(lacking) - 1, path=f"features.{name}", **place))
 
 
 def outside_warnings(prediction: Prediction) -> list[Finding]:
@@ -86,19 +64,15 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
         alike.setdefault(key, []).append((component, found[0][1]))
     warnings = []
     for (low, high, points), members in alike.items():
-        names = ", ".join(name for name, _ in members)
-        others = f" and {len(points) - 1} more" if len(points) > 1 else ""
+        others = f" (and {len(points) - 1} more)" if len(points) > 1 else ""
         warnings.append(
-            Warned(
-                code="outside-measured-range",
-                message=f"{names} {'was' if len(members) == 1 else 'were'} measured from "
-                f"{low:g} to {high:g} mm; feature {points[0]!r} at {members[0][1]:g} mm{others} "
-                "is outside: what was fitted is a guess there"
-                + (
-                    "; are the positions of its readings, and the features of the part, in mm?"
-                    if abs(members[0][1]) > OTHER_UNIT * max(abs(low), abs(high)) > 0
-                    else ""
-                ),
+            finding(
+                "outside-measured-range",
+                what=f"feature {points[0]!r} at {members[0][1]:g} mm{others}",
+                names=[name for name, _ in members],
+                low=low,
+                high=high,
+                unit="mm",
             )
         )
     return warnings
@@ -107,12 +81,4 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
 def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:
     """Fewer than three effective degrees of freedom: Student's t has no variance there."""
     few = [name for name, value in zip(what, dof, strict=True) if value < FEW_DOF]
-    if not few:
-        return []
-    return [
-        Warned(
-            code="few-degrees-of-freedom",
-            message=f"fewer than 3 effective degrees of freedom behind {', '.join(few[:6])}"
-            f"{' and more' if len(few) > 6 else ''}: use the 95 % interval, not u",
-        )
-    ]
+    return [finding("few-degrees-of-freedom", names=few)] if few else []

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import drift_problem
@@ -18,7 +17,7 @@ from mtu_cli.files.reports_read import (
     ReportedEffects,
     ReportedGroup,
 )
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -102,10 +101,6 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
     return Estimates(components=found, joint=fit.joint)
 
 
-SHOWN = 6
-"""Components that a warning names."""
-
-
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
     """What the machine file makes one ask; not of coefficients that readings, or a report of
     their fit, win over.
@@ -116,14 +111,14 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Findi
         for name, own in from_machine_file(machine).items()
         if np.array_equal(estimates.components[name].coefficients, own.coefficients)
     }
-    told = [
-        Warned(code=item.code, message=item.message)
+    own = [
+        item
         for item in machine.warnings
         if item.facts.get("coefficients_of") is None or item.facts.get("coefficients_of") in used
     ]
     stated = [name for name, own in machine.machine.components.items() if own.coefficients]
     idle = [name for name in stated if name not in used and name in machine.used]
-    return [*told, *beaten_warnings(machine, idle, "coefficients")]
+    return [*own, *beaten_warnings(machine, idle, "coefficients")]
 
 
 def beaten_warnings(
@@ -132,15 +127,10 @@ def beaten_warnings(
     """That what the file states of components under a key is not used: one warning of all."""
     if not idle:
         return []
-    what, by = {"coefficients": ("coefficients are", "readings"),
-                "thermal": ("thermal blocks are", "drift readings")}[key]  # fmt: skip
-    more = f" and {len(idle) - SHOWN} more" if len(idle) > SHOWN else ""
-    text = (
-        f"{machine.source.shown}:{machine.line_of('components', idle[0], key)}: "
-        f"components {', '.join(idle[:SHOWN])}{more}: their {what} not used: {by}, "
-        "or the report of their fit, win over them"
-    )
-    return [Warned(code=f"{key}-not-used", message=text)]
+    what, by = {"coefficients": ("coefficients", "readings"),
+                "thermal": ("thermal blocks", "drift readings")}[key]  # fmt: skip
+    line = machine.line_of("components", idle[0], key)
+    return [finding("not-used", what=what, names=idle, by=by, file=machine.source.shown, line=line)]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
@@ -179,14 +169,10 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     found = from_machine_file(machine)
     problems: list[Finding] = []
     for name, item in report.components.items():
+        path = f"results.components.{name}"
         problems += [
-            Problem(
-                what=what,
-                file=report.source.shown,
-                path=f"results.components.{name}",
-                expected=expected,
-            )
-            for what, expected in _disagreements(machine, name, item)
+            own.at(file=report.source.shown, path=path)
+            for own in _disagreements(machine, name, item)
         ]
     if problems:
         raise InputError(problems)
@@ -198,32 +184,25 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     )
 
 
-def _disagreements(
-    machine: LoadedMachine, name: str, item: ReportedComponent
-) -> list[tuple[str, str]]:
-    """What the report says otherwise than the machine file, and what that would have it say."""
+def _disagreements(machine: LoadedMachine, name: str, item: ReportedComponent) -> list[Finding]:
+    """What the report says otherwise than the machine file."""
     file = machine.source.shown
     entry = machine.machine.components.get(name)
     if entry is None:
-        return [(f"{file} has no component {name!r}", "a report of this machine's components")]
+        known = machine.machine.components
+        return [finding("unknown-name", what="component", value=name, **suggestion(name, known))]
     found = []
     degree = len(item.coefficients) - 1
     if degree != entry.degree:
-        found.append(
-            (
-                f"{name!r} is of degree {degree} in the components report",
-                f"degree {entry.degree}, as in {file}: fit again",
-            )
-        )
+        found.append((f"of degree {degree}", f"degree {entry.degree}, as in {file}: fit again"))
     same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
     if entry.of != item.of or not same_unit:
-        found.append(
-            (
-                f"{name!r} is of {item.of} in {item.unit} in the components report",
-                f"of {entry.of} in {entry.unit}, as in {file}",
-            )
-        )
-    return found
+        expected = f"of {entry.of} in {entry.unit}, as in {file}"
+        found.append((f"of {item.of} in {item.unit}", expected))
+    return [
+        finding("contradicts-report", name=name, reported=reported, expected=expected)
+        for reported, expected in found
+    ]
 
 
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterable
+from dataclasses import replace
 from statistics import median
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import Warned, reworded
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.family import FAMILY_RATE, significant
@@ -25,9 +26,9 @@ LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 SINGLE = ("outlying-reading",)
 """Doubts of single rows, which alone may make a line misfit."""
 RAISE = "raise its degree"
-FIRST = "a single row of it looks mistaken, put that right first; else raise its degree"
+FIRST = "correct its outlying reading first, else raise its degree"
 DISAGREE = "the instruments disagree on "
-"""Other warnings of LIMITS begin with the component."""
+"""In reports without facts the other warnings of LIMITS begin with the component."""
 
 
 def scatter_warnings(fit: MachineFit) -> list[Finding]:
@@ -47,8 +48,8 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Findin
         *scatter_warnings(fit),
         *_too_well(fit),
         *(
-            reworded(item, item.text.replace(RAISE, FIRST))
-            if item.code == "lack-of-fit" and named.intersection(item.facts.get("about", ()))
+            replace(item, facts={**item.facts, "advice": FIRST})
+            if item.code == "lack-of-fit" and item.facts["component"] in named
             else item
             for item in _significant(fit, ("reversal", "passes-drift", "lack-of-fit"))
         ),
@@ -66,7 +67,7 @@ def limits_of(warnings: Iterable[Finding], used: Container[str]) -> list[Finding
     return [
         item
         for item in dict.fromkeys(warnings)
-        if item.code in LIMITS and item.message.removeprefix(DISAGREE).partition(" ")[0] in used
+        if item.code in LIMITS and item.facts["component"] in used
     ]
 
 
@@ -74,7 +75,7 @@ def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Finding]:
     """Of each kind of test on the passes those that hold out among all of it."""
     warnings = []
     for code in codes:
-        p_of, message = TESTS[code]
+        p_of, facts_of = TESTS[code]
         tested: dict[str, float] = {}
         where: dict[str, tuple[str, Unit, InstrumentFit]] = {}
         for name, component in fit.components.items():
@@ -85,7 +86,13 @@ def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Finding]:
                     tested[key] = p
                     where[key] = (name, component.unit, instrument)
         warnings += [
-            Warned(code=code, message=message(*where[key], p), about=where[key][:1])
+            finding(
+                code,
+                component=where[key][0],
+                p=p,
+                unit=where[key][1].name,
+                **facts_of(*where[key][1:]),
+            )
             for key, p in significant(tested).items()
         ]
     return warnings
@@ -93,11 +100,7 @@ def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Finding]:
 
 def _disagreeing(fit: MachineFit) -> list[Finding]:
     return [
-        Warned(
-            code="instruments-disagree",
-            message=f"{DISAGREE}{name} (p = {component.agreement_p:.2g}): "
-            "the combined line is too sure of itself",
-        )
+        finding("instruments-disagree", component=name, p=component.agreement_p)
         for name, component in fit.components.items()
         if component.agreement_p is not None
         and component.agreement_p * len(fit.components) <= FAMILY_RATE
@@ -110,16 +113,7 @@ def _not_separated(fit: MachineFit) -> list[Finding]:
         for name, component in fit.components.items()
         if not all(instrument.fit.separated for instrument in component.instruments)
     ]
-    if not names:
-        return []
-    return [
-        Warned(
-            code="pass-drift-not-separated",
-            message=f"the readings of {', '.join(names)} do not tell pass-to-pass drift from "
-            "repeatability (one pass, or no pass column): all scatter counts as repeatability, "
-            "and lengths may scatter more than is said",
-        )
-    ]
+    return [finding("pass-drift-not-separated", names=names)] if names else []
 
 
 def _one_run(fit: MachineFit) -> list[Finding]:
@@ -132,15 +126,7 @@ def _one_run(fit: MachineFit) -> list[Finding]:
             for item in component.instruments
         )
     ]
-    if not names:
-        return []
-    return [
-        Warned(
-            code="one-run",
-            message=f"the readings of {', '.join(names)} are of one run there and back: its two "
-            "passes stand for all scatter of passes, which what runs share is not in; read more",
-        )
-    ]
+    return [finding("one-run", names=names)] if names else []
 
 
 def _without_scatter(fit: MachineFit) -> list[Finding]:
@@ -155,15 +141,11 @@ def _without_scatter(fit: MachineFit) -> list[Finding]:
         for name, component in fit.components.items()
         if name not in still and not np.diag(component.estimate.covariance).all()
     ]
-    rest = "their uncertainty counts as 0, where the instrument's resolution at least remains"
-    found = []
-    if still:
-        text = f"the readings of {', '.join(still)} do not scatter: {rest}"
-        found.append(Warned(code="no-scatter", message=text))
-    if alike:
-        text = f"the passes of {', '.join(alike)} have the same means to the last digit: of these "
-        found.append(Warned(code="no-scatter", message=text + rest))
-    return found
+    return [
+        finding("no-scatter", what=what, names=names)
+        for what, names in (("readings", still), ("means of the passes", alike))
+        if names
+    ]
 
 
 def _too_well(fit: MachineFit) -> list[Finding]:
@@ -180,48 +162,42 @@ def _too_well(fit: MachineFit) -> list[Finding]:
             continue
         meant = LARGER_UNIT.get(unit.name, "another unit")
         kind = "lengths" if unit.dimension == LENGTH else "angles"
-        text = (
-            f"{name} repeats to {own / unit.to_internal:.2g} {unit.name} where the other {kind} "
-            f"typically do to {median(others) / unit.to_internal:.2g} {unit.name}: are its errors "
-            f"in {meant}?"
+        found.append(
+            finding(
+                "readings-small",
+                component=name,
+                s=own / unit.to_internal,
+                others=median(others) / unit.to_internal,
+                unit=unit.name,
+                kind=kind,
+                meant_unit=meant,
+            )
         )
-        found.append(Warned(code="readings-small", message=text))
     return found
 
 
-def _reversal(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
-    value = found.reversal.value / unit.to_internal if found.reversal else 0.0
+def _reversal(unit: Unit, found: InstrumentFit) -> dict[str, Any]:
     forward, reverse = int((found.direction > 0).sum()), int((found.direction < 0).sum())
-    mean = "the mean of both directions"
+    leaning = ""
     if forward != reverse:
-        mean += f", leaning to the one read more often ({forward} and {reverse} readings)"
-    return (
-        f"{name} reverses by {value:.2g} {unit.name} (p = {p:.1g}): predictions are for {mean}; "
-        "a feature approached from one side is off by half of it"
-    )
+        leaning = f", weighted by their readings ({forward} and {reverse})"
+    size = found.reversal.value / unit.to_internal if found.reversal else 0.0
+    return {"size": size, "leaning": leaning}
 
 
-def _trend(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
-    value = found.trend.value / unit.to_internal if found.trend else 0.0
-    each = "a pass there and back" if len(found.fit.pairs) else "a pass"
-    return (
-        f"{name} drifts by {value:.2g} {unit.name} {each} (p = {p:.1g}): its passes are not "
-        "exchangeable, the next part may lie beyond what they span"
-    )
+def _trend(unit: Unit, found: InstrumentFit) -> dict[str, Any]:
+    size = found.trend.value / unit.to_internal if found.trend else 0.0
+    return {"size": size, "each": "a pass there and back" if len(found.fit.pairs) else "a pass"}
 
 
-def _lack(name: str, unit: Unit, found: InstrumentFit, p: float) -> str:
-    return (
-        f"{name} is not a polynomial of the degree that the machine gives it (p = {p:.1g}): "
-        f"{RAISE}, or look at the picture (--plot)"
-    )
+Facts = Callable[[Unit, InstrumentFit], dict[str, Any]]
 
-
-Message = Callable[[str, Unit, InstrumentFit, float], str]
-
-TESTS: dict[str, tuple[Callable[[InstrumentFit], float | None], Message]] = {
+TESTS: dict[str, tuple[Callable[[InstrumentFit], float | None], Facts]] = {
     "reversal": (lambda f: f.reversal.p if f.reversal else None, _reversal),
     "passes-drift": (lambda f: f.trend.p if f.trend else None, _trend),
-    "lack-of-fit": (lambda f: f.lack_of_fit.p if f.lack_of_fit else None, _lack),
+    "lack-of-fit": (
+        lambda f: f.lack_of_fit.p if f.lack_of_fit else None,
+        lambda unit, found: {"advice": RAISE},
+    ),
 }
-"""By code: p of an instrument's readings (None: not tested), and what is said."""
+"""By code: p of an instrument's readings (None: not tested), and the facts of the warning."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.trials import Measure
@@ -23,9 +23,11 @@ def differences(points: FloatArray, pairs: IntArray, names: Sequence[str], file:
     delta = points[pairs[:, 1]] - points[pairs[:, 0]]
     unknown = np.isnan(points[pairs].sum(axis=2))
     for i in np.flatnonzero(unknown[:, 0] != unknown[:, 1])[:1]:
-        raise fault(
-            f"of the length {names[i]!r} only one end has a z",
+        raise error(
+            "missing-key",
+            key="z_mm",
             file=file,
+            path=f"length {names[i]!r}",
             expected="z_mm of both features, or of the part",
         )
     return np.nan_to_num(delta)
@@ -74,8 +76,8 @@ def length_error(L0: FloatArray, delta: FloatArray, e: FloatArray) -> FloatArray
     that have errors, `e` (axes, lengths, n) the difference of the two ends' errors there.
     """
     grown = np.zeros(e.shape[1:])
-    for along, error in zip(delta.T, e, strict=True):
-        grown += (2 * along[:, None] + error) * error
+    for along, slip in zip(delta.T, e, strict=True):
+        grown += (2 * along[:, None] + slip) * slip
     length = L0[:, None]
     errors: FloatArray = grown / (np.sqrt(length**2 + grown) + length)
     return errors

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.place_lines import smooth_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -17,7 +16,6 @@ from mtu_cli.stats.loose_columns import Loose, loose_columns
 from mtu_cli.units import p_text, um_text
 
 CODE = "feature-scatters"
-MOST_NAMED = 3
 ROUNDING = 1e-12
 """Of the mean square of the errors: what scatters less does not."""
 BEYOND = 0.1
@@ -67,20 +65,14 @@ def loose_features(
         without = _without_farthest(known, there, found)
         still = {(own.column, own.axis) for own in loose_columns(known, without, smooth)}
         found = [own for own in found if (own.column, own.axis) in still]
-    texts = []
+    warnings = []
     for column in dict.fromkeys(own.column for own in found):
         each = [own for own in found if own.column == column]
         sizes = ", ".join(f"{axes[own.axis]} {um_text(own.s)}" for own in each)
         others = ", ".join(f"{axes[own.axis]} {um_text(own.others)}" for own in each)
         p = max(own.p for own in each)
-        texts.append(
-            f"feature {columns[column]} scatters from part to part far more than the others: "
-            f"{sizes} um, they {others} um ({p_text(p)} among all "
-            "features): look at this feature, its tool and how it is measured"
-        )
-    more = len(texts) - MOST_NAMED
-    beyond = [f"{more} more features scatter far more than the others"] if more > 0 else []
-    return [Warned(code=CODE, message=text) for text in [*texts[:MOST_NAMED], *beyond]]
+        warnings.append(finding(CODE, feature=columns[column], s=sizes, others=others, p=p_text(p)))
+    return warnings
 
 
 def _without_farthest(

@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.yaml_file import path_text
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.language import LinearForm, Node, names
 from mtu_cli.language.tree import Binary
 from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
@@ -165,7 +164,7 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
         _no_uncertainty(machine, term.estimate.name) for term in terms if not _is_known(term)
     ]
     if not terms and not problems:
-        problems = [Problem(what="no equation holds a component", file=machine.source.shown)]
+        problems = [finding("no-component", file=machine.source.shown)]
     if problems:
         raise InputError(problems)
 
@@ -208,9 +207,9 @@ def _is_known(term: Term) -> bool:
 
 
 def _no_uncertainty(machine: LoadedMachine, name: str) -> Finding:
-    return Problem(
-        what=f"the component {name!r} has as many readings as coefficients: its uncertainty "
-        "cannot be had",
+    return finding(
+        "too-little-data",
+        what=f"as many readings of {name!r} as coefficients",
         file=machine.source.shown,
         line=machine.line_of("components", name),
         path=f"components.{name}",
@@ -226,39 +225,31 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
     """Raises InputError naming every covariate that the equations need and nobody gave."""
     _check_temperatures(model, given)
     missing = [name for name in model.covariates() if name not in given]
-    if missing:
-        drifts = sensors_of(model)
-        sensors = [name for name in missing if name in drifts]
-        together = sensors if len(sensors) > MOST_SENSORS else []
-        raise InputError(
-            [
-                *_needed_together(drifts, together, given),
-                *(
-                    Problem(
-                        what=f"the drift of {', '.join(drifts[name])} needs the temperature "
-                        f"{name!r}"
-                        if name in drifts
-                        else f"the equations of {model.name!r} need the covariate {name!r}",
-                        expected=f"--at {name}=VALUE{MEANT.get(name, '')}{_given(given)}",
-                    )
-                    for name in missing
-                    if name not in together
-                ),
-            ]
-        )
+    if not missing:
+        return
+    drifts = sensors_of(model)
+    sensors = [name for name in missing if name in drifts]
+    together = sensors if len(sensors) > MOST_SENSORS else []
+    groups = [together, *([name] for name in missing if name not in together)]
+    raise InputError(_needed(model, drifts, names, given) for names in groups if names)
 
 
-def _needed_together(
-    drifts: Mapping[str, Sequence[str]], sensors: Sequence[str], given: Mapping[str, object]
-) -> list[Finding]:
-    """One problem for many sensors that nobody gave."""
-    if not sensors:
-        return []
-    of = dict.fromkeys(name for sensor in sensors for name in drifts[sensor])
-    listed = f"{', '.join(sensors[:MOST_SENSORS])} and {len(sensors) - MOST_SENSORS} more"
-    each = f"--at {sensors[0]}=VALUE and so on, or --at 'T_*_degC=VALUE' for all of them"
-    what = f"the drift of {', '.join(of)} needs the temperatures {listed}"
-    return [Problem(what=what, expected=f"{each}{_given(given)}")]
+def _needed(
+    model: MachineModel,
+    drifts: Mapping[str, Sequence[str]],
+    names: Sequence[str],
+    given: Mapping[str, object],
+) -> Finding:
+    """Covariates that the equations, or the drift of components, need and nobody gave."""
+    owner = f"the machine {model.name!r}"
+    if names[0] in drifts:
+        of = dict.fromkeys(name for sensor in names for name in drifts[sensor])
+        owner = f"the drift of {listed(of)}"
+    expected = f"--at {names[0]}=VALUE{MEANT.get(names[0], '')}"
+    if len(names) > 1:
+        expected += " and so on, or --at 'T_*_degC=VALUE' for all of them"
+    expected += _given(given)
+    return finding("missing-covariate", owner=owner, names=list(names), expected=expected)
 
 
 def _given(given: Mapping[str, object]) -> str:
@@ -271,8 +262,9 @@ def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> Non
         faulty = ~(np.abs(values) <= HOTTEST_DEGC)
         if faulty.any():
             value = float(values[faulty][0])
-            raise fault(
-                f"no temperature of a machine: {sensor}",
+            raise error(
+                "out-of-range",
+                path=sensor,
                 value=f"{value:g}",
                 expected=expected_temperature(value),
             )

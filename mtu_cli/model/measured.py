@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import all_distinct
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.angle_geometry import Line, angle_error, check_square
 from mtu_cli.model.length_geometry import differences, length_error
 from mtu_cli.model.machine_model import AXES
@@ -29,8 +29,6 @@ from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
     from mtu_cli.files.part import LoadedPart
-
-MOST_NAMED = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,6 +123,28 @@ def _stacked(found: list[Cells]) -> Cells:
     )
 
 
+def left_out(points: Points) -> list[Finding]:
+    """Axes that only some points have, or that have no nominal: they are not analysed."""
+    measured = np.isfinite(points.measured).any(axis=0)
+    lost = [k for k in np.flatnonzero(measured).tolist() if k not in axes_of(points)]
+    return [finding("axis-left-out", axis=AXES[k]) for k in lost]
+
+
+def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
+    """Of axes with an equation along which no point was measured: nothing is judged there."""
+    measured = np.asarray(np.isfinite(points.measured).any(axis=0))
+    lost = [name for k, name in enumerate(AXES) if name in predicted and not measured[k]]
+    return [
+        finding(
+            "axis-not-measured",
+            what="the points",
+            axis=name,
+            consequence=f"the E{name} of the machine is not judged",
+        )
+        for name in lost
+    ]
+
+
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
     """One table an operation and length of the part file: measured minus nominal, mm.
 
@@ -165,14 +185,7 @@ def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
         z = [places[name][2] for name in (entry.from_, entry.to)]
         if {entry.from_, entry.to} <= measured and None not in z and z[0] != z[1]:
             lost.append(entry.id)
-    if not lost:
-        return []
-    more = f" and {len(lost) - MOST_NAMED} more" if len(lost) > MOST_NAMED else ""
-    text = (
-        f"length {', '.join(lost[:MOST_NAMED])}{more} runs along z, which was not measured at "
-        "every end: it is taken as free of error along z"
-    )
-    return [Warned(code="length-without-z", message=text)]
+    return [finding("length-without-z", names=lost)] if lost else []
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.errors import Problem
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.basis import AGREE_DEGC, Covariates, row_times
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.stats.lag import farthest_at_once
@@ -38,11 +37,14 @@ def moment_problem(model: MachineModel, points: Points, covariates: Covariates) 
     value = np.asarray(covariates[sensor])
     files = [points.sources[points.file_index[k]].shown for k in (i, j)]
     other = f"row {points.row[i]}" + (f" of {files[0]}" if files[0] != files[1] else "")
-    return Problem(
-        what=f"the same time as in {other}, where {sensor} reads {value[i]:g} degC",
+    return finding(
+        "times-contradict",
+        sensor=sensor,
+        first=float(value[i]),
+        second=float(value[j]),
+        where=f" (the first in {other})",
         file=files[1],
         row=int(points.row[j]),
         column=sensor,
-        value=f"{value[j]:g}",
         expected="times that run on over all parts: the drift lags behind its temperatures",
     )

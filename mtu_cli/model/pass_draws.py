@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.errors import Warned, fault
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.blocks import component_blocks, positions_in_group
 from mtu_cli.model.estimates import JointPasses
 from mtu_cli.model.machine_model import MachineModel
@@ -68,13 +67,7 @@ def cut_warnings(model: MachineModel) -> list[Finding]:
             if _is_cut(block.D[part, part], block.C[part, part])
         ]
         cut += own or [f"{' and '.join(block.names)} together"]
-    if not cut:
-        return []
-    text = (
-        f"the passes of {', '.join(cut)} differ by less than their repeatability makes them: "
-        "nothing can be drawn so, and what is simulated scatters more than is predicted"
-    )
-    return [Warned(code="passes-cut", message=text)]
+    return [finding("passes-cut", names=cut)] if cut else []
 
 
 def _is_cut(D: FloatArray, C: FloatArray) -> bool:
@@ -95,8 +88,9 @@ def _blocks(model: MachineModel) -> list[Block]:
     found = component_blocks(replace(model, joint=joint), nothing, none, columns)
     unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
     if unknown:
-        raise fault(
-            f"how far passes of {', '.join(unknown)} differ is not known: nothing can be drawn",
+        raise error(
+            "not-determined",
+            path=f"the pass-to-pass covariance of {', '.join(unknown)}",
             expected="a report of readings in several passes",
         )
     return found

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.language import evaluate, names
 from mtu_cli.language.linear import LinearForm
 from mtu_cli.model.effect_parameters import declared_effects
@@ -92,6 +91,5 @@ def _needed(pair: tuple[LinearForm, LinearForm]) -> set[str]:
 
 
 def _left_out(effect: str, component: str, missing: list[str]) -> Finding:
-    why = f"they have no column {', '.join(missing)}" if missing else "no equation holds both"
-    text = f"the effect {effect} is not taken off the readings of {component}: {why}"
-    return Warned(code="effect-not-removed", message=text)
+    reason = f"they have no column {', '.join(missing)}" if missing else "no equation holds both"
+    return finding("effect-not-removed", effect=effect, component=component, reason=reason)

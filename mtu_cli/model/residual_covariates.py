@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem, Warned, reworded
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.model.basis import TIME
-from mtu_cli.model.design import without_coordinate
+from mtu_cli.model.design import of_feature, without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
 from mtu_cli.model.moments import moment_problem
 from mtu_cli.model.residual_cells import Cells, IntArray
-from mtu_cli.model.temperature_cells import cell_problem, no_temperatures
 from mtu_cli.stats.least_squares import FloatArray
 
 ROUNDING = 1e-12
@@ -64,11 +62,8 @@ def table_covariates(
             gaps.append(f"{name!r} ({_where(known, *files)})")
     if not gaps:
         return found, ()
-    text = (
-        f"empty cells in {', '.join(gaps)}: left out, so that no effect of "
-        f"{'it' if len(gaps) == 1 else 'them'} can be tested"
-    )
-    return found, (Warned(code="covariate-gaps", message=text),)
+    consequence = "no effect of such a column can be tested"
+    return found, (finding("covariate-gaps", names=gaps, consequence=consequence),)
 
 
 def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source]) -> str:
@@ -127,15 +122,11 @@ def needed_covariates(
     Times are added where a drift lags behind its temperatures.
 
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
-    empty, no number or no temperature of a machine (nor in a column that an effect holds within),
-    and for temperatures of one moment that cannot both be right where a drift lags behind them,
-    with their rows.
+    empty or no number, and for temperatures of one moment that cannot both be right
+    where a drift lags behind them, with their rows.
     """
     values: Values = {}
     problems: list[Finding] = []
-    for name in used_columns(model):
-        if name not in model.covariates() and name in columns:
-            problems += no_temperatures(points, name, columns[name])
     for name in model.covariates():
         if name in columns:
             values[name] = numbers_of(points, name, columns[name], problems)
@@ -160,8 +151,7 @@ def _of_the_points(
     """Of columns that `at` does not stand in for."""
     for name in used_columns(model):
         if name in columns and name in at:
-            text = f"the points' own column {name!r} is used, not --at {name}"
-            yield Warned(code="covariate-of-the-points", message=text)
+            yield finding("covariate-of-the-points", name=name)
 
 
 def used_columns(model: MachineModel) -> list[str]:
@@ -179,11 +169,10 @@ def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> 
     if found is not None:
         lacking, problem = found
         i = int(lacking[0])
-        more = f" (and {len(lacking) - 1} more points)" if len(lacking) > 1 else ""
-        yield replace(
-            reworded(
-                problem, f"{problem.text}, of feature {points.features[points.feature[i]]!r}{more}"
-            ),
+        yield of_feature(
+            problem,
+            points.features[points.feature[i]],
+            len(lacking) - 1,
             file=points.sources[points.file_index[i]].shown,
             row=int(points.row[i]),
         )
@@ -193,7 +182,7 @@ def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str
     drifts = sensors_of(model)
     if name in drifts:
         return missing_sensor(points, name, drifts[name], known)
-    return _lacks(points, name, known, f"the equations of {model.name!r} need the covariate")
+    return _lacks(points, name, known, f"the machine {model.name!r}")
 
 
 def missing_sensor(
@@ -202,17 +191,19 @@ def missing_sensor(
     """The Problem of a sensor that the points, whose columns are `known`, do not have, and that
     the drifts of these components need.
     """
-    return _lacks(points, name, known, f"the drift of {', '.join(drifts)} needs the temperature")
+    return _lacks(points, name, known, f"the drift of {listed(drifts)}")
 
 
-def _lacks(points: Points, name: str, known: Sequence[str], what: str) -> Finding:
+def _lacks(points: Points, name: str, known: Sequence[str], owner: str) -> Finding:
     near = closest_covariate(name, known)
-    return Problem(
-        what=f"{what} {name!r}",
+    return finding(
+        "missing-covariate",
+        owner=owner,
+        names=[name],
         file=", ".join(source.shown for source in points.sources),
         column=name,
-        expected=f"a column of this name{f' (there is {near!r})' if near else ''}, or "
-        f"--at {name}=VALUE",
+        meant=(near,) if near else (),
+        expected=f"a column of this name, or --at {name}=VALUE",
     )
 
 
@@ -223,19 +214,32 @@ def numbers_of(
     problems: list[Finding],
     rows: IntArray | None = None,
 ) -> FloatArray:
-    """The column (n,) as numbers; cells of `rows` (all of them unless given) that are none, or
-    no temperature of a machine in a sensor's column, become problems.
+    """The column (n,) as numbers; cells of `rows` (all of them unless given) that are none
+    become problems.
     """
     texts = column.tolist() if column.dtype == object else None
     found = np.array([number(text) for text in texts]) if texts else column.astype(np.float64)
     chosen = np.arange(len(found)) if rows is None else rows
     for i in chosen[~np.isfinite(found[chosen])][:MOST_TOLD].tolist():
         text = texts[i] if texts else ""
-        what = "not a number" if text else "the cell is empty"
+        code = "not-a-number" if text else "empty-cell"
         expected = f"a number: {name!r} of every point is needed"
-        problems.append(cell_problem(points, i, name, what, text or None, expected))
-    problems += no_temperatures(points, name, found, chosen)
+        problems.append(cell_problem(points, i, name, code, text or None, expected))
     return found
+
+
+def cell_problem(
+    measured: Points, i: int, name: str, code: str, value: str | None, expected: str
+) -> Finding:
+    """What is wrong with the cell of row i."""
+    return finding(
+        code,
+        file=measured.sources[measured.file_index[i]].shown,
+        row=int(measured.row[i]),
+        column="time" if name == TIME else name,
+        value=value,
+        expected=expected,
+    )
 
 
 def number(text: str) -> float:

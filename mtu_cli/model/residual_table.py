@@ -11,9 +11,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import Warned, fault
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.covariate_gaps import without_gaps
 from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.datum import Datum
@@ -21,8 +20,7 @@ from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import axes_of, check_repeats
-from mtu_cli.model.measured_checks import check_measured, not_measured, refuse_mistaken
+from mtu_cli.model.measured import axes_of, check_repeats, left_out, not_measured
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_cells import Cells, IntArray, filled
 from mtu_cli.model.residual_covariates import (
@@ -43,7 +41,6 @@ from mtu_cli.model.residual_factors import (
 from mtu_cli.model.residual_layout import Layout, layout_of
 from mtu_cli.model.residual_visits import Visited, only_rows, visited_of
 from mtu_cli.model.resolution import resolution
-from mtu_cli.model.temperature_cells import check_temperatures
 from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
 from mtu_cli.model.written_errors import without_written_errors
 from mtu_cli.stats.least_squares import FloatArray
@@ -134,13 +131,13 @@ def residual_table(
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim, or points of no axis that an equation is for.
     """
-    warned = _checked(points, datum)
+    check_repeats(points)
+    warned = [*points.notes, *left_out(points)]
     points, written = without_written_errors(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
     warned += [*written, *gaps, *texts_told(points)]
     axes = _axes(model, points, warned)
     layout = layout_of(points)
-    check_temperatures(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
     table = replace(table, resolution=tuple(resolution(points.measured[:, a]) for a in axes))
     if datum == "none":
@@ -214,30 +211,20 @@ def within(
     return cells.squares(errors) / dof, least
 
 
-def _checked(points: Points, datum: Datum) -> list[Finding]:
-    """What is odd about the points; places that differ are used as they are."""
-    refuse_mistaken(points, datum)
-    check_repeats(points)
-    found = check_measured(points, datum)
-    differ = "nominals-differ"
-    if any(item.code == differ for item in found):
-        text = "features have more than one nominal place: each error is taken at its own"
-        found = [item for item in found if item.code != differ]
-        found.append(Warned(code=differ, message=text))
-    return found
-
-
 def _axes(model: MachineModel, points: Points, warned: list[Finding]) -> tuple[int, ...]:
     measured = axes_of(points)
     for axis in measured:
         if AXES[axis] not in model.axes:
-            text = f"the machine has no E{AXES[axis]}: errors along {AXES[axis]} are left out"
-            warned.append(Warned(code="axis-without-equation", message=text))
+            name, consequence = AXES[axis], f"errors along {AXES[axis]} are left out"
+            warned.append(finding("axis-without-equation", axis=name, consequence=consequence))
     warned += not_measured(model.axes, points)
     axes = tuple(axis for axis in measured if AXES[axis] in model.axes)
     if not axes:
-        raise fault(
-            f"no axis that {model.name!r} has an equation for was measured at every point",
+        raise error(
+            "no-shared-axis",
+            machine=model.name,
+            axes=model.axes,
+            columns=[f"{AXES[i]}_mm" for i in measured],
             file=points.sources[0].shown,
             column=f"{model.axes[0]}_mm",
             expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
@@ -279,14 +266,12 @@ def _without_lost(
 ) -> Points:
     """The points but those of whose errors the motions take all."""
     if lost.all():
-        raise fault(
-            f"the datum {datum!r} takes all errors: no measurement has enough features",
+        raise error(
+            "no-points-left",
+            datum=datum,
             file=points.sources[0].shown,
             expected="more features measured of each part, or --datum none",
         )
-    text = (
-        f"{int(lost.sum())} points stand in measurements of so few features that the datum "
-        f"{datum!r} takes all of their errors: left out"
-    )
-    warned.append(Warned(code="datum-takes-all", message=text))
+    count = int(lost.sum())
+    warned.append(finding("datum-takes-all", count=count, total=len(lost), datum=datum))
     return only_rows(points, ~lost)

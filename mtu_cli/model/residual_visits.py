@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.measured import visits_of
 from mtu_cli.model.residual_cells import IntArray
@@ -47,11 +46,7 @@ class Visited:
         whole = there[self.part] & (operation == self.operation[:, None])
         if (self.there == whole).all():
             return []
-        text = (
-            "measurements of one part have different features: each has its own motion taken "
-            "out, and their mean the motion that is left"
-        )
-        return [Warned(code="datum-of-partial-measurements", message=text)]
+        return [finding("incomplete-datum")]
 
     def free(self, errors: FloatArray, column: IntArray) -> tuple[FloatArray, FloatArray]:
         """Errors (n, A) less the motions, and how many of them (A,) these fit."""

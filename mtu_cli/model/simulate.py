@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import InputError, finding
 from mtu_cli.language import Node
 from mtu_cli.model.design import Design, design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel
@@ -169,8 +169,10 @@ def _check_covariates(model: MachineModel, visits: Visits) -> None:
         sensors = {sensor for drift in model.drifts() for sensor in drift.sensors}
         raise InputError(
             [
-                Problem(
-                    what=f"the equations of {model.name!r} need the covariate {name!r}",
+                finding(
+                    "missing-covariate",
+                    owner=f"the machine {model.name!r}",
+                    names=[name],
                     expected=f"--covariate '{name}: EQUATION'"
                     + (", or --cmm-room DEGC" if name in sensors else ""),
                 )

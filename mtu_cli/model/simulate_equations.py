@@ -7,13 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.errors import closest, did_you_mean, fault
 from mtu_cli.files.joined import LARGEST_READING
+from mtu_cli.findings import error, listed, nearest
 from mtu_cli.language import Node, evaluate
 from mtu_cli.language import names as names_of
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.measured_rows import LARGEST_MM
 from mtu_cli.stats.least_squares import FloatArray
+
+LARGEST_MM = 1e6
+"""No machine is a kilometre long."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +48,9 @@ def deviation_values(option: str, node: Node, visits: Visits) -> FloatArray:
     found = error_values(option, node, visits)
     if (found < 0).any():
         i = int(np.argmax(found < 0))
-        raise fault(
-            f"{option}: negative {visits.named(i)}",
+        raise error(
+            "out-of-range",
+            path=f"{option} {visits.named(i)}",
             value=f"{found[i]:g}",
             expected="a standard deviation of 0 or more, mm",
         )
@@ -72,12 +75,15 @@ def check_coordinates(measured: FloatArray, axes: Sequence[str], visits: Visits)
         return
     repeat, i, k = np.argwhere(~sound)[0]
     if np.isnan(visits.points[i, AXES.index(axes[k])]):
-        raise fault(
-            f"the machine has an E{axes[k]}, but feature {visits.ids[i]!r} no {axes[k]}_mm",
+        raise error(
+            "missing-key",
+            key=f"{axes[k]}_mm",
+            path=f"features.{visits.ids[i]}",
             expected=f"{axes[k]}_mm of every feature in the part file",
         )
-    raise fault(
-        f"the measured {axes[k]} is too large {visits.named(int(i))}",
+    raise error(
+        "out-of-range",
+        path=f"the measured {axes[k]} {visits.named(int(i))}",
         value=f"{measured[repeat, i, k]:g}",
         expected=f"at most {LARGEST_MM:g} mm in size, of nominal place and all errors together",
     )
@@ -88,8 +94,9 @@ def _bounded(option: str, node: Node, visits: Visits, most: float, unit: str) ->
     large = np.abs(found) > most
     if large.any():
         i = int(np.argmax(large))
-        raise fault(
-            f"{option}: too large {visits.named(i)}",
+        raise error(
+            "out-of-range",
+            path=f"{option} {visits.named(i)}",
             value=f"{found[i]:g}",
             expected=f"at most {most:g}{unit} in size",
         )
@@ -101,17 +108,19 @@ def _values(option: str, node: Node, visits: Visits) -> FloatArray:
     names = names_of(node)
     for name in names:
         if name not in known:
-            expected = did_you_mean(name, known)
-            if closest(name, known) is None:
-                expected += f", or a covariate of its own (--covariate '{name}: ...')"
-            raise fault(f"{option}: unknown name {name!r}", column=names[name], expected=expected)
+            meant = nearest(name, known)
+            expected = f"one of {listed(known, 12)}, or a covariate (--covariate '{name}: ...')"
+            place = {"path": option, "column": names[name], "meant": meant, "expected": expected}
+            raise error("unknown-name", what="name", value=name, **place)
     found = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(visits.ids)))
     if not np.isfinite(found).all():
         i = int(np.argmin(np.isfinite(found)))
         at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
-        raise fault(
-            f"{option}: no finite value {visits.named(i)}",
-            value=at or None,
+        raise error(
+            "no-value-here",
+            operation="the equation",
+            path=option,
+            at=f"{at} {visits.named(i)}".strip(),
             expected="an equation that has one at every feature",
         )
     return found

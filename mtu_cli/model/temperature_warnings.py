@@ -7,17 +7,14 @@ from functools import cache
 
 import numpy as np
 
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.model.basis import TIME, Covariates
 from mtu_cli.model.design import design
-from mtu_cli.model.machine_model import MachineModel, sensors_of
+from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.temperature_noise import temperature_gradients
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 
-OTHERS_MOVE_DEGC = 0.5
-"""By this the other sensors must move (their median) for one that stands still to look stuck."""
 SLACK = 0.05
 """Share of the fitted range of temperatures that may be exceeded without a word."""
 
@@ -25,7 +22,7 @@ SLACK = 0.05
 def temperature_warnings(
     model: MachineModel, points: FloatArray, covariates: Covariates
 ) -> list[Finding]:
-    """Temperatures beyond those of the fit, lags without a history, and sensors that stick.
+    """Temperatures beyond those of the fit, and lags without a history.
 
     `points` (n, 3) in mm, `covariates` one value for all or one a point.
     """
@@ -42,7 +39,6 @@ def temperature_warnings(
     return [
         *_outside(drifts, covariates, steepest),
         *_settled(drifts, covariates),
-        *_stuck(model, covariates, steepest),
     ]
 
 
@@ -71,10 +67,14 @@ def _outside(
         worst = int(np.argmax(beyond))
         wrong = 1e3 * steepest()[sensor] * float(beyond[worst])
         found.append(
-            Warned(
-                code="outside-temperature-range",
-                message=f"{sensor} is {given[worst]:.4g} degC; the drift of {', '.join(names)} was "
-                f"read from {low:.4g} to {high:.4g} degC: up to {wrong:.2g} um are a guess",
+            finding(
+                "outside-measured-range",
+                what=f"{sensor} at {given[worst]:.4g} degC (up to {wrong:.2g} um)",
+                names=[f"the drift of {listed(names)}"],
+                sensor=sensor,
+                low=low,
+                high=high,
+                unit="degC",
             )
         )
     return found
@@ -86,32 +86,5 @@ def _settled(drifts: tuple[ThermalEstimate, ...], covariates: Covariates) -> lis
     if not lagged or (times is not None and np.ndim(times) > 0 and np.ptp(times) > 0):
         return []
     slowest = max(float(drift.time_constants.max()) for drift in lagged)
-    names = ", ".join(drift.component for drift in lagged)
-    return [
-        Warned(
-            code="settled-temperatures",
-            message=f"the drift of {names} follows its temperatures with lags of up to "
-            f"{slowest:g} min: without a history they count as settled",
-        )
-    ]
-
-
-def _stuck(model: MachineModel, covariates: Covariates, steepest: Steepest) -> list[Finding]:
-    """Sensors that stand still while the others move, with what that may cost."""
-    sensors = list(sensors_of(model))
-    moved = np.array([np.ptp(np.asarray(covariates[sensor], float)) for sensor in sensors])
-    found = []
-    for s, sensor in enumerate(sensors):
-        others = np.delete(moved, s)
-        if moved[s] > 0 or not len(others) or np.median(others) < OTHERS_MOVE_DEGC:
-            continue
-        wrong = 1e3 * steepest()[sensor] * float(np.median(others))
-        found.append(
-            Warned(
-                code="sensor-stuck",
-                message=f"{sensor} stands still while the other sensors move by "
-                f"{np.median(others):.2g} degC: if it sticks, errors are wrong by up to "
-                f"{wrong:.2g} um",
-            )
-        )
-    return found
+    names = [drift.component for drift in lagged]
+    return [finding("settled-temperatures", components=names, minutes=slowest)]

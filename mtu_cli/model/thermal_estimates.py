@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, did_you_mean
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.machine_contract import Component, Thermal
 from mtu_cli.files.reports_read import ReportedDrift, ThermalReport
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.model.thermal import ThermalEstimate, through_positions
 from mtu_cli.units import UNITS
 
@@ -72,11 +71,13 @@ def thermal_from_report(
         entry = machine.machine.components.get(name)
         if entry is None:
             problems.append(
-                Problem(
-                    what=f"{machine.source.shown} has no component {name!r}",
+                finding(
+                    "unknown-name",
+                    what="component",
                     file=report.source.shown,
                     path=f"results.components.{name}",
-                    expected=did_you_mean(name, machine.machine.components),
+                    value=name,
+                    **suggestion(name, machine.machine.components),
                 )
             )
             continue
@@ -99,23 +100,25 @@ def _differences(
     # A drift that is the same everywhere needs no axis.
     same_axis = entry.of == item.of or (item.of is None and item.degree == 0)
     if not same_axis or UNITS[entry.unit].dimension != UNITS[item.unit].dimension:
-        what = f"{name!r} is of {item.of} in {item.unit} in the thermal-fit report"
-        found.append(("", what, f"of {entry.of} in {entry.unit}, as in {shown}"))
+        reported = f"of {item.of} in {item.unit}"
+        found.append(("", name, reported, f"of {entry.of} in {entry.unit}, as in {shown}"))
     reference = machine.machine.reference_temperature_degC
     if not math.isclose(
         item.reference_temperature_degC, reference, rel_tol=0, abs_tol=SAME_TEMPERATURE
     ):
-        what = f"the drift counts from {item.reference_temperature_degC:g} degC"
+        reported = f"from {item.reference_temperature_degC:g} degC"
         expected = f"{reference:g}, the reference temperature of {shown}: fit again"
-        found.append((".reference_temperature_degC", what, expected))
+        found.append((".reference_temperature_degC", "the drift", reported, expected))
     return [
-        Problem(
-            what=what,
+        finding(
+            "contradicts-report",
+            name=what,
+            reported=reported,
             file=report.source.shown,
             path=f"results.components.{name}{key}",
             expected=expected,
         )
-        for key, what, expected in found
+        for key, what, reported, expected in found
     ]
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.points import Points
+from mtu_cli.findings import InputError, finding
 from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
@@ -136,8 +136,9 @@ def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) ->
     rows = rows[occurrence(place[rows]) > 0]
     raise InputError(
         [
-            Problem(
-                what="the feature stands twice in one repeat of one part",
+            finding(
+                "appears-twice",
+                what="the feature in one repeat of one part",
                 file=points.sources[points.file_index[i]].shown,
                 row=int(points.row[i]),
                 column="feature",

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.errors import InputError, Problem, Warned, fault, shorten
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.language import names
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
@@ -51,7 +50,8 @@ def grid_of(
         raise InputError(problems)
     count = int(np.prod([len(level) for level in levels]))
     if count > MOST_PLACES:
-        raise fault(f"--grid: {count} places", value=text, expected=f"at most {MOST_PLACES}")
+        expected = f"at most {MOST_PLACES} places, not {count}"
+        raise error("out-of-range", path="--grid", value=text, expected=expected)
     points = np.array(list(product(*levels)))
     names = tuple(",".join(f"{value:g}" for value in row if np.isfinite(value)) for row in points)
     return names, points
@@ -82,12 +82,13 @@ def grid_warnings(machine: LoadedMachine, model: MachineModel, text: str) -> lis
             f"z has one place, the middle of its travel, {sum(travel) / 2:g} mm: --grid "
             f"{text.strip()},N gives it N"
         )
-    return [Warned(code="grid-of-fewer-axes", message=f"--grid {text}: {item}") for item in found]
+    return [finding("grid-of-fewer-axes", grid=text, reason=reason) for reason in found]
 
 
 def _no_travel(machine: LoadedMachine, axis: str) -> Finding:
-    return Problem(
-        what=f"--grid: the travel of {axis} is not known",
+    return finding(
+        "missing-key",
+        key=f"{axis}.travel_mm",
         file=machine.source.shown,
         line=machine.line_of("axes"),
         path="axes",
@@ -105,13 +106,11 @@ def _counts(text: str) -> tuple[int, int, int]:
     if len(counts) == 2:
         counts.append(1)
     if len(counts) != 3 or min(counts) < 1:
-        raise fault("--grid is not a count an axis", value=text, expected="5 or 7,5,3, say")
+        form, expected = "a count an axis", "5 or 7,5,3, say"
+        raise error("option-form", path="--grid", form=form, value=text, expected=expected)
     if max(counts) > MOST_PLACES:
-        raise fault(
-            f"--grid: {shorten(str(max(counts)), 20)} places along an axis",
-            value=text,
-            expected=f"at most {MOST_PLACES} in all",
-        )
+        expected = f"at most {MOST_PLACES} places in all"
+        raise error("out-of-range", path="--grid", value=text, expected=expected)
     return counts[0], counts[1], counts[2]
 
 

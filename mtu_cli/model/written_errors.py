@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import axes_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -56,15 +55,12 @@ def without_written_errors(
 
 
 def _warnings(found: Mapping[str, _Written]) -> Iterator[Finding]:
-    for nominal, code, why in (
-        (False, "covariate-is-error", "what was measured, and no cause of it"),
-        (True, "covariate-is-nominal", "the nominal place, by which effects are tested anyway"),
-    ):
-        own = {name: item for name, item in found.items() if item.nominal == nominal}
+    for nominal, what in ((False, "what was measured"), (True, "the nominal place")):
+        own = [
+            f"{name!r} ({held.words})" for name, held in found.items() if held.nominal == nominal
+        ]
         if own:
-            told = ", ".join(f"{name!r} ({item.words})" for name, item in own.items())
-            text = f"column{'s' if len(own) > 1 else ''} {told}: {why}: not tested as an effect"
-            yield Warned(code=code, message=text)
+            yield finding("covariate-is-error", names=own, what=what)
 
 
 class _Written(NamedTuple):

@@ -7,7 +7,7 @@ in their Table 10.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from mtu_cli.analyses.compare import AllAtOnce, Compared, CompareResult, Range, Summary, Undecided
@@ -15,9 +15,7 @@ from mtu_cli.reports.compare_figure import figure
 from mtu_cli.reports.compare_table import table
 from mtu_cli.reports.compare_words import (
     paper_scatter,
-    parts_that_stand_out,
     verdict_text,
-    without_text,
 )
 from mtu_cli.reports.document import finite, um, um2
 from mtu_cli.units import UM
@@ -27,34 +25,16 @@ __all__ = ["csv_rows", "document", "figure", "table"]
 
 def document(result: CompareResult) -> dict[str, Any]:
     """`results` of the report."""
-    k, odd = result.coverage_factor, parts_that_stand_out(result)
+    k = result.coverage_factor
     return {
         "datum": result.datum,
         "features": list(_items(result.features, k)),
         "lengths": [] if result.lengths is None else list(_items(result.lengths, k)),
         "summary": {
-            "features": [_summary(item, "features", odd) for item in result.feature_summaries],
+            "features": [_summary(item, "features") for item in result.feature_summaries],
             "lengths": None
             if result.lengths is None
-            else [_summary(item, "lengths", odd) for item in result.length_summaries],
-        },
-        "stands_out": _stands_out(result),
-    }
-
-
-def _stands_out(result: CompareResult) -> dict[str, Any]:
-    """The readings that stand out, and the verdicts on all others."""
-    odd = result.stands_out
-    if odd is None:
-        return {"parts": []}
-    return {
-        "parts": list(odd.parts),
-        "readings": odd.rows,
-        "texts": list(odd.texts),
-        "without": {
-            "verdict_text": without_text(result),
-            "features": [_summary(item, "features", ()) for item in odd.feature_summaries],
-            "lengths": [_summary(item, "lengths", ()) for item in odd.length_summaries],
+            else [_summary(item, "lengths") for item in result.length_summaries],
         },
     }
 
@@ -85,7 +65,6 @@ def _items(found: Compared, k: float) -> Iterator[dict[str, Any]]:
             "under_predicted": found.under_predicted[i],
             "over_predicted": found.over_predicted[i],
             "inconsistent": found.inconsistent[i] is True,
-            "reading_stands_out": found.pulled[i],
             "verdict": found.verdicts[i],
         }
 
@@ -128,11 +107,11 @@ def _paper(found: Compared, i: int) -> dict[str, Any]:
     }
 
 
-def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, Any]:
+def _summary(item: Summary, kind: str) -> dict[str, Any]:
     """One entry an operation: verdicts and faults counted, ratios from least to largest."""
     return {
         "operation": item.operation or None,
-        "verdict_text": verdict_text(item, kind, stands_out=stands_out),
+        "verdict_text": verdict_text(item, kind),
         "items": item.items,
         "verdicts": item.verdicts,
         "not_tested": item.not_tested,
@@ -141,7 +120,6 @@ def _summary(item: Summary, kind: str, stands_out: Sequence[str]) -> dict[str, A
         "under_predicted": item.under_predicted,
         "over_predicted": item.over_predicted,
         "inconsistent": item.inconsistent,
-        "reading_stands_out": item.pulled,
         "under_predicted_factor": _ends(item.under_factor) or [],
         "scatter_undecided": _undecided(item.undecided),
         **({"all_at_once": _all_at_once(item.at_once)} if kind == "features" else {}),

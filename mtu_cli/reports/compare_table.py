@@ -11,9 +11,7 @@ from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.compare_words import (
     cause_text,
     paper_scatter,
-    parts_that_stand_out,
     set_up_text,
-    stands_out_texts,
     verdict,
     verdict_text,
 )
@@ -60,11 +58,7 @@ def _kinds(result: CompareResult) -> list[tuple[str, Summary]]:
 
 def _words(result: CompareResult) -> Text:
     """A sentence for each operation and kind."""
-    sentences = [
-        verdict_text(item, kind, stands_out=parts_that_stand_out(result))
-        for kind, item in _kinds(result)
-    ]
-    sentences += stands_out_texts(result)
+    sentences = [verdict_text(item, kind) for kind, item in _kinds(result)]
     sentences += [text for text in (set_up_text(result), cause_text(result)) if text]
     text = Text("Predicted against measured\n", style="bold")
     return text.append("\n".join([*sentences, ""]), style="not bold")

@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from mtu_cli.analyses.compare import Compared, CompareResult, Range, Summary
 from mtu_cli.reports.numbers import p_value, significant, span
 from mtu_cli.units import UM
 
 NOTHING = 1e-6
 """A ratio of scatter that rounding alone makes."""
-NAMED = 3
-"""Parts with readings that stand out that a sentence names."""
 
 
-def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) -> str:
+def verdict_text(item: Summary, kind: str) -> str:
     """Such as "drilled features: under-predicted: the scatter is 3.1 to 4.7 times the predicted
     one (48 of 48)", every fault that was found with its size.
 
-    No verdict stands without the parts `stands_out`, of which single readings pull the figures,
-    nor is anything called consistent whose scatter is undecided.
+    Nothing is called consistent whose scatter is undecided.
     """
     name = f"{item.operation} {kind}" if item.operation else kind
-    of_single = (_under(item), _biased(item), _unclear(item), _pulled(item, stands_out))
-    found = (*of_single, _over(item), _at_once(item))
+    found = (_under(item), _biased(item), _unclear(item), _over(item), _at_once(item))
     faults = [text for text in found if text]
     left = [text for text in (_undecided(item),) if text]
     if item.not_tested == item.items:
@@ -31,17 +25,14 @@ def verdict_text(item: Summary, kind: str, *, stands_out: Sequence[str] = ()) ->
     untested = _untested(item)
     if not faults and left:
         far = " as far as it could be tested" if untested else ""
-        but = [_singles(stands_out)] if stands_out else []
         said = f"{name}: no difference from what was predicted is beyond chance{far}, but "
-        return said + "; ".join([*but, *left, *untested])
+        return said + "; ".join([*left, *untested])
     if not faults:
         faults = ["consistent as far as it could be tested"]
         if not untested:
-            singles = f", but {_singles(stands_out)}" if stands_out else ""
             told = "no difference from what was predicted is beyond chance, all items counted"
-            return f"{name}: consistent{singles}: {told}"
-    but = [f"but {_singles(stands_out)}"] if stands_out and not item.pulled else []
-    return f"{name}: {'; '.join([*faults, *left, *untested, *but])}"
+            return f"{name}: consistent: {told}"
+    return f"{name}: {'; '.join([*faults, *left, *untested])}"
 
 
 def set_up_text(result: CompareResult) -> str | None:
@@ -85,56 +76,19 @@ def _most_are_off(result: CompareResult, operation: str) -> bool:
     return False
 
 
-def parts_that_stand_out(result: CompareResult) -> tuple[str, ...]:
-    """The parts of which readings stand out."""
-    return () if result.stands_out is None else result.stands_out.parts
-
-
-def stands_out_texts(result: CompareResult) -> list[str]:
-    """Which readings stand out, and what the others are without them."""
-    odd = result.stands_out
-    if odd is None:
-        return []
-    more = odd.told - NAMED
-    texts = [*odd.texts[:NAMED], *([f"{more} more (see the warning)"] if more > 0 else [])]
-    return ["Stands out: " + ";\n".join(texts) + ".", without_text(result) or ""]
-
-
-def without_text(result: CompareResult) -> str | None:
-    """What is said of all readings but those that stand out."""
-    odd = result.stands_out
-    if odd is None:
-        return None
-    kinds = (("features", odd.feature_summaries), ("lengths", odd.length_summaries))
-    said = [verdict_text(item, kind) for kind, items in kinds for item in items]
-    which = f"Without {'it' if odd.rows == 1 else f'these {odd.rows} readings'} (the verdicts "
-    which += "above and the gate count all)"
-    return f"{which}:\n" + "\n".join(said) if said else f"{which} nothing is left to compare."
-
-
 def cause_text(result: CompareResult) -> str | None:
-    """Which command looks for the cause of what parts do that was not predicted, but for readings
-    that stand out.
-    """
-    whole = result.stands_out or result
-    summaries = (*whole.feature_summaries, *whole.length_summaries)
+    """Which command looks for the cause of what parts do that was not predicted."""
+    summaries = (*result.feature_summaries, *result.length_summaries)
     if any(
         item.biased
         or item.under_predicted
-        or item.inconsistent > item.pulled
+        or item.inconsistent
         or item.undecided
         or (item.at_once is not None and item.at_once.verdict == "under-predicted")
         for item in summaries
     ):
         return "mtu close-loop looks for the cause in the same files: it names what they can prove."
     return None
-
-
-def _singles(parts: Sequence[str]) -> str:
-    more = f" and {len(parts) - NAMED} more" if len(parts) > NAMED else ""
-    several = "s" if len(parts) > 1 else ""
-    named = ", ".join(map(repr, parts[:NAMED]))
-    return f"readings of part{several} {named}{more} stand out"
 
 
 def _under(item: Summary) -> str | None:
@@ -154,21 +108,13 @@ def _biased(item: Summary) -> str | None:
 
 
 def _unclear(item: Summary) -> str | None:
-    if item.inconsistent == item.pulled:
+    if not item.inconsistent:
         return None
-    count = _share(item.inconsistent - item.pulled, item)
+    count = _share(item.inconsistent, item)
     return (
         f"inconsistent: the mean is off by {_size(item)}, bias or scatter: too few parts to tell "
         f"({count})"
     )
-
-
-def _pulled(item: Summary, stands_out: Sequence[str]) -> str | None:
-    if not item.pulled:
-        return None
-    alone = ": beside them no fault shows" if item.pulled_alone == item.pulled else ""
-    count = _share(item.pulled, item)
-    return f"inconsistent: {_singles(stands_out)} by more than U{alone} ({count})"
 
 
 def _over(item: Summary) -> str | None:

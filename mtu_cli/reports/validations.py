@@ -34,7 +34,7 @@ def validation_warnings(
     if failed:
         largest = max(max(found[i].d_low, found[i].d_high) for i in failed) / factor
         # A ratio has no unit.
-        shown = f"{significant(largest)} {unit}".rstrip()
+        shown = f"up to {significant(largest)} {unit}".rstrip()
         warnings.append(
             finding("validation-failed", names=[names[i] for i in failed], difference=shown)
         )

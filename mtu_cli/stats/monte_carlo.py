@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 from mtu_cli.stats.atoms import with_atoms
 from mtu_cli.stats.block_plan import FIRST_LOOK, LEAST_BLOCKS, BlockPlan, trials_for_tails
 from mtu_cli.stats.blocks import TrialModel
@@ -238,25 +238,22 @@ def _check(
     threads: int | None,
     max_trials: int,
 ) -> None:
-    if seed < 0:
-        raise fault("the seed is negative", value=str(seed), expected="an integer of 0 or more")
-    if not 0.0 < probability <= LARGEST_PROBABILITY:
-        raise fault(
-            "coverage probability out of range",
-            value=str(probability),
-            expected=f"above 0 and at most {LARGEST_PROBABILITY}",
-        )
-    least = math.ceil(round(2.0 / (1.0 - probability), 6))
+    most = LARGEST_PROBABILITY
     asked = max_trials if trials is None else trials
-    if asked < least:
-        raise fault(
-            f"too few Monte Carlo trials for a {100 * probability:g} % interval",
-            value=str(asked),
-            expected=f"at least {least}",
-        )
-    if digits < 1:
-        raise fault("significant digits of u", value=str(digits), expected="at least 1")
-    if not fraction > 0.0:
-        raise fault("fraction of the tolerance", value=str(fraction), expected="above 0")
-    if threads is not None and threads < 1:
-        raise fault("number of threads", value=str(threads), expected="at least 1")
+    inside = 0.0 < probability <= most
+    least = math.ceil(round(2.0 / (1.0 - probability), 6)) if inside else 0
+    for name, value, sound, expected in (
+        ("seed", seed, seed >= 0, "an integer of 0 or more"),
+        ("probability", probability, inside, f"above 0 and at most {most}"),
+        (
+            "trials",
+            asked,
+            asked >= least,
+            f"{least} or more for a {100 * probability:g} % interval",
+        ),
+        ("digits", digits, digits >= 1, "1 or more"),
+        ("fraction of the tolerance", fraction, fraction > 0.0, "above 0"),
+        ("threads", threads, threads is None or threads >= 1, "1 or more"),
+    ):
+        if not sound:
+            raise error("out-of-range", path=name, value=str(value), expected=expected)

@@ -84,13 +84,3 @@ def matters(jump: RareJump, u: float, digits: int) -> bool:
     7.9.2).
     """
     return jump.u - u > numerical_tolerance(u, digits) > 0.0
-
-
-def told_jump(name: str, jump: RareJump, u: float, trials: float) -> str:
-    """The same in words, of an output `name` with `u` by so many trials."""
-    return (
-        f"{name}: {jump.radius:g} standard deviations out along {jump.along} it is "
-        f"{jump.change / u:.0f} u off what it is nearer to the nominal. Of {trials:.0f} trials "
-        f"perhaps none went there, 1 in {float(f'{1.0 / jump.chance:.1e}'):.0f} does; u would be "
-        f"{jump.u / u:.3g} times as large"
-    )

@@ -12,7 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError, Problem
+from mtu_cli.findings import InputError, finding
 from mtu_cli.stats.block_plan import BlockPlan
 from mtu_cli.stats.blocks import (
     BlockSummariser,
@@ -139,8 +139,11 @@ class BlockRunner:
         self.trials += trials
         if np.any(not_finite):
             raise InputError(
-                Problem(
-                    what=f"output '{name}': {bad} of the first {self.trials} trials are not finite",
+                finding(
+                    "trials-not-finite",
+                    output=name,
+                    count=int(bad),
+                    trials=self.trials,
                     expected="a model that is defined for all values its inputs may take",
                 )
                 for name, bad in zip(self._model.names, not_finite, strict=True)

@@ -193,7 +193,10 @@ def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("every", "words", "named"),
-    [(50, "left out 31 of 1512 rows", True), (10, "no effect of it can be tested", False)],
+    [
+        (50, "31 of 1512 rows left out", True),
+        (10, "no effect of such a column can be tested", False),
+    ],
 )
 def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Path) -> None:
     args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)])
@@ -204,7 +207,7 @@ def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Pa
         row[column] = ""
     (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
     result = done(mtu("close-loop", *args, cwd=tmp_path))
-    assert "empty cells in 'T_spindle_degC'" in result.stderr
+    assert "empty cells in" in result.stderr
     assert words in result.stderr
     assert ("thermal-drift-x" in result.stdout) is named
 

@@ -196,7 +196,7 @@ def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) 
     found = json.loads(result.stdout)
     codes = [item["code"] for item in found["warnings"]]
     assert codes == [
-        "covariate-not-needed", "covariate-of-the-points", "outside-calibrated-temperature",
+        "covariate-not-needed", "covariate-of-the-points", "outside-measured-range",
         "errors-left",  # The ring never was that warm.
     ]  # fmt: skip
     assert "load" in found["warnings"][0]["message"]

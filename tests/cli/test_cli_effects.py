@@ -83,7 +83,7 @@ def test_predictions_need_the_covariates(
     code, _, told = run_command(monkeypatch, work, command)
     assert code == 2
     for name in ("dir_x", "tool_parts"):
-        assert f"need the covariate '{name}'; expected --at {name}=VALUE" in told
+        assert f"needs {name}; expected --at {name}=VALUE" in told
     code, report, told = run_command(monkeypatch, work, command, *AT)
     assert code == 0
     assert report["settings"]["at"] == {"dir_x": 1.0, "tool_parts": 5.0}
@@ -147,8 +147,8 @@ def untold(work: Path) -> str:
     (work / "machine.yaml").write_bytes(content)
     line = 1 + content.decode().splitlines().index("  - name: cyclic-x")
     return (
-        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) was not told by the places that "
-        "it was found on (3 others fit alike): what it says holds at those places alone"
+        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) is not determined by its places "
+        "(3 fit alike): it holds at those places alone"
     )
 
 
@@ -162,12 +162,12 @@ def test_a_pitch_that_was_not_told_is_told_of(
     assert code == 0, told
     found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
     assert [(item["code"], item["message"]) for item in found] == [("searched-not-told", untold)]
-    assert told.count("was not told by") == 1
+    assert told.count("is not determined by") == 1
     last = 5 if command in PREDICTIONS else 4
     (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
     assert beyond["message"] == (
-        "machine.yaml: effects[0] (trend-y) was found with tool_parts from 0 to 2: what it says "
-        f"at {last} is a guess"
+        "machine.yaml: effects[0] (trend-y): found with tool_parts from 0 to 2, "
+        f"extrapolated to {last}"
     )
     assert told.count(beyond["message"]) == 1
 
@@ -197,14 +197,14 @@ def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
         codes = ("outside-effect-range", "effect-range-unknown")
         found.append([w["message"] for w in report["warnings"] if w["code"] in codes])
     assert found[0] == [
-        "machine.yaml: effects[0] (trend-y) holds with T_room_degC from 25.6 to 26.4, of which no "
+        "machine.yaml: effects[0] (trend-y): valid with T_room_degC from 25.6 to 26.4; no "
         "value is given (--at T_room_degC)"
     ]
     assert found[1] == []
     (message,) = found[2]
     assert message == (
-        "machine.yaml: effects[0] (trend-y) was found with T_room_degC from 25.6 to 26.4: what it "
-        "says at 20 is a guess"
+        "machine.yaml: effects[0] (trend-y): found with T_room_degC from 25.6 to 26.4, "
+        "extrapolated to 20"
     )
 
 

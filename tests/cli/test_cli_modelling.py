@@ -52,7 +52,7 @@ def test_a_part_beyond_the_travels_is_told_in_any_order(
         if command == "anova":
             assert getattr(inputs, asked)
             continue
-        with pytest.raises(InputError, match="the machine travels 400 mm"):
+        with pytest.raises(InputError, match="three times the travel of x"):
             getattr(inputs, asked)
 
 
@@ -85,11 +85,11 @@ def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
     edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 30], u_future: 1}")
     lines = (work / "lbb.csv").read_text().splitlines()
     (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
-    assert told("coefficients-not-used", lbb=[Path("rest.csv")]) == []
-    (own,) = told("coefficients-not-used", lbb=[Path("lbb.csv")])
-    assert "components dx_x: their coefficients are not used: readings" in own
+    assert told("not-used", lbb=[Path("rest.csv")]) == []
+    (own,) = told("not-used", lbb=[Path("lbb.csv")])
+    assert "the coefficients of dx_x are not used: readings" in own
     edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
-    assert told("coefficients-not-used", lbb=[Path("lbb.csv")]) == []
+    assert told("not-used", lbb=[Path("lbb.csv")]) == []
 
 
 def test_a_position_is_no_covariate_to_be_given(work: Path) -> None:

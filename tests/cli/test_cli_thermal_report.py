@@ -33,7 +33,7 @@ def test_a_model_that_nothing_was_held_out_of_says_so_once(
                          "--at", "T_a_degC=23", "--at", "T_b_degC=23", cwd=tmp_path))  # fmt: skip
     assert predicted.stderr.count("[unconfirmed-drift]") == times
     assert (
-        "warning: t.json: the thermal model of a, b is unconfirmed: there are two cycles only: "
+        "warning: t.json: the thermal model of a, b is unconfirmed: there are two cycles: "
         in predicted.stderr
     ) == (times > 0)
 
@@ -49,10 +49,10 @@ def test_thermal_blocks_that_a_drift_test_wins_over_are_named(tmp_path: Path) ->
     done(mtu("thermal-fit", "-m", "m.yaml", "--drift", "a.csv", "-o", "t.json", cwd=tmp_path))
     call = ("predict-points", "-m", "m.yaml", "-p", "p.yaml", "--at", "T_*_degC=23")
     alone = done(mtu(*call, cwd=tmp_path)).stderr
-    assert "thermal-not-used" not in alone
+    assert "not-used" not in alone
     for source in (("--drift", "a.csv"), ("-c", "t.json")):
         told = done(mtu(*call, *source, cwd=tmp_path)).stderr
-        assert "m.yaml:4: components a: their thermal blocks are not used: drift readings" in told
+        assert "m.yaml:4: the thermal blocks of a are not used: drift readings" in told
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,9 +29,8 @@ from mtu_cli.analyses.anova.parts import (
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Base, Kind, Method, analysed
 from mtu_cli.analyses.anova.totals import Total, totals_of
 from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
-from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.loose_features import loose_of_tables
 from mtu_cli.model.measured import (
@@ -40,12 +38,12 @@ from mtu_cli.model.measured import (
     angle_tables,
     axes_of,
     feature_tables,
+    left_out,
     length_tables,
     length_warnings,
     only_features,
     visits_of,
 )
-from mtu_cli.model.measured_checks import FAR, check_measured, refuse_mistaken
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -104,8 +102,7 @@ def analyse_variance(
     `datum` takes the freedoms of a set-up by hand out of the features' errors, measurement by
     measurement; lengths and angles do not depend on it.
 
-    Raises InputError for values that cannot be what they claim (see `check_measured` and
-    `refuse_mistaken`), a feature that stands twice in one repeat of one part, and a row or
+    Raises InputError for a feature that stands twice in one repeat of one part, and a row or
     column that is off its axis.
     """
     bases, warnings = _bases(points, part, datum)
@@ -130,7 +127,7 @@ def analyse_variance(
         shown=_shown(features, standing, settings.coverage_factor),
         maps=planes,
         coverage_factor=settings.coverage_factor,
-        warnings=(*warnings, *anova_warnings(list(kinds.values()), method, points)),
+        warnings=(*warnings, *anova_warnings(list(kinds.values()), method)),
     )
 
 
@@ -147,31 +144,17 @@ def _bases(
     points: Points, part: LoadedPart | None, datum: Datum
 ) -> tuple[list[Base], list[Finding]]:
     """The tables of all kinds that there are, features first, and what is odd about the data."""
-    with ThreadPoolExecutor(1) as pool:
-        # Both go through every point and need nothing of each other.
-        checked = pool.submit(check_measured, points, datum)
-        refuse_mistaken(points, datum)
-        loose, complete = freed(points, axes_of(points), datum)
-        features = feature_tables(loose)
-        kinds: dict[Kind, MeasuredTables | None] = {"feature": features}
-        warnings = [*checked.result(), *loose_of_tables(features, points)]
+    loose, complete = freed(points, axes_of(points), datum)
+    features = feature_tables(loose)
+    kinds: dict[Kind, MeasuredTables | None] = {"feature": features}
+    warnings = [*points.notes, *left_out(points), *loose_of_tables(features, points)]
     if not complete:
-        text = "parts with missing features were freed with the features they have"
-        warnings.append(Warned(code="incomplete-datum", message=text))
+        warnings.append(finding("incomplete-datum"))
     if part is not None:
-        try:
-            kinds |= _of_part(points, part)
-        except InputError as error:
-            # A place of the part that is mistyped is far from what was measured there.
-            raise InputError([*error.findings, *_hints(warnings)]) from error
+        kinds |= _of_part(points, part)
         warnings += missing_entries(part, kinds["length"], kinds["angle"])
         warnings += length_warnings(points, part)
     return [Base(k, tables) for k, tables in kinds.items() if tables is not None], warnings
-
-
-def _hints(warnings: Sequence[Finding]) -> list[Finding]:
-    """What the points say of a part that is refused: where its nominal places are not theirs."""
-    return [Problem(what=item.message) for item in warnings if item.code == FAR]
 
 
 def _of_part(points: Points, part: LoadedPart) -> dict[Kind, MeasuredTables | None]:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.anova.parts import FAMILY_RATE, Label
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.datum import basis, without
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
@@ -123,12 +122,9 @@ def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Finding]:
         if 1 - rest / total < MOST:
             continue
         share = min(int(100 * (1 - rest / total)), 99)
-        of = f" of {item.operation} features" if item.operation else ""
+        operation = f" of {item.operation} features" if item.operation else ""
         x, y = (1e3 * value for value in errors.mean(axis=0))
-        text = (
-            f"an offset (x {x:.3g}, y {y:.3g} um) and rotation explain "
-            f"{share} % of the mean errors{of}. If the parts, or one far off, were set up by hand "
-            "on the CMM, that is their set-up: --datum offset,rotation takes it out"
+        warned.append(
+            finding("set-up-dominates", x_um=x, y_um=y, percent=share, operation=operation)
         )
-        warned.append(Warned(code="set-up-dominates", message=text))
     return warned

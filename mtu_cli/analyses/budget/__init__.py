@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -18,16 +19,14 @@ from mtu_cli.analyses.budget.rare_jumps import rare_jumps
 from mtu_cli.analyses.budget.sources import Source, independent_sources
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.analyses.budget.warnings import budget_warnings
-from mtu_cli.errors import InputError, Problem, Warned, fault
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.block_plan import is_one_block
 from mtu_cli.stats.coverage import numerical_tolerance
 from mtu_cli.stats.distributions import student_quantile
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
-from mtu_cli.stats.rare_jumps import told_jump
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
 DRAWN = 2**17
@@ -135,11 +134,19 @@ def _rare(
 ) -> list[Finding]:
     """Of outputs that converged; without that they have a warning."""
     found = rare_jumps(loaded.trees, inputs, sources, first, run.u, run.trials, digits)
-    told = [
-        told_jump(first[jump.output].name, jump, float(run.u[jump.output]), run.trials)
+    return [
+        finding(
+            "rare-jump",
+            output=first[jump.output].name,
+            along=jump.along,
+            radius=jump.radius,
+            change=jump.change / float(run.u[jump.output]),
+            trials=run.trials,
+            one_in=int(float(f"{1.0 / jump.chance:.1e}")),
+            times=jump.u / float(run.u[jump.output]),
+        )
         for jump in found
     ]
-    return [Warned(code="rare-jump", message=text) for text in told]
 
 
 def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:
@@ -159,18 +166,11 @@ def _probability(loaded: LoadedBudget, k: float | None, called: bool) -> float:
     # Of a normal distribution; what a short t covers at k is another matter.
     probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
     if 0.5 * (1.0 + probability) == 0.5:
-        what, expected = "a coverage factor that covers nothing", "a factor such as 2"
-        if called:
-            raise fault(f"--k is {what}", value=f"{k:g}", expected=expected)
-        path = ("coverage", "k")
-        raise fault(
-            what,
-            file=loaded.source.shown,
-            line=loaded.line_of(*path),
-            path=".".join(path),
-            value=f"{k:g}",
-            expected=expected,
-        )
+        place: dict[str, Any] = {"path": "--k"}
+        if not called:
+            line = loaded.line_of("coverage", "k")
+            place = {"file": loaded.source.shown, "line": line, "path": "coverage.k"}
+        raise error("covers-nothing", value=f"{k:g}", expected="a factor such as 2", **place)
     return probability
 
 
@@ -271,15 +271,9 @@ def _tolerance_ratio(first: Sequence[FirstOrder], run: MonteCarloResult, digits:
 
 
 def _placed(loaded: LoadedBudget, problem: Finding) -> Finding:
-    name = next((name for name in loaded.trees if f"output '{name}'" in problem.text), None)
-    if name is None:
+    name = problem.facts.get("output")
+    if name not in loaded.trees:
         return problem
     path = loaded.place(name)
-    return Problem(
-        what=problem.text,
-        file=loaded.source.shown,
-        line=loaded.line_of(*path),
-        path=".".join(str(step) for step in path),
-        expected="an equation with a value for all that its inputs may be: bounded distributions "
-        "or smaller uncertainties where it needs them",
-    )
+    place = ".".join(str(step) for step in path)
+    return problem.at(file=loaded.source.shown, line=loaded.line_of(*path), path=place)

@@ -10,9 +10,8 @@ import numpy as np
 from mtu_cli.analyses.budget.correlation import ROUNDING
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -60,11 +59,11 @@ def _matrix(
             rho[a, b] = rho[b, a] = r
     least = float(np.linalg.eigvalsh(rho)[0])
     if least < -ROUNDING * len(rho) and not problems:
-        named = ", ".join(inputs[row].name for row in source.rows)
         problems.append(
-            Problem(
-                what=f"no Gaussian copula gives {named} these correlations with their "
-                f"distributions: its smallest eigenvalue would be {least:.4g}",
+            finding(
+                "no-such-correlation",
+                names=[inputs[row].name for row in source.rows],
+                reason=f"the smallest eigenvalue of their Gaussian copula is {least:.4g}",
                 file=shown,
                 line=line,
                 path="correlations",
@@ -77,9 +76,10 @@ def _matrix(
 def _too_strong(loaded: LoadedBudget, pair: tuple[str, str], wanted: float, most: float) -> Finding:
     # Rounded towards 0, so that what it says can be had.
     shown = math.floor(1e6 * most) / 1e6
-    return Problem(
-        what=f"{pair[0]!r} and {pair[1]!r} cannot be so strongly correlated with their "
-        "distributions",
+    return finding(
+        "no-such-correlation",
+        names=pair,
+        reason="their distributions allow no coefficient so large",
         file=loaded.source.shown,
         line=loaded.line_of("correlations"),
         path="correlations",

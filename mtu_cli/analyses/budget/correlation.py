@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mtu_cli.analyses.budget.quantities import InputQuantity
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
+from mtu_cli.findings import InputError, finding
 from mtu_cli.stats.least_squares import FloatArray
 
 ROUNDING = 1e-9
@@ -72,11 +72,12 @@ def _check(loaded: LoadedBudget, inputs: Sequence[InputQuantity], covariance: Fl
             if r[i, j] != 0.0
         ]
         worst = sorted(pull)[:SHOWN_PAIRS]
-        named = ", ".join(f"{inputs[j].name}-{inputs[i].name} {r[i, j]:.6g}" for _, i, j in worst)
+        pairs = [f"{inputs[j].name}-{inputs[i].name} {r[i, j]:.6g}" for _, i, j in worst]
         problems.append(
-            Problem(
-                what="no inputs can be correlated like this: the smallest eigenvalue of the "
-                f"correlation matrix is {values[0]:.4g}, because of {named}",
+            finding(
+                "no-such-correlation",
+                names=pairs,
+                reason=f"the smallest eigenvalue of the correlation matrix is {values[0]:.4g}",
                 file=loaded.source.shown,
                 line=loaded.line_of("correlations"),
                 path="correlations",

@@ -12,9 +12,8 @@ from mtu_cli.analyses.budget.correlation import factor_of
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.analyses.budget.tails import Tail, long_tails
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import Node, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
@@ -82,8 +81,14 @@ def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Finding:
     where = ".".join(str(step) for step in path)
     if slopes.faults:
         return slopes.faults[0].at(file=loaded.source.shown, line=line, path=where)
-    what = "the equation has no finite value at the estimates of its inputs"
-    return Problem(what=what, file=loaded.source.shown, line=line, path=where)
+    return finding(
+        "no-value-here",
+        operation="the equation",
+        at="the estimates of its inputs",
+        file=loaded.source.shown,
+        line=line,
+        path=where,
+    )
 
 
 def _derivatives(tree: Node, inputs: Sequence[InputQuantity]) -> Derivatives:

@@ -25,9 +25,8 @@ import numpy as np
 
 from mtu_cli.analyses.budget.correlation import clusters
 from mtu_cli.analyses.budget.quantities import InputQuantity
-from mtu_cli.errors import InputError, Problem
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -205,13 +204,14 @@ def _alone(inputs: Sequence[InputQuantity], joined: set[int]) -> list[Source]:
 
 def _several(loaded: LoadedBudget, members: Sequence[InputQuantity]) -> list[Finding]:
     return [
-        Problem(
-            what=f"{item.name!r} is correlated and has several contributions, not all normal",
+        finding(
+            "no-such-correlation",
+            names=[item.name],
+            reason="it has several contributions, not all normal",
             file=loaded.source.shown,
             line=loaded.line_of("inputs", item.name),
             path=f"inputs.{item.name}",
-            expected="two inputs instead of one, their sum in the equation, and the correlation "
-            "stated for the one it belongs to",
+            expected="two inputs, their sum in the equation, and the correlation of one of them",
         )
         for item in members
         if not item.normal and len(item.parts) > 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -28,21 +28,17 @@ from mtu_cli.analyses.compare.verdicts import (
     Compared,
     Verdict,
     judged,
-    less_pulled,
 )
 from mtu_cli.analyses.compare.warnings import compare_warnings
-from mtu_cli.errors import Warned, fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.datum import Datum, freed
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import MeasuredTables, feature_tables, length_tables
-from mtu_cli.model.measured_checks import sound
-from mtu_cli.model.outlying_points import Outlying, farthest_off, outlying
+from mtu_cli.model.measured import MeasuredTables, feature_tables, left_out, length_tables
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import axes_of, only_features, only_rows, visits_of
+from mtu_cli.model.visits import axes_of, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = [
@@ -54,7 +50,6 @@ __all__ = [
     "Evidence",
     "Range",
     "Side",
-    "StandsOut",
     "Summary",
     "Undecided",
     "Verdict",
@@ -65,29 +60,10 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StandsOut:
-    """Readings that pull the figures: of which `parts`, `texts` on what the first few of all that
-    are `told` are, and what is said of all other readings (summaries as in `CompareResult`; none
-    where nothing is left).
-
-    They were chosen for being far off, by more than 1 clean study in 1000 has, so that the others
-    are judged as if they were all there is; it is no verdict on all parts.
-    """
-
-    parts: tuple[str, ...]
-    texts: tuple[str, ...]
-    told: int
-    rows: int
-    feature_summaries: tuple[Summary, ...]
-    length_summaries: tuple[Summary, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CompareResult:
     """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm.
 
-    The summaries have one entry an operation. Verdicts are those of all readings; `stands_out`
-    tells those that pull these figures, None where none does.
+    The summaries have one entry an operation.
     """
 
     ids: tuple[str, ...]
@@ -99,7 +75,6 @@ class CompareResult:
     datum: Datum
     coverage_factor: float
     warnings: tuple[Finding, ...]
-    stands_out: StandsOut | None = None
 
 
 def compare(
@@ -117,17 +92,16 @@ def compare(
     (`Evidence`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
     studies one in twenty is no "consistent".
 
-    Raises InputError for points that cannot be what they claim or share no axis with the
-    machine, and for a missing covariate or one with gaps.
+    Raises InputError for points that share no axis with the machine, and for a missing covariate
+    or one with gaps.
     """
-    warnings, axes = sound(points, datum), _shared_axes(model, points)
+    warnings, axes = [*points.notes, *left_out(points)], _shared_axes(model, points)
     foreseen = predict_operations(model, points, covariates or {})
-    given, points = points, foreseen.points
+    points = foreseen.points
     task = _Task(foreseen=foreseen, axes=axes, datum=datum, part=part, k=settings.coverage_factor)
     sides = _sides(task, points)
-    odd, off = _odd(sides, given)
-    found, others = _judged(sides.features, sides.lengths, off, task.k)
-    warnings = [*odd.warnings, *warnings, *sides.warnings, *foreseen.warnings]
+    found, others = judged(sides.features, sides.lengths)
+    warnings = [*warnings, *sides.warnings, *foreseen.warnings]
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
@@ -139,7 +113,6 @@ def compare(
         datum=datum,
         coverage_factor=task.k,
         warnings=(*warnings, *compare_warnings(model, part, points, sides.tables, found, others)),
-        stands_out=_stands_out(task, points, odd) if odd.parts else None,
     )
 
 
@@ -172,59 +145,14 @@ def _sides(task: _Task, points: Points) -> _Sides:
     return _Sides(features, lengths, tables, long, warned)
 
 
-def _stands_out(task: _Task, points: Points, odd: Outlying) -> StandsOut:
-    """The same of all readings but those that stand out."""
-    rest = np.setdiff1d(np.arange(len(points)), odd.rows)
-    features: Compared | None = None
-    lengths: Compared | None = None
-    if len(rest):
-        left = only_rows(points, rest)
-        # A feature that was measured on no other part is none of what is left.
-        names = [left.features[i] for i in np.unique(left.feature)]
-        sides = _sides(task, only_features(left, names))
-        features, lengths = judged(sides.features, sides.lengths)
-    return StandsOut(
-        parts=odd.parts,
-        texts=odd.texts,
-        told=odd.told,
-        rows=len(odd.rows),
-        feature_summaries=() if features is None else summarised(features),
-        length_summaries=() if lengths is None else summarised(lengths),
-    )
-
-
 def _freed_tables(
     points: Points, axes: tuple[int, ...], datum: Datum
 ) -> tuple[MeasuredTables, list[Finding]]:
     """The tables of axes that the machine has an equation for, less the datum's freedoms."""
     loose, complete = freed(points, axes, datum)
     tables, names = feature_tables(loose), {AXES[k] for k in axes}
-    text = (
-        "parts with missing features were freed with the features they have; the prediction is "
-        "freed with all"
-    )
-    warned = [] if complete else [Warned(code="incomplete-datum", message=text)]
+    warned = [] if complete else [finding("incomplete-datum")]
     return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names]), warned
-
-
-def _odd(sides: _Sides, points: Points) -> tuple[Outlying, list[FloatArray]]:
-    """What stands out among the features and, where anything does, how far in the tables of both
-    kinds.
-    """
-    odd, kinds = outlying(sides.tables, points), (sides.tables, sides.length_tables)
-    return odd, [farthest_off(x, points) for x in kinds if x is not None and odd.parts]
-
-
-def _judged(
-    features: Evidence, lengths: Evidence | None, off: Sequence[FloatArray], k: float
-) -> tuple[Compared, Compared | None]:
-    """The verdicts; `off` (items,) of both kinds, mm, by how much single readings stand out, or
-    nothing where none does.
-    """
-    found, others = judged(features, lengths)
-    if not off:
-        return found, others
-    return less_pulled(found, off[0], k), others and less_pulled(others, off[1], k)
 
 
 def _lengths(
@@ -245,10 +173,11 @@ def _shared_axes(model: MachineModel, points: Points) -> tuple[int, ...]:
     axes = tuple(i for i in measured if AXES[i] in model.axes)
     if not axes:
         wanted = " or ".join(f"{axis}_mm" for axis in model.axes)
-        have = ", ".join(f"{AXES[i]}_mm" for i in measured)
-        raise fault(
-            f"the machine {model.name!r} has equations for {', '.join(model.axes)} alone, the "
-            f"points have {have}: there is nothing to compare",
+        raise error(
+            "no-shared-axis",
+            machine=model.name,
+            axes=model.axes,
+            columns=[f"{AXES[i]}_mm" for i in measured],
             file=", ".join(source.shown for source in points.sources),
             expected=f"{wanted} with a nominal at every point",
         )

@@ -9,10 +9,9 @@ import numpy as np
 
 from mtu_cli.analyses.compare.evidence import Evidence, Foretold, paper_length_variance
 from mtu_cli.analyses.compare.together import Joint
-from mtu_cli.errors import Warned
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.basis import TIME
 from mtu_cli.model.datum import Datum, projector
 from mtu_cli.model.design import design, theta
@@ -29,7 +28,6 @@ from mtu_cli.model.variance import MeanSquares
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.least_squares import FloatArray
 
-MOST_NAMED = 6
 Label = tuple[str, str, str]
 Rows = Callable[[Prediction, Sequence[Label]], FloatArray]
 
@@ -145,31 +143,12 @@ def _moves(value: FloatArray | float, rows: np.ndarray, place: np.ndarray) -> bo
 
 def _overruled(names: list[str]) -> list[Finding]:
     """Columns of the points that --at stands in for: what they say of each part is lost."""
-    if not names:
-        return []
-    several = len(names) > 1
-    text = (
-        f"--at gives {_named(names)} one value for all points: "
-        f"{'columns' if several else 'the column'} of the points {'are' if several else 'is'} "
-        "not used"
-    )
-    return [Warned(code="covariate-overruled", message=text)]
-
-
-def _named(names: list[str]) -> str:
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return ", ".join(names[:MOST_NAMED]) + more
+    return [finding("covariate-overruled", names=names)] if names else []
 
 
 def _averaged(names: list[str]) -> list[Finding]:
     """Covariates that differ from part to part."""
-    if not names:
-        return []
-    text = (
-        f"{', '.join(names)} differs from part to part: what the model says of it is taken out of "
-        "the measured parts, beyond its mean; u is that at the mean"
-    )
-    return [Warned(code="covariate-averaged", message=text)]
+    return [finding("covariate-averaged", names=names)] if names else []
 
 
 def foretold_features(

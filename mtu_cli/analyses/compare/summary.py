@@ -41,14 +41,13 @@ class Summary:
     """The items of one operation: how many have which verdict and fault, and their figures.
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
-    `over_predicted` and `inconsistent` count every fault, `pulled` those of the inconsistent that
-    single readings pull, `pulled_alone` those of them without another fault. `bias_tested` and
+    `over_predicted` and `inconsistent` count every fault. `bias_tested` and
     `scatter_tested` items could be judged at all, `not_tested` ones in neither. Ratios are
     measured over predicted; `under_factor` and `over_factor` are `ratio_scatter` of the items
-    under- and over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent, but the
-    `pulled`; `undecided` is what may be under-predicted, too. `n0` and `ms_share` say
-    what the paper's scatter, from MS_between, is of the parts' own: sqrt(n0) times, or somewhat
-    more. `at_once` is what all items together show, None where that was not tested.
+    under- and over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent;
+    `undecided` is what may be under-predicted, too. `n0` and `ms_share` say what the paper's
+    scatter, from MS_between, is of the parts' own: sqrt(n0) times, or somewhat more.
+    `at_once` is what all items together show, None where that was not tested.
     """
 
     operation: str
@@ -61,8 +60,6 @@ class Summary:
     under_predicted: int
     over_predicted: int
     inconsistent: int
-    pulled: int
-    pulled_alone: int
     ratio_u: Range | None
     ratio_range: Range | None
     ratio_scatter: Range | None
@@ -87,9 +84,7 @@ def summarised(found: Compared) -> tuple[Summary, ...]:
 def _summary(found: Compared, operation: str) -> Summary:
     own = np.array([label[0] == operation for label in found.labels])
     verdicts = [v for v, inside in zip(found.verdicts, own, strict=True) if inside]
-    pulled = _yes(found.inconsistent) & _yes(found.pulled)
-    off = _yes(found.biased) | (_yes(found.inconsistent) & ~pulled)
-    faulty = _yes(found.biased) | _yes(found.under_predicted) | _yes(found.over_predicted)
+    off = _yes(found.biased) | _yes(found.inconsistent)
     tested = _known(found.biased) | _known(found.inconsistent)
 
     def count(flags: np.ndarray) -> int:
@@ -106,8 +101,6 @@ def _summary(found: Compared, operation: str) -> Summary:
         under_predicted=count(_yes(found.under_predicted)),
         over_predicted=count(_yes(found.over_predicted)),
         inconsistent=count(_yes(found.inconsistent)),
-        pulled=count(pulled),
-        pulled_alone=count(pulled & ~faulty),
         ratio_u=_range(found.ratio_u[own]),
         ratio_range=_range(found.ratio_range[own]),
         ratio_scatter=_range(found.ratio_scatter[own]),
@@ -125,10 +118,10 @@ def _summary(found: Compared, operation: str) -> Summary:
 
 
 def _undecided(found: Compared, own: np.ndarray) -> Undecided | None:
-    """What the tests leave open, but for readings that stand out: these are told by themselves."""
+    """What the tests leave open."""
     p, ratio = found.p_scatter, found.ratio_scatter
     large = own & (ratio >= LARGE) & np.array(found.unlikely)
-    large &= ~_yes(found.under_predicted) & ~np.array(found.pulled)
+    large &= ~_yes(found.under_predicted)
     factor = _range(ratio[large])
     if factor is None:
         return None

@@ -45,9 +45,7 @@ class Compared(Evidence):
     """The evidence with its verdicts; `p_bias` and `p_scatter` are adjusted over the study.
 
     `biased`, `under_predicted`, `over_predicted` are tested each on its own, and `inconsistent`
-    takes the place of `biased` where parts are too few to tell a bias from their scatter, and
-    stands beside it where single readings pull the item (`pulled`): the scatter that they make
-    hides both, so that what no test finds is no consistency. The
+    takes the place of `biased` where parts are too few to tell a bias from their scatter. The
     verdict names the gravest: under-predicted (no statement of uncertainty holds), biased (a
     correction would mend it), inconsistent (one of the two), over-predicted (more was feared
     than came), consistent; None where nothing was tested. `withheld` items are those whose
@@ -61,7 +59,6 @@ class Compared(Evidence):
     under_predicted: Answers
     over_predicted: Answers
     inconsistent: Answers
-    pulled: tuple[bool, ...]
     withheld: tuple[bool, ...]
     unlikely: tuple[bool, ...]
     verdicts: tuple[Verdict | None, ...]
@@ -120,27 +117,10 @@ def _judged(
         under_predicted=tuple(under),
         over_predicted=tuple(over),
         inconsistent=tuple(unclear),
-        pulled=(False,) * len(off),
         withheld=tuple(withheld.tolist()),
         unlikely=tuple(unlikely.tolist()),
         verdicts=tuple(map(_gravest, biased, under, over, unclear)),
     )
-
-
-def less_pulled(found: Compared, off: FloatArray, k: float) -> Compared:
-    """The same with no "consistent" where single readings hide what the tests look for.
-
-    `off` (items,), mm: how far the readings that stand out are off the others. Beyond U = `k` u of
-    what is predicted of a part they pull the item, and only more scatter is still a finding.
-    """
-    pulled = tuple((off > k * found.predicted.u).tolist())
-    unclear = tuple(
-        not u if x else o
-        for x, u, o in zip(pulled, found.under_predicted, found.inconsistent, strict=True)
-    )
-    verdicts = map(_gravest, found.biased, found.under_predicted, found.over_predicted, unclear)
-    less = replace(found, pulled=pulled, inconsistent=unclear, verdicts=tuple(verdicts))
-    return replace(less, at_once=_at_once(less))
 
 
 def _tests_at_once(kind: Evidence) -> dict[str, Jointly]:
@@ -187,7 +167,7 @@ def _way(test: Jointly) -> Verdict:
 
 def _faultless(found: Compared) -> NDArray[np.bool_]:
     """Items (items,) whose scatter shows no fault by itself."""
-    faults = zip(found.under_predicted, found.over_predicted, found.pulled, strict=True)
+    faults = zip(found.under_predicted, found.over_predicted, strict=True)
     return np.array([not any(own) for own in faults], bool)
 
 

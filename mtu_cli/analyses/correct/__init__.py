@@ -13,14 +13,12 @@ from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter
 from mtu_cli.analyses.correct.sizes import Rings, sizes_of
 from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
-from mtu_cli.errors import Warned, fault
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured_checks import LEFT_OUT, sound
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
@@ -94,8 +92,7 @@ def _sizes(
     what is to be said of them.
     """
     if part is None:
-        text = "no part file: points are corrected, but no circle or length is known"
-        return [], Rings(), [Warned(code="no-part", message=text)]
+        return [], Rings(), [finding("no-part")]
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
     sizes, rings = sizes_of(tasks, rows, corrected)
@@ -112,27 +109,25 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Find
     names = [f"{size.id} of {size.part}" for size in sizes]
     found = dof_warnings(names, np.array([size.dof for size in sizes]))
     if scatter is None:
-        text = (
-            "u holds the machine model only: no repeats and no rings to tell the probing's own "
-            f"scatter (repeats with {FEWEST} degrees of freedom, or a circle of 4 points, would)"
-        )
-        found = [*found, Warned(code="no-point-scatter", message=text)]
+        found = [*found, finding("no-point-scatter", dof=FEWEST)]
     return found
 
 
 def _checked(model: MachineModel, points: Points) -> list[Finding]:
-    """What is odd about the points; refuses those that are none, or nothing can be corrected of."""
-    checked = sound(points)
+    """Notes of the points; refuses those that nothing can be corrected of."""
     columns = [AXES.index(axis) for axis in model.axes]
-    if np.isnan(points.measured[:, columns]).all():
-        raise fault(
-            f"no point was measured along an axis that {model.name!r} has an equation for",
+    measured = [i for i in range(3) if np.isfinite(points.measured[:, i]).any()]
+    if set(measured).isdisjoint(columns):
+        raise error(
+            "no-shared-axis",
+            machine=model.name,
+            axes=model.axes,
+            columns=[f"{AXES[i]}_mm" for i in measured],
             file=points.sources[0].shown,
             column=f"{model.axes[0]}_mm",
             expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
         )
-    # Each point is corrected, and each circle fitted, by what is there of it.
-    return [told for told in checked if told.code != LEFT_OUT]
+    return list(points.notes)
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> list[Finding]:
@@ -140,9 +135,12 @@ def _axis_warnings(model: MachineModel, points: Points) -> list[Finding]:
     for i, axis in enumerate(AXES):
         measured = np.isfinite(points.measured[:, i])
         if axis not in model.axes and measured.any():
-            text = f"the machine has no E{axis}: {axis} stays as it was measured"
-            found.append(Warned(code="axis-without-equation", message=text))
+            consequence = f"{axis} stays as it was measured"
+            found.append(finding("axis-without-equation", axis=axis, consequence=consequence))
         elif axis in model.axes and not measured.all():
-            text = f"{int((~measured).sum())} points have no {axis}_mm to correct"
-            found.append(Warned(code="axis-not-measured", message=text))
+            what = f"{int((~measured).sum())} points"
+            consequence = "not corrected there"
+            found.append(
+                finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
+            )
     return found

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.correct.result import Size
-from mtu_cli.errors import InputError, Problem, Warned, did_you_mean
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding, nearest
 from mtu_cli.model.residual_covariates import numbers_of, point_columns
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -26,8 +25,8 @@ class Calibration:
     """Diameters (k,) mm at ascending `degrees` (k,), degC.
 
     `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter
-    was stated with a temperature; `missing` says what was to hold the temperature and is not
-    there, "" where nothing is missing.
+    was stated with a temperature; `missing` names the column of the temperature that is not there,
+    "" where nothing is missing, and `near` the columns that it may be.
     """
 
     name: str
@@ -36,6 +35,7 @@ class Calibration:
     temperature: FloatArray
     ranged: bool
     missing: str = ""
+    near: tuple[str, ...] = ()
 
     def at(self, temperature: float) -> float:
         """The diameter: linear between calibrated temperatures and beyond, constant with one."""
@@ -53,19 +53,28 @@ class Calibration:
     def warnings(self, sizes: Sequence[Size]) -> list[Finding]:
         """Of a missing calibration, or one that cannot be that of the `sizes` of single visits."""
         if len(self.degrees) == 0:
-            text = f"{self.name} has no calibrated_mm: its errors and their reduction are not known"
-            return [Warned(code="not-calibrated", message=text)]
+            return [
+                finding(
+                    "not-estimable",
+                    quantity="errors and their reduction",
+                    names=[self.name],
+                    reason="no calibrated_mm",
+                )
+            ]
         return [*self._unknown(), *self._beyond(sizes), *self._far(sizes)]
 
     def _unknown(self) -> list[Finding]:
         if not self.missing:
             return []
-        span = f"of {self.degrees[0]:g} degC " if self.ranged else ""
-        text = (
-            f"the temperature of {self.name}, {self.missing}: the calibrated diameter {span}is "
-            "taken as it is"
-        )
-        return [Warned(code="calibrated-temperature-unknown", message=text)]
+        return [
+            finding(
+                "calibrated-temperature-unknown",
+                name=self.name,
+                temperature=self.missing,
+                span=f" of {self.degrees[0]:g} degC" if self.ranged else "",
+                meant=self.near,
+            )
+        ]
 
     def _beyond(self, sizes: Sequence[Size]) -> list[Finding]:
         known = np.array([size.temperature for size in sizes])
@@ -76,25 +85,31 @@ class Calibration:
         if not (beyond > SLACK_DEGC).any():
             return []
         worst = float(known[np.nanargmax(beyond)])
-        how = "taken as it is" if len(self.degrees) == 1 else "extrapolated linearly"
-        span = f"{low:g}" if low == high else f"{low:g} to {high:g}"
-        text = (
-            f"{self.name} is calibrated at {span} degC and was measured at up to {worst:.4g} degC: "
-            f"the diameter is {how}"
-        )
-        return [Warned(code="outside-calibrated-temperature", message=text)]
+        return [
+            finding(
+                "outside-measured-range",
+                what=f"{worst:.4g} degC",
+                names=[f"the calibration of {self.name}"],
+                low=low,
+                high=high,
+                unit="degC",
+            )
+        ]
 
     def _far(self, sizes: Sequence[Size]) -> list[Finding]:
         far = [size for size in sizes if abs(size.error[0]) > FAR_MM]
         if not far:
             return []
         worst = max(far, key=lambda size: abs(size.error[0]))
-        text = (
-            f"{self.name} measures {worst.size[0]:.6g} mm on part {worst.part!r} and is "
-            f"calibrated as {worst.reference:.6g} mm: more than {FAR_MM:g} mm apart, is "
-            "calibrated_mm the diameter of this ring, in mm?"
-        )
-        return [Warned(code="calibrated-far-from-measured", message=text)]
+        return [
+            finding(
+                "calibrated-far-from-measured",
+                name=self.name,
+                measured_mm=worst.size[0],
+                part=worst.part,
+                calibrated_mm=worst.reference,
+            )
+        ]
 
 
 def calibration_of(
@@ -119,14 +134,14 @@ def calibration_of(
         diameter=np.array([value for _, value in table]),
         temperature=temperature,
         ranged=isinstance(raw, dict),
-        missing=_missing(item.temperature or "", points, at) if lost else "",
+        missing=(item.temperature or "") if lost else "",
+        near=_near(item.temperature or "", points, at) if lost else (),
     )
 
 
-def _missing(name: str, points: Points, at: Mapping[str, float]) -> str:
+def _near(name: str, points: Points, at: Mapping[str, float]) -> tuple[str, ...]:
     near = closest_covariate(name, [*point_columns(points), *at])
-    meant = f" (there is {near!r})" if near else ""
-    return f"{name!r}, is neither a column of the points{meant} nor given by --at"
+    return (near,) if near else ()
 
 
 def _temperature(
@@ -153,14 +168,13 @@ def _temperature(
         return values
     if name in at:
         return np.full(len(points), at[name])
-    raise InputError(
-        Problem(
-            what=f"the temperature of {item.id!r} is neither a column of the points nor given",
-            file=part.source.shown,
-            line=part.line_of(*place, "temperature"),
-            path=f"{place[0]}[{place[1]}].temperature",
-            value=name,
-            expected=f"a column of this name, or --at {name}=VALUE; "
-            + did_you_mean(name, [*columns, *at]),
-        )
+    raise error(
+        "unknown-name",
+        what="temperature",
+        file=part.source.shown,
+        line=part.line_of(*place, "temperature"),
+        path=f"{place[0]}[{place[1]}].temperature",
+        value=name,
+        meant=nearest(name, [*columns, *at]),
+        expected=f"a column of this name, or --at {name}=VALUE",
     )

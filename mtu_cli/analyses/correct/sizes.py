@@ -16,8 +16,7 @@ from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares
 from mtu_cli.analyses.correct.strain import levers_of
 from mtu_cli.analyses.correct.wanted import Task
-from mtu_cli.errors import InputError, Problem
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
@@ -78,9 +77,12 @@ def sizes_of(
 
 def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Finding:
     points, first = rows.points, int(task.rows[0])
-    return Problem(
-        what=f"the {task.wanted.kind} {task.wanted.id!r} of part {task.part!r} cannot be had: "
-        f"{error}",
+    return finding(
+        "undetermined",
+        kind=task.wanted.kind,
+        points="the points",
+        name=f"{task.wanted.id!r}, part {task.part!r}",
+        reason=str(error),
         file=points.sources[points.file_index[first]].shown,
         row=int(points.row[first]),
         expected="points of its features all around it"

@@ -9,10 +9,9 @@ import numpy as np
 
 from mtu_cli.analyses.correct.calibration import Calibration, calibration_of
 from mtu_cli.analyses.correct.result import Kind
-from mtu_cli.errors import InputError, Problem, Warned
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, counted, finding
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.measured import IntArray, only_features, operations_of, visits_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -83,9 +82,8 @@ def wanted_of(
             absent.append(f"length {length.id!r}")
         else:
             found.append(Wanted(kind="length", id=length.id, features=ends, calibration=None))
-    return found, [
-        Warned(code="not-measured", message=f"no feature of {name} was measured") for name in absent
-    ]
+    reason = "none of its features was measured"
+    return found, [finding("not-measured", names=absent, reason=reason)] if absent else []
 
 
 def _drawn(
@@ -100,16 +98,19 @@ def _drawn(
     seen = places[:, :2] if flat and kind == "circle" else places
     if len(codes) < len(item.features) or not np.isfinite(seen).all():
         return
-    error = _undetermined(kind, seen)
-    if error is None:
+    reason = _undetermined(kind, seen)
+    if reason is None:
         return
-    what = f"no {kind} goes through the drawn places of {item.id!r}: {error}"
     expected = "features all around it"
     if seen is not places and np.isfinite(places).all() and _undetermined(kind, places) is None:
-        what = f"{kind} {item.id!r} stands upright, and its points were measured without z"
+        reason = "it stands upright, and its points were measured without z"
         expected = "a column z_mm with all of its points"
-    yield Problem(
-        what=what,
+    yield finding(
+        "undetermined",
+        kind=kind,
+        points="the drawn places",
+        name=repr(item.id),
+        reason=reason,
         file=part.source.shown,
         line=part.line_of(f"{kind}s", index),
         path=f"{kind}s[{index}].features",
@@ -168,10 +169,5 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
 def _partial(name: str, visited: list[str]) -> Finding:
     """`visited` names the part of every visit: its repeats are no parts of their own."""
     parts = list(dict.fromkeys(visited))
-    more = f" and {len(parts) - 1} more" if len(parts) > 1 else ""
-    times = f", {len(visited)} measurements" if len(visited) > len(parts) else ""
-    text = (
-        f"{name} is left out where not all its features were measured: part {parts[0]!r}"
-        f"{more}{times}"
-    )
-    return Warned(code="features-missing", message=text)
+    reason = f"not all its features were measured on {counted(len(parts), 'part')} ({parts[0]!r})"
+    return finding("not-measured", names=[name], reason=reason, measurements=len(visited))

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.errors import Warned
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import MachineModel
 
 FAR_K = 1.0
@@ -32,9 +31,13 @@ def unused_warmth(model: MachineModel, points: Points, reference: float) -> list
         return []
     name = max(far, key=lambda key: abs(far[key] - reference))
     others = f"; {len(far) - 1} more sensors" if len(far) > 1 else ""
-    text = (
-        f"the points are off the reference of {reference:.4g} degC ({name} reads {far[name]:.4g} "
-        f"degC{others}), but the model has no thermal component. What the temperature does to the "
-        "machine is not corrected; --drift FILE, or -c with a report of thermal-fit, would"
-    )
-    return [Warned(code="no-thermal-component", message=text)]
+    return [
+        finding(
+            "no-thermal-component",
+            reference=reference,
+            sensor=name,
+            reading=far[name],
+            others=others,
+            expected="--drift FILE, or -c with a report of thermal-fit",
+        )
+    ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from mtu_cli.analyses.thermal_fit.models import Fitted, Spec
 from mtu_cli.analyses.thermal_fit.series import Series
-from mtu_cli.errors import InputError, fault
+from mtu_cli.findings import InputError, counted, error
 
 _ROUNDING = 1e-6
 
@@ -40,9 +40,9 @@ def check_fitted(series: Series, spec: Spec, found: Fitted) -> None:
 
 def _too_few(series: Series, what: str, enough: str) -> InputError:
     files = sorted({name for names in series.files.values() for name in names})
-    count = "1 reading is" if series.n == 1 else f"{series.n} readings are"
-    return fault(
-        f"{series.name}: {count} too few for {what}",
+    return error(
+        "too-little-data",
+        what=f"{counted(series.n, 'reading')} of {series.name} for {what}",
         file=files[0] if len(files) == 1 else None,
-        expected=f"{enough}: without one more than is fitted nothing tells the uncertainty",
+        expected=f"{enough}: one more than is fitted gives the uncertainty",
     )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import chain, islice, pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
-from mtu_cli.errors import InputError, Problem, fault
 from mtu_cli.files.covariates import HOTTEST_DEGC, TEMPERATURE_EXPECTED, is_temperature
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.stats.compressed import compress, together
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -54,7 +53,7 @@ def read_series(
             else:
                 own.complete = False
     if sensors is None:
-        raise fault("no drift readings are given", expected="--drift FILE")
+        raise error("no-input", role="file of drift readings", expected="--drift FILE")
     return series, sensors
 
 
@@ -86,23 +85,26 @@ def _series_of(series: dict[str, Series], block: Readings, rows: slice | np.ndar
     if not len(faulty) and not other:
         return own
     at = int(np.arange(len(block))[rows][int(faulty[0]) if len(faulty) else 0])
-    raise fault(
-        f"{name!r} has readings of lengths and of angles"
-        if len(faulty)
-        else f"{name!r} has readings with and without a position",
-        file=block.sources[block.file_index[at]].shown,
-        row=int(block.row[at]),
-        column="unit" if len(faulty) else "position_mm",
-        expected="one kind in all files",
-    )
+    place: dict[str, Any] = {
+        "file": block.sources[block.file_index[at]].shown,
+        "row": int(block.row[at]),
+    }
+    if len(faulty):
+        expected = "lengths or angles in all files"
+        code = "wrong-kind-of-unit"
+        raise error(code, component=name, column="unit", expected=expected, **place)
+    rest = f"the other readings of {name!r}"
+    expected = "a position in all files, or in none"
+    raise error("contradicts", other=rest, column="position_mm", expected=expected, **place)
 
 
 def _sensors(block: Readings) -> tuple[str, ...]:
     found = [name for name in block.covariates if is_temperature(name)]
     if not found:
         names = ", ".join(block.covariates) or "none"
-        raise fault(
-            "no column holds temperatures",
+        raise error(
+            "missing-column",
+            name="T_<sensor>_degC",
             file=block.sources[0].shown,
             expected=f"columns such as T_01_degC (columns beside the readings': {names})",
         )
@@ -141,11 +143,9 @@ def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Fin
     for name in sensors:
         column = block.covariates.get(name)
         if column is None or column.dtype == object:
-            what = "not a column of temperatures"
             shown = block.sources[-1].shown if block.sources else None
-            problems.append(
-                Problem(what=what, file=shown, column=name, expected="numbers in every file")
-            )
+            expected = "numbers in every file"
+            problems.append(finding("not-a-number", file=shown, column=name, expected=expected))
             continue
         problems += _cell_problems(block, name, column.astype(np.float64))
     return problems
@@ -160,12 +160,11 @@ def _cell_problems(block: Readings, name: str, values: FloatArray) -> list[Findi
         shown = block.sources[file].shown
         if np.isnan(values[of_file == file]).all():
             expected = "the column in every file, or in none"
-            what = "no temperature of this sensor"
-            problems.append(Problem(what=what, file=shown, column=name, expected=expected))
+            problems.append(finding("missing-column", name=name, file=shown, expected=expected))
             continue
         problems += [
-            Problem(
-                what="empty cell" if np.isnan(values[i]) else "no temperature",
+            finding(
+                "empty-cell" if np.isnan(values[i]) else "out-of-range",
                 value=None if np.isnan(values[i]) else f"{values[i]:g}",
                 file=shown,
                 row=int(block.row[i]),

@@ -11,8 +11,7 @@ from mtu_cli.analyses.thermal_fit.evidence import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, HeldOut
 from mtu_cli.analyses.thermal_fit.series import Series
 from mtu_cli.analyses.thermal_fit.uncertainty import Rest
-from mtu_cli.errors import Warned
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
 
 OVER_FIT = 2.0
@@ -35,78 +34,54 @@ def component_warnings(
     series: Series, lib: Library, drift: ComponentDrift, method: str
 ) -> list[Finding]:
     """Warnings of one component's model."""
+    name = drift.name
     found = [*_of_held_out(lib, drift)]
     if drift.condition > COLLINEAR:
-        found.append(
-            (
-                "collinear",
-                f"the sensors move together (condition number {drift.condition:.0f}): "
-                "single coefficients are not to be read on their own",
-            )
-        )
+        found.append(finding("collinear", component=name, condition=drift.condition))
     found += _of_lags(series, lib, drift, method)
-    if len(drift.positions) == 1 and drift.estimate.of is not None:
-        found.append(
-            (
-                "one-position",
-                f"the drift was read at {drift.positions[0]:g} mm only: that it is the "
-                f"same all along {drift.estimate.of} is assumed, not tested",
-            )
-        )
+    if len(drift.positions) == 1 and (axis := drift.estimate.of) is not None:
+        at = drift.positions[0]
+        found.append(finding("one-position", component=name, position_mm=at, axis=axis))
     found += _of_reference(drift)
-    found += _of_files(series)
+    found += _of_files(series, name)
     if not drift.estimate.sensors:
-        why = "the readings do not differ, r2 cannot be had: " if series.still else ""
-        found.append(("no-sensor", f"{why}no sensor explains the drift"))
+        reason = " (the readings do not differ, so that r2 is undefined)" if series.still else ""
+        found.append(finding("no-sensor", component=name, reason=reason))
     if drift.residuals.normality_p is None:
-        found.append(_not_tested(drift.residuals.effective))
-    return [Warned(code=code, message=f"{drift.name}: {text}") for code, text in found]
+        number = drift.residuals.effective
+        few = f"{number:.3g} of them count as independent"
+        reason = few if number < FEWEST_FOR_NORMALITY else "they are 0"
+        what = "the normality of the residuals"
+        found.append(finding("not-tested", what=what, items=name, component=name, reason=reason))
+    return found
 
 
-def _not_tested(number: float) -> tuple[str, str]:
-    """Why the residuals' normality is not tested, of so many independent ones."""
-    why = "they are 0"
-    if number < FEWEST_FOR_NORMALITY:
-        why = f"{number:.3g} of them count as independent"
-    return "normality-not-tested", f"the residuals are not tested: {why}"
-
-
-def _of_files(series: Series) -> Iterator[tuple[str, str]]:
+def _of_files(series: Series, name: str) -> Iterator[Finding]:
     """Rows whose order or cycle is not what the files say at first sight."""
     if series.shuffled and not series.complete:
-        yield (
-            "rows-out-of-order",
-            "readings of one cycle are not in the order of their times, and too many to be "
-            "sorted: their autocorrelation is that of the file's order",
-        )
+        yield finding("rows-out-of-order", component=name)
     several = {cycle: names for (_, cycle), names in series.files.items() if len(names) > 1}
     if several:
         cycle, names = next(iter(several.items()))
-        what = f"cycle {cycle!r}" if cycle else "what no column 'cycle' tells apart"
-        yield (
+        yield finding(
             "cycle-in-two-files",
-            f"{what} stands in {' and '.join(sorted(names))} and counts as one warm-up or "
-            "cool-down: different ones need different names in the column 'cycle'",
+            component=name,
+            cycle=f"cycle {cycle!r}" if cycle else "one cycle without a name",
+            files=" and ".join(sorted(names)),
+            expected="another name for each warm-up in the column 'cycle'",
         )
 
 
-def _of_lags(
-    series: Series, lib: Library, drift: ComponentDrift, method: str
-) -> Iterator[tuple[str, str]]:
+def _of_lags(series: Series, lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
     """Why a model has no lags where they were asked for."""
     if method in ("auto", "lagged") and len(lib.time_constants) < 2:
-        yield "no-lags", f"models with lags are not tried: {_no_lags(series)}"
+        yield finding("no-lags", component=drift.name, reason=_no_lags(series))
     elif method == "lagged" and len(lib.cycles) < 2:
-        yield (
-            "no-lags",
-            "lags are chosen on held-out cycles, and there is one: the model is ridge",
-        )
+        reason = "lags are chosen on held-out cycles, and there is one; the model is ridge"
+        yield finding("no-lags", component=drift.name, reason=reason)
     if drift.without_lag:
-        yield (
-            "no-lag-found",
-            "lagged, but no lag was found: no time constant lowers the held-out error enough, "
-            "the model is ridge on the sensors as they were read",
-        )
+        reason = "no time constant lowers the held-out error enough; the model is ridge"
+        yield finding("no-lags", component=drift.name, reason=reason)
 
 
 def _no_lags(series: Series) -> str:
@@ -117,53 +92,42 @@ def _no_lags(series: Series) -> str:
     return "the times do not run on within the cycles"
 
 
-def _of_reference(drift: ComponentDrift) -> Iterator[tuple[str, str]]:
+def _of_reference(drift: ComponentDrift) -> Iterator[Finding]:
     """Drift that was zeroed far from the reference: its zero is extrapolated."""
     span, reference = drift.estimate.temperature_range, drift.estimate.reference
     if span is None or not len(span):
         return
     beyond = (span[:, 0] > reference + FAR) | (span[:, 1] < reference - FAR)
     if beyond.mean() > 0.5:
-        yield (
+        yield finding(
             "reference-not-read",
-            f"the sensors were read from {span[:, 0].min():.4g} to {span[:, 1].max():.4g} degC, "
-            f"not at the reference of {reference:g} degC: predictions are of the drift from there "
-            "and extrapolate (reference_temperature_degC of the machine file)",
+            component=drift.name,
+            low=float(span[:, 0].min()),
+            high=float(span[:, 1].max()),
+            reference=reference,
         )
 
 
-def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[tuple[str, str]]:
+def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[Finding]:
     """What the next warm-up may show that the cycles of the fit do not."""
+    name, held = drift.name, drift.held_out
     if len(lib.cycles) < FEWEST_NESTED:
-        many = "no cycles are told apart" if len(lib.cycles) < 2 else "there are two cycles only"
-        yield (
-            "not-held-out",
-            f"{many}: no cycle can be held out of fit and choice, and the fit's own "
-            "rms says little of the next warm-up (three cycles or more, column 'cycle')",
-        )
-    held = drift.held_out
-    if held is not None and drift.rms_after > 0 and held.after > OVER_FIT * drift.rms_after:
-        yield (
-            "over-fit",
-            f"rms {drift.shown(drift.rms_after)} on the cycles of the fit, "
-            f"{drift.shown(held.after)} on held-out ones: believe the latter",
-        )
-    if held is not None and held.after > held.before:
-        text = "on held-out cycles the temperatures make it worse: the model is not to be used"
-        yield "no-better", text
-    elif held is not None and drift.estimate.sensors:
-        yield from _of_gain(held)
-
-
-def _of_gain(held: HeldOut) -> Iterator[tuple[str, str]]:
-    """A model that explains no more of held-out cycles than chance does."""
-    if held.after > (1 - LEAST_GAIN) * held.before and not _consistent(held):
+        count = "the readings have no cycles" if len(lib.cycles) < 2 else "there are two cycles"
+        expected = "three cycles or more, column 'cycle'"
+        yield finding("not-held-out", component=name, cycles=count, expected=expected)
+    if held is None:
+        return
+    if drift.rms_after > 0 and held.after > OVER_FIT * drift.rms_after:
+        fitted, held_out = drift.shown(drift.rms_after), drift.shown(held.after)
+        yield finding("over-fit", component=name, fitted=fitted, held_out=held_out)
+    if held.after > held.before:
+        yield finding("no-better", component=name, effect="increase the rms")
+        return
+    small = held.after > (1 - LEAST_GAIN) * held.before
+    if drift.estimate.sensors and small and not _consistent(held):
         percent = 100 * (1 - held.after / held.before)
-        text = (
-            f"on held-out cycles the rms falls by {percent:.2g} % only, no more than they scatter: "
-            "the temperatures explain next to nothing, the model is not to be used"
-        )
-        yield "no-better", text
+        effect = f"reduce the rms by {percent:.2g} % only, within its scatter"
+        yield finding("no-better", component=name, effect=effect)
 
 
 def _consistent(held: HeldOut) -> bool:
@@ -186,13 +150,10 @@ def sensor_warnings(
 ) -> list[Finding]:
     """Sensors that do not move, and readings whose cycles begin apart."""
     span = series.range()
-    still = [sensors[s] for s in range(len(sensors)) if span[s, 0] == span[s, 1]]
     found = [
-        Warned(
-            code="sensor-still",
-            message=f"{name} reads {span[sensors.index(name), 0]:g} degC throughout: left out",
-        )
-        for name in still
+        finding("sensor-still", sensor=name, where=f" at {low:g} degC", consequence="left out")
+        for name, (low, high) in zip(sensors, span.tolist(), strict=True)
+        if low == high
     ]
     return found + _levels(rest, drift)
 
@@ -212,10 +173,6 @@ def _levels(rest: Rest, drift: ComponentDrift) -> list[Finding]:
         apart, within = np.ptp(kept.error[first]), np.median([np.ptp(own) for own in readings])
         if same.all() and apart > LEVELS_APART * within:
             where = "" if position is None else f" at {position:g} mm"
-            text = (
-                f"{drift.name}{where}: the cycles begin up to {drift.shown(float(apart))} apart "
-                "at the same temperatures: where the probe was set anew, count each cycle's "
-                "readings from its first"
-            )
-            return [Warned(code="cycles-begin-apart", message=text)]
+            shown = drift.shown(float(apart))
+            return [finding("cycles-begin-apart", component=drift.name, where=where, apart=shown)]
     return []

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.datum import chosen_datum
 from mtu_cli.cli.gates import given_gates, unknown_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.findings import InputError, finding
@@ -62,7 +61,7 @@ def read_choices(inputs: Inputs) -> Choices:
     return Choices(
         alpha=alpha,
         max_effects=max_effects,
-        datum=chosen_datum(inputs),
+        datum=inputs.datum,
         exclude=tuple(dict.fromkeys(inputs.options.exclude or ())),
         gates=tuple(gates),
     )

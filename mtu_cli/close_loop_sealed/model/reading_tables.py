@@ -23,7 +23,6 @@ from mtu_cli.model.residual_cells import IntArray, filled
 from mtu_cli.model.residual_covariates import table_covariates
 from mtu_cli.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.model.residual_table import ResidualTable, within
-from mtu_cli.model.temperature_cells import check_temperatures
 from mtu_cli.model.temperature_warnings import temperature_warnings
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.thermal_estimates import thermal_from_machine_file
@@ -56,10 +55,7 @@ def reading_tables(
 
     A pass takes the place of a part, a target and direction that of a feature. Forward and
     reverse of a pass share what the fit found them to share of D, the rest each draws anew.
-
-    Raises InputError for cells of a sensor that no sensor of a machine reads.
     """
-    check_temperatures(readings)
     estimates = _estimates(machine, known)
     tables, warned = [], texts_told(readings)
     for code, name in enumerate(readings.components):

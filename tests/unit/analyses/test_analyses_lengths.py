@@ -287,7 +287,7 @@ def test_a_z_that_only_one_end_has_is_refused(tmp_path: Path) -> None:
     features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0, y_mm: 0, z_mm: 50}}
     lengths: [{from: a, to: b}]
     """
-    with pytest.raises(InputError, match="'a-b' only one end has a z"):
+    with pytest.raises(InputError, match="length 'a-b': the key 'z_mm' is missing"):
         predict_lengths(machine(), part_of(tmp_path, text), FAST)
 
 

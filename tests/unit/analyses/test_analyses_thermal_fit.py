@@ -129,7 +129,7 @@ def test_a_still_sensor_is_left_out() -> None:
     found = fitted(readings(runs), "auto")
     assert "T_02_degC" not in found.components["p"].estimate.sensors
     (warned,) = [item for item in found.warnings if item.code == "sensor-still"]
-    assert "T_02_degC reads 21.3 degC throughout" in warned.message
+    assert (warned.facts["sensor"], warned.facts["where"]) == ("T_02_degC", " at 21.3 degC")
 
 
 def test_no_sensor_moves() -> None:
@@ -157,7 +157,7 @@ def test_cycles_that_begin_apart_are_told(positions: tuple[float | None, ...]) -
     for run in runs:
         run.error[:] += 40 * UM * int(str(run.cycle)[1:])
     (warned,) = [w for w in fitted(readings(runs)).warnings if w.code == "cycles-begin-apart"]
-    assert "the cycles begin up to 120 um apart at the same temperatures" in warned.message
+    assert warned.facts["apart"] == "120 um"
     # Where they begin at other temperatures, readings may as well be other.
     for run, start in zip(runs, (0.0, 3.0, 6.0, 9.0) * len(positions), strict=False):
         run.temperature[:] += start
@@ -184,7 +184,7 @@ def test_two_cycles_hold_nothing_out(method: str) -> None:
     assert drift.candidates == ()
     assert drift.estimate.degree == 1
     (warned,) = [item for item in found.warnings if item.code == "not-held-out"]
-    assert "two cycles only" in warned.message
+    assert "two cycles" in warned.facts["cycles"]
 
 
 @pytest.mark.parametrize("labelled", [True, False])
@@ -256,8 +256,7 @@ def test_too_few_readings_for_their_sensors(n: int, dependent: int) -> None:
     """A fit of least norm through all readings would claim an uncertainty of nothing."""
     with pytest.raises(InputError) as error:
         one(few(n, dependent))
-    words = f"p: {n} readings are too few for the ridge model of 6 gradients; expected 8 (these"
-    assert words in str(error.value)
+    assert f"{n} readings of p for the ridge model of 6 gradients" in str(error.value)
     assert "or --model stepwise: " in str(error.value)
 
 
@@ -295,7 +294,7 @@ def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) ->
             continue
         with pytest.raises(InputError) as error:
             fitted(found, method)
-        assert f"expected at least {levels + 2}: without one more" in str(error.value)
+        assert f"expected at least {levels + 2}: one more" in str(error.value)
 
 
 def test_sensors_are_told_before_anything_is_held_out(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -100,7 +100,7 @@ def test_temperatures_that_are_missing() -> None:
         fitted(found)
     (problem,) = raised.value.findings
     assert (problem.row, problem.column) == (7, "T_02_degC")
-    with pytest.raises(InputError, match="no column holds temperatures"):
+    with pytest.raises(InputError, match="'T_<sensor>_degC' is missing"):
         fitted(replace(found, covariates={"room": np.zeros(len(found))}))
 
 
@@ -250,5 +250,5 @@ def test_cycles_of_one_name_in_two_files() -> None:
         roles=("drift", "drift"),
     )
     (warned,) = [w for w in fitted(two).warnings if w.code == "cycle-in-two-files"]
-    assert "p: cycle 'c0' stands in d.csv and e.csv and counts as one" in warned.message
+    assert "p: cycle 'c0' is in d.csv and e.csv" in warned.message
     assert "cycle-in-two-files" not in [w.code for w in fitted(found).warnings]

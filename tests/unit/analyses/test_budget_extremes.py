@@ -36,7 +36,7 @@ def test_outputs_whose_squares_leave_the_range(exponent: int) -> None:
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_an_overflow_beside_finite_estimates_is_one_message() -> None:
     """exp(700) is finite, exp(710) is not."""
-    with pytest.raises(InputError, match=r"b.yaml:3: equation: .* trials are not finite"):
+    with pytest.raises(InputError, match=r"b.yaml:3: equation: 'y' is not finite in"):
         evaluated(ONE.format(equation="exp(a)", value="700.0", u="50.0"))
 
 
@@ -46,7 +46,7 @@ def test_without_a_standard_error_nothing_has_converged() -> None:
     result = evaluated(ONE.format(equation="exp(a)", value="0.0", u="100.0"), trials=100_000)
     assert not math.isfinite(result.run.se_u[0])
     assert not result.converged
-    assert {"not-converged", "no-standard-error"} <= codes(result)
+    assert {"not-converged", "heavy-tails"} <= codes(result)
 
 
 def test_a_ratio_whose_divisor_may_be_0_has_no_u() -> None:
@@ -57,9 +57,6 @@ def test_a_ratio_whose_divisor_may_be_0_has_no_u() -> None:
     )
     found = evaluated(text.replace("U", "0.4"), trials=200_000)
     assert "heavy-tails" in codes(found)
-    said = " ".join(warned.message for warned in found.warnings)
-    assert "r: a few trials far out make the Monte Carlo u, which may not exist" in said
-    assert " 1, more" not in said
     assert "heavy-tails" not in codes(evaluated(text.replace("U", "0.1"), trials=200_000))
     # A u of 0, and few trials, say nothing of it.
     assert "heavy-tails" not in codes(evaluated(text.replace("U", "0.4"), trials=2000))
@@ -85,5 +82,5 @@ def test_a_t_in_a_copula_has_the_coefficient_that_the_warning_says(dof: int) -> 
     if dof > 4:
         r = V[0, 1] / math.sqrt(V[0, 0] * V[1, 1])
         assert r == pytest.approx(0.6 * factor, abs=0.01)
-    said = next(item.message for item in result.warnings if item.code == "gaussian-copula")
-    assert f"a {factor:.3g} (1 for others)" in said
+    weaker = next(x.facts["weaker"] for x in result.warnings if x.code == "gaussian-copula")
+    assert f"(a {factor:.3g}; 1 for others)" in weaker

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,19 +18,20 @@ RECTANGLE = "{value: 0, half_width: 1, distribution: rectangular}"
 TRIANGLE = "{value: 0, half_width: 1, distribution: triangular}"
 
 
-def told(equation: str, x: str) -> list[str]:
+def told(equation: str, x: str) -> list[Mapping[str, Any]]:
     text = f"equation: {equation}\ninputs:\n  x: {x}\n  w: {{value: 0, u: 0.01}}\n"
-    return [item.message for item in evaluated(text).warnings if item.code == "rare-jump"]
+    return [item.facts for item in evaluated(text).warnings if item.code == "rare-jump"]
 
 
 @pytest.mark.parametrize("unit", [1.0, 1e-160, 1e160])
 def test_a_jump_of_a_normal_input_is_told_with_its_chance(unit: float) -> None:
     """Var(x + J [x > r]) is 1 + J^2 Q (1 - Q) at least."""
-    (text,) = told(f"{unit!r}*(x + w + 1000*step(x - 5))", NORMAL)
+    (facts,) = told(f"{unit!r}*(x + w + 1000*step(x - 5))", NORMAL)
     Q = float(norm.sf(5.0))
-    assert text.startswith("y: 5 standard deviations out along x it is 1000 u off")
-    assert f"1 in {float(f'{1 / Q:.1e}'):.0f} does" in text
-    assert text.endswith(f"{math.sqrt(1 + 1e6 * Q):.3g} times as large")
+    assert (facts["radius"], facts["along"]) == (5.0, "x")
+    assert facts["change"] == pytest.approx(1000, rel=1e-3)
+    assert facts["one_in"] == float(f"{1 / Q:.1e}")
+    assert facts["times"] == pytest.approx(math.sqrt(1 + 1e6 * Q), rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -41,8 +44,8 @@ def test_a_jump_of_a_normal_input_is_told_with_its_chance(unit: float) -> None:
 )
 @pytest.mark.parametrize("sign", ["", "-"])
 def test_a_jump_near_the_end_of_a_bounded_input_is_told(x: str, place: float, sign: str) -> None:
-    (text,) = told(f"x + w + 10000*step({sign}x - {place!r})", x)
-    assert text.startswith("y: 5.5 standard deviations out along")
+    (facts,) = told(f"x + w + 10000*step({sign}x - {place!r})", x)
+    assert facts["radius"] == 5.5
 
 
 SMOOTH = ["x + w", "(x + 2)**3 + w", "exp(x/2) + w", "sqrt(x + 1.1) + w", "1/(x + 3) + w"]

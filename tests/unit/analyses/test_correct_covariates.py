@@ -40,7 +40,7 @@ def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> Non
     model, part = machine(tmp_path), ring_part(tmp_path)
     bare = ring_points(measured, ["a"])
     (message,) = refused(model, part, bare)
-    assert "cmm.csv, column 'T_scale_degC': the equations of 'm' need the covariate" in message
+    assert "cmm.csv, column 'T_scale_degC': the machine 'm' needs T_scale_degC" in message
     assert "--at T_scale_degC=VALUE" in message
     given = correct(model, part, bare, SETTINGS, {"T_scale_degC": 20.0})
     assert given.error[:, :2] == pytest.approx(error_at(measured, np.full(11, 20.0))[:, :2])
@@ -86,7 +86,9 @@ def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
     true[11:, 1] = 180.0
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
     (message,) = refused(model, part, ring_points(true, ["a", "b"], None, own))
-    assert message.startswith("cmm.csv, row 13: the circle 'ring' of part 'b' cannot be had: ")
+    assert message.startswith(
+        "cmm.csv, row 13: no circle goes through the points of 'ring', part 'b'"
+    )
     assert "the points lie on a line" in message
 
 
@@ -121,7 +123,7 @@ def test_a_ring_is_looked_at_as_it_is_measured(tmp_path: Path) -> None:
     found = correct(model, part, replace(points, nominal=drawn_flat, measured=seen_by), SETTINGS)
     assert found.sizes[0].size[0] == pytest.approx(180.0, abs=1e-3)
     refusal = refused(model, part, replace(points, nominal=upright, measured=measured_flat))
-    assert "circle 'ring' stands upright, and its points were measured without z" in refusal[0]
+    assert "it stands upright, and its points were measured without z" in refusal[0]
     assert refusal[0].endswith("expected a column z_mm with all of its points")
     # With a feature that is not measured at all, or not drawn, nothing is said of the drawing.
     line = np.where(np.isnan(drawn_flat), np.nan, drawn_flat)
@@ -137,7 +139,7 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     points = ring_points(measured, ["a"], None, own)
     model = machine(tmp_path)
     bare = correct(model, ring_part(tmp_path, calibrated_mm=""), points, SETTINGS)
-    assert codes(bare) == ["not-calibrated"]
+    assert codes(bare) == ["not-estimable"]
     assert np.isnan(bare.sizes[0].error).all()
     assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
     kept = np.arange(11) != 4
@@ -153,7 +155,7 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
         covariates={"T_scale_degC": temperature[kept]},
     )  # fmt: skip
     found = correct(model, ring_part(tmp_path), fewer, SETTINGS)
-    assert codes(found) == ["features-missing", "no-point-scatter"]
+    assert codes(found) == ["not-measured", "no-point-scatter"]
     assert found.sizes == ()
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
                     "lengths: [{from: q, to: w}]\n")  # fmt: skip
@@ -167,9 +169,9 @@ def test_repeats_are_no_parts_of_their_own(tmp_path: Path) -> None:
     part = ring_part(tmp_path, "lengths: [{from: r0, to: r5}]\n")
     names = (*points.features[:5], "other", *points.features[6:])
     found = correct(machine(tmp_path), part, replace(points, features=names), SETTINGS)
-    messages = [item.message for item in found.warnings if item.code == "features-missing"]
-    assert len(messages) == 2
-    assert all(text.endswith("part 'a' and 1 more, 3 measurements") for text in messages)
+    facts = [item.facts for item in found.warnings if item.code == "not-measured"]
+    assert [each["measurements"] for each in facts] == [3, 3]
+    assert all("2 parts" in each["reason"] for each in facts)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +204,7 @@ def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:
         """,
     )
     (message,) = refused(model, None, ring_points(measured, ["a"]))
-    assert "cmm.csv, column 'z_mm': no point was measured along an axis" in message
+    assert "cmm.csv, column 'z_mm': the machine 'm' has equations for z" in message
 
 
 @pytest.mark.parametrize(

@@ -67,5 +67,5 @@ def test_a_circle_that_its_points_do_not_determine(tmp_path: Path) -> None:
     circles = part_of(tmp_path, RING).part.circles
     line = measured([30.0])
     flat = POINTS * [1.0, 0.0, 1.0]
-    with pytest.raises(InputError, match="the nominal points of circle"):
+    with pytest.raises(InputError, match="goes through the nominal points"):
         growth(line, IDS, flat, circles)

@@ -221,10 +221,10 @@ def test_an_instrument_without_scatter_has_no_weight() -> None:
     with pytest.raises(InputError) as error:
         fit(segment(np.random.default_rng(2)), exact)
     assert "laser.csv" in str(error.value)
-    assert "'c' by laser show no scatter" in str(error.value)
+    assert "'c' by laser do not scatter" in str(error.value)
     assert fit(exact).estimate.s_repeat == 0
     two = Segment(name="c", position=np.array([0.0, 9.0]), error=np.array([1.0, 2.0]), role="laser")
-    with pytest.raises(InputError, match="no scatter"):
+    with pytest.raises(InputError, match="do not scatter"):
         fit(segment(np.random.default_rng(2)), two)
 
 

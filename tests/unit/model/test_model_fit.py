@@ -147,7 +147,7 @@ def test_as_many_readings_as_coefficients_have_no_uncertainty(
     fit = fit_machine(known, readings([two]))
     with pytest.raises(InputError) as error:
         build_model(known, estimates_from_fit(known, fit))
-    wanted = "machine.yaml:3: components.a: the component 'a' has as many readings as coefficients"
+    wanted = "machine.yaml:3: components.a: too little to judge by: as many readings"
     assert wanted in str(error.value)
     (tmp_path / "part.yaml").write_text(
         "schema: mtu/part/1\nname: p\nfeatures: {a: {x_mm: 0, y_mm: 0}}\n"

@@ -13,9 +13,9 @@ from model_examples import Segment, loaded, readings
 from scipy import stats
 
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
-from mtu_cli.model.fit_warnings import LIMITS, fit_warnings, limit_warnings, limits_of
+from mtu_cli.model.fit_warnings import FIRST, LIMITS, RAISE, fit_warnings, limit_warnings, limits_of
 from mtu_cli.reports.observability import observability
 from mtu_cli.stats.family import significant
 
@@ -91,9 +91,8 @@ def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> No
     for name, first in (("dx_x", True), ("dx_x2", False)):
         facts = {"component": name, "count": 1, "off": 9.0, "unit": "um", "s": 1.0, "rows": (6,)}
         doubt = finding("outlying-reading", **facts)
-        (text,) = [w.message for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
-        assert (": a single row of it looks mistaken, put that right first" in text) == first
-        assert (": raise its degree" in text) != first
+        (found,) = [w for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
+        assert found.facts["advice"] == (FIRST if first else RAISE)
 
 
 def test_the_stated_amounts_are_those_planted(tmp_path: Path) -> None:
@@ -146,7 +145,7 @@ def test_runs_of_the_same_mean_are_warned_of(tmp_path: Path) -> None:
     )
     fit = fit_machine(known, readings([segment]))
     (item,) = [item for item in fit_warnings(fit) if item.code == "no-scatter"]
-    assert item.message.startswith("the passes of a have the same means to the last digit")
+    assert item.facts == {"what": "means of the passes", "names": ["a"]}
     left = observability(fit, estimates_from_fit(known, fit))
     (drift,) = [one for one in left if one.not_determined.startswith("steady drift")]
     assert drift.because == "the levels of its passes do not differ"
@@ -189,7 +188,7 @@ def test_instruments_that_disagree(tmp_path: Path) -> None:
     assert warned(9e-3) == 60
 
 
-@pytest.mark.parametrize(("name", "words"), [("dx_x", "in mm?"), ("ez_y", "in mrad?")])
+@pytest.mark.parametrize(("name", "words"), [("dx_x", "mm"), ("ez_y", "mrad")])
 def test_a_component_that_repeats_too_well_is_asked_about(
     tmp_path: Path, name: str, words: str
 ) -> None:
@@ -197,14 +196,13 @@ def test_a_component_that_repeats_too_well_is_asked_about(
     known = machine(tmp_path)
     given = read_machine(np.random.default_rng(6), Drift(0.0))
 
-    def small(factor: float) -> list[str]:
+    def small(factor: float) -> list[Finding]:
         rows = given.code == given.components.index(name)
         fit = fit_machine(known, replace(given, error=np.where(rows, factor, 1) * given.error))
-        return [item.message for item in fit_warnings(fit) if item.code == "readings-small"]
+        return [item for item in fit_warnings(fit) if item.code == "readings-small"]
 
-    (message,) = small(1e-3)
-    assert message.startswith(f"{name} repeats to ")
-    assert message.endswith(f"are its errors {words}")
+    (found,) = small(1e-3)
+    assert (found.facts["component"], found.facts["meant_unit"]) == (name, words)
     assert small(1e-2) == []
     assert small(0) == []
 

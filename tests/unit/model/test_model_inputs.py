@@ -39,7 +39,7 @@ def test_a_missing_covariate_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         predict(model, ["a"], np.zeros((1, 3)), {"T_spindel_degC": 20.0})
     text = str(error.value)
-    assert "need the covariate 'dir_x'" in text
+    assert "the machine 'm' needs dir_x" in text
     assert "--at T_spindle_degC=VALUE; given: T_spindel_degC" in text
     assert len(error.value.findings) == 2
 
@@ -99,7 +99,7 @@ def test_degrees(tmp_path: Path, degree: int) -> None:
 
 def test_a_missing_coordinate_is_named(tmp_path: Path) -> None:
     text = "components: {e: {of: x, unit: urad, coefficients: [1.0]}}\nequations: {Ex: z*e}\n"
-    with pytest.raises(InputError, match="a value for z") as error:
+    with pytest.raises(InputError, match="without a z") as error:
         predict(stated(tmp_path, text), ["a"], np.array([[3.0, 4, np.nan]]))
     assert "equation Ex of 'm' has no finite value at x=3" in str(error.value)
 
@@ -127,7 +127,7 @@ def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
 
 def test_equations_without_components_are_refused(tmp_path: Path) -> None:
     text = "components: {a: {unit: um, coefficients: [1.0]}}\nequations: {Ex: 0.001*x}\n"
-    with pytest.raises(InputError, match="no equation holds a component"):
+    with pytest.raises(InputError, match="no equation contains a component"):
         stated(tmp_path, text)
 
 

@@ -184,6 +184,7 @@ FINITE = "expected an equation that has one at every feature"
 
 
 E = "--effect Ex: "
+VALUE = "the equation has no finite value or no derivative at"
 
 
 @pytest.mark.parametrize(
@@ -192,18 +193,34 @@ E = "--effect Ex: "
         (
             "effects",
             "dir_q",
-            f"{E}unknown name 'dir_q' at column 1; did you mean 'dir_x' or 'dir_y'?",
+            f"{E}unknown name at column 1: 'dir_q'; did you mean 'dir_x' or 'dir_y'?",
         ),
-        ("effects", "1/x", f"{E}no finite value in part 1 at feature 'a': 'x = 0'; {FINITE}"),
-        ("effects", "1/(80-y)", f"{E}no finite value in part 1 at feature 'c': 'y = 80'; {FINITE}"),
-        ("effects", "1/(2-sequence)", "no finite value in part 2 at feature 'a': 'sequence = 2'"),
-        ("effects", "1e200*x", f"{E}too large in part 1 at feature 'b': '1e+202'; {HUGE}"),
-        ("effects", "-1.0001e6", f"{E}too large in part 1 at feature 'a': '-1.0001e+06'; {HUGE}"),
-        ("scatter", "1e200", f"--scatter Ex: too large in part 1 at feature 'a': '1e+200'; {HUGE}"),
-        ("scatter", "-0.01", "--scatter Ex: negative in part 1 at feature 'a': '-0.01'; expected"),
-        ("scatter", "0.1*(79 - y)", "--scatter Ex: negative in part 1 at feature 'c': '-0.1'"),
-        ("covariates", "1e13", "--covariate x: too large in part 1 at feature 'a': '1e+13'"),
-        ("covariates", "1/y", "--covariate x: no finite value in part 1 at feature 'a': 'y = 0'"),
+        ("effects", "1/x", f"{E}{VALUE} x = 0 in part 1 at feature 'a'; {FINITE}"),
+        ("effects", "1/(80-y)", f"{E}{VALUE} y = 80 in part 1 at feature 'c'; {FINITE}"),
+        ("effects", "1/(2-sequence)", f"{VALUE} sequence = 2 in part 2 at feature 'a'"),
+        (
+            "effects",
+            "1e200*x",
+            f"--effect Ex in part 1 at feature 'b': out of range: '1e+202'; {HUGE}",
+        ),
+        (
+            "effects",
+            "-1.0001e6",
+            f"--effect Ex in part 1 at feature 'a': out of range: '-1.0001e+06'; {HUGE}",
+        ),
+        (
+            "scatter",
+            "1e200",
+            f"--scatter Ex in part 1 at feature 'a': out of range: '1e+200'; {HUGE}",
+        ),
+        (
+            "scatter",
+            "-0.01",
+            "--scatter Ex in part 1 at feature 'a': out of range: '-0.01'; expected",
+        ),
+        ("scatter", "0.1*(79 - y)", "--scatter Ex in part 1 at feature 'c': out of range: '-0.1'"),
+        ("covariates", "1e13", "--covariate x in part 1 at feature 'a': out of range: '1e+13'"),
+        ("covariates", "1/y", f"--covariate x: {VALUE} y = 0 in part 1 at feature 'a'"),
     ],
 )
 def test_equations_without_a_value(what: str, equation: str, words: str) -> None:
@@ -236,7 +253,9 @@ def test_scatters_of_one_axis_add_up() -> None:
 
 @pytest.mark.parametrize("plan", [replace(QUIET, cmm_u=1e8), replace(QUIET, part_offset=1e8)])
 def test_coordinates_that_no_points_file_could_hold(plan: PartsPlan) -> None:
-    with pytest.raises(InputError, match=r"the measured [xy] is too large in part 1 at") as error:
+    with pytest.raises(
+        InputError, match=r"the measured [xy] in part 1 at feature 'a': out of"
+    ) as error:
         simulate(plan, model=quiet())
     assert HUGE in str(error.value)
 
@@ -244,7 +263,7 @@ def test_coordinates_that_no_points_file_could_hold(plan: PartsPlan) -> None:
 def test_a_feature_whose_place_is_not_known(tmp_path: Path) -> None:
     """Its coordinate would be written as nan, which no reader takes."""
     flat = POINTS * [1, 1, np.nan]
-    with pytest.raises(InputError, match="has an Ez, but feature 'a' no z_mm"):
+    with pytest.raises(InputError, match=r"features.a: the key 'z_mm' is missing"):
         simulate_points(stated(tmp_path, LATHE), IDS, flat, QUIET, 1)
 
 
@@ -260,7 +279,7 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     """Its parameters are nothing an instrument reads; its covariates must be given."""
     model = stated(tmp_path, DECLARED)
     assert set(simulate_readings(model, READ, 1).component) == {"a"}
-    with pytest.raises(InputError, match="need the covariate 'T_spindle_degC'") as error:
+    with pytest.raises(InputError, match="the machine 'm' needs T_spindle_degC") as error:
         simulate(QUIET, model=model)
     assert "--covariate 'T_spindle_degC: EQUATION'" in str(error.value)
     plan = replace(QUIET, covariates=(("T_spindle_degC", parse("30")),))
@@ -269,7 +288,7 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     a = (1 + 0.1 * np.tile(POINTS[:, 0], 4)) * 1e-3
     assert Ex == pytest.approx(1.5 * a + 4e-3 * found.covariates["dir_x"], abs=1e-13)
     row = POINTS[[0, 0]] + [[0, 0, 0], [0, 5, 0]]
-    with pytest.raises(InputError, match="need the covariate 'dir_x'"):
+    with pytest.raises(InputError, match="the machine 'm' needs dir_x"):
         simulate_points(model, ["a", "b"], row, plan, 1)
 
 

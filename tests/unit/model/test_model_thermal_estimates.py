@@ -167,14 +167,14 @@ def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> 
     with pytest.raises(InputError) as caught:
         thermal_from_report(machine, found)
     assert [str(problem) for problem in caught.value.findings] == [
-        "t.json: results.components.pos_z: machine.yaml has no component 'pos_z'; did you mean "
-        "'pos_y'?",
-        "t.json: results.components.pos_y: 'pos_y' is of x in um in the thermal-fit report; "
+        "t.json: results.components.pos_z: unknown component: 'pos_z'; did you mean 'pos_y'?",
+        "t.json: results.components.pos_y: pos_y is of x in um in the report; "
         "expected of y in um, as in machine.yaml",
-        "t.json: results.components.pos_y.reference_temperature_degC: the drift counts from "
-        "20.5 degC; expected 20, the reference temperature of machine.yaml: fit again",
-        "t.json: results.components.yaw_y: 'yaw_y' is of y in um in the thermal-fit report; "
+        "t.json: results.components.pos_y.reference_temperature_degC: the drift is from "
+        "20.5 degC in the report; expected 20, the reference temperature of "
+        "machine.yaml: fit again",
+        "t.json: results.components.yaw_y: yaw_y is of y in um in the report; "
         "expected of y in arcsec, as in machine.yaml",
-        "t.json: results.components.ort: 'ort' is of y in arcsec in the thermal-fit report; "
+        "t.json: results.components.ort: ort is of y in arcsec in the report; "
         "expected of None in arcsec, as in machine.yaml",
     ]

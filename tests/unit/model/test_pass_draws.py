@@ -136,7 +136,7 @@ def test_what_is_not_known_of_passes_together_is_drawn_apart() -> None:
             np.testing.assert_allclose(root @ root.T, wanted, rtol=1e-6, atol=1e-18)
         assert cut_warnings(unknown) == []
     alone = estimate("a", "x", [0.0, 0.0], D=np.full((2, 2), np.nan))
-    with pytest.raises(InputError, match="how far passes of a differ is not known"):
+    with pytest.raises(InputError, match="pass-to-pass covariance of a"):
         pass_draws(model_of([(alone, {"x": "1"})], axes=("x",)))
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run
 
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
-from mtu_cli.errors import InputError
 from mtu_cli.files.readings import read_readings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit
@@ -218,18 +217,6 @@ def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
     assert [item.code for item in warned] == ["covariate-is-text", "covariate-gaps"]
     assert "40" in table.features
     assert "setup" not in table.covariates
-
-
-@pytest.mark.parametrize("value", [293.15, -999.0])
-def test_sensors_that_read_no_temperature(tmp_path: Path, value: float) -> None:
-    found = readings([run(2)])
-    column = np.full(len(found), 20.5)
-    column[[1, 4]] = value
-    found = replace(found, covariates={"T_bed_degC": column, "load": np.full(len(found), 999.0)})
-    with pytest.raises(InputError) as raised:
-        reading_tables(machine(tmp_path), None, found)
-    told = [(p.row, p.column, p.value) for p in raised.value.findings]
-    assert told == [(found.row[i], "T_bed_degC", f"{value:g}") for i in (1, 4)]
 
 
 CSV = """component,position_mm,pass,direction,error,unit,time_min

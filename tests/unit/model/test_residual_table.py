@@ -196,7 +196,7 @@ def test_z_is_an_axis_with_an_equation_and_a_coordinate(tmp_path: Path) -> None:
     assert table.axes == ("x", "y")
     assert codes(warned) == ["axis-left-out"]
     only = stated(tmp_path, high.replace("Ex: px + y*sq + 0.002*dir_x", "").replace("Ey: py", ""))
-    with pytest.raises(InputError, match="no axis that 'm' has an equation for"):
+    with pytest.raises(InputError, match="the machine 'm' has equations for z"):
         residual_table(only, replace(points, measured=lost), {})
 
 
@@ -211,9 +211,7 @@ def test_places_that_differ_between_parts_are_used(tmp_path: Path) -> None:
     points = measured(4, 3, 2)
     shift = np.where(points.part[:, None] == 2, [50.0, -20.0, 0.0], 0.0)
     turned = replace(points, nominal=points.nominal + shift, measured=points.measured + shift)
-    table, warned = residual_table(model, turned, {})
-    assert codes(warned) == ["nominals-differ"]
-    assert "each error is taken at its own" in warned[0].message
+    table, _ = residual_table(model, turned, {})
     check_against_loop(model, turned, table)
     check_factors(model, turned, table)
     assert len(table.common) == 4

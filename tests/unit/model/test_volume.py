@@ -61,8 +61,8 @@ def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError) as raised:
         grid(tmp_path, "3", bare)
     assert [item.text for item in raised.value.findings] == [
-        "--grid: the travel of x is not known",
-        "--grid: the travel of y is not known",
+        "the key 'x.travel_mm' is missing",
+        "the key 'y.travel_mm' is missing",
     ]
 
 
@@ -102,14 +102,14 @@ def test_z_without_a_count_is_told_to_be_in_the_middle(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("text", ["", "a", "0", "3,-1", "2,2,2,2", "1.5", "3,"])
 def test_counts_that_are_none(tmp_path: Path, text: str) -> None:
-    with pytest.raises(InputError, match="--grid is not a count an axis"):
+    with pytest.raises(InputError, match="--grid: not a count an axis"):
         grid(tmp_path, text)
 
 
 def test_more_places_than_a_covariance_holds(tmp_path: Path) -> None:
     assert len(grid(tmp_path, "60,50")[0]) == 3000
-    with pytest.raises(InputError, match="--grid: 3050 places"):
+    with pytest.raises(InputError, match="at most 3000 places, not 3050"):
         grid(tmp_path, "61,50")
     # Before so many are made.
-    with pytest.raises(InputError, match=r"--grid: 100000 places along an axis: .*at most 3000"):
+    with pytest.raises(InputError, match="at most 3000 places in all"):
         grid(tmp_path, "100000,100000,100000")

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.quiver import Quiver
 from matplotlib.text import Text
 
-from mtu_cli.analyses.compare import Compared, CompareResult, StandsOut, Verdict
+from mtu_cli.analyses.compare import Compared, CompareResult, Verdict
 from mtu_cli.analyses.compare.evidence import Foretold, evidence
 from mtu_cli.analyses.compare.summary import summarised
 from mtu_cli.analyses.compare.verdicts import judged
@@ -22,7 +22,7 @@ from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import csv_rows, document, figure, table
 from mtu_cli.reports.compare_figure import ITEMS
-from mtu_cli.reports.compare_words import stands_out_texts, verdict, verdict_text
+from mtu_cli.reports.compare_words import verdict, verdict_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import significant
 from mtu_cli.reports.tables import plain_text
@@ -81,18 +81,6 @@ def decreed(
         inconsistent=tuple(None for _ in rows),
         withheld=no,
         verdicts=tuple(verdicts),  # type: ignore[arg-type]  # literals
-    )
-
-
-def odd(result: CompareResult, *parts: str) -> StandsOut:
-    """A reading of each of these parts stands out; the others are as all are."""
-    return StandsOut(
-        parts=parts,
-        texts=tuple(f"row {part}" for part in parts),
-        told=len(parts),
-        rows=len(parts),
-        feature_summaries=result.feature_summaries,
-        length_summaries=result.length_summaries,
     )
 
 
@@ -209,30 +197,6 @@ def test_figures_that_cannot_be_had_are_null(two: CompareResult) -> None:
     assert results["summary"]["features"][0]["ratio_u"] is None
 
 
-def test_no_verdict_stands_without_readings_that_pull_it(two: CompareResult) -> None:
-    """Of readings that stand out, the headline says so beside "consistent", and the report."""
-    result = replace(
-        with_features(two, decreed(two.features, biased=(1,))), stands_out=odd(two, "7")
-    )
-    drilled, milled = document(result)["summary"]["features"]
-    told = "but readings of part '7' stand out"
-    assert drilled["verdict_text"].endswith(f"(1 of 48); {told}")
-    assert milled["verdict_text"].startswith(f"milled features: consistent, {told}: no difference")
-    text = " ".join(plain_text(table(result)).split())
-    assert milled["verdict_text"] in text
-    several = document(replace(result, stands_out=odd(two, *"7294")))["summary"]["features"][0]
-    assert "of parts '7', '2', '9' and 1 more stand out" in several["verdict_text"]
-
-
-def test_all_that_stand_out_are_counted_where_few_are_named(two: CompareResult) -> None:
-    found = odd(two, *"7294")
-    first = stands_out_texts(replace(two, stands_out=found))[0]
-    assert first == "Stands out: row 7;\nrow 2;\nrow 9;\n1 more (see the warning)."
-    # The warning has words for six of them.
-    first = stands_out_texts(replace(two, stands_out=replace(found, told=11)))[0]
-    assert first.endswith("\n8 more (see the warning).")
-
-
 def test_one_sentence_an_operation_and_kind(two: CompareResult) -> None:
     """Both faults of an item are told, the graver one first, with their sizes."""
     found = decreed(two.features, under=(0, 1), biased=(1, 2))
@@ -298,20 +262,14 @@ def test_scatter_that_is_large_but_no_finding_is_told_as_undecided(two: CompareR
     large = "undecided: the scatter is 3.5 times the predicted one (at 1 x), which so few"
     assert entry["verdict_text"].startswith(f"{beyond}, but {large}")
     assert entry["verdicts"]["consistent"] == 48
-    # Nor with readings that stand out, nor where the mean could not be tested.
     item = summarised(consistent.features)[0]
-    text = verdict_text(item, "features", stands_out=["7"])
-    assert text.startswith(f"{beyond}, but readings of part '7' stand out; {large}")
     text = verdict_text(replace(item, bias_tested=0), "features")
     assert text.startswith(f"{beyond} as far as it could be tested, but {large}")
     assert text.endswith("; the mean was not tested")
-    # What is a finding, or a reading that stands out makes, is not undecided.
-    for other in (
-        replace(found, under_predicted=(True, *(False,) * (m - 1))),
-        replace(found, pulled=(True, *(False,) * (m - 1))),
-    ):
-        own = with_p(other, ratio, np.where(p > 0.46, 1.0, p))
-        assert summarised(own)[0].undecided is None
+    # What is a finding is not undecided.
+    other = replace(found, under_predicted=(True, *(False,) * (m - 1)))
+    own = with_p(other, ratio, np.where(p > 0.46, 1.0, p))
+    assert summarised(own)[0].undecided is None
 
 
 def test_who_finds_a_difference_hears_which_command_looks_for_its_cause(two: CompareResult) -> None:
@@ -327,11 +285,7 @@ def test_who_finds_a_difference_hears_which_command_looks_for_its_cause(two: Com
         replace(none, ratio_scatter=3 * ratio, p_scatter=0.3 * ratio),
     ):
         assert told in plain_text(table(with_features(base, found)))
-    pulled = (True, *(False,) * (len(ratio) - 1))
-    assert told not in plain_text(
-        table(with_features(base, replace(none, inconsistent=pulled, pulled=pulled)))
-    )
-    over = replace(none, over_predicted=pulled)
+    over = replace(none, over_predicted=(True, *(False,) * (len(ratio) - 1)))
     assert told not in plain_text(table(with_features(base, over)))
 
 

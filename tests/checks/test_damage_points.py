@@ -1,0 +1,88 @@
+"""What the checks find of damages to points, parts and machines, and that sound ones pass."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from pathlib import Path
+
+import pytest
+
+from checks.damage_points import DAMAGES, Case, draws, verdict, written
+from mtu_cli import checks
+from mtu_cli.files.machine import load_machine
+from mtu_cli.files.part import load_part
+from mtu_cli.files.points import read_points
+from mtu_cli.findings import InputError
+
+MTU = Path(sys.executable).parent / "mtu"
+
+BEFORE: dict[str, tuple[int, int, int]] = {
+    "all in inches": (4, 0, 0),
+    "all in um": (4, 0, 0),
+    "all in metres": (4, 0, 0),
+    "a part in another unit": (4, 0, 0),
+    "an axis in another unit": (4, 0, 0),
+    "x and y swapped": (4, 0, 0),
+    "x and y of a part swapped": (4, 0, 0),
+    "an axis mirrored": (2, 0, 2),
+    "an axis of a part mirrored": (4, 0, 0),
+    "another origin": (4, 0, 0),
+    "another origin of a part": (4, 0, 0),
+    "features in another order": (4, 0, 0),
+    "two features exchanged": (4, 0, 0),
+    "a copied part": (4, 0, 0),
+    "a copied repeat": (4, 0, 0),
+    "points pasted twice": (4, 0, 0),
+    "a slip of millimetres": (4, 0, 0),
+    "a slip of tenths": (4, 0, 0),
+    "a lost sign": (4, 0, 0),
+    "a decimal point": (4, 0, 0),
+    "a part of the drawing": (4, 0, 0),
+    "an axis of the drawing": (4, 0, 0),
+    "errors for coordinates": (4, 0, 0),
+    "a part in other letters": (4, 0, 0),
+    "a tolerance in mm": (2, 2, 0),
+    "the part in another unit": (4, 0, 0),
+    "a place twice": (4, 0, 0),
+    "a place mistyped": (4, 0, 0),
+    "coefficients in nm": (4, 0, 0),
+    "coefficients in mm": (0, 4, 0),
+    "a constant in um": (0, 0, 4),
+    "a travel in metres": (4, 0, 0),
+}
+"""Found, missed and wrongly named by commit 61d6796, of the same draws."""
+
+
+def judged(case: Case, folder: Path) -> list[tuple[str, str]]:
+    """(code, message) of what readers and checks say about the files of a case."""
+    points, part, machine = written(case, folder)
+    try:
+        loaded, places = load_machine(machine), load_part(part)
+        travels = loaded.machine.travels
+        found = checks.run("machine", checks.DocumentData(loaded, travels))
+        found += checks.run("part", checks.DocumentData(places, travels))
+        table = read_points([(points, "cmm")], places.part.places())
+        found += checks.run("points", checks.PointsData(table, places, travels))
+    except InputError as error:
+        found = list(error.findings)
+    return [(each.code, each.message) for each in found]
+
+
+@pytest.fixture(scope="module")
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, Case, Case]]:
+    """All damages, drawn from simulated parts of the shipped studies."""
+    return list(draws(str(MTU), tmp_path_factory.mktemp("damage")))
+
+
+def test_damages_are_found_and_named(drawn: list[tuple[str, Case, Case]], tmp_path: Path) -> None:
+    counts: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
+    for kind, _, case in drawn:
+        counts[kind][verdict(kind, set(), judged(case, tmp_path))] += 1
+    fewer = {kind: count for kind, count in counts.items() if count["found"] < BEFORE[kind][0]}
+    assert not fewer, counts
+
+
+def test_sound_points_raise_no_alarm(drawn: list[tuple[str, Case, Case]], tmp_path: Path) -> None:
+    sound = {id(case): case for _, case, _ in drawn}
+    assert [found for case in sound.values() for found in judged(case, tmp_path)] == []

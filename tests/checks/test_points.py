@@ -1,0 +1,244 @@
+"""Checks of measured points: what is named, and what chance and a coarse digit may do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from measured_examples import PLACES, points, study, with_measured
+
+from mtu_cli import checks
+from mtu_cli.files.part import load_part
+from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding
+from mtu_cli.model.datum import Datum
+
+
+def found_of(table: Points, datum: Datum = "none") -> list[Finding]:
+    return checks.run("points", checks.PointsData(table, datum=datum))
+
+
+def codes(table: Points, datum: Datum = "none") -> list[str]:
+    return [each.code for each in found_of(table, datum)]
+
+
+def only(table: Points, datum: Datum = "none") -> Finding:
+    (finding,) = found_of(table, datum)
+    return finding
+
+
+UNITS = [
+    (lambda xyz: xyz / 25.4, "inches"),
+    (lambda xyz: xyz / [25.4, 1, 1], "x alone in inches"),
+    (lambda xyz: xyz / [1, 25.4, 1], "y alone in inches"),
+    (lambda xyz: xyz * [1000, 1, 1], "x alone in um"),
+    (lambda xyz: xyz * 1000, "um"),
+    (lambda xyz: xyz / 1000, "metres"),
+]
+OTHERS = [
+    (lambda xyz: xyz[:, [1, 0, 2]], "x and y swapped"),
+    (lambda xyz: -xyz, "the sign of x and y the other way round"),
+    (lambda xyz: xyz * [-1, 1, 1], "the sign of x the other way round"),
+    (lambda xyz: xyz * [1, -1, 1], "the sign of y the other way round"),
+    (lambda xyz: xyz + np.array([3.0, -70.0, 0.0]), "another origin, off by"),
+    (lambda xyz: xyz**2, "no unit, sign, order or origin"),
+]
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+def test_a_sound_study_is_not_suspected() -> None:
+    assert found_of(study(21, 2, 3)) == []
+
+
+@pytest.mark.parametrize(("change", "words"), UNITS)
+def test_a_file_in_another_unit_is_an_error(change: Change, words: str) -> None:
+    sound = study(6, 2, 3)
+    finding = only(with_measured(sound, change(sound.measured)))
+    assert (finding.code, finding.severity, finding.row) == ("unit-of-points", "error", 2)
+    assert finding.facts["looks"] == f"{words}, not mm"
+
+
+@pytest.mark.parametrize(("change", "words"), OTHERS)
+def test_what_a_file_looks_like_is_a_warning(change: Change, words: str) -> None:
+    sound = study(6, 2, 3)
+    finding = only(with_measured(sound, change(sound.measured)))
+    assert (finding.code, finding.severity) == ("far-from-nominal", "warning")
+    assert finding.facts["looks"].startswith(words)
+    assert finding.facts["count"] == 36
+
+
+@pytest.mark.parametrize(("change", "words"), [*UNITS, *OTHERS[:-1]])
+def test_some_parts_are_named_with_their_rows(change: Change, words: str) -> None:
+    sound = study(6, 2, 3)
+    own = np.isin(sound.part, [2, 4])
+    wrong = np.where(own[:, None], change(sound.measured), sound.measured)
+    finding = only(with_measured(sound, wrong))
+    assert (finding.code, finding.severity) == ("far-from-nominal", "warning")
+    assert finding.facts["what"] == "parts 'P2', 'P4'"
+    assert finding.facts["looks"].startswith(words)
+    assert finding.facts["rows"] == tuple(sound.row[own].tolist())
+
+
+@pytest.mark.parametrize("factor", [1.0, 1000.0])
+def test_errors_in_the_columns_of_coordinates_are_named(factor: float) -> None:
+    sound = study(6, 2, 3)
+    finding = only(with_measured(sound, factor * (sound.measured - sound.nominal)))
+    assert finding.facts["looks"].startswith("errors, not the coordinates")
+
+
+def test_parts_put_down_by_hand_are_no_mistake_where_the_datum_says_so() -> None:
+    sound = study(6, 2, 3)
+    put = np.random.default_rng(5).normal(0.0, 4.0, (6, 3))[sound.part]
+    moved = with_measured(sound, sound.measured + put)
+    assert codes(moved, "offset") == []
+    assert set(codes(moved)) == {"far-from-nominal"}
+    inches = with_measured(sound, (sound.measured + put) / 25.4)
+    assert "unit-of-points" in codes(inches, "offset")
+
+
+def test_a_slip_has_its_row_and_column() -> None:
+    sound = study(6, 2, 3)
+    measured = sound.measured.copy()
+    measured[7, 0] *= 10
+    finding = only(with_measured(sound, measured))
+    assert (finding.row, finding.column) == (9, "x_mm")
+    assert finding.value == f"{measured[7, 0]:.9g}"
+    place = f"about {sound.nominal[7, 0]:g} is expected"
+    assert finding.facts["looks"] == f"a decimal point out of place; {place}"
+
+
+def test_a_feature_off_in_every_part_is_a_nominal_mistyped() -> None:
+    sound = study(6, 2, 3)
+    measured = sound.measured.copy()
+    measured[sound.feature == 1, 1] += 10.0
+    finding = only(with_measured(sound, measured))
+    assert finding.facts["what"] == f"feature {sound.features[1]!r} in every part"
+    assert finding.facts["off"] == pytest.approx(10.0, abs=0.1)
+
+
+def test_a_moved_nominal() -> None:
+    sound = study(4, 1, 2)
+    nominal = sound.nominal.copy()
+    nominal[5, 1] += 0.001
+    finding = only(replace(sound, nominal=nominal))
+    assert (finding.code, finding.facts["names"], finding.row) == ("nominals-differ", ["c"], 7)
+
+
+def test_names_that_look_alike() -> None:
+    alike = replace(study(3, 1, 1), parts=("sn001", "SN001", "sn 002"), features=("a", "A ", "c"))
+    found = [each for each in found_of(alike) if each.code == "names-alike"]
+    assert [each.column for each in found] == ["part", "feature"]
+    assert found[0].facts["names"] == ["'sn001' and 'SN001'"]
+
+
+def test_a_single_reading_off_the_other_parts() -> None:
+    sound = study(12, 2, 3)
+    scatter = np.nanstd(sound.measured - sound.nominal)
+    measured = sound.measured.copy()
+    measured[5, 1] += 30 * scatter
+    finding = only(with_measured(sound, measured))
+    assert (finding.code, finding.row, finding.column) == ("outlying-point", 7, "y_mm")
+    assert finding.facts["off"] == pytest.approx(30e3 * scatter, rel=0.2)
+
+
+def test_a_repeat_off_the_other_within_the_scatter_of_the_parts() -> None:
+    """Parts scatter by 20 um, repeats by 0.1 um: 10 um hide among the parts."""
+    draw = np.random.default_rng(8)
+    rows = [
+        (f"P{p}", name, repeat, *(hole + draw.normal(scale=1e-4, size=2)))
+        for p in range(10)
+        for name in PLACES
+        for hole in [draw.normal(scale=0.02, size=2)]
+        for repeat in (1, 2)
+    ]
+    sound = points(rows)
+    assert found_of(sound) == []
+    measured = sound.measured.copy()
+    measured[11, 0] += 0.01
+    finding = only(with_measured(sound, measured))
+    assert (finding.code, finding.facts["beside"]) == ("outlying-point", "its other repeats")
+    assert finding.row in (12, 13)
+
+
+def test_a_part_under_two_names_is_a_copy_in_whatever_order() -> None:
+    sound = study(5, 2, 3)
+    measured = sound.measured.copy()
+    measured[sound.part == 4] = measured[sound.part == 1]
+    copied = with_measured(sound, measured)
+    order = np.random.default_rng(1).permutation(len(sound))
+    names = ("part", "feature", "operation", "measured", "nominal", "repeat", "row", "sequence")
+    shuffled = replace(copied, **{name: getattr(copied, name)[order] for name in names})
+    for table in (copied, shuffled):
+        finding = only(table)
+        assert finding.code == "copied-points"
+        assert finding.facts["names"] in (["part 'P4' as part 'P1'"], ["part 'P1' as part 'P4'"])
+    measured[np.flatnonzero(sound.part == 4), 0] += 1e-5
+    assert found_of(with_measured(sound, measured)) == []
+
+
+def test_a_repeat_pasted_again_is_a_copy() -> None:
+    sound = study(5, 2, 3)
+    measured = sound.measured.copy()
+    one, two = ((sound.part == 3) & (sound.repeat == each) for each in (0, 1))
+    measured[two] = measured[one]
+    assert only(with_measured(sound, measured)).facts["names"] == ["a repeat of part 'P3'"]
+
+
+def test_perfect_parts_to_a_coarse_digit_are_no_copies() -> None:
+    """Each axis is on its nominal; that parts agree is no more than that."""
+    rows = [(f"P{p}", name, 1, 0.0, 0.0) for p in range(3) for name in PLACES]
+    assert codes(points(rows)) == ["on-nominal"] * 2
+
+
+@pytest.mark.parametrize(
+    ("digits", "shift", "scatter", "repeats"),
+    [(2, 0.0, 3e-3, 5), (2, 3e-3, 2e-4, 1), (3, 1e-3, 1e-4, 1)],
+    ids=["repeats agree", "parts shift as a whole", "finer digit"],
+)
+def test_sound_parts_of_a_coarse_digit_are_rarely_copies(
+    digits: int, shift: float, scatter: float, repeats: int
+) -> None:
+    """Twenty parts that agree by rounding, whose values are not independent of each other."""
+    alarms = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        own = {name: rng.uniform(-0.03, 0.03, 2) for name in PLACES}
+        rows = []
+        for p in range(20):
+            whole = rng.normal(scale=shift, size=2)
+            for name, error in own.items():
+                hole = error + whole + rng.normal(scale=scatter, size=2)
+                for repeat in range(1, repeats + 1):
+                    noise = rng.normal(scale=scatter / 10, size=2)
+                    rows.append((f"P{p}", name, repeat, *(hole + noise)))
+        fine = points(rows)
+        alarms += "copied-points" in codes(with_measured(fine, np.round(fine.measured, digits)))
+    assert alarms <= 2, alarms
+
+
+def test_a_part_of_the_drawing_among_others() -> None:
+    sound = study(6, 2, 3)
+    own = (sound.part == 2)[:, None]
+    drawn = with_measured(sound, np.where(own, sound.nominal, sound.measured))
+    finding = only(drawn)
+    assert (finding.code, finding.facts["what"]) == ("on-nominal", "part 'P2'")
+
+
+def test_implausible_sizes_of_a_part(tmp_path: Path) -> None:
+    path = tmp_path / "part.yaml"
+    path.write_text("""schema: mtu/part/1
+name: p
+features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 100, y_mm: 0}, c: {x_mm: 100, y_mm: 0.0}}
+lengths:
+  - {from: a, to: b, tolerance_um: 0.02}
+""", "utf-8")  # fmt: skip
+    data = checks.DocumentData(load_part(path), {"x": (0.0, 10.0)})
+    found = checks.run("part", data)
+    assert [(each.code, each.line, each.path) for each in found] == [
+        ("features-alike", 3, "features.c"),
+        ("position-beyond-travel", 3, "features.a.x_mm"),
+        ("implausible-size", 5, "lengths.0.tolerance_um"),
+    ]
