@@ -37,6 +37,9 @@ def _note(template: str) -> Kind:
 CATALOGUE: dict[str, Kind] = {
     # Files and cells.
     "no-such-file": _error("no such file"),
+    "not-a-file": _error("a {kind}, no file"),
+    "empty-file": _error("the file is empty"),
+    "not-writable": _error("cannot be written: {reason}"),
     "not-readable": _error("cannot be read: {reason}"),
     "not-text": _error("not UTF-8 text: {reason}"),
     "not-gzip": _error("not gzip-compressed"),
@@ -66,8 +69,6 @@ CATALOGUE: dict[str, Kind] = {
     "other-nominal": _error("the nominal place of {feature!r} is not the part file's"),
     "no-nominal": _error("no nominal place is known of {features}"),
     "not-a-temperature-name": _error("not the name of a temperature"),
-    # Of rooms whose sentences still stand where the faults are found.
-    "fault": _error("{what}"),
     # YAML files, JSON files and their contracts.
     "not-yaml": _error("not readable as YAML: {reason}"),
     "not-json": _error("not readable as JSON: {reason}"),
@@ -188,7 +189,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Files to write.
     "names-no-file": _error("names no file"),
-    "names-a-folder": _error("names a folder"),
     "wrong-ending": _error("{option} writes {kind}"),
     "standard-output": _error("{option} cannot go to standard output"),
     "input-overwritten": _error("is an input of {owner} and is not overwritten"),
@@ -264,7 +264,6 @@ CATALOGUE: dict[str, Kind] = {
         "effects cannot be appended to a file of this layout: its values are written anew, "
         "without its comments"
     ),
-    "not-writable": _error("an effect cannot be written into {machine}: {reason}"),
     # The part and the study.
     "same-place": _error("{what} at the same {where}"),
     "no-temperature-stated": _error("diameters at several temperatures without a temperature"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +29,8 @@ ALIKE = 0.01
 """Slope of distances on positions within this of 1 or -1."""
 LOUD = 20.0
 """A pass whose bends are so many times those of the other passes is in another unit."""
-MIRRORED = 0.1
-"""Share of the sum of squares that a mirrored pass leaves, mirrored back."""
+MIRRORED = 8.0
+"""Sum of squares of a mirrored pass about the others, in that of the others, and mirrored back."""
 
 
 def of_component(data: ReadingsData) -> Iterator[tuple[str, Rows]]:
@@ -176,20 +177,31 @@ def _on_axes(data: ReadingsData) -> Iterator[tuple[str, Rows, str, float]]:
             yield name, rows, axis, abs(high - low)
 
 
+def profiles(data: ReadingsData) -> Iterator[tuple[str, list[Rows], Floats]]:
+    """Component, the rows of each of its alike passes, and their errors (passes, places)."""
+    for name, rows in of_component(data):
+        for group in alike_passes(data, rows):
+            yield name, group, np.array([data.table.error[own] for own in group])
+
+
+def in_pass(data: ReadingsData, name: str, rows: Rows, **facts: Any) -> Odd:
+    """A pass that is odd as a whole."""
+    number = int(data.table.pass_number[rows[0]])
+    return Odd(rows, {"component": name, "number": number, **facts}, "error")
+
+
 @check("copied-pass", of="readings")
 def copied_pass(data: ReadingsData) -> Iterator[Odd]:
     """A pass that is another one to the last digit, where other passes are not alike."""
-    for name, rows in of_component(data):
-        for group in alike_passes(data, rows):
-            values = np.array([data.table.error[own] for own in group])
-            seen: dict[bytes, int] = {}
-            for i, own in enumerate(group):
-                first = seen.setdefault(values[i].tobytes(), i)
-                others = np.delete(values, [first, i], axis=0)
-                usual = float(np.mean(others == values[first])) if len(others) else 1.0
-                if first != i and usual < 0.5 and len(np.unique(values[i])) > 3:
-                    number = int(data.table.pass_number[group[first][0]])
-                    yield Odd(own, {"component": name, "other": number}, "error")
+    for name, group, values in profiles(data):
+        seen: dict[bytes, int] = {}
+        for i, own in enumerate(group):
+            first = seen.setdefault(values[i].tobytes(), i)
+            others = np.delete(values, [first, i], axis=0)
+            usual = float(np.mean(others == values[first])) if len(others) else 1.0
+            if first != i and usual < 0.5 and len(np.unique(values[i])) > 3:
+                other = int(data.table.pass_number[group[first][0]])
+                yield in_pass(data, name, own, other=other)
 
 
 @check("copied-component", of="readings")
@@ -207,40 +219,28 @@ def copied_component(data: ReadingsData) -> Iterator[Odd]:
 
 @check("unit-of-pass", of="readings")
 def unit_of_pass(data: ReadingsData) -> Iterator[Odd]:
-    """A pass whose readings are many times larger or smaller than those of all others."""
-    for name, rows in of_component(data):
-        for group in alike_passes(data, rows):
-            values = np.array([data.table.error[own] for own in group])
-            sizes = np.median(np.abs(np.diff(values, 2)), axis=1)
-            wide = np.ptp(values, axis=1)
-            for i, own in enumerate(group):
-                rest, other = np.median(np.delete(sizes, i)), np.median(np.delete(wide, i))
-                if not (rest > 0 and other > 0 and sizes[i] > 0):
-                    continue
-                ratios = np.array([sizes[i] / rest, wide[i] / other])
-                if (ratios > LOUD).all() or (ratios < 1 / LOUD).all():
-                    facts = {"component": name, "ratio": float(ratios[1])}
-                    yield Odd(
-                        own, {**facts, "number": int(data.table.pass_number[own[0]])}, "error"
-                    )
+    """A pass whose readings vary many times more or less than those of all others."""
+    for name, group, values in profiles(data):
+        sizes = np.median(np.abs(np.diff(values, 2)), axis=1), np.ptp(values, axis=1)
+        for i, own in enumerate(group):
+            rest = [float(np.median(np.delete(size, i))) for size in sizes]
+            if all(rest) and all(size[i] > 0 for size in sizes):
+                ratios = [float(size[i]) / other for size, other in zip(sizes, rest, strict=True)]
+                if min(ratios) > LOUD or max(ratios) < 1 / LOUD:
+                    yield in_pass(data, name, own, ratio=ratios[1])
 
 
 @check("mirrored-pass", of="readings")
 def mirrored(data: ReadingsData) -> Iterator[Odd]:
-    """A pass that is the mirror image of the mean of all others, which agree."""
-    for name, rows in of_component(data):
-        for group in alike_passes(data, rows):
-            values = np.array([data.table.error[own] for own in group])
-            values = values - values.mean(axis=1, keepdims=True)
-            for i, own in enumerate(group):
-                others = np.delete(values, i, axis=0)
-                mean = np.median(others, axis=0)
-                size = float(mean @ mean)
-                apart = ((others - mean) ** 2).sum(axis=1)
-                back = float(((values[i] + mean) ** 2).sum())
-                if back < MIRRORED * size and float(apart.max()) < MIRRORED * size:
-                    number = int(data.table.pass_number[own[0]])
-                    yield Odd(own, {"component": name, "number": number}, "error")
+    """A pass that is farther from all others than they are from each other, but not mirrored."""
+    for name, group, values in profiles(data):
+        for i, own in enumerate(group):
+            others = np.delete(values, i, axis=0)
+            mean = np.median(others, axis=0)
+            apart = float(((others - mean) ** 2).sum(axis=1).max())
+            here, back = (float(((values[i] - sign * mean) ** 2).sum()) for sign in (1, -1))
+            if here > MIRRORED * max(apart, back) and back < 2 * apart:
+                yield in_pass(data, name, own)
 
 
 @check("outlying-reading", of=("readings", "drift"))

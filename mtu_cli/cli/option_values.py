@@ -96,7 +96,13 @@ def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[s
             problems.append(finding("names-no-file", path=_shown(param), value=""))
         if param.name in (*OUTPUTS, DRAWING) or param.name.startswith(WRITES):
             problems += [
-                finding("names-a-folder", path=_shown(param), value=name, expected="a file in it")
+                finding(
+                    "not-a-file",
+                    kind="folder",
+                    path=_shown(param),
+                    value=name,
+                    expected="a file in it",
+                )
                 for name in map(str, named)
                 if name.endswith(SEPARATORS)
             ]

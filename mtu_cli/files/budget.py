@@ -10,19 +10,19 @@ from typing import Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract_errors import lists_within, path_text
-from mtu_cli.files.contracts import (
+from mtu_cli.files.contract import (
     Contract,
-    Findings,
+    Faults,
     NonNegative,
     Positive,
     check_contract,
     is_identifier,
     present,
+    wrong,
 )
 from mtu_cli.files.source import Source
 from mtu_cli.files.study import MAX_COVERAGE
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml, shown_value
+from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.language import Node, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -47,6 +47,13 @@ WAYS = ("u", "half_width", "low", "U")
 
 Text = Annotated[str, Field(min_length=1)]
 UNIT = "Unit, such as mm, 1/degC or um/m/K; it converts nothing, but those of a sum must agree"
+
+
+def lists_within(value: object) -> object:
+    """A list of lists; one of them alone, ``[a, b]`` for ``[[a, b]]``, is a single fault."""
+    if isinstance(value, list) and value and not any(isinstance(item, list) for item in value):
+        raise wrong("brackets around each of them too, [[...], [...]]")
+    return value
 
 
 class Contribution(Contract):
@@ -202,8 +209,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
     """
     trees: dict[str, Node] = {}
 
-    def check(budget: Budget, findings: Findings) -> None:
-        faults = _Faults(findings)
+    def check(budget: Budget, faults: Faults) -> None:
         for name, item in (budget.inputs or {}).items():
             _check_input(item, ("inputs", name), faults)
         _check_names(faults)
@@ -214,7 +220,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
             faults.add(("coverage",), "keys-exclude", keys="probability and k", expected="one")
         trees.update(_check_equations(budget, faults))
 
-    budget = check_contract(document, Budget, "budget", check)
+    budget = check_contract(document, Budget, "budget", check, largest=math.inf)
     return LoadedBudget(
         source=document.source,
         budget=budget,
@@ -225,33 +231,7 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Faults:
-    """Findings of one document by code and path."""
-
-    findings: Findings
-
-    def add(self, path: YamlPath, code: str, *, value: object = None, **rest: Any) -> None:
-        shown = None if value is None else shown_value(value)
-        self.put(path, finding(code, value=shown, **rest))
-
-    def put(self, path: YamlPath, *faults: Finding) -> None:
-        document = self.findings.document
-        place = {"file": document.source.shown, "path": path_text(path) or None}
-        line = document.line_of(*path)
-        self.findings.problems.extend(each.at(line=line, **place) for each in faults)
-
-    def has_any(self, path: YamlPath) -> bool:
-        """Whether something is wrong with an entry: what it lacks may be misspelt."""
-        own = path_text(path)
-        return any((each.path or "").startswith(own) for each in self.findings.problems)
-
-    def keys(self, *path: str | int) -> tuple[str, ...]:
-        """The keys of a mapping of the file, with faults or without."""
-        return self.findings.keys(*path)
-
-
-def _check_input(item: Input, path: YamlPath, faults: _Faults) -> None:
+def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
     _check_contribution(item, path, faults)
     limits = item.low is not None and item.high is not None
     if item.readings is not None:
@@ -288,7 +268,7 @@ def _stated(item: Contribution) -> list[str]:
     return [*stated, "low"] if item.high is not None and item.low is None else stated
 
 
-def _check_contribution(item: Contribution, path: YamlPath, faults: _Faults) -> None:
+def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> None:
     for key in ("value", "low", "high", "u", "half_width", "U", "top", "inexact"):
         if (value := getattr(item, key, None)) is not None:
             least = 0.0 if key in ("value", "low", "high") else SMALLEST
@@ -314,7 +294,7 @@ def _check_contribution(item: Contribution, path: YamlPath, faults: _Faults) -> 
     _check_distribution(item, stated, half, path, faults)
 
 
-def _check_size(value: float, path: YamlPath, faults: _Faults, least: float = 0.0) -> None:
+def _check_size(value: float, path: YamlPath, faults: Faults, least: float = 0.0) -> None:
     """Numbers whose squares a computer holds; a width, which has a `least`, may be 0."""
     if abs(value) > LARGEST or 0.0 < abs(value) < least:
         expected = f"{SMALLEST:g} to {LARGEST:g}, in another unit"
@@ -322,7 +302,7 @@ def _check_size(value: float, path: YamlPath, faults: _Faults, least: float = 0.
 
 
 def _check_distribution(
-    item: Contribution, stated: Sequence[str], half: float | None, path: YamlPath, faults: _Faults
+    item: Contribution, stated: Sequence[str], half: float | None, path: YamlPath, faults: Faults
 ) -> None:
     """That a distribution has what it needs, and nothing has what only another one has."""
     kind = item.distribution or "normal"
@@ -362,8 +342,8 @@ def _check_distribution(
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
 
-def _check_names(faults: _Faults) -> None:
-    for name in faults.findings.given("inputs"):
+def _check_names(faults: Faults) -> None:
+    for name in faults.given("inputs"):
         if not is_identifier(name):
             expected = "letters, digits and _, such as l_s"
             faults.add(("inputs", name), "not-a-name", value=name, expected=expected)
@@ -371,7 +351,7 @@ def _check_names(faults: _Faults) -> None:
             faults.add(("inputs", name), "name-taken", value=name, taken="the equation language")
 
 
-def _check_correlations(budget: Budget, faults: _Faults) -> None:
+def _check_correlations(budget: Budget, faults: Faults) -> None:
     """Known names of uncertain inputs, coefficients of -1 to 1, no pair twice."""
     known = faults.keys("inputs")
     together = [frozenset(group) for _, group in present(budget.simultaneous)]
@@ -393,7 +373,7 @@ def _check_correlations(budget: Budget, faults: _Faults) -> None:
         pairs.add(pair)
 
 
-def _check_simultaneous(budget: Budget, faults: _Faults) -> None:
+def _check_simultaneous(budget: Budget, faults: Faults) -> None:
     """Known names, none twice, of inputs with equally many readings."""
     known = faults.keys("inputs")
     seen: set[str] = set()
@@ -430,9 +410,9 @@ def _is_uncertain(item: Input) -> bool:
     return any(widths) or item.low is not None or len(set(item.readings or [])) > 1
 
 
-def _check_equations(budget: Budget, faults: _Faults) -> dict[str, Node]:
+def _check_equations(budget: Budget, faults: Faults) -> dict[str, Node]:
     """The sound equations as trees by their outputs."""
-    given, inputs = faults.findings.given(), faults.keys("inputs")
+    given, inputs = faults.given(), faults.keys("inputs")
     ways = [key for key in ("equation", "equations") if key in given]
     if len(ways) == 2:
         faults.add(("equations",), "keys-exclude", keys=" and ".join(ways), expected="one")
@@ -475,7 +455,7 @@ def _check_equations(budget: Budget, faults: _Faults) -> dict[str, Node]:
     return trees
 
 
-def _check_outputs(budget: Budget, faults: _Faults) -> None:
+def _check_outputs(budget: Budget, faults: Faults) -> None:
     outputs = faults.keys("equations")
     for name in budget.units or {}:
         if name not in outputs:
@@ -497,7 +477,7 @@ def _check_outputs(budget: Budget, faults: _Faults) -> None:
         )
 
 
-def _tree(text: str, known: Sequence[str], path: YamlPath, faults: _Faults) -> Node | None:
+def _tree(text: str, known: Sequence[str], path: YamlPath, faults: Faults) -> Node | None:
     """The tree of an equation; None where it is none, or has names that no input has."""
     try:
         tree = parse(text, BUDGET_FUNCTIONS)

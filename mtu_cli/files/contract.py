@@ -133,11 +133,16 @@ class Faults:
             hint = suggestion(name, known) if len(self.findings) < HINTED else {}
             self.add(path, "unknown-name", value=name, what=what, **hint)
 
-    def extend(self, path: YamlPath, error: InputError) -> None:
-        """The findings of an equation that stands at `path`."""
+    def put(self, path: YamlPath, *found: Finding) -> None:
+        """Findings of what stands at `path`, an equation."""
         line = self.document.line_of(*path)
         place = {"file": self.document.source.shown, "line": line, "path": path_text(path)}
-        self.findings += [own.at(**place) for own in error.findings]
+        self.findings += [own.at(**place) for own in found]
+
+    def has_any(self, path: YamlPath) -> bool:
+        """Whether something is wrong with an entry: what it lacks may be misspelt."""
+        own = path_text(path)
+        return any((each.path or "").startswith(own) for each in self.findings)
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""

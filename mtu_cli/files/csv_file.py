@@ -34,9 +34,9 @@ from mtu_cli.files.csv_cells import (
 from mtu_cli.files.csv_table import (
     LARGEST_INTEGER,
     WHOLE,
+    CellFaults,
     Columns,
     Decimal,
-    ProblemList,
     Table,
     TableSpec,
     TextColumn,
@@ -82,7 +82,7 @@ def read_table(
     path: Path,
     role: str,
     spec: TableSpec,
-    problems: ProblemList | None = None,
+    problems: CellFaults | None = None,
     *,
     by_records: bool = False,
 ) -> Table:
@@ -95,7 +95,7 @@ def read_table(
     """
     text = read_text(path, role)
     check_header(text.source, text.header_row, text.header, spec)
-    found = ProblemList()
+    found = CellFaults()
     table = _Body(text, spec, found, by_records).table()
     if not len(table) and not found.listed:
         raise error("no-rows", file=text.source.shown, expected="a row of values below the header")
@@ -240,7 +240,7 @@ class _Body:
     """The rows of a text while they become typed columns."""
 
     def __init__(
-        self, text: CsvText, spec: TableSpec, problems: ProblemList, by_records: bool
+        self, text: CsvText, spec: TableSpec, problems: CellFaults, by_records: bool
     ) -> None:
         self.text, self.spec, self.problems = text, spec, problems
         self.rows = None if by_records else self._sound_rows()

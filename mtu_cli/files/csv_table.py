@@ -120,8 +120,8 @@ def cell_text(value: object) -> str:
 
 
 @dataclass(slots=True)
-class ProblemList:
-    """All problems of a file: the first ten thousand in full, the rest counted."""
+class CellFaults:
+    """The faults of cells of a file: the first ten thousand in full, the rest counted."""
 
     listed: list[Finding] = field(default_factory=list)
     uncounted: int = 0
@@ -164,7 +164,7 @@ class ProblemList:
         """How many more are listed one by one."""
         return LISTED_PROBLEMS - len(self.listed)
 
-    def extend(self, other: ProblemList) -> None:
+    def extend(self, other: CellFaults) -> None:
         """All problems of another list."""
         for problem in other.listed:
             self.add(problem)

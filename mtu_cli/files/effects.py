@@ -388,7 +388,7 @@ def _template(
             trees[key] = parse(text, name=BRACED)
             forms[key] = _linear(trees[key], key, known)
         except InputError as fault:
-            faults.extend(here, fault)
+            faults.put(here, *fault.findings)
     used = dict.fromkeys(name for tree in trees.values() for name in names(tree))
     if len(faults.findings) == before:
         places = [("parameters", name) for name in form.parameters]
@@ -518,7 +518,7 @@ def _check_search(search: Search, known: _Known, path: YamlPath, faults: Faults)
             try:
                 own = names(parse(text))
             except InputError as error:
-                faults.extend((*path, key), error)
+                faults.put((*path, key), *error.findings)
                 continue
             used |= own.keys() & set(BOUNDS)
             for name in own.keys() - set(BOUNDS):

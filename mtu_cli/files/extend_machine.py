@@ -120,12 +120,12 @@ def _read_again(machine: LoadedMachine, content: bytes, data: Mapping[str, Any])
     try:
         document = parse_yaml(content.decode("utf-8-sig"), source)
         if document.data != data:
-            raise error("not-writable", machine=shown, reason="YAML does not give its values back")
+            raise error("not-writable", file=shown, reason="YAML does not give its values back")
         return machine_from(replace(document, content=content))
     except InputError as fault:
         raise InputError(
             finding(
-                "not-writable", machine=shown, reason=own.text, path=own.path, column=own.column,
+                "not-writable", file=shown, reason=own.text, path=own.path, column=own.column,
                 value=own.value, expected=own.expected,
             )
             for own in fault.findings

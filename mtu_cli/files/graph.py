@@ -283,7 +283,7 @@ class _Check:
             if wrong_names := self.wrong_names(node, item.in_):
                 raise InputError(wrong_names)
         except InputError as error:
-            self.faults.extend((*path, "formula"), error)
+            self.faults.put((*path, "formula"), *error.findings)
             return None
         used = {place_of(name) for name in names(node)}
         for at, name in enumerate(item.in_):

@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Sequence
 
 from mtu_cli.files.covariates import as_temperature, looks_like_temperature
-from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.csv_table import CellFaults, Table, TableSpec
 from mtu_cli.files.names import EXPECTED, is_name
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
@@ -140,7 +140,7 @@ def _refuse_other_table(source: Source, row: int, header: Sequence[str], spec: T
             raise error("other-table", file=source.shown, row=row, kind=kind, expected=expected)
 
 
-def check_sensor_names(table: Table, problems: ProblemList) -> None:
+def check_sensor_names(table: Table, problems: CellFaults) -> None:
     """Columns of numbers whose names say that they are temperatures, but not as `T_<sensor>_degC`:
     nothing would read them. In points ``T_12`` may be a tool.
     """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import LARGEST_INTEGER, ProblemList, Table, TableSpec, cell_text
+from mtu_cli.files.csv_table import LARGEST_INTEGER, CellFaults, Table, TableSpec, cell_text
 from mtu_cli.files.names import EXPECTED, is_name
 from mtu_cli.files.row_marks import row_marks
 from mtu_cli.files.source import Source
@@ -29,7 +29,7 @@ LONGEST_MIN = 5.3e7
 
 
 def read_tables(
-    files: Sequence[tuple[Path, str]], spec: TableSpec, problems: ProblemList
+    files: Sequence[tuple[Path, str]], spec: TableSpec, problems: CellFaults
 ) -> list[Table]:
     """The tables of all (path, role), of which there is at least one.
 
@@ -58,7 +58,7 @@ def read_tables(
 # Checks of single columns.
 
 
-def check_magnitude(table: Table, name: str, problems: ProblemList) -> None:
+def check_magnitude(table: Table, name: str, problems: CellFaults) -> None:
     """Cells of a column that are no measurement: their squares would overflow."""
     values = table.columns.numbers.get(name)
     if values is not None:
@@ -72,7 +72,7 @@ def check_labels(
     name: str,
     code: str,
     expectation: Callable[[str], dict[str, Any] | None],
-    problems: ProblemList,
+    problems: CellFaults,
 ) -> None:
     """A problem for every cell of a text column for which `expectation` gives fields of one."""
     column = table.columns.texts.get(name)
@@ -83,7 +83,7 @@ def check_labels(
             problems.add_cells(table, rows, name, code, [label], **fields)
 
 
-def check_known(table: Table, name: str, known: Any, problems: ProblemList) -> None:
+def check_known(table: Table, name: str, known: Any, problems: CellFaults) -> None:
     """Labels of a column that are none of the `known` names; any printable one without those."""
 
     def expectation(label: str) -> dict[str, Any] | None:
@@ -95,7 +95,7 @@ def check_known(table: Table, name: str, known: Any, problems: ProblemList) -> N
         check_labels(table, name, "unknown-name", expectation, problems)
 
 
-def check_names(table: Table, columns: Sequence[str], problems: ProblemList) -> None:
+def check_names(table: Table, columns: Sequence[str], problems: CellFaults) -> None:
     """A problem for every cell of these text columns that is no name for a table."""
     for name in columns:
         check_labels(
@@ -104,7 +104,7 @@ def check_names(table: Table, columns: Sequence[str], problems: ProblemList) -> 
         )  # fmt: skip
 
 
-def check_equal_rows(table: Table, problems: ProblemList) -> None:
+def check_equal_rows(table: Table, problems: CellFaults) -> None:
     """Rows equal to an earlier one in every column, where a pass, a repeat or a time is given:
     without those repeated values are legitimate.
 
@@ -167,7 +167,7 @@ def columns_of(tables: Sequence[Table], names: Sequence[str]) -> Floats:
     return found
 
 
-def integers(tables: Sequence[Table], name: str, problems: ProblemList) -> Ints:
+def integers(tables: Sequence[Table], name: str, problems: CellFaults) -> Ints:
     """A column of whole numbers, -1 where none is given; COUNTS are not negative."""
     parts = [np.zeros(0, np.int64)] if not tables else []
     for table in tables:
@@ -211,7 +211,7 @@ def labelled(
     return labels, renumbered[codes]
 
 
-def minutes(tables: Sequence[Table], problems: ProblemList) -> Floats:
+def minutes(tables: Sequence[Table], problems: CellFaults) -> Floats:
     """Minutes of each row: `time_min` as given, `time` from the earliest of all files."""
     dated = [table for table in tables if "time" in table.columns.times]
     plain = [table for table in tables if "time_min" in table.columns.numbers]

@@ -460,5 +460,5 @@ def _linear_forms(
         try:
             forms[name] = vocabulary.linear_form(text)
         except InputError as error:
-            faults.extend((*path, name), error)
+            faults.put((*path, name), *error.findings)
     return forms

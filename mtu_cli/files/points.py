@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files import joined
-from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.csv_table import CellFaults, Table, TableSpec
 from mtu_cli.files.headers import check_sensor_names
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, finding, listed
@@ -85,7 +85,7 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     Raises InputError with all problems of all files: of headers and of every cell first,
     then, where those are sound, of what the rows mean together.
     """
-    problems = ProblemList()
+    problems = CellFaults()
     tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
         _check_table(table, features, problems)
@@ -123,7 +123,7 @@ def _cell(points: Points, i: int, column: str, value: int, expected: str) -> Fin
     return finding("out-of-range", **place, value=str(value), expected=expected)
 
 
-def _check_table(table: Table, features: Mapping[str, Place] | None, problems: ProblemList) -> None:
+def _check_table(table: Table, features: Mapping[str, Place] | None, problems: CellFaults) -> None:
     for axis in AXES:
         joined.check_magnitude(table, f"{axis}_mm", problems)
         joined.check_magnitude(table, f"nominal_{axis}_mm", problems)
@@ -134,7 +134,7 @@ def _check_table(table: Table, features: Mapping[str, Place] | None, problems: P
 
 
 def _assemble(
-    tables: Sequence[Table], features: Mapping[str, Place] | None, problems: ProblemList
+    tables: Sequence[Table], features: Mapping[str, Place] | None, problems: CellFaults
 ) -> Points:
     parts, part = joined.labelled(tables, "part")
     names, feature = joined.labelled(tables, "feature", tuple(features or ()))
@@ -161,7 +161,7 @@ def _assemble(
 
 
 def _sequence(
-    tables: Sequence[Table], part: NDArray[np.int64], problems: ProblemList
+    tables: Sequence[Table], part: NDArray[np.int64], problems: CellFaults
 ) -> NDArray[np.int64]:
     with_it = [table for table in tables if "sequence" in table.columns.numbers]
     if not with_it:
@@ -180,7 +180,7 @@ def _nominal(
     names: Sequence[str],
     feature: NDArray[np.int64],
     features: Mapping[str, Place] | None,
-    problems: ProblemList,
+    problems: CellFaults,
 ) -> NDArray[np.float64]:
     """Nominal places of the part file, or else of the columns; both must agree."""
     columns = [f"nominal_{letter}_mm" for letter in AXES]
@@ -215,7 +215,7 @@ def _merge(
     nominal: NDArray[np.float64],
     own: NDArray[np.float64],
     letter: str,
-    problems: ProblemList,
+    problems: CellFaults,
 ) -> None:
     """Fills in nominal coordinates (n,) from the columns' `own`, with which they must agree."""
     apart = np.flatnonzero(np.abs(own - nominal) > NOMINAL_TOLERANCE_MM)
@@ -230,7 +230,7 @@ def _merge(
     np.copyto(nominal, own, where=np.isnan(nominal))
 
 
-def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: ProblemList) -> None:
+def _report_unknown(table: Table, nominal: NDArray[np.float64], problems: CellFaults) -> None:
     """One problem of all features without a nominal place."""
     rows = np.flatnonzero(np.isnan(nominal[:, 0]) | np.isnan(nominal[:, 1]))
     if not len(rows):

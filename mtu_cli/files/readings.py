@@ -17,7 +17,7 @@ from mtu_cli.files.covariates import (
     direction_sign,
     is_temperature,
 )
-from mtu_cli.files.csv_table import ProblemList, Table, TableSpec
+from mtu_cli.files.csv_table import CellFaults, Table, TableSpec
 from mtu_cli.files.headers import check_sensor_names
 from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.findings import Finding, InputError, counted, finding, nearest, suggestion
@@ -120,7 +120,7 @@ def read_readings(
 
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
-    problems = ProblemList()
+    problems = CellFaults()
     tables = joined.read_tables(files, SPEC, problems)
     for table in tables:
         if for_fit and table.source.role != DRIFT:
@@ -140,7 +140,7 @@ def read_readings(
 
 
 def check_cells(
-    table: Table, components: Mapping[str, ComponentLike] | None, problems: ProblemList
+    table: Table, components: Mapping[str, ComponentLike] | None, problems: CellFaults
 ) -> None:
     """Cells that mean nothing: units, directions, components, positions, temperatures."""
 
@@ -169,7 +169,7 @@ def check_cells(
         _check_alike(table, problems)
 
 
-def _check_alike(table: Table, problems: ProblemList) -> None:
+def _check_alike(table: Table, problems: CellFaults) -> None:
     """Without a machine, all readings of a component have one kind of unit, and a position in all
     rows or in none.
     """
@@ -193,7 +193,7 @@ def _check_alike(table: Table, problems: ProblemList) -> None:
 
 
 def _check_machine(
-    table: Table, components: Mapping[str, ComponentLike], problems: ProblemList
+    table: Table, components: Mapping[str, ComponentLike], problems: CellFaults
 ) -> None:
     """Positions of components with an axis, and units of their kind."""
     column = table.columns.texts["component"]
@@ -230,7 +230,7 @@ def _check_machine(
                 )
 
 
-def _check_blank_directions(table: Table, problems: ProblemList) -> None:
+def _check_blank_directions(table: Table, problems: CellFaults) -> None:
     """A problem for every empty direction of a component whose other rows have one: such a reading
     would be of neither way, and a pass of its own.
     """
@@ -263,7 +263,7 @@ def drift_problem(file: str, sensors: Sequence[str]) -> Finding:
 def assemble(
     tables: Sequence[Table],
     components: Mapping[str, ComponentLike] | None,
-    problems: ProblemList,
+    problems: CellFaults,
 ) -> Readings:
     """The rows of sound tables as readings."""
     names, code = joined.labelled(tables, "component", tuple(components or ()))
@@ -301,7 +301,7 @@ def assemble(
 
 
 def _check_for_fit(
-    readings: Readings, components: Mapping[str, ComponentLike], problems: ProblemList
+    readings: Readings, components: Mapping[str, ComponentLike], problems: CellFaults
 ) -> None:
     """Components that are measured at too few positions for their polynomial."""
     for code, name in enumerate(readings.components):

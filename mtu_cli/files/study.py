@@ -11,7 +11,6 @@ from pydantic import BeforeValidator, Field
 from mtu_cli.files.contract import Contract, Faults, check_contract, duplicates
 from mtu_cli.files.source import Source, missing_file, resolved
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
-from mtu_cli.findings import InputError
 
 STUDY_NAME = "mtu.yaml"
 SINGLE = ("machine", "part")
@@ -121,7 +120,7 @@ def load_study(path: Path, role: str = "study", *, there: bool = True) -> Loaded
     def check(study: Study, faults: Faults) -> None:
         for _, place, name in _named(study):
             if there and (missing := missing_file(folder, name)):
-                faults.extend(faults.existing(place), InputError(missing))
+                faults.put(faults.existing(place), missing)
         for key in SEVERAL:
             names = [(index, name) for index, name in enumerate(getattr(study, key) or ()) if name]
             for index, name, _ in duplicates(names):

@@ -11,8 +11,8 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from mtu_cli.errors import InputError, MtuError, Problem, fault, reason
-from mtu_cli.files.source import given_path, resolved
+from mtu_cli.files.source import given_path, resolved, system_reason
+from mtu_cli.findings import InputError, MtuError, error, finding
 
 
 @dataclass(slots=True)
@@ -78,9 +78,9 @@ def _told(item: _Pending) -> Iterator[None]:
     """Raises what the system says about a file as an InputError that names it."""
     try:
         yield
-    except OSError as error:
+    except OSError as fault:
         shown = given_path(item.path)
-        raise fault(f"cannot be written: {reason(error)}", file=shown) from None
+        raise error("not-writable", file=shown, reason=system_reason(fault)) from None
 
 
 def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
@@ -95,19 +95,21 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         target = resolved(path)
         try:
             folder = path.is_dir()
-        except OSError as error:
-            problems.append(Problem(what=f"cannot be written: {reason(error)}", file=shown))
+        except OSError as fault:
+            problems.append(finding("not-writable", file=shown, reason=system_reason(fault)))
             continue
         if folder:
-            problems.append(Problem(what="is a folder", file=shown, expected="a file to write"))
+            problems.append(
+                finding("not-a-file", kind="folder", file=shown, expected="a file to write")
+            )
         elif not target.parent.is_dir():
-            problems.append(Problem(what=_no_folder(path, target), file=shown))
+            problems.append(finding("not-writable", file=shown, reason=_no_folder(path, target)))
         if target in seen and _is_replaceable(target):
-            problems.append(Problem(what="two outputs name the same file", file=shown))
+            problems.append(finding("appears-twice", what="the output", file=shown))
         seen[target] = path
         if any(overwrites(path, source) for source in inputs):
-            what = "is an input of this run and is not overwritten"
-            problems.append(Problem(what=what, file=shown, expected="another name"))
+            facts = {"owner": "this run", "expected": "another name"}
+            problems.append(finding("input-overwritten", file=shown, **facts))
     if problems:
         raise InputError(problems)
 
@@ -116,7 +118,7 @@ def _no_folder(path: Path, target: Path) -> str:
     """That the folder of a path is not there, or of where it leads as a link."""
     if path.is_symlink() and path.parent.is_dir():
         lost = given_path(target.parent)
-        return f"is a link to {given_path(target)!r}, and the folder {lost!r} does not exist"
+        return f"it is a link to {given_path(target)!r}, and the folder {lost!r} does not exist"
     return f"the folder {given_path(path.parent)!r} does not exist"
 
 

@@ -1,24 +1,30 @@
-"""How often the checks say something about sound readings and temperatures."""
+"""How often the checks say something about sound readings, temperatures and points."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-from checks.damage import SEED, STUDIES, simulate
-from checks.test_damage import judged
+from checks import damage, damage_points, test_damage, test_damage_points
 
 SOUND_STUDIES = 500
 MOST = 0.01
 """Share of sound studies with any alarm."""
 
 
+def alarmed(mtu: str, number: int, folder: Path) -> bool:
+    """Whether a study drawn by its number has any finding: readings, points or drift."""
+    seed = damage.SEED + 1000 + number
+    if number % 2:
+        study = damage_points.STUDIES[number // 2 % len(damage_points.STUDIES)]
+        sound = damage_points.simulate(mtu, folder, study, seed)
+        return bool(test_damage_points.judged(sound, folder))
+    of, name = ("drift", "valdes-ring") if number % 8 == 0 else ("lbb", damage.STUDIES[number % 3])
+    return bool(test_damage.judged(name, of, damage.simulate(mtu, folder, of, name, seed)))
+
+
 def test_sound_studies_seldom_raise_an_alarm(tmp_path: Path) -> None:
     mtu = str(Path(sys.executable).parent / "mtu")
-    alarms = 0
-    for number in range(SOUND_STUDIES):
-        of, study = ("lbb", STUDIES[number % 3]) if number % 4 else ("drift", "valdes-ring")
-        frame = simulate(mtu, tmp_path, of, study, SEED + 1000 + number)
-        alarms += bool(judged(study, of, frame))
+    alarms = sum(alarmed(mtu, number, tmp_path) for number in range(SOUND_STUDIES))
     print(f"\nalarms in {alarms} of {SOUND_STUDIES} sound studies")
     assert alarms <= MOST * SOUND_STUDIES

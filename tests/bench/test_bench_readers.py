@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import ProblemList
+from mtu_cli.files.csv_table import CellFaults
 from mtu_cli.files.readings import SPEC
 
 ROWS = 1_000_000
@@ -58,7 +58,7 @@ def test_a_million_readings(tmp_path: Path, faults: int, most: float) -> None:
         path.write_text("\n".join(lines))
 
     def read() -> int:
-        problems = ProblemList()
+        problems = CellFaults()
         read_table(path, "lbb", SPEC, problems)
         return len(problems.listed)
 

@@ -114,8 +114,8 @@ def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
         (["--seed", ""], "--seed: not a whole number: ''; expected a whole number"),
         (["-p", ""], "--part: names no file: ''"),
         (["--lbb", "lbb.csv", "--lbb", ""], "--lbb: names no file"),
-        (["-o", "new/"], "--out: names a folder: 'new/'; expected a file in it"),
-        (["--plot", "new/a.png/"], "--plot: names a folder: 'new/a.png/'"),
+        (["-o", "new/"], "--out: a folder, no file: 'new/'; expected a file in it"),
+        (["--plot", "new/a.png/"], "--plot: a folder, no file: 'new/a.png/'"),
     ],
 )
 def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path) -> None:

@@ -83,10 +83,13 @@ def test_hostile_equations_of_simulate_are_refused_at_once(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (bytes(range(256)) * 8, "not a text file: byte 1 is zero"),
-        (b"PK\x03\x04" + bytes(100), "looks like an Excel workbook"),
+        (bytes(range(256)) * 8, "not UTF-8 text: byte 1 is 0x00"),
+        (b"PK\x03\x04" + bytes(100), "this is an Excel workbook"),
         ("component,error".encode("utf-16"), "is UTF-16 text"),
-        (b"component,error,unit\naxy,1,urad\naxy,\xb5,urad\n", ":3: not UTF-8: byte 37 is 0xb5"),
+        (
+            b"component,error,unit\naxy,1,urad\naxy,\xb5,urad\n",
+            ":3: not UTF-8 text: byte 37 is 0xb5",
+        ),
         (b"\x1f\x8bgarbage", "damaged gzip data"),
         (gzip.compress(b"component,error,unit\n" * 500)[:60], "the compressed data end too early"),
         (gzip.compress(bytes(16 << 20)) * 8, "unpacks to more than"),
@@ -132,7 +135,7 @@ def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
     (work / "lbb.csv").chmod(0)
     result = done(mtu("fit-components", "-o", "out.json", cwd=work), 2)
-    assert "lbb.csv: may not be read: permission denied" in result.stderr
+    assert "lbb.csv: cannot be read: permission denied" in result.stderr
     assert not (work / "out.json").exists()
 
 

@@ -68,8 +68,12 @@ def refused(command: str, **values: Any) -> str:
         ("anova", {"machine": "m.yaml", "out": "apart.csv"}, "apart.csv: -o writes JSON"),
         ("simulate", {"write_cmm": "b.csv.gz"}, "--write-cmm writes CSV; expec"),
         ("simulate", {"write_lbb": "b.yml"}, "--write-lbb writes CSV"),
-        ("anova", {"out": "/no-such/a.json"}, "/no-such/a.json: the folder '/no-such' does not"),
-        ("anova", {"out": "/"}, "/: is a folder"),
+        (
+            "anova",
+            {"out": "/no-such/a.json"},
+            "/no-such/a.json: cannot be written: the folder '/no-such'",
+        ),
+        ("anova", {"out": "/"}, "/: a folder, no file"),
     ],
 )
 def test_what_is_named_is_not_overwritten(

@@ -172,7 +172,7 @@ def test_full_disks_and_closed_streams() -> None:
 def test_devices_are_refused_and_pipes_are_read() -> None:
     fit = f"mtu fit-components -m {SMALL}/machine.yaml --lbb"
     said = done(shell(f"{fit} /dev/zero"), 2).stderr
-    assert said == "mtu: /dev/zero: is a device; expected a file (lbb)\n"
+    assert said == "mtu: /dev/zero: a device, no file; expected a file (lbb)\n"
     told = done(plain_call(*fit.split()[1:], f"{SMALL}/lbb.csv")).stdout
     assert done(shell(f"{fit} <(cat {SMALL}/lbb.csv)")).stdout == told
     assert done(shell(f"cat {SMALL}/lbb.csv | {fit} /dev/stdin")).stdout == told

@@ -20,7 +20,7 @@ from fuzz.readers import Hang, judged, within_time
 from fuzz.samples import KINDS, Sample, prepared_folder, samples_of
 from fuzz.tally import Tally
 
-from mtu_cli.errors import fault
+from mtu_cli.findings import error
 
 SEED = 5
 
@@ -92,7 +92,7 @@ def failing(how: str) -> object:
         case "warning":
             warnings.warn("overflow", RuntimeWarning, stacklevel=2)
         case "words":
-            raise fault("TypeError: 'NoneType' object is not subscriptable")
+            raise error("usage", reason="TypeError: 'NoneType' object is not subscriptable")
     return None
 
 

@@ -21,10 +21,9 @@ from fuzz.cases import Case
 from fuzz.messages import unclean
 from fuzz.samples import Kind, Sample
 from mtu_cli.close_loop_sealed.model.effect_library import effect_library
-from mtu_cli.errors import InputError
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import ProblemList, TableSpec
+from mtu_cli.files.csv_table import CellFaults, TableSpec
 from mtu_cli.files.effects import load_effects
 from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine
@@ -35,6 +34,7 @@ from mtu_cli.files.readings import SPEC as READINGS_SPEC
 from mtu_cli.files.readings import ComponentLike, Readings, read_readings
 from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.study import load_study
+from mtu_cli.findings import InputError
 from mtu_cli.model.graph.examine import examine
 
 LIMIT_S = 10.0
@@ -222,7 +222,7 @@ def _check_points(found: Points) -> None:
 
 def _check_agreement(path: Path, role: str, spec: TableSpec) -> None:
     """The quick way through a table and the one record by record give the same."""
-    told, exact = ProblemList(), ProblemList()
+    told, exact = CellFaults(), CellFaults()
     try:
         found = read_table(path, role, spec, told)
     except InputError:
@@ -243,7 +243,7 @@ def _check_agreement(path: Path, role: str, spec: TableSpec) -> None:
         np.testing.assert_array_equal(mine_too.microseconds, times.microseconds, err_msg=name)
 
 
-def _cells(problems: ProblemList) -> set[tuple[int | None, str | int | None]]:
+def _cells(problems: CellFaults) -> set[tuple[int | None, str | int | None]]:
     return {(problem.row, problem.column) for problem in problems.listed}
 
 

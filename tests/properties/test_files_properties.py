@@ -21,10 +21,10 @@ from hypothesis import strategies as st
 from property_settings import tried
 from reading_files import stream_readings
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.machine_contract import Component
 from mtu_cli.files.points import read_points
 from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.findings import InputError
 from mtu_cli.units import UNITS
 
 HEADER = ("component", "position_mm", "pass", "direction", "error", "unit", "note", "load")

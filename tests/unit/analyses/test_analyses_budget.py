@@ -13,7 +13,7 @@ import pytest
 from budget_examples import CORRELATED, codes, evaluated, single
 
 from mtu_cli.analyses.budget import BudgetResult
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 
 def test_two_degrees_of_freedom_have_no_standard_uncertainty() -> None:

@@ -17,8 +17,8 @@ from support import DATA, paper_study
 from mtu_cli.analyses import compare as module
 from mtu_cli.analyses.compare import CompareResult, compare
 from mtu_cli.analyses.compare.evidence import Evidence
-from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points, read_points
+from mtu_cli.findings import InputError
 from mtu_cli.model.measured import only_features
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings

@@ -16,7 +16,7 @@ from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import GraphSimulation, simulate_graph
 from mtu_cli.analyses.graph.surface import fit_formula
 from mtu_cli.analyses.graph.sweep import sweep_graph
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]

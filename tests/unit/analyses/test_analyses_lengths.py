@@ -12,7 +12,7 @@ from scipy import stats
 
 from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.predict_points import predict_points
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.length_geometry import length_gradient, length_measure
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict

@@ -10,7 +10,7 @@ from model_examples import FloatArray, estimate, model_of, part_of, run_command
 
 from mtu_cli.analyses.orthogonality import angle_gradient, angle_measure, predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_points
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings

@@ -11,8 +11,8 @@ from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, s
 from mtu_cli.analyses import thermal_fit as module
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.errors import InputError, Notice
 from mtu_cli.files.readings import Readings
+from mtu_cli.findings import InputError, finding
 from mtu_cli.stats.least_squares import FloatArray
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
@@ -321,8 +321,8 @@ def test_sensors_are_told_before_anything_is_held_out(monkeypatch: pytest.Monkey
 def test_notes_of_the_readings_are_warnings_once() -> None:
     """Also where several blocks say the same."""
     given = Plan(gradients=LINE, positions=PLACES, noise=0.1, n=30).read(np.random.default_rng(1))
-    noted = replace(given, notes=(Notice(code="sensor-doubtful", message="odd"),))
+    noted = replace(given, notes=(finding("not-tested", what="it", items="all", reason="odd"),))
     found = thermal_fit(
         [noted, noted], {"p": ("x", "um")}, reference=REFERENCE, method="stepwise"
     ).warnings
-    assert [item.message for item in found if item.code == "sensor-doubtful"] == ["odd"]
+    assert [item.facts["reason"] for item in found if item.code == "not-tested"] == ["odd"]

@@ -12,9 +12,9 @@ from mtu_cli.analyses.thermal_fit import reading, thermal_fit
 from mtu_cli.analyses.thermal_fit.columns import library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.errors import InputError
 from mtu_cli.files.covariates import HOTTEST_DEGC
 from mtu_cli.files.readings import Readings
+from mtu_cli.findings import InputError
 from mtu_cli.stats.lag import first_order_lag
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")

@@ -8,7 +8,7 @@ import tracemalloc
 import pytest
 from budget_examples import codes, evaluated, single
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 
 def pair(equation: str, first: str, second: str, r: float) -> str:

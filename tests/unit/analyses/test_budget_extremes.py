@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from budget_examples import codes, evaluated, single
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.stats.distributions import Distribution
 
 ONE = "equation: {equation}\ninputs:\n  a: {{value: {value}, u: {u}}}\n"

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from budget_examples import CORRELATED, codes, evaluated, single
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 
 def test_finite_degrees_of_freedom_reach_the_monte_carlo() -> None:

@@ -10,7 +10,7 @@ import pytest
 from graph_examples import graph_of
 
 from mtu_cli.analyses.graph.simulate import simulate_graph
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 CORRELATED = """

@@ -12,10 +12,10 @@ from csv_contract import SPEC, faults, names, table
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import LISTED_PROBLEMS, ProblemList
+from mtu_cli.files.csv_table import LISTED_PROBLEMS, CellFaults
 from mtu_cli.files.headers import meant_by
+from mtu_cli.findings import InputError
 
 PLAIN = "name,value,size\na,1,2\nb,-2.5e-3,\n"
 
@@ -158,7 +158,7 @@ def test_the_quick_way_is_the_plain_one(rows: list[list[str]], semicolons: bool)
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file, delimiter=";" if semicolons else ",")
             writer.writerows([["name", "value", "size", "other"], *rows])
-        told, exact = ProblemList(), ProblemList()
+        told, exact = CellFaults(), CellFaults()
         quick = read_table(path, "lbb", SPEC, told)
         plain = read_table(path, "lbb", SPEC, exact, by_records=True)
     assert {p.message for p in told.listed} == {p.message for p in exact.listed}

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.json_file import read_json, report_bytes
 from mtu_cli.files.write import check_targets, made_ready, write_files
+from mtu_cli.findings import InputError
 
 
 def test_a_report_keeps_keys_digits_and_one_record_a_line() -> None:
@@ -160,9 +160,9 @@ def test_targets_that_are_refused(tmp_path: Path) -> None:
     found = [problem.text for problem in caught.value.findings]
     assert found == [
         "is an input of this run and is not overwritten",
-        "is a folder",
-        f"the folder '{tmp_path / 'no'}' does not exist",
-        "two outputs name the same file",
+        "a folder, no file",
+        f"cannot be written: the folder '{tmp_path / 'no'}' does not exist",
+        "the output appears twice",
     ]
     assert sorted(os.listdir(tmp_path)) == ["alias.csv", "in.csv"]
 
@@ -170,7 +170,8 @@ def test_targets_that_are_refused(tmp_path: Path) -> None:
 def test_a_link_that_leads_nowhere_is_told_with_where(tmp_path: Path) -> None:
     (tmp_path / "l.json").symlink_to("/nope/zzz")
     with pytest.raises(
-        InputError, match=r"l\.json: is a link to '/nope/zzz', and the folder '/nope'"
+        InputError,
+        match=r"l\.json: cannot be written: it is a link to '/nope/zzz', and the folder '/nope'",
     ):
         check_targets([tmp_path / "l.json"])
 
@@ -182,7 +183,7 @@ def test_a_name_that_no_system_takes_is_told(tmp_path: Path) -> None:
     found = [(problem.file, problem.text) for problem in caught.value.findings]
     assert found == [
         (str(long), "cannot be written: file name too long"),
-        (str(tmp_path), "is a folder"),
+        (str(tmp_path), "a folder, no file"),
     ]
 
 

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.schemas import json_schema
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
+from mtu_cli.findings import InputError
 
 FROM = "expected a path from the folder of the file that names it, or a whole one"
 FEATURES = (
@@ -151,7 +151,7 @@ def test_all_faults_of_a_study(tmp_path: Path) -> None:
     assert [str(problem) for problem in caught.value.findings] == [
         f"mtu.yaml:2: machine: no such file: 'qqq.txt'; {FROM}",
         "mtu.yaml:3: part: no such file: 'prt.yaml'; did you mean 'part.yaml'?",
-        "mtu.yaml:4: lbb: is a folder: '.'; expected a file",
+        "mtu.yaml:4: lbb: a folder, no file: '.'; expected a file",
         "mtu.yaml:5: cmm[1]: the file appears twice: 'part.yaml'",
         "mtu.yaml:6: settings.coverage_factor: wrong value: '0'; expected a number above 0",
         "mtu.yaml:6: settings.seed: wrong value: '1.5'; expected a whole number",

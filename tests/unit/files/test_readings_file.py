@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.findings import InputError
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,12 @@ from typing import TypeVar
 import pytest
 from reading_files import stream_readings
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.json_file import read_json
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.source import check_text, hash_of, read_bytes, read_source, shown_path
 from mtu_cli.files.write import check_targets, write_files
 from mtu_cli.files.yaml_file import read_yaml
+from mtu_cli.findings import InputError
 
 T = TypeVar("T")
 
@@ -54,7 +54,7 @@ def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "role", "told"),
     [
-        ("v1.2", "study", "v1.2: no such file or folder"),
+        ("v1.2", "study", "v1.2: no such file; expected a study or its folder"),
         ("other.yaml", "study", "other.yaml: no such file"),
         ("readings", "lbb", "readings: no such file"),
     ],
@@ -93,7 +93,9 @@ def test_what_is_no_input_is_told_as_it_was_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").touch()
-    with pytest.raises(InputError, match=r"^empty: the file is empty; expected ball-bar readings$"):
+    with pytest.raises(
+        InputError, match=r"^empty: the file is empty; expected laser ball bar readings$"
+    ):
         read_source(Path("empty"), "lbb")
     path = tmp_path / "empty"
     assert message(path) == f"{path}: the file is empty; expected a machine file"
@@ -102,7 +104,10 @@ def test_what_is_no_input_is_told_as_it_was_written(
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no /dev/zero")
 @pytest.mark.parametrize("name", ["/dev/zero", "/dev/null"])
 def test_devices_are_refused_at_once(name: str, tmp_path: Path) -> None:
-    path, said = Path(name), rf"^{name}: is a device; expected a file \((lbb|drift|machine)\)$"
+    path, said = (
+        Path(name),
+        rf"^{name}: a device, no file; expected a file \((lbb|drift|machine)\)$",
+    )
     (tmp_path / "link.csv").symlink_to(path)
     reads: list[Callable[[], object]] = [
         lambda: read_yaml(path, "machine"),
@@ -114,7 +119,7 @@ def test_devices_are_refused_at_once(name: str, tmp_path: Path) -> None:
     for read in reads:
         with pytest.raises(InputError, match=said):
             read()
-    with pytest.raises(InputError, match="is a device"):
+    with pytest.raises(InputError, match="a device, no file"):
         read_source(tmp_path / "link.csv", "lbb")
 
 
@@ -145,18 +150,15 @@ def test_a_missing_folder(tmp_path: Path) -> None:
     ("content", "words"),
     [
         (b"", "the file is empty"),
-        (b"ab\ncd\0ef", ":2: not a text file: byte 6 is zero"),
-        (b"ab\nc\xe9d", ":2: not UTF-8: byte 5 is 0xe9"),
-        (b"x" * (1 << 20) + b"\xc3", f"not UTF-8: byte {(1 << 20) + 1} is 0xc3"),
-        (b"x" * ((1 << 20) - 1) + b"\xc3(", f"not UTF-8: byte {1 << 20} is 0xc3"),
-        (b" \n<!DOCTYPE html><html>", "looks like a web page"),
-        (b"PK\x03\x04abc", "looks like an Excel workbook"),
-        (b"\xff\xfea\0", "is UTF-16 text"),
-        ("name: a".encode("utf-16-le"), "is UTF-16 text"),
-        ("name: a".encode("utf-16-be"), "is UTF-16 text"),
-        ("name: a".encode("utf-32"), "is UTF-32 text"),
-        ("name: a".encode("utf-32-le"), "is UTF-32 text"),
-        ("name: a".encode("utf-32-be"), "is UTF-32 text"),
+        (b"ab\ncd\0ef", ":2: not UTF-8 text: byte 6 is 0x00"),
+        (b"ab\nc\xe9d", ":2: not UTF-8 text: byte 5 is 0xe9"),
+        (b"x" * (1 << 20) + b"\xc3", f"not UTF-8 text: byte {(1 << 20) + 1} is 0xc3"),
+        (b"x" * ((1 << 20) - 1) + b"\xc3(", f"not UTF-8 text: byte {1 << 20} is 0xc3"),
+        (b" \n<!DOCTYPE html><html>", "this is a web page"),
+        (b"PK\x03\x04abc", "this is an Excel workbook"),
+        (b"\xff\xfea\0", "this is UTF-16 text"),
+        ("name: a".encode("utf-16-le"), "byte 2 is 0x00"),
+        ("name: a".encode("utf-32"), "this is UTF-32 text"),
     ],
 )
 def test_what_is_no_text(tmp_path: Path, content: bytes, words: str) -> None:
@@ -169,9 +171,9 @@ def test_text_beyond_ascii_is_text(tmp_path: Path) -> None:
 
 
 def test_a_folder_and_a_large_file(tmp_path: Path) -> None:
-    assert "is a folder" in message(tmp_path)
+    assert "a folder, no file" in message(tmp_path)
     (tmp_path / "f").write_bytes(b"123456")
-    with pytest.raises(InputError, match="has 6 bytes; expected at most 5"):
+    with pytest.raises(InputError, match="6 bytes; expected at most 5"):
         read_source(tmp_path / "f", "machine", max_bytes=5)
 
 

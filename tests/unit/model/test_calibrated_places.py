@@ -9,7 +9,7 @@ import pytest
 from model_examples import part_of
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.calibrated_places import growth
 from mtu_cli.model.simulate import SimulatedPoints
 

@@ -13,8 +13,8 @@ from reading_examples import in_table_order, machine, run
 from residual_examples import MACHINE, codes, measured
 
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
-from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
+from mtu_cli.findings import InputError
 from mtu_cli.model.covariate_gaps import FEW, without_gaps
 from mtu_cli.model.residual_table import residual_table
 from mtu_cli.model.residual_visits import only_rows

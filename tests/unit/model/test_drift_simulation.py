@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.climate import WOBBLE_MEMORY_MIN, Climate, Sensors, followed
 from mtu_cli.model.drift_simulation import DriftPlan, SimulatedDrift, sensors_for, simulate_drift
 from mtu_cli.model.thermal import ThermalEstimate

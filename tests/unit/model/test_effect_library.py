@@ -23,9 +23,9 @@ from mtu_cli.close_loop_sealed.model.effect_library import (
     candidates,
     effect_library,
 )
-from mtu_cli.errors import InputError
 from mtu_cli.files.column_dimensions import own_columns
 from mtu_cli.files.machine import load_machine
+from mtu_cli.findings import InputError
 from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse
 from mtu_cli.model.design import design
 from mtu_cli.model.fit import estimates_from_fit

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from graph_examples import graph_of
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 
 TEXT = """
 places:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from graph_examples import graph_of
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.model.graph.units import formula_unit

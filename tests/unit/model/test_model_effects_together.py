@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from model_examples import FloatArray, loaded
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix, read_components
+from mtu_cli.findings import InputError
 from mtu_cli.model.effect_parameters import all_together, effect_warnings, not_told_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report

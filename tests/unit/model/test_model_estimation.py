@@ -9,9 +9,9 @@ import pytest
 from model_examples import FloatArray, Segment, estimate, readings
 from scipy import stats
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.machine_contract import Component
 from mtu_cli.files.readings import Readings
+from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.instruments import agreement, combine

@@ -10,8 +10,8 @@ import pytest
 from machine_trials import POINTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings, run_command, stated
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.reports_read import read_components
+from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import from_centre, to_centre
 from mtu_cli.model.fit import (
     MachineFit,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from model_examples import stated
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.prediction import predict
 
 ARCSEC = np.pi / 180 / 3600

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of, stated
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings

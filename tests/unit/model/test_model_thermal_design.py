@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, drift, line, machine
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.basis import ThermalBasis
 from mtu_cli.model.design import design, theta
 from mtu_cli.model.machine_model import sensors_of

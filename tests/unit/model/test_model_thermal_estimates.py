@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from model_examples import loaded
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
+from mtu_cli.findings import InputError
 from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
 
 POSITIONS = [0.0, 200.0, 75.0, 300.0]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.pass_draws import cut_warnings, pass_draws

@@ -19,8 +19,8 @@ from residual_examples import (
     with_operations,
 )
 
-from mtu_cli.errors import InputError
 from mtu_cli.files.points import Points
+from mtu_cli.findings import InputError
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residual_table import ResidualTable, residual_table

@@ -25,7 +25,7 @@ from residual_examples import (
     with_operations,
 )
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model import residual_factors
 from mtu_cli.model.residual_cells import filled
 from mtu_cli.model.residual_table import residual_table

@@ -9,7 +9,7 @@ import pytest
 from model_examples import loaded
 from numpy.typing import NDArray
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.volume import grid_of, grid_warnings

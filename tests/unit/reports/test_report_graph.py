@@ -15,8 +15,8 @@ from graph_examples import SHIPPED, graph_of, shipped
 from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.analyses.graph.sweep import sweep_graph
 from mtu_cli.cli.graph_draw import net_for
-from mtu_cli.errors import InputError
 from mtu_cli.files.graph import load_graph
+from mtu_cli.findings import InputError
 from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import build_graph
 from mtu_cli.model.settings import Settings

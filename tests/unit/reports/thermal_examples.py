@@ -16,7 +16,7 @@ from mtu_cli.analyses.thermal_fit.result import (
     Residuals,
     ThermalFit,
 )
-from mtu_cli.errors import Warned
+from mtu_cli.findings import finding
 from mtu_cli.model.thermal import ThermalEstimate, through_positions
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
@@ -197,5 +197,5 @@ def example(*components: ComponentDrift) -> ThermalFit:
         sensors=(*SENSORS, "T_03_degC", "T_04_degC"),
         reference=REFERENCE,
         method="auto",
-        warnings=(Warned(code="sensors-alike", message="T_02_degC and its twins"),),
+        warnings=(finding("not-used", what="T_02_degC", reason="its twins"),),
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 from trial_models import Bent, Other, Z, plain_blocks, slow_end
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 from mtu_cli.stats.single_block import (
     covered_ranks,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from trial_models import Bent, Other, Z
 
-from mtu_cli.errors import InputError
+from mtu_cli.findings import InputError
 from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.stats.validation import clause8
 
