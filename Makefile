@@ -127,11 +127,7 @@ pictures: $(VENV)/.base
 	@mkdir -p $(PICTURES) $(OUT)
 	$(MTU) fit-components $(UN) -q -o $(OUT)/components.json
 	$(MTU) predict-points $(UN) -q -c $(OUT)/components.json --plot $(PICTURES)/points.png
-	$(MTU) lengths $(UN) -q -c $(OUT)/components.json --plot $(PICTURES)/lengths.png
 	$(MTU) close-loop $(UN) -q --plot $(PICTURES)/loop.png
-	$(MTU) correct $(VR) -q --plot $(PICTURES)/rings.png
-	$(MTU) graph sweep configs/graphs/axes-a-and-c.yaml -q --vary axis_um=0.5:2.5:5 \
-	  --vary probe_um=0.5:2.5:5 --of d_AC --plot $(PICTURES)/sweep.png
 
 clean:
 	rm -rf $(VENV) $(OUT)

@@ -1,3 +1,22 @@
-"""Machine tool uncertainty: from measurements of a machine to statements about its parts."""
+"""Machine tool uncertainty: from measurements of a machine to statements about its parts.
+
+The public Python API, imported when it is used: `read_machine`, `read_part`, `read_study`,
+`read_readings`, `read_points`, `check`, and a function for each command (`fit_components`,
+`predict_points`, `lengths`, ...), which returns a `Result`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
 
 __version__ = "0.1.0"
+_READ = ("read_machine", "read_part", "read_study", "read_readings", "read_points", "check")
+
+
+def __getattr__(name: str) -> Any:
+    from importlib import import_module
+
+    if name.startswith("_"):
+        raise AttributeError(name)
+    api = import_module("mtu_cli.api")
+    return getattr(api, name) if name in (*_READ, "Result") else api.function_of(name)

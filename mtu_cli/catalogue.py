@@ -489,9 +489,9 @@ CATALOGUE: dict[str, Kind] = {
         "without a history they count as settled"
     ),
     "sensor-still": _warning("{sensor} stands still{where}: {consequence}"),
-    "effect-range-unknown": _warning("{effects}: valid with {covariate} {range}; {reason}"),
+    "effect-range-unknown": _warning("the data of {effects} have {covariate} {range}: {reason}"),
     "outside-effect-range": _warning(
-        "{effects}: found with {covariate} {range}, extrapolated to {at}"
+        "the data of {effects} have {covariate} {range}: extrapolated to {at}"
     ),
     "effects-not-used": _warning("{report} has effects that {machine} has not: {names} not used"),
     "effects-differ": _warning(
@@ -502,8 +502,8 @@ CATALOGUE: dict[str, Kind] = {
         "predicts other errors, and u is that of this one"
     ),
     "searched-not-told": _warning(
-        "the {what} of effects[{index}] ({effect}) is not determined by its {where} ({fits} fit "
-        "alike): it holds at those {where} alone"
+        "the {what} of effects[{index}] ({effect}) is one of {fits} that fit alike at its {where}: "
+        "it holds at those {where} alone"
     ),
     "effect-not-removed": _warning(
         "the effect {effect} is not subtracted from the readings of {component}: {reason}"

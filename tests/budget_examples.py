@@ -5,7 +5,8 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
-from mtu_cli.analyses.budget import BudgetResult, OutputBudget, evaluate_budget
+from mtu_cli.analyses.budget import BudgetResult, evaluate_budget
+from mtu_cli.analyses.budget.first_order import OutputBudget
 from mtu_cli.files.budget import LoadedBudget, budget_from
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml

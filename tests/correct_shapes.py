@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.leaning import askew
-from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.analyses.correct.quantity import Kind
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.scatter import Origin, PointScatter
 from mtu_cli.analyses.correct.strain import levers_of

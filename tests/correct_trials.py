@@ -17,7 +17,7 @@ from machine_trials import AXY, CENTRE, COMPONENTS, Drift, Z, pass_states, read_
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import correct
-from mtu_cli.analyses.correct.result import Size
+from mtu_cli.analyses.correct.quantity import Size
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.fit import estimates_from_fit, fit_machine

@@ -29,8 +29,8 @@ ALIKE = 0.01
 """Slope of distances on positions within this of 1 or -1."""
 LOUD = 20.0
 """A pass whose bends are so many times those of the other passes is in another unit."""
-MIRRORED = 8.0
-"""Sum of squares of a mirrored pass about the others, in that of the others, and mirrored back."""
+MIRRORED = 0.1
+"""Share of the sum of squares that a mirrored pass leaves, mirrored back."""
 
 
 def of_component(data: ReadingsData) -> Iterator[tuple[str, Rows]]:
@@ -232,14 +232,17 @@ def unit_of_pass(data: ReadingsData) -> Iterator[Odd]:
 
 @check("mirrored-pass", of="readings")
 def mirrored(data: ReadingsData) -> Iterator[Odd]:
-    """A pass that is farther from all others than they are from each other, but not mirrored."""
+    """A pass that is the mirror image of the median of all others, which agree; levels differ by
+    drift.
+    """
     for name, group, values in profiles(data):
+        levelled = values - values.mean(axis=1, keepdims=True)
         for i, own in enumerate(group):
-            others = np.delete(values, i, axis=0)
-            mean = np.median(others, axis=0)
-            apart = float(((others - mean) ** 2).sum(axis=1).max())
-            here, back = (float(((values[i] - sign * mean) ** 2).sum()) for sign in (1, -1))
-            if here > MIRRORED * max(apart, back) and back < 2 * apart:
+            others = np.delete(levelled, i, axis=0)
+            usual = np.median(others, axis=0)
+            size = MIRRORED * float(usual @ usual)
+            apart = float(((others - usual) ** 2).sum(axis=1).max())
+            if max(apart, float(((levelled[i] + usual) ** 2).sum())) < size:
                 yield in_pass(data, name, own)
 
 

@@ -69,12 +69,15 @@ PREDICTED = [
     p.CORRELATION,
 ]
 PREDICTION = [*PREDICTED, p.MONTE_CARLO]
-UNUSUAL = p.fail_if("unusual, a part stands out from the others; what all share is for compare")
-FOUND = p.fail_if(
-    "found, unexplained. Single entries that are set aside meet neither (for anova they are "
-    "unusual), nor does what is no more than a hint"
+UNUSUAL = p.fail_if("unusual, an outlier among the parts")
+FOUND = p.fail_if("found, unexplained")
+OFF = p.fail_if("biased, under-predicted")
+MACHINE, PART, BEYOND, ABOUT = (
+    "The machine",
+    "Predictions for a part",
+    "Measured parts",
+    "Uncertainty, files and help",
 )
-OFF = p.fail_if("biased, under-predicted; readings that stand out by more than U meet both")
 
 register(
     app,
@@ -82,6 +85,7 @@ register(
     [p.STUDY, p.READINGS, p.COVERAGE, p.OUTPUT, p.fail_if("drift")],
     _lazily("fit_components"),
     "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
+    MACHINE,
 )
 register(
     app,
@@ -89,6 +93,7 @@ register(
     [p.STUDY, p.DRIFT, p.THERMAL_MODEL, p.OUTPUT, p.fail_if()],
     _lazily("thermal_fit"),
     "Drift readings with temperatures to a thermal model per component.",
+    MACHINE,
 )
 register(
     app,
@@ -96,6 +101,7 @@ register(
     [*PREDICTION, p.GRID, p.COVARIANCE, p.OUTPUT, p.fail_if()],
     _lazily("predict_points"),
     "Error and uncertainty of every feature of a part.",
+    PART,
 )
 register(
     app,
@@ -103,6 +109,7 @@ register(
     [*PREDICTION, p.OUTPUT, p.fail_if("nonconforming=0.01")],
     _lazily("lengths"),
     "Feature-to-feature lengths with uncertainty and probability of conformance.",
+    PART,
 )
 register(
     app,
@@ -110,6 +117,7 @@ register(
     [*PREDICTION, p.OUTPUT, p.fail_if()],
     _lazily("orthogonality"),
     "Right angles between rows and columns of features, by Monte Carlo and first order.",
+    PART,
 )
 register(
     app,
@@ -117,6 +125,7 @@ register(
     [p.STUDY, p.PART, p.CMM, p.METHOD, p.DATUM, p.COVERAGE, p.SEED, p.OUTPUT, UNUSUAL],
     _lazily("anova"),
     "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
+    BEYOND,
 )
 register(
     app,
@@ -127,6 +136,7 @@ register(
     ],
     _lazily("close_loop"),
     "Measured minus model: effects that the machine does not declare, named and added to it.",
+    BEYOND,
 )
 register(
     app,
@@ -134,6 +144,7 @@ register(
     [*PREDICTION, p.CMM, p.DATUM, p.OUTPUT, OFF],
     _lazily("compare"),
     "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
+    BEYOND,
 )
 register(
     app,
@@ -141,6 +152,7 @@ register(
     [*PREDICTED, p.CMM, p.OUTPUT, p.fail_if()],
     _lazily("correct"),
     "Measured points minus the modelled error; rings and lengths before and after.",
+    BEYOND,
 )
 register(
     app,
@@ -148,6 +160,7 @@ register(
     [BUDGET, p.MONTE_CARLO, p.OUTPUT],
     _lazily("budget"),
     "An uncertainty budget: first and second order, and Monte Carlo beside them.",
+    ABOUT,
 )
 register(
     app,
@@ -155,13 +168,14 @@ register(
     [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
     _lazily("simulate"),
     "A virtual machine: synthetic readings and points, with any effect, seeded.",
+    MACHINE,
 )
 graph = typer.Typer(
     cls=Commands,
     help="The measurement graph: its soundness, picture, uncertainty, and what that follows.",
     no_args_is_help=True,
 )
-app.add_typer(graph, name="graph")
+app.add_typer(graph, name="graph", rich_help_panel=ABOUT)
 register(
     graph,
     "check",
@@ -196,4 +210,13 @@ register(
     [p.KIND],
     _lazily("schema"),
     "The JSON Schema of a YAML contract, for editors.",
+    ABOUT,
+)
+register(
+    app,
+    "help",
+    [p.TOPIC],
+    _lazily("help"),
+    "Topics, the meaning of a warning or error, and the options of a command.",
+    ABOUT,
 )

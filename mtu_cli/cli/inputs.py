@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Literal, cast
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
 
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
@@ -19,7 +17,7 @@ from mtu_cli.findings import Finding, InputError, error, finding, suggestion
 from mtu_cli.model.datum import DATUMS, Datum
 
 if TYPE_CHECKING:
-    from mtu_cli.checks import Data, Of
+    from mtu_cli.checks import Data
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.part import LoadedPart
     from mtu_cli.files.points import Points
@@ -27,6 +25,8 @@ if TYPE_CHECKING:
     from mtu_cli.files.reports_read import ComponentsReport, ModelReports, ThermalReport
     from mtu_cli.files.source import Source
 
+T = TypeVar("T")
+Kind = Literal["machine", "part", "reports", "readings", "drift", "points"]
 OF_ANY_MACHINE = ("anova",)
 """Commands that look at parts alone: wherever those were made, the machine is not read."""
 
@@ -94,30 +94,21 @@ class Inputs:
         """The machine file."""
         from mtu_cli.files.machine import load_machine
 
-        machine = load_machine(self.only("machine", "-m"))
-        self.sources.append(machine.source)
-        self._check("machine", lambda checks: checks.DocumentData(machine))
-        return machine
+        return self.taken("machine", load_machine(self.only("machine", "-m")))
 
     @cached_property
     def part(self) -> LoadedPart:
         """The part file."""
         from mtu_cli.files.part import load_part
 
-        part = load_part(self.only("part", "-p"))
-        self.sources.append(part.source)
-        travels = self.machine.machine.travels if self.made_here else {}
-        self._check("part", lambda checks: checks.DocumentData(part, travels))
-        return part
+        return self.taken("part", load_part(self.only("part", "-p")))
 
     @cached_property
     def reports(self) -> ModelReports:
         """The reports of -c, at most one of each kind."""
         from mtu_cli.files.reports_read import read_reports
 
-        reports = read_reports(self.files("components"))
-        self.sources.extend(reports.sources)
-        return reports
+        return self.taken("reports", read_reports(self.files("components")))
 
     @property
     def components(self) -> ComponentsReport | None:
@@ -137,9 +128,8 @@ class Inputs:
             return None
         from mtu_cli.files.readings import read_readings
 
-        readings = read_readings(files, self.machine.machine.components, for_fit=True)
-        self._check_readings(readings, "readings")
-        return readings
+        components = self.machine.machine.components
+        return self.taken("readings", read_readings(files, components, for_fit=True))
 
     @cached_property
     def drift(self) -> Readings:
@@ -147,22 +137,34 @@ class Inputs:
         from mtu_cli.files.readings import read_readings
 
         files = [(path, "drift") for path in self.files("drift")]
-        machine = self.machine.machine if self.files("machine") else None
-        readings = read_readings(files, machine.components if machine else None, for_fit=False)
-        self._check_readings(readings, "drift")
-        return readings
+        components = self.machine.machine.components if self.files("machine") else None
+        return self.taken("drift", read_readings(files, components, for_fit=False))
 
-    def _check_readings(self, readings: Readings, of: Literal["readings", "drift"]) -> None:
-        self.sources.extend(readings.sources)
-        machine = self.machine.machine if self.files("machine") else None
-        known = (machine.components, machine.travels) if machine else ()
-        self._check(of, lambda checks: checks.ReadingsData(readings, *known))
+    def taken(self, name: Kind, item: T) -> T:
+        """The `item` of one kind of input, read by now, with its files and what the checks warn of.
 
-    def _check(self, of: Of, data: Callable[[ModuleType], Data]) -> None:
-        """Notes what the checks warn of; raises InputError for what makes a result meaningless."""
+        Raises InputError for what makes a result meaningless.
+        """
+        self.__dict__[name] = item
+        known: Any = item
+        self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
+        if name == "reports":
+            return item
         from mtu_cli import checks
 
-        self.suspicions += checks.warnings_of(of, data(checks))
+        machine = self.machine.machine if self.files("machine") and self.made_here else None
+        travels = machine.travels if machine else {}
+        data: Data
+        match name:
+            case "machine" | "part":
+                data = checks.DocumentData(known, travels)
+            case "points":
+                part = self.part if self.files("part") else None
+                data = checks.PointsData(known, part, travels, self.datum)
+            case _:
+                data = checks.ReadingsData(known, machine.components if machine else {}, travels)
+        self.suspicions += checks.warnings_of(name, data)
+        return item
 
     @property
     def datum(self) -> Datum:
@@ -184,13 +186,8 @@ class Inputs:
         files = self.files("cmm")
         if not files:
             self.only("cmm", "--cmm")
-        part = self.part if self.files("part") else None
-        places = part.part.places() if part else None
-        points = read_points([(path, "cmm") for path in files], places)
-        self.sources.extend(points.sources)
-        travels = self.machine.machine.travels if self.made_here else {}
-        self._check("points", lambda checks: checks.PointsData(points, part, travels, self.datum))
-        return points
+        places = self.part.part.places() if self.files("part") else None
+        return self.taken("points", read_points([(path, "cmm") for path in files], places))
 
     @cached_property
     def at(self) -> dict[str, float]:

@@ -119,8 +119,11 @@ def register(
     groups: Iterable[list[Parameter]],
     run: Callable[[Options], None],
     text: str,
+    panel: str | None = None,
 ) -> None:
-    """Adds a command whose options are the groups' and whose body is `run`."""
+    """Adds a command whose options are the groups' and whose body is `run`, under the title `panel`
+    in the help of all.
+    """
 
     def command(context: typer.Context, **values: Any) -> None:
         source = context.get_parameter_source
@@ -146,4 +149,4 @@ def register(
     command.__annotations__ = {key: annotation for key, annotation, _ in parameters}
     command.__doc__ = text
     command.__name__ = name.replace("-", "_")
-    app.command(name, help=text, cls=Once)(command)
+    app.command(name, help=text, cls=Once, rich_help_panel=panel)(command)

@@ -273,6 +273,20 @@ KIND: list[Parameter] = [
         inspect.Parameter.empty,
     ),
 ]
+TOPIC: list[Parameter] = [
+    (
+        "topic",
+        Annotated[
+            str | None,
+            typer.Argument(
+                metavar="TOPIC",
+                help="A topic, the code of a warning or error, or a command; without: all topics.",
+                show_default=False,
+            ),
+        ],
+        None,
+    ),
+]
 FAIL_IF = "fail_if"
 
 

@@ -188,7 +188,7 @@ def not_told_warnings(machine: LoadedMachine) -> list[Finding]:
         for name, others in effect.alike.items():
             what, _, unit = name.rpartition("_")
             where = "places" if unit == "mm" else "data"
-            facts |= {"what": what or name, "where": where, "fits": len(others)}
+            facts |= {"what": what or name, "where": where, "fits": len(others) + 1}
             warnings.append(finding("searched-not-told", **facts))
     return warnings
 

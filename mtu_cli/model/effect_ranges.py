@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.files.covariates import NEAR_K, is_temperature
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language import names, parse
 from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.stats.least_squares import FloatArray
-
-if TYPE_CHECKING:
-    from mtu_cli.model.residual_table import ResidualTable
 
 SLACK = 0.1
 """Share of the range seen that may be exceeded without a word."""
@@ -29,8 +24,6 @@ LARGE_MM = 1.0
 unit than is meant ..."""
 STEEP = 1e-3
 """... but on a long axis: no machine grows by more in proportion, as steel would by 90 K."""
-FINE = 1e-6
-"""Share of a range by which its ends are rounded outward."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,51 +34,6 @@ class _Left:
     low: float
     high: float
     value: float
-
-
-def seen_ranges(
-    table: ResidualTable, equations: Mapping[str, str], parameters: Collection[str] = ()
-) -> dict[str, list[float]]:
-    """The `column_ranges` of the positions and columns that the `equations` of an effect use; a
-    column that has the name of one of its `parameters` is not among them.
-    """
-    used = [name for text in equations.values() for name in names(parse(text))]
-    return column_ranges(table, [name for name in used if name not in parameters])
-
-
-def column_ranges(table: ResidualTable, columns: Iterable[str]) -> dict[str, list[float]]:
-    """Lowest and highest value over the measured cells of positions and `columns`, those that the
-    table has, rounded outward to a millionth of the range.
-    """
-    found = {}
-    for name in dict.fromkeys(columns):
-        if name in AXES:
-            values = table.places[..., AXES.index(name)]
-        elif name in table.covariates:
-            values = np.broadcast_to(table.covariates[name], table.there.shape)
-        else:
-            continue
-        own = values[table.there]
-        if len(own) and np.isfinite(own).all():
-            found[name] = _outward(float(own.min()), float(own.max()))
-    return found
-
-
-def _outward(low: float, high: float) -> list[float]:
-    """The ends of a range with few digits, and everything of it between them; as they are where
-    the range, or a millionth of it, is no number.
-    """
-    fine = FINE * (high - low)
-    if not 0.0 < fine < math.inf:
-        return [low, high]
-    decimals = -math.floor(math.log10(fine))
-    step = 10.0**-decimals
-    ends = [round(end, decimals) for end in (low, high)]
-    if ends[0] > low:
-        ends[0] = min(low, round(low - step, decimals))
-    if ends[1] < high:
-        ends[1] = max(high, round(high + step, decimals))
-    return ends
 
 
 def effect_warnings_at(
@@ -120,6 +68,7 @@ def _not_given(
         finding(
             "effect-range-unknown",
             effects=_listed(own),
+            file=own[0].file,
             covariate=column,
             range=_between(low, high, high - low),
             reason=_lacks(values.get(column), column),
@@ -163,6 +112,7 @@ def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> Finding:
     return finding(
         "outside-effect-range",
         effects=_listed(effects),
+        file=effects[0].file,
         covariate=left.column,
         range=_between(left.low, left.high, left.high - left.low or beyond) + unit,
         at=_shown(left.value, beyond) + unit,
@@ -185,9 +135,7 @@ def _shown(value: float, size: float) -> str:
 
 
 def _listed(effects: Sequence[DeclaredEffect]) -> str:
-    return f"{effects[0].file}: " + ", ".join(
-        f"effects[{effect.index}] ({effect.name})" for effect in effects
-    )
+    return ", ".join(f"effects[{effect.index}] ({effect.name})" for effect in effects)
 
 
 def _too_large(
@@ -208,6 +156,7 @@ def _too_large(
                 finding(
                     "effect-too-large",
                     effect=_listed([effect]),
+                    file=effect.file,
                     value_mm=largest,
                     where="",
                     expected="parameters and constants in the units of their columns",

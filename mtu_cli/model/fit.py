@@ -190,7 +190,11 @@ def _disagreements(machine: LoadedMachine, name: str, item: ReportedComponent) -
     entry = machine.machine.components.get(name)
     if entry is None:
         known = machine.machine.components
-        return [finding("unknown-name", what="component", value=name, **suggestion(name, known))]
+        return [
+            finding(
+                "unknown-name", what=f"component in {file}", value=name, **suggestion(name, known)
+            )
+        ]
     found = []
     degree = len(item.coefficients) - 1
     if degree != entry.degree:

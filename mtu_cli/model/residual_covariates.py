@@ -59,7 +59,7 @@ def table_covariates(
         if known.all():
             found[name] = _smallest(column.astype(np.float64), cells)
         else:
-            gaps.append(f"{name!r} ({_where(known, *files)})")
+            gaps.append(f"{name} ({_where(known, *files)})")
     if not gaps:
         return found, ()
     consequence = "no effect of such a column can be tested"
@@ -196,14 +196,14 @@ def missing_sensor(
 
 def _lacks(points: Points, name: str, known: Sequence[str], owner: str) -> Finding:
     near = closest_covariate(name, known)
+    there = f" (there is {near!r})" if near else ""
     return finding(
         "missing-covariate",
         owner=owner,
         names=[name],
         file=", ".join(source.shown for source in points.sources),
         column=name,
-        meant=(near,) if near else (),
-        expected=f"a column of this name, or --at {name}=VALUE",
+        expected=f"a column of this name{there}, or --at {name}=VALUE",
     )
 
 

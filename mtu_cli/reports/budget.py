@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.budget import BudgetResult, OutputBudget
+from mtu_cli.analyses.budget import BudgetResult
+from mtu_cli.analyses.budget.first_order import OutputBudget
 from mtu_cli.analyses.budget.quantities import InputQuantity, Part
 from mtu_cli.analyses.budget.warnings import has_shortest
 from mtu_cli.reports.document import finite, matrix

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.budget import BudgetResult, OutputBudget
+from mtu_cli.analyses.budget import BudgetResult
+from mtu_cli.analyses.budget.first_order import OutputBudget
 from mtu_cli.reports import figures
 from mtu_cli.reports.labels import cut, folded
 from mtu_cli.reports.numbers import significant, with_u

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from mtu_cli.analyses.budget import BudgetResult, OutputBudget
+from mtu_cli.analyses.budget import BudgetResult
+from mtu_cli.analyses.budget.first_order import OutputBudget
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.reports.budget import ends
 from mtu_cli.reports.numbers import (

@@ -15,7 +15,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.quantity import Size
+from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.correct_errors import errors_after

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.quantity import Size
+from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.summary import FeatureErrors
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from mtu_cli.analyses.correct.result import CorrectResult, Size
+from mtu_cli.analyses.correct.quantity import Size
+from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.summary import ROUNDING_MM
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES

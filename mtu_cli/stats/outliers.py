@@ -91,9 +91,10 @@ def outlying(
     OUTLYING_P/n (Bonferroni), and beyond `factor` times the farthest of the rest: no tail of a
     distribution, nor the turn of a curve. More than a fifth are none.
 
-    >>> mask, s = outlying(np.array([1.0, 1.2, 0.9, 1.1, 9.0, 1.05, 0.95, 1.15]), np.zeros(8, int))
-    >>> mask.nonzero()[0], round(s, 2)
-    (array([4]), 0.16)
+    >>> values = np.append(np.sin(np.arange(30.0)), 40.0)
+    >>> mask, s = outlying(values, np.zeros(31, int))
+    >>> mask.nonzero()[0].tolist(), round(s, 2)
+    ([30], 1.05)
     """
     from scipy.special import stdtrit
 

@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 from cli_runner import Result, done, mtu, report
-from support import CONFIGS, DATA, ROOT
+from support import CONFIGS, DATA
+
+from mtu_cli.cli.help import topic
 
 MACHINE, PART = (CONFIGS / "undeclared" / name for name in ("machine.yaml", "part.yaml"))
 READINGS, POINTS = (DATA / "undeclared" / name for name in ("lbb.csv", "cmm.csv"))
@@ -58,7 +60,7 @@ def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_pa
     assert "not tested: backlash-x, wear-approach-x, backlash-step-x: no column dir_x" in said
     assert "dir_y does not change" in said
     assert "T_copy_degC is a copy of T_spindle_degC" in said
-    assert "empty cells in 'T_part_degC' (24 of 192 rows)" in result.stderr
+    assert "empty cells in T_part_degC (24 of 192 rows)" in result.stderr
     assert "backlash-x" not in [effect["name"] for effect in found["results"]["effects"]]
     assert picture.read_bytes().startswith(b"%PDF")
 
@@ -128,10 +130,8 @@ def test_errors_without_any_scatter(shift: float, tmp_path: Path) -> None:
     assert found["results"]["before"]["rms_um"] == pytest.approx(1e3 * shift)
 
 
-def test_own_effects_of_the_readme(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    (text,) = re.findall(
-        r"```yaml\n(schema: mtu/effects/1\n.*?)```", (ROOT / "README.md").read_text("utf-8"), re.S
-    )
+def test_own_effects_of_the_help(rows: list[dict[str, str]], tmp_path: Path) -> None:
+    (text,) = re.findall(r"```yaml\n(schema: mtu/effects/1\n.*?)```", topic("effects"), re.S)
     (tmp_path / "mine.yaml").write_text(text, "utf-8")
     points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
     found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml")

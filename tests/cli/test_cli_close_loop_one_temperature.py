@@ -74,10 +74,10 @@ def test_what_parts_of_one_temperature_show_is_that_of_it(lacks: str, tmp_path: 
     assert warned(tmp_path, "T_room_degC=26.4", *last) == []
     ((code, words),) = warned(tmp_path, "T_room_degC=20", *last)
     assert code == "outside-effect-range"
-    assert f"({effect['name']}): found with T_room_degC at 26, extrapolated to 20" in words
+    assert f"({effect['name']}) have T_room_degC at 26: extrapolated to 20" in words
     ((code, words),) = warned(tmp_path, *last)
     assert code == "effect-range-unknown"
-    assert "valid with T_room_degC at 26; no value is given" in words
+    assert "have T_room_degC at 26: no value is given" in words
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_another_temperature_that_changes_says_nothing_of_the_one_that_does_not(
     assert found["effects"][0]["found_at_degC"] == {"T_room_degC": 26.0}
     assert "is that of T_room_degC = 26, the same in all this data" in said
     told = dict(warned(tmp_path, "T_room_degC=20", "T_spindle_degC=28"))
-    assert "found with T_room_degC at 26" in told["outside-effect-range"]
+    assert "have T_room_degC at 26: extrapolated to 20" in told["outside-effect-range"]
 
 
 def test_what_cannot_be_of_a_temperature_is_of_none(tmp_path: Path) -> None:

@@ -147,8 +147,8 @@ def untold(work: Path) -> str:
     (work / "machine.yaml").write_bytes(content)
     line = 1 + content.decode().splitlines().index("  - name: cyclic-x")
     return (
-        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) is not determined by its places "
-        "(3 fit alike): it holds at those places alone"
+        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) is one of 4 that fit alike at "
+        "its places: it holds at those places alone"
     )
 
 
@@ -162,12 +162,12 @@ def test_a_pitch_that_was_not_told_is_told_of(
     assert code == 0, told
     found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
     assert [(item["code"], item["message"]) for item in found] == [("searched-not-told", untold)]
-    assert told.count("is not determined by") == 1
+    assert told.count("that fit alike") == 1
     last = 5 if command in PREDICTIONS else 4
     (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
     assert beyond["message"] == (
-        "machine.yaml: effects[0] (trend-y): found with tool_parts from 0 to 2, "
-        f"extrapolated to {last}"
+        "machine.yaml: the data of effects[0] (trend-y) have tool_parts from 0 to 2: extrapolated "
+        f"to {last}"
     )
     assert told.count(beyond["message"]) == 1
 
@@ -197,13 +197,13 @@ def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
         codes = ("outside-effect-range", "effect-range-unknown")
         found.append([w["message"] for w in report["warnings"] if w["code"] in codes])
     assert found[0] == [
-        "machine.yaml: effects[0] (trend-y): valid with T_room_degC from 25.6 to 26.4; no "
+        "machine.yaml: the data of effects[0] (trend-y) have T_room_degC from 25.6 to 26.4: no "
         "value is given (--at T_room_degC)"
     ]
     assert found[1] == []
     (message,) = found[2]
     assert message == (
-        "machine.yaml: effects[0] (trend-y): found with T_room_degC from 25.6 to 26.4, "
+        "machine.yaml: the data of effects[0] (trend-y) have T_room_degC from 25.6 to 26.4: "
         "extrapolated to 20"
     )
 

@@ -137,7 +137,7 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
     call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-cmm", "p.csv")
     result = mtu(*call, cwd=folder)
     assert result.returncode == 2
-    assert "needs T_a_degC" in result.stderr
+    assert "needs T_a_degC; expected --covariate 'T_a_degC: EQUATION'" in result.stderr
     assert "--cmm-room DEGC" in result.stderr
     assert not (folder / "p.csv").exists()
 

@@ -49,7 +49,7 @@ def test_thermal_blocks_that_a_drift_test_wins_over_are_named(tmp_path: Path) ->
     done(mtu("thermal-fit", "-m", "m.yaml", "--drift", "a.csv", "-o", "t.json", cwd=tmp_path))
     call = ("predict-points", "-m", "m.yaml", "-p", "p.yaml", "--at", "T_*_degC=23")
     alone = done(mtu(*call, cwd=tmp_path)).stderr
-    assert "not-used" not in alone
+    assert "[not-used]" not in alone
     for source in (("--drift", "a.csv"), ("-c", "t.json")):
         told = done(mtu(*call, *source, cwd=tmp_path)).stderr
         assert "m.yaml:4: the thermal blocks of a are not used: drift readings" in told

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.budget.copulas import copula_correlations
 from mtu_cli.analyses.budget.correlation import correlation_of, input_covariance
-from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
+from mtu_cli.analyses.budget.first_order import FirstOrder, OutputBudget, first_order
 from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
 from mtu_cli.analyses.budget.rare_jumps import rare_jumps
 from mtu_cli.analyses.budget.sources import Source, independent_sources
@@ -31,32 +31,6 @@ from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
 DRAWN = 2**17
 """Trials kept for the histogram."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutputBudget:
-    """One output: first order, its expanded uncertainty U = k u, and clause 8's verdict.
-
-    `k_probability`: the factor for the coverage probability at the output's effective degrees
-    of freedom; k itself is that, unless a factor is given.
-    """
-
-    first: FirstOrder
-    unit: str
-    k: float
-    k_probability: float
-    validation: Validation
-
-    @property
-    def expanded(self) -> float:
-        """U = k u."""
-        return self.k * self.first.u
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """First-order interval y -+ k u for the coverage probability."""
-        half = self.k_probability * self.first.u
-        return self.first.value - half, self.first.value + half
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,6 +18,7 @@ from mtu_cli.language import Node, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.validation import Validation
 
 EXTREME = 1e50
 """From here on, and below its reciprocal, an output is divided before it is squared."""
@@ -49,6 +50,32 @@ class FirstOrder:
     tails: tuple[Tail, ...]
     faults: tuple[Finding, ...]
     scale: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputBudget:
+    """One output: first order, its expanded uncertainty U = k u, and clause 8's verdict.
+
+    `k_probability`: the factor for the coverage probability at the output's effective degrees
+    of freedom; k itself is that, unless a factor is given.
+    """
+
+    first: FirstOrder
+    unit: str
+    k: float
+    k_probability: float
+    validation: Validation
+
+    @property
+    def expanded(self) -> float:
+        """U = k u."""
+        return self.k * self.first.u
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """First-order interval y -+ k u for the coverage probability."""
+        half = self.k_probability * self.first.u
+        return self.first.value - half, self.first.value + half
 
 
 def first_order(

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.analyses.budget.first_order import OutputBudget
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.analyses.budget.tails import told_source, unsettled
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
-
-if TYPE_CHECKING:
-    from mtu_cli.analyses.budget import OutputBudget
 
 NO_WEAKER = 0.9995
 """A factor of a correlation that shows as 1."""

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from mtu_cli.analyses.correct.leaning import leaning
-from mtu_cli.analyses.correct.result import CorrectResult, Size, mean_size, with_scatter
+from mtu_cli.analyses.correct.quantity import Size, mean_size, with_scatter
+from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.roundness import ovals
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter

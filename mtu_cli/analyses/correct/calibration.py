@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import Size
+from mtu_cli.analyses.correct.quantity import Size
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
@@ -168,6 +168,8 @@ def _temperature(
         return values
     if name in at:
         return np.full(len(points), at[name])
+    near = nearest(name, [*columns, *at])
+    there = f" (there is {' or '.join(map(repr, near))})" if near else ""
     raise error(
         "unknown-name",
         what="temperature",
@@ -175,6 +177,5 @@ def _temperature(
         line=part.line_of(*place, "temperature"),
         path=f"{place[0]}[{place[1]}].temperature",
         value=name,
-        meant=nearest(name, [*columns, *at]),
-        expected=f"a column of this name, or --at {name}=VALUE",
+        expected=f"a column of this name{there}, or --at {name}=VALUE",
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import Size
+from mtu_cli.analyses.correct.quantity import Size
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.strain import entries
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_plane

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.analyses.correct.quantity import Kind
 from mtu_cli.analyses.correct.scatter import (
     NOTHING_MM,
     PointScatter,

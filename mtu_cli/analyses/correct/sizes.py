@@ -10,7 +10,7 @@ from math import nan
 import numpy as np
 
 from mtu_cli.analyses.correct.leaning import askew, bore
-from mtu_cli.analyses.correct.result import Kind, Sides, Size, mean_size
+from mtu_cli.analyses.correct.quantity import Kind, Sides, Size, mean_size
 from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import Squares, ring_squares

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.analyses.correct.quantity import Kind
 from mtu_cli.analyses.correct.scatter import ring_space
 from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.stats.least_squares import FloatArray

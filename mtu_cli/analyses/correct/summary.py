@@ -5,18 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.analyses.correct.quantity import Size
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-
-if TYPE_CHECKING:
-    from mtu_cli.analyses.correct.result import Size
-
 
 ROUNDING_MM = 1e-7
 """What of a form is rounding: a tenth of a nanometre."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.correct.calibration import Calibration, calibration_of
-from mtu_cli.analyses.correct.result import Kind
+from mtu_cli.analyses.correct.quantity import Kind
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, finding

@@ -14,9 +14,9 @@ from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import UNEXPLAINED, Choices, read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
+from mtu_cli.close_loop_sealed.model.seen_ranges import column_ranges, seen_ranges
 from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
-from mtu_cli.model.effect_ranges import column_ranges, seen_ranges
 from mtu_cli.model.fit import (
     estimates_from_fit,
     estimates_from_report,

@@ -77,7 +77,7 @@ def test_a_temperature_of_the_ring_that_nobody_gives(tmp_path: Path) -> None:
     (message,) = refused(machine(tmp_path), part, ring_points(measured, ["a"], None, own))
     assert "part.yaml:" in message
     assert "circles[0].temperature: " in message
-    assert "did you mean 'T_ring_degC'?" in message
+    assert "(there is 'T_ring_degC')" in message
 
 
 def test_rings_that_cannot_be_had(tmp_path: Path) -> None:

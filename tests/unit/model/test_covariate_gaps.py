@@ -59,7 +59,7 @@ def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
     assert not {"often", "most"} & set(table.covariates)
     assert [item.facts["names"] for item in told] == [
         ["rare"],
-        ["'often' (4 of 79 rows)", "'most' (29 of 79 rows)"],
+        ["often (4 of 79 rows)", "most (29 of 79 rows)"],
     ]
 
 
@@ -69,14 +69,14 @@ def test_a_column_that_a_whole_file_lacks_is_told_with_the_file(tmp_path: Path) 
     index = (np.arange(len(points)) >= 60).astype(np.int64)
     points = replace(points, file_index=index, sources=(*points.sources, second))
     _, (told,) = residual_table(stated(tmp_path, MACHINE), points)
-    rows = ["'T_room_degC' (20 of 80 rows, all of b.csv)", "'load' (5 of 80 rows)"]
+    rows = ["T_room_degC (20 of 80 rows, all of b.csv)", "load (5 of 80 rows)"]
     assert told.facts["names"] == rows
 
 
 def test_a_column_without_any_value_is_told(tmp_path: Path) -> None:
     points = with_gaps(T_room_degC=list(range(80)))
     table, (told,) = residual_table(stated(tmp_path, MACHINE), points)
-    assert told.message.startswith("empty cells in 'T_room_degC' (80 of 80 rows, all of ")
+    assert told.message.startswith("empty cells in T_room_degC (80 of 80 rows, all of ")
     assert "T_room_degC" not in table.covariates
 
 

@@ -15,7 +15,8 @@ from model_examples import FloatArray, loaded, part_of, stated
 from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_points
-from mtu_cli.model.effect_ranges import _not_given, effect_warnings_at, seen_ranges
+from mtu_cli.close_loop_sealed.model.seen_ranges import seen_ranges
+from mtu_cli.model.effect_ranges import _not_given, effect_warnings_at
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_effects import effects_on_readings
 from mtu_cli.model.residual_table import ResidualTable
@@ -49,7 +50,7 @@ def told(
 ) -> list[str]:
     found = effect_warnings_at(stated(folder, MACHINE + effects), points, covariates)
     assert all(item.code == "outside-effect-range" for item in found)
-    return [" ".join(map(str, item.facts.values())) for item in found]
+    return [f"{item.file}: " + " ".join(map(str, item.facts.values())) for item in found]
 
 
 @pytest.mark.parametrize(

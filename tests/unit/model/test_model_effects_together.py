@@ -142,10 +142,10 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     [
         (None, []),
         ("{}", []),
-        ("{pitch_mm: [32.0]}", [("pitch", "places", 1)]),
-        ("{pitch_mm: [62.6, 37]}", [("pitch", "places", 2)]),
-        ("{tau_min: [90, 7]}", [("tau", "data", 2)]),
-        ("{at: [2.5]}", [("at", "data", 1)]),
+        ("{pitch_mm: [32.0]}", [("pitch", "places", 2)]),
+        ("{pitch_mm: [62.6, 37]}", [("pitch", "places", 3)]),
+        ("{tau_min: [90, 7]}", [("tau", "data", 3)]),
+        ("{at: [2.5]}", [("at", "data", 2)]),
     ],
 )
 def test_one_of_several_values_is_told_of(

@@ -1,0 +1,220 @@
+"""The commands as functions of Python, of files or of what was read from them.
+
+    machine = mtu.read_machine("machine.yaml")
+    fit = mtu.fit_components(machine, mtu.read_readings(["lbb.csv"], machine))
+    mtu.lengths(machine, mtu.read_part("part.yaml"), components=fit, at={"dir_x": 1}).to_frame()
+
+A study, or what was read, is given by position, options of the command by name (``seed=1``,
+``datum="offset"``). Faults of the input raise InputError with all findings.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.cli.inputs import Inputs
+from mtu_cli.cli.options import Options
+from mtu_cli.files.machine import LoadedMachine, load_machine
+from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.points import Points
+from mtu_cli.files.points import read_points as points_of
+from mtu_cli.files.readings import Readings
+from mtu_cli.files.readings import read_readings as readings_of
+from mtu_cli.files.source import DRIFT, Source
+from mtu_cli.files.study import LoadedStudy, load_study
+from mtu_cli.findings import Finding
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from mtu_cli.cli.execute import Outcome
+
+COMMANDS = (
+    *("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare"),
+    *("thermal-fit", "correct", "close-loop", "budget"),
+)
+FilePath = str | Path
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a command found; `warnings` are those of the input and of the result."""
+
+    command: str
+    warnings: tuple[Finding, ...]
+    outcome: Outcome
+    inputs: Inputs
+
+    def to_dict(self) -> dict[str, Any]:
+        """`results` of the JSON report."""
+        return self.outcome.results()
+
+    def to_frame(self) -> pd.DataFrame:
+        """The main table, as `--csv` writes it."""
+        import pandas as pd
+
+        header, rows = self.outcome.rows()
+        return pd.DataFrame([list(row) for row in rows], columns=list(header))
+
+    def figure(self) -> Figure:
+        """The picture of `--plot`."""
+        return self.outcome.figure()
+
+    def report(self) -> dict[str, Any]:
+        """The whole report, as `-o` writes it."""
+        from mtu_cli.cli.settings import read_settings
+        from mtu_cli.reports.document import envelope
+
+        settings = self.outcome.settings or read_settings(self.inputs, None)
+        return envelope(
+            self.command,
+            inputs=self.inputs.sources,
+            settings=settings,
+            results=self.to_dict(),
+            warnings=self.warnings,
+            at=self.inputs.at,
+        )
+
+
+def read_machine(path: FilePath) -> LoadedMachine:
+    """A machine file; raises InputError with all its faults."""
+    return load_machine(Path(path))
+
+
+def read_part(path: FilePath) -> LoadedPart:
+    """A part file; raises InputError with all its faults."""
+    return load_part(Path(path))
+
+
+def read_study(path: FilePath) -> LoadedStudy:
+    """A study file; raises InputError with all its faults."""
+    return load_study(Path(path))
+
+
+def read_readings(
+    paths: Iterable[FilePath], machine: LoadedMachine | None = None, role: str = "lbb"
+) -> Readings:
+    """Readings of one `role`: ``lbb``, ``laser`` or ``drift``; raises InputError with all faults.
+
+    `machine` names the components; without it any name is accepted.
+    """
+    components = None if machine is None else machine.machine.components
+    files = [(Path(path), role) for path in paths]
+    return readings_of(files, components, for_fit=role != DRIFT and components is not None)
+
+
+def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Points:
+    """Measured points with the nominal places of `part`, or their own; raises InputError."""
+    places = None if part is None else part.part.places()
+    return points_of([(Path(path), "cmm") for path in paths], places)
+
+
+def check(*given: Any, **options: Any) -> list[Finding]:
+    """What the input checks warn of; raises InputError for errors."""
+    inputs = _inputs("compare", given, options)
+    for name, roles in (
+        ("machine", ("machine",)),
+        ("part", ("part",)),
+        ("readings", ("lbb", "laser")),
+        ("drift", ("drift",)),
+        ("points", ("cmm",)),
+    ):
+        if any(inputs.files(role) for role in roles):
+            getattr(inputs, name)
+    return list(inputs.suspicions)
+
+
+def function_of(name: str) -> Callable[..., Result]:
+    """The function of a command, by its name with underscores; raises AttributeError."""
+    command = name.replace("_", "-")
+    if command not in COMMANDS:
+        raise AttributeError(name)
+    found = partial(_run, command)
+    found.__doc__ = _commands()[command].help
+    return found
+
+
+def _run(command: str, *given: Any, **options: Any) -> Result:
+    from mtu_cli.cli.settings import doubts, read_settings
+
+    inputs = _inputs(command, given, options)
+    folder = "close_loop_sealed.cli" if command == "close-loop" else "cli"
+    module = import_module(f"mtu_cli.{folder}.{command.replace('-', '_')}")
+    settings = read_settings(inputs, None)
+    outcome: Outcome = module.analyse(inputs, settings)
+    warnings = (*inputs.suspicions, *doubts(inputs, settings), *outcome.warnings)
+    return Result(command, warnings, outcome, inputs)
+
+
+@cache
+def _commands() -> Mapping[str, Any]:
+    import typer
+
+    from mtu_cli.cli.commands import app
+
+    found: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
+    return found
+
+
+def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
+    """The inputs of a call: what was read already takes the place of its file."""
+    values = {each.name: each.default for each in _commands()[command].params}
+    unknown = options.keys() - values.keys() - {"components", "lbb", "laser", "cmm", "drift"}
+    if unknown:
+        raise TypeError(f"{command} has no option {', '.join(sorted(unknown))}")
+    plain = {key: value for key, value in options.items() if not isinstance(value, Result)}
+    values |= plain
+    if isinstance(at := values.get("at"), Mapping):
+        values["at"] = [f"{name}={value}" for name, value in at.items()]
+    for role in ("lbb", "laser", "cmm", "drift", "components", "effects"):
+        if isinstance(one := values.get(role), (str, Path)):
+            values[role] = [one]
+        values[role] = [Path(path) for path in values.get(role) or ()] or None
+    read: dict[str, Any] = {}
+    for item in (*given, *(value for value in options.values() if isinstance(value, Result))):
+        _place(item, command, values, read)
+    if command == "budget":
+        values["machine"] = values["file"]
+    inputs = Inputs(Options(command, values))
+    for name in ("machine", "part", "reports", "readings", "drift", "points"):
+        if name in read:
+            inputs.taken(name, read[name])
+    return inputs
+
+
+def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]) -> None:
+    match item:
+        case LoadedMachine():
+            values["machine"], read["machine"] = item.source.path, item
+        case LoadedPart():
+            values["part"], read["part"] = item.source.path, item
+        case LoadedStudy():
+            values["study"] = item.source.path
+        case Readings() | Points():
+            for source in item.sources:
+                values[source.role] = [*(values.get(source.role) or ()), source.path]
+            drift = isinstance(item, Readings) and item.sources[0].role == DRIFT
+            read["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
+        case Result():
+            read["reports"] = _reports(item)
+        case str() | Path():
+            values["file" if command == "budget" else "study"] = Path(item)
+        case _:
+            raise TypeError(f"{command} takes no {type(item).__name__}")
+
+
+def _reports(fitted: Result) -> Any:
+    """The report of a fit, as if it had been written and read."""
+    from mtu_cli.files.reports_read import ModelReports, components_from, thermal_from
+
+    shown = fitted.command.replace("-", "_")
+    source = Source(role="components", path=Path(shown), shown=shown, sha256="")
+    if fitted.command == "thermal-fit":
+        return ModelReports(thermal=thermal_from(source, fitted.report()))
+    return ModelReports(components=components_from(source, fitted.report()))

@@ -1,0 +1,76 @@
+"""`mtu help`: topics, findings and commands, from the Markdown of the package."""
+
+from __future__ import annotations
+
+import re
+import sys
+from importlib.resources import files
+
+from mtu_cli.catalogue import CATALOGUE
+from mtu_cli.cli.options import Options
+from mtu_cli.findings import error, nearest
+
+FINDINGS = "findings"
+ORDER = (
+    *("start", "machine", "readings", "points", "conventions", "figures", "close-loop", "effects"),
+    *("temperature", "budget", "graph", "gates", "findings", "papers", "accuracy", "building"),
+)
+"""The topics as a newcomer needs them."""
+
+
+def run(options: Options) -> None:
+    """Prints a topic, the paragraph of a finding, or the help of a command."""
+    from mtu_cli.cli.commands import app
+
+    commands = [str(each.name) for each in app.registered_commands]
+    commands += [str(each.name) for each in app.registered_groups]
+    name = options.topic
+    if name is None:
+        show(overview())
+        return
+    if name not in (*ORDER, *CATALOGUE, *commands):
+        known = [*ORDER, *commands, *CATALOGUE]
+        hint = {"meant": nearest(name, known)} if nearest(name, known) else {}
+        expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
+        raise error("unknown-name", what="topic", value=name, expected=expected, **hint)
+    if name in ORDER:
+        show(topic(name))
+    elif name in CATALOGUE:
+        show(paragraph(name))
+    if name in commands:
+        app([name, "--help"], standalone_mode=False)
+
+
+def topic(name: str) -> str:
+    """The Markdown of a topic."""
+    return (files("mtu_cli") / "help" / f"{name}.md").read_text("utf-8")
+
+
+def overview() -> str:
+    """The topics, each with its title."""
+    titles = {name: topic(name).partition("\n")[0].removeprefix("# ") for name in ORDER}
+    lines = [f"- `mtu help {name}` — {title}" for name, title in titles.items()]
+    return "\n".join(["# Help", "", *lines, "- `mtu help CODE` — a warning or error", ""])
+
+
+def paragraph(code: str) -> str:
+    """What is known of a finding: severity, sentence, and its paragraph of help/findings.md."""
+    kind = CATALOGUE[code]
+    found = ""
+    for section in re.split(r"^## ", topic(FINDINGS), flags=re.MULTILINE)[1:]:
+        heading, _, text = section.partition("\n")
+        if code in heading.split(", "):
+            found = text.strip()
+    sentence = re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
+    return f"# {code} ({kind.severity})\n\n    {sentence}\n\n{found}\n"
+
+
+def show(text: str) -> None:
+    """Markdown, rendered on a terminal and as it is in a pipe."""
+    if not sys.stdout.isatty():
+        sys.stdout.write(text)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(text))
