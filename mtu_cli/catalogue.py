@@ -68,7 +68,6 @@ CATALOGUE: dict[str, Kind] = {
     "drift-readings": _error("these look like drift readings (cycles and {sensors}, no passes)"),
     "other-nominal": _error("the nominal place of {feature!r} is not the part file's"),
     "no-nominal": _error("no nominal place is known of {features}"),
-    "not-a-temperature-name": _error("not the name of a temperature"),
     # YAML files, JSON files and their contracts.
     "not-yaml": _error("not readable as YAML: {reason}"),
     "not-json": _error("not readable as JSON: {reason}"),
@@ -83,12 +82,9 @@ CATALOGUE: dict[str, Kind] = {
     "decimal-comma": _error("a comma ends a number of a list"),
     "other-kind": _error("not {kind}"),
     "missing-key": _error("the key '{key}' is missing"),
-    "unknown-key": _error("unknown key"),
     "no-value": _error("no value"),
     "wrong-value": _error("wrong value"),
-    "unknown-value": _error("unknown value"),
     "unknown-name": _error("unknown {what}"),
-    "unknown-unit": _error("unknown unit"),
     "too-large": _error("the number is too large to calculate with"),
     "not-printable": _error("not a name that a table can show"),
     "not-a-name": _error("not a name that equations can use"),
@@ -101,7 +97,6 @@ CATALOGUE: dict[str, Kind] = {
     # Language.
     "equation-syntax": _error("unexpected {token}"),
     "equation-too-large": _error("the equation has {number} {unit}"),
-    "unknown-function": _error("unknown function '{name}'"),
     "function-arguments": _error("{function} has {number} arguments"),
     "no-finite-value": _error("'{operation}' of these constants has no finite value"),
     "no-value-here": _error("{operation} has no finite value or no derivative at {at}"),
@@ -112,19 +107,14 @@ CATALOGUE: dict[str, Kind] = {
     "argument-unit": _error("{function} of {unit}"),
     "wrong-unit": _error("{of} is {unit}, not {wanted}"),
     "term-without-parameter": _error("a term without a parameter"),
-    "not-an-input": _error("'{name}' is not an input of this transition"),
-    "no-such-coordinate": _error("a {kind} has no coordinate '{name}'"),
     # YAML contracts.
     "keys-exclude": _error("{keys} are given together"),
     "key-needs": _error("`{key}` without {other}"),
     "key-elsewhere": _error("`{key}` belongs to {where}"),
     "number-extreme": _error("the number is too large or too small to calculate with"),
-    "named-twice": _error("'{name}' stands twice"),
     # Budgets.
     "no-limits": _error("a {distribution} distribution has no limits"),
-    "correlated-constant": _error("'{name}' is correlated, but it has no uncertainty"),
     "unequal-counts": _error("readings that are taken together are not equally many: {counts}"),
-    "unused-input": _warning("in no equation"),
     "equal-readings": _warning(
         "all {n} readings are equal, so that u is 0; add the resolution r as half_width: r/2 "
         "with distribution: rectangular (JCGM 100, F.2.2.1)"
@@ -165,17 +155,11 @@ CATALOGUE: dict[str, Kind] = {
         "{trials} trials go there (1 in {one_in}), u would be {times:.3g} times as large"
     ),
     # The machine.
-    "unused-component": _warning("the component '{component}' is in no equation"),
+    "unused": _warning("the {what} '{name}' is in no equation"),
     # Calls.
-    "unknown-option": _error("{command} has no {option}"),
-    "unknown-command": _error("unknown command"),
-    "option-without-value": _error("{option} has no value"),
-    "option-takes-no-value": _error("{option} takes no value"),
     "option-form": _error("not {form}"),
     "option-without-effect": _error("changes nothing in what is written"),
     "option-not-used": _warning("changes nothing in what is written"),
-    "missing-argument": _error("{command} needs {argument}"),
-    "extra-argument": _error("{command} takes no further argument"),
     "usage": _error("{reason}"),
     "out-of-range": _error("out of range"),
     "not-a-whole-number": _error("not a whole number"),
@@ -190,6 +174,7 @@ CATALOGUE: dict[str, Kind] = {
     # Files to write.
     "names-no-file": _error("names no file"),
     "wrong-ending": _error("{option} writes {kind}"),
+    "extra-missing": _error("{what} cannot be written by this installation"),
     "standard-output": _error("{option} cannot go to standard output"),
     "input-overwritten": _error("is an input of {owner} and is not overwritten"),
     "data-overwritten": _error("does not begin with '{mark}': measured data is not overwritten"),
@@ -277,7 +262,6 @@ CATALOGUE: dict[str, Kind] = {
     # Measurement graphs and effects.
     "not-a-formula": _error("not a formula of numbers: {reason}"),
     "not-made": _error("no transition makes this {kind}"),
-    "made-twice": _error("a transition makes it already (line {line_of})"),
     "leads-nowhere": _error("the place leads nowhere"),
     "graph-cycle": _error("a cycle: {places}"),
     "wrong-input": _error("{do} does not take {place} as input {number}"),
@@ -297,10 +281,8 @@ CATALOGUE: dict[str, Kind] = {
     "several-coordinates": _error("the place has several coordinates"),
     "nothing-varies": _warning("nothing varies: nothing behind it has an uncertainty"),
     "not-in-equations": _error("it is in no equation"),
-    "unused-parameter": _warning("the parameter '{parameter}' is in no equation"),
     "unit-per-minute": _warning("{unit} beside a time is read as {unit} per minute"),
     "no-variance": _error("the first-order uncertainty is 0: no shares of variance"),
-    "given-twice": _error("given more than once"),
     # Checks of readings and sensors.
     "distances-not-errors": _error(
         "{component}: the errors are distances that follow the position ({rows}): subtract "

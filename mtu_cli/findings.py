@@ -66,7 +66,7 @@ class Finding:
     def text(self) -> str:
         """What is wrong, without its place.
 
-        >>> Finding(code="unused-component", facts={"component": "dx_x"}).text
+        >>> Finding(code="unused", facts={"what": "component", "name": "dx_x"}).text
         "the component 'dx_x' is in no equation"
         """
         return _WORDS.vformat(self.kind.template, (), self.facts)

@@ -19,7 +19,7 @@ from mtu_cli.cli.places import placed_text, whole_paths
 from mtu_cli.cli.progress import LateBar
 from mtu_cli.cli.settings import doubts, read_settings
 from mtu_cli.cli.streams import write_bytes
-from mtu_cli.findings import EXIT_GATE, Finding
+from mtu_cli.findings import EXIT_GATE, Finding, InputError
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
@@ -132,7 +132,41 @@ def _files(
         from mtu_cli.reports.figures import figure_bytes
 
         files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
+    if options.report is not None:
+        files[options.report] = _report(options, inputs, settings, outcome)
     return files
+
+
+def _report(options: Options, inputs: Inputs, settings: Settings, outcome: Outcome) -> bytes:
+    from mtu_cli.reports.html import Page, report_bytes
+
+    used = settings if outcome.settings is None else outcome.settings
+    known: dict[str, Any] = {
+        "coverage factor": used.coverage_factor,
+        "seed": used.seed,
+        "digits": used.digits,
+    }
+    known |= {"correlation": used.correlation, "trials": used.trials or "adaptive"}
+    known |= {f"{name} =": value for name, value in inputs.at.items()}
+    page = Page(
+        title=f"{options.command.replace('-', ' ').capitalize()}: {inputs.names[0]}",
+        subject=inputs.names[1:],
+        tables=outcome.tables(),
+        figure=_picture(outcome),
+        warnings=outcome.warnings,
+        inputs=inputs.sources,
+        settings=known,
+        date=options.date,
+    )
+    return report_bytes(page, options.report.suffix.lower())
+
+
+def _picture(outcome: Outcome) -> Figure | None:
+    """The picture, where what was asked for can be drawn."""
+    try:
+        return outcome.figure()
+    except InputError:
+        return None
 
 
 def show(tables: Iterable[object]) -> None:

@@ -58,7 +58,7 @@ def varied(options: Options, known: Sequence[str]) -> dict[str, tuple[float, ...
                 finding("option-form", path="--vary", form=form, value=text, expected=EXAMPLE)
             )
         elif name in found or len(set(values)) < len(values):
-            faults.append(finding("given-twice", path=own, value=text))
+            faults.append(finding("appears-twice", what=own, value=text))
         else:
             found[name] = values
     if faults:

@@ -61,4 +61,4 @@ VARY: list[Parameter] = [
         REQUIRED,
     ),
 ]
-WITHOUT_PLOT: list[Parameter] = [item for item in OUTPUT if item[0] != "plot"]
+WITHOUT_PLOT: list[Parameter] = [x for x in OUTPUT if x[0] not in ("plot", "report", "date")]

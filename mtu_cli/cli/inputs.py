@@ -85,6 +85,15 @@ class Inputs:
         return "with -m and no STUDY none is looked for"
 
     @property
+    def names(self) -> list[str]:
+        """What the files of the call call themselves: machine, part, study; at least one."""
+        read = self.__dict__
+        found = [read[kind].machine.name for kind in ("machine",) if kind in read]
+        found += [read[kind].part.name for kind in ("part",) if kind in read]
+        found += [self.study.source.shown] if self.study else []
+        return found or [source.shown for source in self.sources]
+
+    @property
     def made_here(self) -> bool:
         """Whether part and points are those of the machine, beyond whose travels they cannot be."""
         return self.options.command not in OF_ANY_MACHINE

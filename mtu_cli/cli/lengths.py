@@ -8,7 +8,7 @@ from mtu_cli.cli.gates import read_gates
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled, one_direction
 from mtu_cli.cli.options import Options
-from mtu_cli.files.csv_cells import number
+from mtu_cli.files.csv_table import number
 from mtu_cli.findings import error
 from mtu_cli.model.settings import Settings
 

@@ -3,44 +3,18 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterable, Mapping
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, finding
 
 WRITES = "write_"
 """How the names of options begin that name a file to write beside these."""
-OUTPUTS = ("out", "csv", "plot")
+OUTPUTS = ("out", "csv", "plot", "report")
 DRAWING = "to"
 """What `graph draw` writes: its only file."""
 SEPARATORS = tuple({os.sep, "/"})
-
-_DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+")
-LONGEST_WHOLE = 15
-"""Digits of a whole number that are written out: 1e99 is a slip, and a line of its digits none to
-copy."""
-_THOUSANDS = re.compile(r"[-+]?[0-9]{1,3}(?:[,.' _][0-9]{3})+")
-
-
-def bad_number(param: Any, raw: Mapping[str, Any], said: str) -> InputError | None:
-    """The fault of an option whose value is no number, None where it is none of a number.
-
-    `raw` are the values of the call as they were written; `said` is what the parser says, which
-    knows whether a whole number was wanted.
-    """
-    whole = "integer" in said
-    bad = [
-        item
-        for item in _listed(raw.get(param.name))
-        if isinstance(item, str) and not _fits(item, whole)
-    ]
-    if not bad or not (whole or "number" in said or "float" in said):
-        return None
-    code = "not-a-whole-number" if whole else "not-a-number"
-    return error(code, path=_shown(param), value=bad[0], expected=_meant(bad[0].strip(), whole))
 
 
 def no_number(option: str, text: str, *, whole: bool = False) -> Finding | None:
@@ -48,41 +22,17 @@ def no_number(option: str, text: str, *, whole: bool = False) -> Finding | None:
     finite number; None of one that is.
     """
     from mtu_cli.files.contract import number_expectation
-    from mtu_cli.files.csv_cells import is_not_finite, number
+    from mtu_cli.files.csv_table import is_not_finite, number
 
     text = text.strip()
+    value = number(text)
     if is_not_finite(text):
         return finding("not-finite", path=option, value=text)
-    if number(text) is None or (whole and not _fits(text, whole)):
-        expected = _meant(text, whole)
-        expected = number_expectation(text) if expected == "a number" else expected
-        code = "not-a-whole-number" if whole else "not-a-number"
-        return finding(code, path=option, value=text, expected=expected)
+    if value is None:
+        return finding("not-a-number", path=option, value=text, expected=number_expectation(text))
+    if whole and not text.lstrip("+-").isdigit():
+        return finding("not-a-whole-number", path=option, value=text, expected="a whole number")
     return None
-
-
-def _fits(text: str, whole: bool) -> bool:
-    try:
-        (int if whole else float)(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _meant(text: str, whole: bool) -> str:
-    if not whole and _DECIMAL_COMMA.fullmatch(text):
-        return f"{text.replace(',', '.')} with a decimal point"
-    wanted = "a whole number" if whole else "a number"
-    if whole and _THOUSANDS.fullmatch(text):
-        digits = re.sub("[^-+0-9]", "", text)
-        return f"{_short(digits)}{wanted} without signs between its digits"
-    if whole and _fits(text, False) and isfinite(float(text)) and float(text) == int(float(text)):
-        return f"{_short(str(int(float(text))))}{wanted} in digits"
-    return wanted
-
-
-def _short(digits: str) -> str:
-    return f"{digits}, " if len(digits.lstrip("-+")) <= LONGEST_WHOLE else ""
 
 
 def check_names(params: Iterable[Any], values: Mapping[str, Any], raw: Mapping[str, Any]) -> None:

@@ -13,16 +13,10 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from mtu_cli.cli.option_values import bad_number, check_names
+from mtu_cli.cli.option_values import check_names
 from mtu_cli.cli.parameters import FAIL_IF, Parameter
-from mtu_cli.cli.usage import (
-    check_arguments,
-    check_command,
-    check_own,
-    check_values,
-    usage_faults,
-)
-from mtu_cli.findings import error
+from mtu_cli.cli.usage import refuse_forgotten_values, refuse_repeated, usage_faults
+from mtu_cli.findings import error, suggestion
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +66,10 @@ class Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
         """Name, command and the rest; raises InputError for a command that there is not."""
-        check_command(ctx, args)
+        known = self.list_commands(ctx)
+        if args and args[0] not in known:
+            hint = suggestion(args[0].casefold(), known)
+            raise error("unknown-name", what="command", value=args[0], **hint)
         return super().resolve_command(ctx, args)
 
     def get_params(self, ctx: Any) -> list[Any]:
@@ -88,27 +85,15 @@ class Once(TyperCommand):
         return _shown_once(super().get_params(ctx))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The rest of the arguments; raises InputError where an option with a value is repeated,
-        one is given that only other commands have, or a value is none.
+        """The rest of the arguments; raises InputError for what typer refuses, an option with a
+        value that is repeated or has another option for its value, and names that are no file.
         """
-        check_own(ctx, args)
         with usage_faults(ctx):
-            raw, extra, order = self.make_parser(ctx).parse_args(list(args))
-        check_values(ctx, args, raw)
-        for option in dict.fromkeys(order):
-            if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
-                continue
-            name = max(option.opts, key=len)
-            several = f", several gates with commas: {name} A,B" if option.name == FAIL_IF else ""
-            raise error("appears-twice", what=name, expected=f"once{several}")
-        if not raw.get("help"):
-            check_arguments(ctx, extra)
-        with usage_faults(ctx):
-            try:
-                rest = super().parse_args(ctx, args)
-            except typer.BadParameter as bad:
-                found = None if bad.param is None else bad_number(bad.param, raw, str(bad))
-                raise bad if found is None else found from None
+            raw, _, order = self.make_parser(ctx).parse_args(list(args))
+        refuse_repeated(order, FAIL_IF)
+        refuse_forgotten_values(ctx, raw)
+        with usage_faults(ctx, raw):
+            rest = super().parse_args(ctx, args)
         check_names(self.params, ctx.params, raw)
         return list(rest)
 

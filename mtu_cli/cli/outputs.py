@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.option_values import OUTPUTS, WRITES
 from mtu_cli.cli.options import Options
-from mtu_cli.cli.simulate_ranges import option_name
+from mtu_cli.cli.simulate_checks import option_name
 from mtu_cli.findings import Finding, InputError, finding
 
 if TYPE_CHECKING:
     from mtu_cli.files.study import LoadedStudy
 
 STANDARD_OUTPUT = Path("-")
+REPORTS = (".html", ".htm", ".pdf")
 
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
 MADE = {"write_lbb": ("lbb", "laser"), "write_cmm": ("cmm",), "write_drift": ("drift",)}
@@ -25,6 +26,7 @@ MADE_FIRST = {"write_machine": ("machine",), "write_components": ("components",)
 KINDS = {
     "out": "JSON",
     "csv": "CSV",
+    "report": "HTML or PDF",
     "write_components": "JSON",
     "write_machine": "YAML",
     **dict.fromkeys(("write_lbb", "write_cmm", "write_drift"), "CSV"),
@@ -35,6 +37,8 @@ ENDINGS = {
     ".yaml": "YAML",
     ".yml": "YAML",
     ".gz": "gzip",
+    ".html": "HTML",
+    ".htm": "HTML",
     **dict.fromkeys((".png", ".svg", ".pdf"), "a picture"),
 }
 
@@ -117,9 +121,13 @@ def _endings(files: Mapping[str, Path]) -> Iterator[Finding]:
     for name, path in files.items():
         kind = KINDS.get(name)
         other = ENDINGS.get(path.suffix.lower())
-        if kind is not None and other is not None and kind != other:
+        if name == "report":
+            wrong, ending = path.suffix.lower() not in REPORTS, ".html or .pdf"
+        else:
+            wrong = kind is not None and other is not None and kind != other
+            ending = next((key for key, value in ENDINGS.items() if value == kind), "")
+        if wrong:
             option = "-o" if name == "out" else option_name(name)
-            ending = next(key for key, value in ENDINGS.items() if value == kind)
             yield finding(
                 "wrong-ending",
                 option=option,

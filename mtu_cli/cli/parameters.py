@@ -235,6 +235,26 @@ OUTPUT: list[Parameter] = [
         ],
         None,
     ),
+    (
+        "report",
+        Annotated[
+            Path | None,
+            typer.Option(
+                "--report",
+                metavar="FILE",
+                help="A report to hand on, with tables and picture: .html (.pdf with an extra).",
+            ),
+        ],
+        None,
+    ),
+    (
+        "date",
+        Annotated[
+            str | None,
+            typer.Option("--date", metavar="DATE", help="The date that stands on the --report."),
+        ],
+        None,
+    ),
     *QUIET,
 ]
 COVARIANCE: list[Parameter] = [
@@ -297,7 +317,8 @@ def _filled(option: str, metavar: str) -> Callable[[str], str]:
 
     def read(text: str) -> str:
         if not text:
-            raise error("option-without-value", option=option, expected=f"{option} {metavar}")
+            reason = f"option {option!r} has no value"
+            raise error("usage", reason=reason, expected=f"{option} {metavar}")
         return text
 
     return read

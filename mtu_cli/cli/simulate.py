@@ -14,6 +14,14 @@ from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import check_outputs, check_overwritten
+from mtu_cli.cli.simulate_checks import (
+    CLIMATE,
+    DRIFT_TEST,
+    check_ranges,
+    check_used,
+    large_warnings,
+    option_name,
+)
 from mtu_cli.cli.simulate_drift import (
     check_cmm_room,
     drift_plan,
@@ -23,11 +31,7 @@ from mtu_cli.cli.simulate_drift import (
     temperatures,
     with_readings,
 )
-from mtu_cli.cli.simulate_equations import named_equation
-from mtu_cli.cli.simulate_large import large_warnings
-from mtu_cli.cli.simulate_positions import read_positions
-from mtu_cli.cli.simulate_ranges import check_ranges, option_name
-from mtu_cli.cli.simulate_unused import CLIMATE, DRIFT_TEST, check_used
+from mtu_cli.cli.simulate_options import named_equation, read_positions
 from mtu_cli.findings import Finding, error
 from mtu_cli.language import Node
 from mtu_cli.model.drift_simulation import simulate_drift
@@ -55,7 +59,7 @@ def run(options: Options) -> None:
     outputs = [options.values[name] for name in OUTPUTS if options.values[name] is not None]
     if not outputs:
         expected = "--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
-        raise error("missing-argument", command="simulate", argument="output", expected=expected)
+        raise error("usage", reason="simulate has no output", expected=expected)
     inputs = Inputs(options)
     check_outputs(inputs)
     check_cmm_room(options)
@@ -82,7 +86,8 @@ def run(options: Options) -> None:
 
 def _unused(inputs: Inputs) -> list[Finding]:
     """Of components that stand in no equation nothing is simulated."""
-    return [item for item in inputs.machine.warnings if item.code == "unused-component"]
+    warnings = inputs.machine.warnings
+    return [own for own in warnings if own.code == "unused" and own.facts["what"] == "component"]
 
 
 def _say(files: Mapping[Path, str]) -> None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.cli.drift_places import by_component, read_at
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.option_values import no_number
 from mtu_cli.cli.options import Options
-from mtu_cli.cli.simulate_ranges import MOST
+from mtu_cli.cli.simulate_checks import MOST
+from mtu_cli.cli.simulate_options import by_component, read_at
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.findings import InputError, error, suggestion
 from mtu_cli.model.calibrated_places import growth

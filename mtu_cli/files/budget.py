@@ -16,15 +16,14 @@ from mtu_cli.files.contract import (
     NonNegative,
     Positive,
     check_contract,
-    is_identifier,
     present,
     wrong,
 )
 from mtu_cli.files.source import Source
 from mtu_cli.files.study import MAX_COVERAGE
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
-from mtu_cli.findings import Finding, InputError, finding, suggestion
-from mtu_cli.language import Node, names, parse
+from mtu_cli.findings import Finding, finding
+from mtu_cli.language import Node, check_known, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.unit_algebra import check_consistent
 from mtu_cli.units import ANY, unit_powers
@@ -49,7 +48,7 @@ Text = Annotated[str, Field(min_length=1)]
 UNIT = "Unit, such as mm, 1/degC or um/m/K; it converts nothing, but those of a sum must agree"
 
 
-def lists_within(value: object) -> object:
+def _lists_within(value: object) -> object:
     """A list of lists; one of them alone, ``[a, b]`` for ``[[a, b]]``, is a single fault."""
     if isinstance(value, list) and value and not any(isinstance(item, list) for item in value):
         raise wrong("brackets around each of them too, [[...], [...]]")
@@ -153,11 +152,11 @@ class Budget(Contract):
         ],
         Field(min_length=1),
     ]
-    correlations: Annotated[list[Correlation], BeforeValidator(lists_within)] = Field(
+    correlations: Annotated[list[Correlation], BeforeValidator(_lists_within)] = Field(
         default=[], description="[input, input, correlation coefficient]"
     )
     simultaneous: Annotated[
-        list[Annotated[list[str], Field(min_length=2)]], BeforeValidator(lists_within)
+        list[Annotated[list[str], Field(min_length=2)]], BeforeValidator(_lists_within)
     ] = Field(default=[], description="Inputs whose readings were taken together")
     coverage: Coverage = Field(default=Coverage(), description="Default: probability 0.95")
 
@@ -212,7 +211,9 @@ def budget_from(document: YamlDocument) -> LoadedBudget:
     def check(budget: Budget, faults: Faults) -> None:
         for name, item in (budget.inputs or {}).items():
             _check_input(item, ("inputs", name), faults)
-        _check_names(faults)
+        taken = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
+        for name in faults.given("inputs"):
+            faults.symbol(("inputs", name), name, taken)
         _check_correlations(budget, faults)
         _check_simultaneous(budget, faults)
         coverage = budget.coverage
@@ -245,7 +246,7 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
             keys = f"readings and {given[0]}"
             expected = "the readings alone: their mean is the value"
             faults.add((*path, given[0]), "keys-exclude", keys=keys, expected=expected)
-    elif item.value is None and not limits and not faults.has_any(path):
+    elif item.value is None and not limits and not faults.is_faulty(*path):
         faults.add(path, "missing-key", key="value", expected="a value or readings")
     elif item.value is not None and item.low is not None and item.high is not None:
         middle = 0.5 * (item.low + item.high)
@@ -258,7 +259,7 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
         if part.low is not None and part.high is not None:
             expected = "half_width, about the input's value"
             faults.add(own, "key-elsewhere", key="low", where="the input itself", expected=expected)
-        elif not _stated(part) and not faults.has_any(own):
+        elif not _stated(part) and not faults.is_faulty(*own):
             faults.add(own, "missing-key", key="u", expected="u, half_width or U")
 
 
@@ -342,35 +343,24 @@ def _check_distribution(
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
 
-def _check_names(faults: Faults) -> None:
-    for name in faults.given("inputs"):
-        if not is_identifier(name):
-            expected = "letters, digits and _, such as l_s"
-            faults.add(("inputs", name), "not-a-name", value=name, expected=expected)
-        elif name in BUDGET_FUNCTIONS or name == "pi":
-            faults.add(("inputs", name), "name-taken", value=name, taken="the equation language")
-
-
 def _check_correlations(budget: Budget, faults: Faults) -> None:
     """Known names of uncertain inputs, coefficients of -1 to 1, no pair twice."""
-    known = faults.keys("inputs")
-    together = [frozenset(group) for _, group in present(budget.simultaneous)]
-    pairs: set[frozenset[str]] = set()
-    for index, (first, second, r) in present(budget.correlations):
-        path, pair = ("correlations", index), frozenset((first, second))
-        for name in (first, second):
-            if name not in known and known:
-                faults.add(path, "unknown-name", what="name", value=name, **suggestion(name, known))
-            elif name in (budget.inputs or {}) and not _is_uncertain(budget.inputs[name]):
-                faults.add(path, "correlated-constant", name=name, expected="an uncertain input")
-        if not -1.0 <= r <= 1.0:
-            faults.add(path, "wrong-value", value=r, expected="a coefficient of -1 to 1")
-        if pair in pairs or len(pair) == 1:
-            faults.add(path, "named-twice", name=f"{first}, {second}")
-        elif any(pair <= group for group in together):
+    known, inputs = faults.keys("inputs"), budget.inputs or {}
+
+    def judge(path: YamlPath, name: str) -> None:
+        if name not in known:
+            faults.unknown(path, name, known)
+        elif name in inputs and not _is_uncertain(inputs[name]):
+            faults.add(path, "not-correlatable", value=name, expected="an uncertain input")
+
+    pairs = present(budget.correlations)
+    faults.correlated(pairs, judge)
+    together = [set(group) for _, group in present(budget.simultaneous)]
+    for index, (first, second, _) in pairs:
+        if first != second and any({first, second} <= group for group in together):
             keys, expected = "correlations and simultaneous", "one: readings have a correlation"
-            faults.add(path, "keys-exclude", keys=keys, value=[first, second], expected=expected)
-        pairs.add(pair)
+            own, path = [first, second], ("correlations", index)
+            faults.add(path, "keys-exclude", keys=keys, value=own, expected=expected)
 
 
 def _check_simultaneous(budget: Budget, faults: Faults) -> None:
@@ -382,16 +372,10 @@ def _check_simultaneous(budget: Budget, faults: Faults) -> None:
         counts = {}
         for place, name in enumerate(group):
             item = (budget.inputs or {}).get(name)
-            if name not in known and known:
-                faults.add(
-                    (*path, place),
-                    "unknown-name",
-                    what="name",
-                    value=name,
-                    **suggestion(name, known),
-                )
+            if name not in known:
+                faults.unknown((*path, place), name, known)
             elif name in seen:
-                faults.add((*path, place), "named-twice", name=name)
+                faults.add((*path, place), "appears-twice", what="the input", value=name)
             elif item is not None and item.readings is None:
                 faults.add((*path, place), "key-needs", key=name, other="`readings`")
             elif item is not None and item.readings is not None:
@@ -449,9 +433,9 @@ def _check_equations(budget: Budget, faults: Faults) -> dict[str, Node]:
         trees[name] = tree
         wanted = named_units.get(unit_text or "", ANY)
         within, result = check_consistent(tree, powers, wanted, named_units)
-        faults.put(path, *within)
+        faults.extend(path, within)
         if result is not None:
-            faults.put(units[path], result)
+            faults.extend(units[path], [result])
     return trees
 
 
@@ -459,37 +443,22 @@ def _check_outputs(budget: Budget, faults: Faults) -> None:
     outputs = faults.keys("equations")
     for name in budget.units or {}:
         if name not in outputs:
-            faults.add(
-                ("units", name),
-                "unknown-name",
-                what="name",
-                value=name,
-                **suggestion(name, outputs),
-            )
+            faults.unknown(("units", name), name, outputs, "output")
     if budget.quantity is not None and outputs:
-        expected = "`units: {...}`"
-        faults.add(
-            ("quantity",),
-            "key-elsewhere",
-            key="quantity",
-            where="a single `equation`",
-            expected=expected,
-        )
+        where, expected = "a single `equation`", "`units: {...}`"
+        path = ("quantity",)
+        faults.add(path, "key-elsewhere", key="quantity", where=where, expected=expected)
 
 
 def _tree(text: str, known: Sequence[str], path: YamlPath, faults: Faults) -> Node | None:
     """The tree of an equation; None where it is none, or has names that no input has."""
-    try:
+    with faults.collected(path):
         tree = parse(text, BUDGET_FUNCTIONS)
-    except InputError as error:
-        faults.put(path, *error.findings)
-        return None
-    # Without any inputs every name would be unknown: the missing key is reported.
-    unknown = [(name, at) for name, at in names(tree).items() if name not in known and known]
-    for name, column in unknown:
-        near = suggestion(name, known)
-        faults.put(path, finding("unknown-name", what="name", value=name, column=column, **near))
-    return None if unknown or not known else tree
+        # Without any inputs every name would be unknown: the missing key is reported.
+        if known:
+            check_known(tree, known)
+            return tree
+    return None
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
@@ -505,7 +474,7 @@ def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) ->
         path: YamlPath = ("inputs", name)
         place = {"file": file, "line": document.line_of(*path), "path": path_text(path)}
         if name not in used:
-            yield finding("unused-input", name=name, **place)
+            yield finding("unused", what="input", name=name, **place)
             continue
         is_constant = not isinstance(document.data["inputs"][name], dict)
         varied = _is_uncertain(item)

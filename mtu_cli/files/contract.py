@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from types import UnionType
@@ -29,6 +30,8 @@ MAX_DEGREE = 9
 """Of a polynomial in position."""
 LARGEST = 1e30
 """Of a number in size: products of some of them stay far from what overflows."""
+IDENTIFIER = "letters, digits and _, no digit first"
+"""A name that equations can use."""
 HINTED = 50
 """Unknown names of a document that are compared with all that are known."""
 SQUARED = ("covariance", "half_difference_mean_square")
@@ -133,13 +136,55 @@ class Faults:
             hint = suggestion(name, known) if len(self.findings) < HINTED else {}
             self.add(path, "unknown-name", value=name, what=what, **hint)
 
-    def put(self, path: YamlPath, *found: Finding) -> None:
-        """Findings of what stands at `path`, an equation."""
+    def extend(self, path: YamlPath, found: InputError | Iterable[Finding]) -> None:
+        """The findings of an equation that stands at `path`."""
         line = self.document.line_of(*path)
         place = {"file": self.document.source.shown, "line": line, "path": path_text(path)}
-        self.findings += [own.at(**place) for own in found]
+        listed = found.findings if isinstance(found, InputError) else found
+        self.findings += [own.at(**place) for own in listed]
 
-    def has_any(self, path: YamlPath) -> bool:
+    @contextmanager
+    def collected(self, path: YamlPath) -> Iterator[None]:
+        """Adds what is raised while an equation at `path` is read; what follows is left out."""
+        try:
+            yield
+        except InputError as error:
+            self.extend(path, error)
+
+    def symbol(
+        self, path: YamlPath, name: str, taken: Mapping[str, str], expected: str = IDENTIFIER
+    ) -> None:
+        """That equations can use `name`, which is none of those `taken` (name: what it is)."""
+        if not is_identifier(name):
+            self.add(path, "not-a-name", value=name, expected=expected)
+        elif name in taken:
+            self.add(path, "name-taken", value=name, taken=taken[name])
+
+    def once(
+        self, path: YamlPath, items: Iterable[tuple[int, str]], what: str, *key: str, **given: Any
+    ) -> None:
+        """That no name of a list at `path`, at the `key` of each item, stands further up too."""
+        for index, name, _ in duplicates(items):
+            self.add((*path, index, *key), "appears-twice", value=name, what=what, **given)
+
+    def correlated(
+        self, items: Iterable[tuple[int, Sequence[Any]]], judge: Callable[[YamlPath, str], None]
+    ) -> None:
+        """Correlations [first, second, r]: `judge` sees both names; no pair twice, |r| <= 1."""
+        seen: set[frozenset[str]] = set()
+        for index, (first, second, r) in items:
+            path: YamlPath = ("correlations", index)
+            for at, name in enumerate((first, second)):
+                judge((*path, at), name)
+            if not -1.0 <= r <= 1.0:
+                self.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
+            pair = frozenset((first, second))
+            if first == second or pair in seen:
+                what = "the name" if first == second else "the correlation"
+                self.add(path, "appears-twice", what=what, value=f"{first}, {second}")
+            seen.add(pair)
+
+    def is_faulty(self, *path: str | int) -> bool:
         """Whether something is wrong with an entry: what it lacks may be misspelt."""
         own = path_text(path)
         return any((each.path or "").startswith(own) for each in self.findings)
@@ -254,7 +299,8 @@ def _explained(
     if kind == "missing":
         return path[:-1], "missing-key", {"key": str(path[-1])}
     if kind == "extra_forbidden":
-        return path, "unknown-key", {"value": str(path[-1]), **_instead(path, value, faults, model)}
+        given = {"what": "key", "value": str(path[-1])}
+        return path, "unknown-name", given | _instead(path, value, faults, model)
     if kind == "finding":
         told = {"value": value, "expected": context["expected"], **context["facts"]}
         return path, context["code"], told
@@ -265,8 +311,8 @@ def _explained(
         allowed = re.findall(r"'([^']*)'", str(context.get("expected", "")))
         near = nearest(str(value), allowed)
         hint = {"meant": near} if near else {"expected": f"one of: {', '.join(allowed)}"}
-        code = "unknown-key" if item["loc"][-1:] == ("[key]",) else "unknown-value"
-        return path, code, {"value": value, **hint}
+        what = "key" if item["loc"][-1:] == ("[key]",) else "value"
+        return path, "unknown-name", {"what": what, "value": value, **hint}
     return path, "wrong-value", {"value": value, "expected": _expected(item, annotation)}
 
 

@@ -22,17 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.covariates import SIGN_EXPECTED, direction_sign
-from mtu_cli.files.csv_cells import (
-    NO_TIME,
-    TIME_EXPECTED,
-    expectation,
-    is_not_finite,
-    is_text,
-    microseconds,
-    number,
-)
 from mtu_cli.files.csv_table import (
     LARGEST_INTEGER,
+    NO_TIME,
+    TIME_EXPECTED,
     WHOLE,
     CellFaults,
     Columns,
@@ -41,6 +34,11 @@ from mtu_cli.files.csv_table import (
     TableSpec,
     TextColumn,
     TimeColumn,
+    expectation,
+    is_not_finite,
+    is_text,
+    microseconds,
+    number,
 )
 from mtu_cli.files.headers import check_header
 from mtu_cli.files.source import Source, check_text, read_source

@@ -19,7 +19,6 @@ from mtu_cli.files.contract import (
     Contract,
     Faults,
     check_contract,
-    duplicates,
     present,
 )
 from mtu_cli.files.graph_contract import Graph, Place, Transition
@@ -239,8 +238,7 @@ class _Check:
         for side, listed in (("in", item.in_), ("out", item.out)):
             for at, name in enumerate(listed):
                 self.check_known((*path, side, at), name)
-        for at, name, _ in duplicates(enumerate(item.out)):
-            self.faults.add((*path, "out", at), "appears-twice", what="the output", value=name)
+        self.faults.once((*path, "out"), enumerate(item.out), "the output")
         formula = self.formula(item, path) if item.do == "compute" else None
         variant = self.variant(item, path)
         sound = all(name in self.graph.places for name in (*item.in_, *item.out))
@@ -283,7 +281,7 @@ class _Check:
             if wrong_names := self.wrong_names(node, item.in_):
                 raise InputError(wrong_names)
         except InputError as error:
-            self.faults.put((*path, "formula"), *error.findings)
+            self.faults.extend((*path, "formula"), error)
             return None
         used = {place_of(name) for name in names(node)}
         for at, name in enumerate(item.in_):
@@ -302,12 +300,14 @@ class _Check:
                 named = [f"{place}.{item}" for item in COORDINATES[kind]]
             if place not in inputs:
                 near = suggestion(place, inputs)
-                found.append(finding("not-an-input", name=place, column=column, **near))
+                found.append(
+                    finding("unknown-name", what="input", value=place, column=column, **near)
+                )
             elif kind is not None and name not in named:
                 expected = " or ".join(named)
                 found.append(
-                    finding("no-such-coordinate", kind=kind, name=name, column=column,
-                            expected=expected)
+                    finding("unknown-name", what=f"coordinate of a {kind}", value=name,
+                            column=column, expected=expected)
                 )  # fmt: skip
         return found
 
@@ -391,8 +391,7 @@ class _Check:
             self.check_origin(name, place, len(unmade) <= made)
         for index, name in present(self.graph.report):
             self.check_known(("report", index), name)
-        for index, name, _ in duplicates(present(self.graph.report)):
-            self.faults.add(("report", index), "appears-twice", what="the place", value=name)
+        self.faults.once(("report",), present(self.graph.report), "the place")
         self.check_used(used + sum(name not in self.known for name in self.graph.report))
         before: dict[str, list[str]] = {}
         for inputs, outputs in self.arcs.values():
@@ -405,7 +404,8 @@ class _Check:
 
     def add_made(self, path: YamlPath, index: int, **given: Any) -> None:
         line = self.faults.document.line_of("transitions", index)
-        self.faults.add(path, "made-twice", line_of=line, **given)
+        other = f"the transition of line {line}, which makes the place"
+        self.faults.add(path, "contradicts", other=other, **given)
 
     def check_keys(self, name: str, place: Place) -> None:
         path, given = ("places", name), self.faults.given("places", name)
@@ -462,20 +462,11 @@ class _Check:
             self.faults.add(("places", name), "leads-nowhere", expected=expected)
 
     def check_correlations(self) -> None:
-        seen: set[frozenset[str]] = set()
-        for index, (first, second, r) in present(self.graph.correlations):
-            path = ("correlations", index)
-            for at, name in enumerate((first, second)):
-                self.check_known((*path, at), name)
-                place = self.graph.places.get(name)
-                if place is not None and not (place.u and place.distribution == "normal"):
-                    expected = "a normal constant with `value` and `u`"
-                    self.faults.add((*path, at), "not-correlatable", value=name, expected=expected)
-            if not -1.0 <= r <= 1.0:
-                self.faults.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
-            pair = frozenset((first, second))
-            if first == second or pair in seen:
-                what = "the constant" if first == second else "the correlation"
-                value = f"{first}, {second}"
-                self.faults.add(path, "appears-twice", what=what, value=value)
-            seen.add(pair)
+        def judge(path: YamlPath, name: str) -> None:
+            self.check_known(path, name)
+            place = self.graph.places.get(name)
+            if place is not None and not (place.u and place.distribution == "normal"):
+                expected = "a normal constant with `value` and `u`"
+                self.faults.add(path, "not-correlatable", value=name, expected=expected)
+
+        self.faults.correlated(present(self.graph.correlations), judge)

@@ -152,4 +152,4 @@ def check_sensor_names(table: Table, problems: CellFaults) -> None:
         expected = "T_<sensor>_degC of letters a to z, digits and _"
         expected += f", such as {better}" if better else ""
         place = {"file": table.source.shown, "row": table.header_row, "column": name}
-        problems.add(finding("not-a-temperature-name", expected=expected, **place))
+        problems.add(finding("not-a-temperature", expected=expected, **place))

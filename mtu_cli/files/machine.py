@@ -1,4 +1,4 @@
-"""Machine files (``mtu/machine/1``): read, checked, and their equations as linear forms."""
+"""Machine files: equations as linear forms, declared effects, and what a machine may not say."""
 
 from __future__ import annotations
 
@@ -10,18 +10,98 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.files.column_dimensions import POSITIONS, own_columns
-from mtu_cli.files.contract import Faults, check_contract, duplicates, is_identifier, present
-from mtu_cli.files.covariates import COVARIATES, is_covariate, is_temperature
-from mtu_cli.files.declared_effects import check_ranges, effect_warnings, parameter_units
+from mtu_cli.files.contract import Faults, check_contract, duplicates, present
+from mtu_cli.files.covariates import (
+    COVARIATES,
+    POSITIONS,
+    is_covariate,
+    is_temperature,
+    own_columns,
+)
 from mtu_cli.files.machine_contract import Component, Effect, Machine, Thermal
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, InputError, counted, finding, suggestion
-from mtu_cli.language import LinearForm, check_dimension, linear_form, names, parse
+from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.evaluate import check_finite
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
-from mtu_cli.units import LENGTH, UNITS, Unit, internal
+from mtu_cli.language.unit_algebra import Algebra
+from mtu_cli.units import LENGTH, MINUTE, PARAMETER_UNITS, UNITS, Unit, internal, parameter_units_of
+
+FOUND_BY = "mtu close-loop"
+TIME = "time_min"
+LOWER_FIRST = "the lower end first"
+
+
+def parameter_units(effect: Effect) -> dict[str, Unit]:
+    """Units of its parameters; those that close-loop once wrote as um, where the time makes them
+    um/min, are per minute.
+    """
+    units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+    by = effect.found.get("by")
+    if effect.covariate != TIME or not (isinstance(by, str) and by.startswith(FOUND_BY)):
+        return units
+    timed: dict[str, list[bool]] = {}
+    try:
+        for text in effect.equations.values():
+            tree = parse(text)
+            algebra = Algebra(units=own_columns(names(tree), effect.parameters), whole=True)
+            for name, lever in linear_form(tree, effect.parameters).coefficients.items():
+                timed.setdefault(name, []).append(algebra.of(lever).minute == 1)
+    except InputError:
+        # The equations' own check reports it.
+        return units
+    per = [name for name, own in timed.items() if all(own) and units[name].per is None]
+    return units | {name: replace(units[name], per=MINUTE) for name in per}
+
+
+def units_per_minute(unit: Unit) -> list[str]:
+    """Units per time that are per minute what `unit` is."""
+    return parameter_units_of(unit.powers / internal(minute=1), unit.name)
+
+
+def check_ranges(effect: Effect, index: int, faults: Faults) -> None:
+    """Ranges that an effect was found in, against the names of its equations, which are sound."""
+    used = _used(effect)
+    columns = used - set(effect.parameters)
+    for key, ranges in (("seen", effect.seen), ("within", effect.within)):
+        for name, (low, high) in ranges.items():
+            here = ("effects", index, key, name)
+            if key == "seen" and name not in columns:
+                faults.unknown(here, name, sorted(columns), "column")
+            elif key == "within" and name in used:
+                where = "`seen`: its equations hold it"
+                faults.add(here, "key-elsewhere", key=name, where=where)
+            elif key == "within" and not is_temperature(name):
+                expected = "the column of a sensor: T_<name>_degC"
+                faults.add(here, "not-a-temperature", value=name, expected=expected)
+            elif low > high:
+                faults.add(here, "wrong-value", value=[low, high], expected=LOWER_FIRST)
+
+
+def _used(effect: Effect) -> set[str]:
+    return {name for text in effect.equations.values() for name in names(parse(text))}
+
+
+def effect_warnings(machine: Machine, document: YamlDocument) -> Iterator[Finding]:
+    """Parameters that no equation holds, that count as exactly known, or whose unit is not the
+    one that is written.
+    """
+    for index, effect in enumerate(machine.effects):
+        path: YamlPath = ("effects", index)
+        place = {"file": document.source.shown, "line": document.line_of(*path)}
+        used = _used(effect)
+        for name in [name for name in effect.parameters if name not in used]:
+            own = path_text((*path, "parameters", name))
+            yield finding("unused", what="parameter", name=name, path=own, **place)
+        without = [n for n, p in effect.parameters.items() if "u" not in p.model_fields_set]
+        if effect.covariance is None and without:
+            yield finding("no-uncertainty", names=without, path=path_text(path), **place)
+        for name, unit in parameter_units(effect).items():
+            if unit != PARAMETER_UNITS[unit.name]:
+                own = path_text((*path, "parameters", name))
+                yield finding("unit-per-minute", unit=unit.name, path=own, **place)
+
 
 ROUNDING = 1e-6
 """Relative to the standard deviations: what printed digits may leave of an asymmetry."""
@@ -123,7 +203,7 @@ def _warnings(loaded: LoadedMachine) -> Iterator[Finding]:
             "path": path_text(path),
         }
         if name not in loaded.used:
-            yield finding("unused-component", component=name, **place)
+            yield finding("unused", what="component", name=name, **place)
         idle = [key for key in NEEDS_COEFFICIENTS if getattr(component, key) is not None]
         if component.coefficients is None and idle:
             yield finding("incomplete-component", keys=idle, **place)
@@ -148,8 +228,7 @@ def _check_names(machine: Machine, faults: Faults) -> None:
     covariates = [name for name in machine.covariates or () if isinstance(name, str)]
     for index, name in enumerate(covariates):
         _check_name(name, ("covariates", index), taken | positions, faults)
-    for index, name, _ in duplicates(enumerate(covariates)):
-        faults.add(("covariates", index), "appears-twice", value=name, what="the covariate")
+    faults.once(("covariates",), enumerate(covariates), "the covariate")
     taken |= dict.fromkeys(covariates, "a covariate")
     # A position among the constants fixes it. A constant without a value is reported already.
     for name in faults.given("constants"):
@@ -162,16 +241,12 @@ def _check_names(machine: Machine, faults: Faults) -> None:
         for name in effect.parameters:
             _check_name(name, ("effects", index, "parameters", name), taken, faults)
     named = [(index, effect.name) for index, effect in present(machine.effects)]
-    for index, name, _ in duplicates(named):
-        faults.add(("effects", index, "name"), "appears-twice", value=name, what="the effect")
+    faults.once(("effects",), named, "the effect", "name")
 
 
 def _check_name(name: str, path: YamlPath, taken: Mapping[str, str], faults: Faults) -> None:
-    if not is_identifier(name):
-        expected = "letters, digits and _, no digit first"
-        faults.add(path, "not-a-name", value=name, expected=expected)
-    elif name in taken or (is_covariate(name) and path[0] != "covariates"):
-        faults.add(path, "name-taken", value=name, taken=taken.get(name, "a covariate"))
+    covariate = {name: "a covariate"} if is_covariate(name) and path[0] != "covariates" else {}
+    faults.symbol(path, name, {**covariate, **taken})
 
 
 def _check_values(machine: Machine, faults: Faults) -> None:
@@ -427,19 +502,8 @@ class Vocabulary:
         components and parameters, and wrong units.
         """
         node = parse(text)
-        unknown = {
-            name: column
-            for name, column in names(node).items()
-            if name not in self.dimensions and not is_covariate(name)
-        }
-        if unknown:
-            raise InputError(
-                finding(
-                    "unknown-name", what="name", value=name, column=column,
-                    **suggestion(name, self.dimensions),
-                )
-                for name, column in unknown.items()
-            )  # fmt: skip
+        covariates = filter(is_covariate, names(node))
+        check_known(node, [*self.dimensions, *covariates])
         check_finite(node, self.values)
         form = linear_form(node, self.linear, self.parameters)
         taken = self.linear | self.constants
@@ -457,8 +521,6 @@ def _linear_forms(
     """Each sound equation as a linear form; the faults of the others go to `faults`."""
     forms = {}
     for name, text in (equations or {}).items():
-        try:
+        with faults.collected((*path, name)):
             forms[name] = vocabulary.linear_form(text)
-        except InputError as error:
-            faults.put((*path, name), *error.findings)
     return forms

@@ -23,7 +23,8 @@ def _unit_of(known: dict[str, Any]) -> AfterValidator:
     def check(text: str) -> str:
         if plain_unit(text) not in known:
             hint = suggestion(text, known)
-            raise wrong(hint.get("expected", ""), "unknown-unit", meant=hint.get("meant", ()))
+            meant = hint.get("meant", ())
+            raise wrong(hint.get("expected", ""), "unknown-name", what="unit", meant=meant)
         return plain_unit(text)
 
     return AfterValidator(check)

@@ -201,8 +201,7 @@ def _check(part: Part, faults: Faults) -> None:
 
 
 def _known_names(names: Sequence[str], path: YamlPath, faults: Faults) -> list[str]:
-    for index, name, _ in duplicates(enumerate(names)):
-        faults.add((*path, index), "appears-twice", value=name, what="the feature")
+    faults.once(path, enumerate(names), "the feature")
     return [name for index, name in enumerate(names) if _known(name, (*path, index), faults)]
 
 

@@ -145,13 +145,13 @@ def check_cells(
     """Cells that mean nothing: units, directions, components, positions, temperatures."""
 
     def unit(label: str) -> dict[str, Any] | None:
-        return None if label in UNITS else suggestion(label, UNITS)
+        return None if label in UNITS else {"what": "unit", **suggestion(label, UNITS)}
 
     def direction(label: str) -> dict[str, Any] | None:
         near = nearest(label, ("forward", "reverse"))
         return None if direction_sign(label) else {"meant": near, "expected": SIGN_EXPECTED}
 
-    joined.check_labels(table, "unit", "unknown-unit", unit, problems)
+    joined.check_labels(table, "unit", "unknown-name", unit, problems)
     joined.check_labels(table, "direction", "not-a-direction", direction, problems)
     for name in ("error", "position_mm"):
         joined.check_magnitude(table, name, problems)

@@ -328,7 +328,7 @@ def _check_components(results: _Components, faults: Faults) -> None:
 
 def _check_unit(unit: str, known: Collection[str], path: YamlPath, faults: Faults) -> None:
     if unit not in known:
-        faults.add(path, "unknown-unit", value=unit, expected=", ".join(known))
+        faults.add(path, "unknown-name", what="unit", value=unit, expected=", ".join(known))
 
 
 def _check_matrix(

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract import Contract, Faults, check_contract, duplicates
+from mtu_cli.files.contract import Contract, Faults, check_contract
 from mtu_cli.files.source import Source, missing_file, resolved
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
 
@@ -120,11 +120,10 @@ def load_study(path: Path, role: str = "study", *, there: bool = True) -> Loaded
     def check(study: Study, faults: Faults) -> None:
         for _, place, name in _named(study):
             if there and (missing := missing_file(folder, name)):
-                faults.put(faults.existing(place), missing)
+                faults.extend(faults.existing(place), [missing])
         for key in SEVERAL:
             names = [(index, name) for index, name in enumerate(getattr(study, key) or ()) if name]
-            for index, name, _ in duplicates(names):
-                faults.add((key, index), "appears-twice", value=name, what="the file")
+            faults.once((key,), names, "the file")
 
     study = check_contract(document, Study, "study", check)
     files: dict[str, tuple[Path, ...]] = {}

@@ -8,13 +8,14 @@ the file adds it with `Finding.at`.
 from mtu_cli.language.evaluate import evaluate
 from mtu_cli.language.linear import LinearForm, linear_form
 from mtu_cli.language.parser import parse
-from mtu_cli.language.tree import Node, names, to_text
+from mtu_cli.language.tree import Node, check_known, names, to_text
 from mtu_cli.language.unit_algebra import check_dimension
 
 __all__ = [
     "LinearForm",
     "Node",
     "check_dimension",
+    "check_known",
     "evaluate",
     "linear_form",
     "names",

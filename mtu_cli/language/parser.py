@@ -177,7 +177,9 @@ class _Parser:
     def call(self, token: _Token) -> Node:
         if token.text not in self.functions:
             near = suggestion(token.text, self.functions)
-            raise error("unknown-function", name=token.text, column=token.column, **near)
+            raise error(
+                "unknown-name", what="function", value=token.text, column=token.column, **near
+            )
         opening = self.take()
         arguments = [self.expression(0)]
         while self.peek().text == ",":

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from mtu_cli.findings import shorten
+from mtu_cli.findings import InputError, finding, shorten, suggestion
 
 Operator = Literal["+", "-", "*", "/", "**"]
 PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
@@ -102,6 +102,19 @@ def names(node: Node) -> dict[str, int]:
         if isinstance(item, Name):
             found[item.name] = min(item.column, found.get(item.name, item.column))
     return found
+
+
+def check_known(node: Node, known: Collection[str], what: str = "name") -> None:
+    """That an equation has no name but those `known`.
+
+    Raises InputError with all others, each with its column and the closest known name.
+    """
+    unknown = [(name, column) for name, column in names(node).items() if name not in known]
+    if unknown:
+        raise InputError(
+            finding("unknown-name", what=what, value=name, column=column, **suggestion(name, known))
+            for name, column in unknown
+        )
 
 
 def terms(node: Node) -> Iterator[Node]:

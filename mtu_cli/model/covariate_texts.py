@@ -8,8 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from mtu_cli.files.csv_cells import number
-from mtu_cli.files.csv_table import DECIMALS
+from mtu_cli.files.csv_table import DECIMALS, number
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding

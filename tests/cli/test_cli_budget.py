@@ -71,7 +71,7 @@ def test_every_fault_at_once(tmp_path: Path) -> None:
         "b.yaml:6: inputs.ls: u and half_width are given together",
         "b.yaml:7: inputs.d.u: wrong value: '-1'",
         "b.yaml:8: inputs.theta.value: wrong value: '1e'",
-        "b.yaml:9: correlations[0]: unknown name: 'x'",
+        "b.yaml:9: correlations[0][1]: unknown name: 'x'",
     ]
     lines = message.removeprefix("mtu: ").splitlines()
     assert len(lines) == len(words), message

@@ -135,7 +135,7 @@ def test_what_cannot_be_had_is_null_with_a_warning(parts: Rows, kind: str, tmp_p
     result = done(mtu("compare", "--cmm", "cmm.csv", "-o", "-", cwd=work))
     assert "RuntimeWarning" not in result.stderr
     found = json.loads(result.stdout)
-    codes = {item["code"] for item in found["warnings"]} - {"unused-component"}
+    codes = {item["code"] for item in found["warnings"]} - {"unused"}
     missing = {name for name, value in numbers(found["results"]) if value is None} - {
         ".features.operation", ".lengths.axis", ".lengths.operation",
         ".summary.features.operation", ".summary.lengths.operation",

@@ -22,7 +22,7 @@ from mtu_cli.cli.outputs import check_outputs
 from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
-from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
+from mtu_cli.close_loop_sealed.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.reports_read import read_components
 from mtu_cli.findings import InputError

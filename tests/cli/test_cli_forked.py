@@ -50,9 +50,10 @@ CALLS = {
     "graph simulate": "graph.yaml --trials 20000",
     "graph sweep": "graph.yaml --vary axis_um=0.5:2.5:2 --of d_AC --trials 20000",
     "schema": "machine",
+    "help": "budget",
 }
 """What each is called with in the folder of `study`; a picture of every kind of file."""
-WITHOUT_REPORT = ("simulate", "graph check", "graph draw", "schema")
+WITHOUT_REPORT = ("simulate", "graph check", "graph draw", "help", "schema")
 FAULTY = ("machine.yaml", "part.yaml", "budget.yaml", "graph.yaml", "drift.csv")
 Ended = tuple[int, str, str, Listing]
 
@@ -107,7 +108,7 @@ def test_the_same_refusal(command: str, study: Path, tmp_path: Path) -> None:
     shutil.copytree(study, broken)
     for name in FAULTY:
         (broken / name).write_text((study / name).read_text("utf-8") + "?:[\n", "utf-8")
-    words = "machin" if command == "schema" else CALLS[command]
+    words = {"schema": "machin", "help": "budgt"}.get(command, CALLS[command])
     child, process = ended(tmp_path, broken, command, words)
     assert child == process
     assert child[:2] == (2, "")

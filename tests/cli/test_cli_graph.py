@@ -93,8 +93,8 @@ def test_how_many_probings() -> None:
 @pytest.mark.parametrize(
     ("vary", "told"),
     [
-        ("axis_um=1,1", "given more than once"),
-        ("axis_um=2:2:3", "given more than once"),
+        ("axis_um=1,1", "appears twice"),
+        ("axis_um=2:2:3", "appears twice"),
         ("axis_um=1_0", "--vary axis_um: not a number: '1_0'; expected a number"),
         ("axis_um=0:1_0:2", "--vary axis_um: not a number: '1_0'; expected a number"),
         ("axis_um=0:1:2.5", "--vary axis_um: not a whole number: '2.5'; expected a whole number"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.cli.simulate_equations import named_equation
+from mtu_cli.cli.simulate_options import named_equation
 from mtu_cli.findings import InputError
 
 

@@ -20,12 +20,12 @@ import numpy as np
 from fuzz.cases import Case
 from fuzz.messages import unclean
 from fuzz.samples import Kind, Sample
+from mtu_cli.close_loop_sealed.files.effect_templates import load_effects
+from mtu_cli.close_loop_sealed.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.close_loop_sealed.model.effect_library import effect_library
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.csv_file import read_table
 from mtu_cli.files.csv_table import CellFaults, TableSpec
-from mtu_cli.files.effects import load_effects
-from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import SPEC as POINTS_SPEC

@@ -13,7 +13,7 @@ from mtu_cli import __version__
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.outputs import written_files
 from mtu_cli.close_loop_sealed.bridge import as_listed, loop_warning
-from mtu_cli.files.extend_machine import (
+from mtu_cli.close_loop_sealed.files.extend_machine import (
     ExtendedMachine,
     WrittenEffect,
     extended_machine,

@@ -6,8 +6,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
+from mtu_cli.close_loop_sealed.files.effect_templates import (
+    COLUMN_MARKS,
+    LoadedFamily,
+    Template,
+    marks,
+    number_of,
+)
 from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS, TableData
-from mtu_cli.files.effects import COLUMN_MARKS, LoadedFamily, Template, marks, number_of
 
 CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
 """(a, b, n) such that a turn about n takes a to b."""

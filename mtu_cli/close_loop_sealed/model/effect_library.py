@@ -11,6 +11,11 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from mtu_cli.close_loop_sealed.files.effect_templates import (
+    LoadedEffects,
+    LoadedFamily,
+    load_effects,
+)
 from mtu_cli.close_loop_sealed.model.effect_binding import (
     Binding,
     filled,
@@ -22,7 +27,6 @@ from mtu_cli.close_loop_sealed.model.effect_data import TableData, copy_notes, l
 from mtu_cli.close_loop_sealed.model.effect_distinct import distinct
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember, check_column
 from mtu_cli.close_loop_sealed.model.effect_members import Batch, BoundTemplate
-from mtu_cli.files.effects import LoadedEffects, LoadedFamily, load_effects
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, finding, nearest
 from mtu_cli.language import names

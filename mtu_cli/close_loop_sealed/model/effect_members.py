@@ -8,6 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.close_loop_sealed.files.effect_templates import (
+    CHOSEN,
+    Template,
+    equation_text,
+    filled_tree,
+    number_of,
+    with_number,
+)
 from mtu_cli.close_loop_sealed.model.effect_binding import Binding, filled, resolved
 from mtu_cli.close_loop_sealed.model.effect_candidate import (
     Column,
@@ -24,16 +32,8 @@ from mtu_cli.close_loop_sealed.model.effect_grid import (
 )
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember, check_column
 from mtu_cli.close_loop_sealed.model.effect_slopes import slopes
-from mtu_cli.files.declared_effects import units_per_minute
-from mtu_cli.files.effects import (
-    CHOSEN,
-    Family,
-    Template,
-    equation_text,
-    filled_tree,
-    number_of,
-    with_number,
-)
+from mtu_cli.files.effects import Family
+from mtu_cli.files.machine import units_per_minute
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.tree import Binary, Name
 from mtu_cli.language.unit_algebra import Algebra

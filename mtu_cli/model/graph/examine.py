@@ -27,7 +27,7 @@ def examine(graph: Graph, rounds: Rounds, faults: Faults) -> None:
     disagreeing: list[tuple[Step, InputError]] = []
     place_units(graph, steps, disagreeing)
     for step, error in disagreeing:
-        faults.put(("transitions", step.index, "formula"), *error.findings)
+        faults.extend(("transitions", step.index, "formula"), error)
     for step, at, unit in not_lengths(graph, steps):
         faults.add(
             ("transitions", step.index, "in", at),

@@ -63,7 +63,7 @@ def _split(name: str, places: Mapping[str, Place]) -> tuple[str, str | None]:
     known = COORDINATES[places[place].kind]
     if coordinate not in known:
         hint = f"one of: {', '.join(f'{place}.{item}' for item in known)}"
-        raise error("no-such-coordinate", kind=places[place].kind, name=name, expected=hint)
+        raise error("unknown-name", what="coordinate", value=name, expected=hint)
     return place, coordinate
 
 

@@ -6,7 +6,7 @@ import pytest
 from close_loop_examples import effect
 
 from mtu_cli.close_loop_sealed.analyses.loop.zeros import zeros_of
-from mtu_cli.files.effects import equation_text
+from mtu_cli.close_loop_sealed.files.effect_templates import equation_text
 from mtu_cli.language import parse
 
 

@@ -202,8 +202,8 @@ def test_all_faults_at_once() -> None:
     assert [each.line for each in found] == [3, 5, 6, 7, 8, 9, *[10] * 5, 11]
     codes = [each.code for each in found]
     for code in (
-        "unknown-name", "keys-exclude", "name-taken", "not-a-name", "correlated-constant",
-        "named-twice", "wrong-value",
+        "unknown-name", "keys-exclude", "name-taken", "not-a-name", "not-correlatable",
+        "appears-twice", "wrong-value",
     ):  # fmt: skip
         assert code in codes
 
@@ -233,7 +233,7 @@ def test_faults_of_equations(text: str, codes: list[str]) -> None:
     [
         ("simultaneous: [[V, I]]", ["unequal-counts"]),
         ("simultaneous: [[V, T]]", ["key-needs"]),
-        ("simultaneous: [[V, W], [W, V]]", ["named-twice", "named-twice"]),
+        ("simultaneous: [[V, W], [W, V]]", ["appears-twice", "appears-twice"]),
         ("simultaneous: [[V, W]]\ncorrelations: [[V, W, 0.2]]", ["keys-exclude"]),
         ("simultaneous: [[V, X]]", ["unknown-name"]),
     ],
@@ -258,7 +258,9 @@ def test_warnings() -> None:
     # Who states some units expects that all are checked; of none at all nothing is.
     assert warnings("{value: 1, u: 1, unit: mm}") == [("unit-not-checked", 5)]
     unused = loaded("equation: a\ninputs:\n  a: {value: 1, u: 1}\n  b: {value: 1, u: 1}\n")
-    assert [each.message for each in unused.warnings] == ["b.yaml:6: inputs.b: in no equation"]
+    assert [each.message for each in unused.warnings] == [
+        "b.yaml:6: inputs.b: the input 'b' is in no equation"
+    ]
 
 
 def test_limits_that_two_floors_state_are_the_same() -> None:

@@ -10,8 +10,8 @@ import jsonschema
 import pytest
 import yaml
 
+from mtu_cli.close_loop_sealed.files.effect_templates import LoadedEffects, load_effects
 from mtu_cli.close_loop_sealed.model.effect_library import BUILT_IN, effect_library
-from mtu_cli.files.effects import LoadedEffects, load_effects
 from mtu_cli.files.schemas import json_schema
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import names, parse, to_text
@@ -126,7 +126,7 @@ PERIOD = "{Ex: k*x*sin(p)}"
     ("text", "line", "path", "code"),
     [
         (family(parameters="{k: um/m, j: um}"), 3, "[0].parameters.j", "not-in-equations"),
-        (family(parameters="{k: parsec}"), 3, "[0].parameters.k", "unknown-unit"),
+        (family(parameters="{k: parsec}"), 3, "[0].parameters.k", "unknown-name"),
         (family("{Ex: x*x}", "{x: um}"), 3, "[0].parameters.x", "name-taken"),
         (family('{Ex: "2k*x"}', "{2k: um/m}"), 3, "[0].parameters.2k", "not-a-name"),
         (family(name="Ball screw"), 1, "[0].family", "wrong-value"),
@@ -134,7 +134,7 @@ PERIOD = "{Ex: k*x*sin(p)}"
         (family(more="kind: scatter"), 3, "[0].parameters", "key-elsewhere"),
         (family(more="kind: outlier"), 1, "[0]", "missing-key"),
         (family(more="over: feature"), 4, "[0].equations", "not-in-equations"),
-        (family(more="serach: {p: {from: 1, to: 2}}"), 5, "[0].serach", "unknown-key"),
+        (family(more="serach: {p: {from: 1, to: 2}}"), 5, "[0].serach", "unknown-name"),
         (family(more="search: {p: {from: 1, to: 2}}"), 5, "[0].search.p", "not-in-equations"),
         (family(PERIOD, more="search: {p: {to: span}}"), 5, "[0].search.p", "missing-key"),
         (family(PERIOD, more="search: {p: {of: x, to: reach}}"), 5, "[0].search.p.to",

@@ -11,7 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtu_cli.files.extend_machine import ExtendedMachine, WrittenEffect, extended_machine
+from mtu_cli.close_loop_sealed.files.extend_machine import (
+    ExtendedMachine,
+    WrittenEffect,
+    extended_machine,
+)
 from mtu_cli.files.machine import LoadedMachine, load_machine, machine_from
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml

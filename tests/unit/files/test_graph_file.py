@@ -119,7 +119,7 @@ transitions:
     assert faults(tmp_path, text) == [
         (6, "places.Q", "missing-key"),
         (7, "places.R", "not-made"),
-        (8, "places.S.known", "made-twice"),
+        (8, "places.S.known", "contradicts"),
         (9, "places.c.known", "key-elsewhere"),
         (9, "places.c", "leads-nowhere"),
     ]
@@ -217,10 +217,10 @@ def test_coordinates_are_inputs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("formula", "code", "column"),
     [
-        ("P.u + v.i*P_x", "no-such-coordinate", 1),
-        ("P + v.i*P_x", "no-such-coordinate", 1),
-        ("P.x + v.i*P_x.value", "no-such-coordinate", 11),
-        ("P.x*P_x*v.i*N.x", "not-an-input", 13),
+        ("P.u + v.i*P_x", "unknown-name", 1),
+        ("P + v.i*P_x", "unknown-name", 1),
+        ("P.x + v.i*P_x.value", "unknown-name", 11),
+        ("P.x*P_x*v.i*N.x", "unknown-name", 13),
         ("P.x*P_x", "unused-place", None),
     ],
 )

@@ -81,7 +81,7 @@ def test_degrees_follow_from_what_is_written(tmp_path: Path) -> None:
 def test_notices(tmp_path: Path) -> None:
     text = machine("{a: {of: x, unit: um}, b: {unit: um, s_repeat: 1}}")
     notices = load(tmp_path, text).warnings
-    assert [notice.code for notice in notices] == ["unused-component", "incomplete-component"]
+    assert [notice.code for notice in notices] == ["unused", "incomplete-component"]
     assert "components.b: the component 'b' is in no equation" in notices[0].message
     assert "s_repeat without coefficients" in notices[1].message
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.files.effects import filled_tree
+from mtu_cli.close_loop_sealed.files.effect_templates import filled_tree
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import Node, check_dimension, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS

@@ -23,7 +23,7 @@ from mtu_cli.close_loop_sealed.model.effect_library import (
     candidates,
     effect_library,
 )
-from mtu_cli.files.column_dimensions import own_columns
+from mtu_cli.files.covariates import own_columns
 from mtu_cli.files.machine import load_machine
 from mtu_cli.findings import InputError
 from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse

@@ -17,8 +17,7 @@ from typing import Any
 
 import yaml
 
-from mtu_cli.files.column_dimensions import POSITIONS
-from mtu_cli.files.covariates import COVARIATES, is_covariate
+from mtu_cli.files.covariates import COVARIATES, POSITIONS, is_covariate
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.yaml_file import composed, parse_yaml, plain_scalar
 from mtu_cli.findings import Finding, InputError, error, finding

@@ -1,0 +1,1 @@
+"""Part of the loop, unchanged until it is rebuilt."""

@@ -1,0 +1,98 @@
+"""A report to hand on: one HTML file that needs no other, or the same as PDF."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from rich.text import Text
+
+from mtu_cli import __version__
+from mtu_cli.findings import Finding, error
+from mtu_cli.reports.document import InputFile
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.tables import Sheet, plain_text
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+ENDINGS = (".html", ".htm", ".pdf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page:
+    """What stands on a report: `title`, `subject` (names of machine and study), the renderables
+    of the tables on a terminal, the figure, and what the run was made of.
+    """
+
+    title: str
+    subject: Sequence[str]
+    tables: Iterable[object]
+    figure: Figure | None
+    warnings: Sequence[Finding]
+    inputs: Sequence[InputFile]
+    settings: Mapping[str, Any]
+    date: str | None = None
+
+
+def report_bytes(page: Page, suffix: str) -> bytes:
+    """The file; the same bytes for the same page.
+
+    Raises InputError for a PDF where what writes it is not installed.
+    """
+    from jinja2 import Environment
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
+    figure = None if page.figure is None else Markup(_svg(page.figure))
+    told = [each for each in page.warnings if each.severity != "note"]
+    text = environment.from_string(source).render(
+        title=page.title,
+        subject=page.subject,
+        blocks=list(_blocks(page.tables)),
+        figure=figure,
+        warnings=list({each.message: each for each in told}.values()),
+        inputs=page.inputs,
+        settings=page.settings,
+        version=__version__,
+        date=page.date,
+    )
+    return _pdf(text) if suffix == ".pdf" else text.encode()
+
+
+def _blocks(tables: Iterable[object]) -> Iterator[dict[str, Any]]:
+    """Tables and sentences in the order in which a terminal has them."""
+    for item in tables:
+        if isinstance(item, Sheet):
+            yield {
+                "kind": "table",
+                "title": item.title,
+                "columns": item.columns,
+                "rows": item.rows,
+                "notes": item.notes,
+            }
+        else:
+            text = item.plain if isinstance(item, Text) else plain_text([item])
+            if text.strip():
+                yield {"kind": "text", "text": text.strip()}
+
+
+def _svg(figure: Figure) -> str:
+    """The picture without the head of a file of its own; nothing in it leaves the page."""
+    text = figure_bytes(figure, ".svg").decode()
+    text = text[text.index("<svg") :]
+    return re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+
+
+def _pdf(text: str) -> bytes:
+    try:
+        from weasyprint import HTML  # type: ignore[import-not-found,unused-ignore]  # an extra
+    except (ImportError, OSError):
+        expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
+        raise error("extra-missing", path="--report", what="a PDF", expected=expected) from None
+    found: bytes = HTML(string=text).write_pdf()
+    return found

@@ -1,0 +1,81 @@
+"""`--report`: one HTML file that is sound, needs no other, and shows names as they are."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+from pathlib import Path
+
+import html5lib
+import pytest
+from cli_runner import done, mtu
+from support import CONFIGS
+
+UNDECLARED = CONFIGS / "undeclared"
+CALLS = {
+    "fit-components": (UNDECLARED,),
+    "predict-points": (CONFIGS / "gilsinn-ling",),
+    "lengths": (UNDECLARED,),
+    "orthogonality": (CONFIGS / "gilsinn-ling",),
+    "anova": (UNDECLARED,),
+    "compare": (UNDECLARED,),
+    "close-loop": (UNDECLARED,),
+    "correct": (CONFIGS / "valdes-ring",),
+    "budget": (CONFIGS / "budgets" / "gum-h1-end-gauge.yaml",),
+}
+
+
+def sound(path: Path) -> str:
+    """The text of a report that is HTML by its grammar, with ids of its own and nothing outside."""
+    text = path.read_text("utf-8")
+    html5lib.HTMLParser(strict=True).parse(text)
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(ids) == len(set(ids)) > 0
+    assert re.findall(r'(?:src|href)="(?!#)', text) == []
+    assert "http" not in re.sub(r'xmlns(?::\w+)?="[^"]*"', "", text)
+    return text
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_every_command_writes_one_sound_file(name: str, tmp_path: Path) -> None:
+    done(mtu(name, *CALLS[name], "-q", "--report", tmp_path / "r.html"))
+    text = sound(tmp_path / "r.html")
+    for words in ("<table>", "<svg", "SHA-256", "seed", "mtu 0."):
+        assert words in text
+    done(mtu(name, *CALLS[name], "-q", "--report", tmp_path / "again.html"))
+    assert (tmp_path / "again.html").read_bytes() == (tmp_path / "r.html").read_bytes()
+
+
+def test_names_are_text_and_a_date_is_given(tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text(
+        "schema: mtu/part/1\nname: <b>plate</b>\nfeatures:\n"
+        "  '<script>alert(1)</script>': {x_mm: 10, y_mm: 20}\n  B: {x_mm: 50, y_mm: 20}\n"
+    )
+    machine = CONFIGS / "gilsinn-ling" / "machine.yaml"
+    call = ["predict-points", "-m", machine, "-p", "part.yaml", "-q", "--report", "r.html"]
+    done(mtu(*call, "--date", "1 May 2030", cwd=tmp_path))
+    text = sound(tmp_path / "r.html")
+    assert "<script" not in text
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
+    assert "&lt;b&gt;plate&lt;/b&gt;" in text
+    assert "1 May 2030" in text
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["-o", "a.html"], "-o writes JSON; expected a name that ends in .json"),
+        (["--report", "a.txt"], "--report writes HTML or PDF; expected a name that ends in .html"),
+        (["--csv", "a.html"], "--csv writes CSV"),
+    ],
+)
+def test_wrong_endings_are_refused(options: list[str], words: str, tmp_path: Path) -> None:
+    assert words in done(mtu("lengths", UNDECLARED, *options, cwd=tmp_path), 2).stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(importlib.util.find_spec("weasyprint") is not None, reason="it is installed")
+def test_a_pdf_names_the_extra_that_it_needs(tmp_path: Path) -> None:
+    found = done(mtu("lengths", UNDECLARED, "-q", "--report", "a.pdf", cwd=tmp_path), 2)
+    assert "mtu-cli[pdf]" in found.stderr
+    assert list(tmp_path.iterdir()) == []
