@@ -12,7 +12,7 @@ from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Readings, read_readings
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
-from mtu_cli.model.reading_simulation import SimulatedReadings
+from mtu_cli.model.simulate_readings import SimulatedReadings
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGS = ROOT / "configs"

@@ -17,7 +17,7 @@ from mtu_cli.model.length_geometry import differences, length_gradient, length_m
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import PROBABILITY, Settings
-from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor

@@ -16,7 +16,7 @@ from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.reportable import reportable, reportable_of_points
 from mtu_cli.model.settings import PROBABILITY, Settings
-from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import Shares, Variance
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray

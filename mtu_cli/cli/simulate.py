@@ -34,12 +34,12 @@ from mtu_cli.cli.simulate_drift import (
 from mtu_cli.cli.simulate_options import named_equation, read_positions
 from mtu_cli.findings import Finding, error
 from mtu_cli.language import Node
-from mtu_cli.model.drift_simulation import simulate_drift
+from mtu_cli.model.simulate_drift import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.pass_draws import cut_warnings
-from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
+from mtu_cli.model.simulate_readings import cut_warnings
+from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.settings import DEFAULT_SEED
 from mtu_cli.model.simulate import PartsPlan, simulate_points
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv

@@ -28,7 +28,7 @@ from mtu_cli.model.estimates import (
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component
 from mtu_cli.model.joint import shared_passes
-from mtu_cli.model.reading_rest import without_effects
+from mtu_cli.model.reading_layout import without_effects
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 

@@ -12,7 +12,7 @@ import numpy as np
 from mtu_cli.files.points import Points
 from mtu_cli.files.row_marks import all_distinct
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.angle_geometry import Line, angle_error, check_square
+from mtu_cli.model.angles import Line, angle_error, check_square
 from mtu_cli.model.length_geometry import differences, length_error
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import MOST_TOLD as MOST_TOLD

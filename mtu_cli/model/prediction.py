@@ -21,7 +21,7 @@ from mtu_cli.model.constants import constant_effects
 from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import MachineModel, check_covariates
-from mtu_cli.model.temperature_noise import temperature_blocks
+from mtu_cli.model.temperatures import temperature_blocks
 from mtu_cli.model.thermal_terms import told_name
 from mtu_cli.model.variance import (
     Block,

@@ -1,16 +1,59 @@
-"""Readings of one component as passes and targets: the rows and columns of their table."""
+"""Readings for a fit: columns, layout, what effects and drifts take off them."""
 
 from __future__ import annotations
 
+import numpy as np
+from mtu_cli.files.readings import Readings
+from mtu_cli.model.basis import TIME
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residual_layout import IntArray
+from mtu_cli.stats.least_squares import FloatArray
 from dataclasses import dataclass
 from itertools import pairwise
-
-import numpy as np
-
-from mtu_cli.files.readings import Readings
 from mtu_cli.model.passes import Passes, passes_of
-from mtu_cli.model.residual_cells import Cells, IntArray, cells_of
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.model.residual_layout import Cells, IntArray, cells_of
+from dataclasses import replace
+from typing import TYPE_CHECKING
+from mtu_cli.findings import Finding
+from collections.abc import Mapping
+from mtu_cli.findings import Finding, finding
+from mtu_cli.language import evaluate, names
+from mtu_cli.language.linear import LinearForm
+from mtu_cli.model.effect_parameters import declared_effects
+from mtu_cli.model.effect_ranges import outside_seen
+from mtu_cli.units import PARAMETER_UNITS
+
+if TYPE_CHECKING:
+    from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.readings import Readings
+
+def reading_columns(
+    readings: Readings, rows: IntArray, layout: ReadingLayout, of: str | None
+) -> dict[str, np.ndarray]:
+    """Columns (n,) of the readings `rows` of a component that is a function of the axis `of`;
+    `sequence` counts passes.
+    """
+    found: dict[str, np.ndarray] = {"sequence": layout.cells.part + 1.0}
+    sign = readings.direction[rows].astype(np.float64)
+    if of is not None and sign.any():
+        found[f"dir_{of}"] = np.where(sign == 0, np.nan, sign)
+    times = readings.time_min[rows]
+    if not np.isnan(times).all():
+        found[TIME] = times
+    for name, column in readings.covariates.items():
+        own = column[rows]
+        if own.dtype == object or not np.isnan(own).all():
+            found.setdefault(name, own)
+    return found
+
+
+def reading_places(readings: Readings, rows: IntArray, of: str | None) -> FloatArray:
+    """Places (n, 3) mm: the positions along the axis, nan beside it."""
+    places = np.full((len(rows), 3), np.nan)
+    if of is not None:
+        places[:, AXES.index(of)] = readings.position_mm[rows]
+    return places
+
 
 SAME = 1e-4
 """Positions within this share of the travel are one target, recorded as it was reached."""
@@ -123,3 +166,105 @@ def _labels(means: FloatArray) -> list[str]:
         if len(set(found)) == len(found):
             return found
     return [repr(float(value)) for value in means]
+
+
+def without_effects(
+    machine: LoadedMachine, readings: Readings
+) -> tuple[Readings, tuple[Finding, ...]]:
+    """What is left for the components: an effect that was found in readings of one is in its
+    readings still, and would be counted again, as its coefficients or its scatter from pass to
+    pass. Warns of effects whose columns the readings lack.
+    """
+    own = {effect.found.get("component") for effect in machine.machine.effects}
+    if not own & set(readings.components):
+        return readings, ()
+    error = readings.error.copy()
+    warned: list[Finding] = []
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        if name not in own or not len(rows):
+            continue
+        of = machine.machine.components[name].of
+        layout = reading_layout(readings, rows, of, name)
+        columns = reading_columns(readings, rows, layout, of)
+        places = reading_places(readings, rows, of)
+        said, told = effects_on_readings(machine, name, places, columns)
+        error[rows] -= said
+        warned += told
+    return replace(readings, error=error), tuple(warned)
+
+
+ELSEWHERE = 1.0
+"""mm along axes that readings tell no position of: effect and lever arm have the same factor."""
+
+
+def effects_on_readings(
+    machine: LoadedMachine, component: str, places: FloatArray, columns: Mapping[str, np.ndarray]
+) -> tuple[FloatArray, list[Finding]]:
+    """The sum (n,) of the declared effects that were found in the readings of `component`, in
+    its own unit, at `places` (n, 3) mm with the readings' `columns` (n,).
+
+    An effect f of a component c stands in the machine's equations as L f, L = dE/dc its lever
+    arm: f = (L f) / L. An effect whose covariate the readings lack is left out, with a warning.
+    """
+    total = np.zeros(len(places))
+    warned = []
+    own_columns = _numeric(columns) | {axis: places[:, i] for i, axis in enumerate(AXES)}
+    for effect, form, declared in zip(
+        machine.machine.effects, machine.effect_forms, declared_effects(machine), strict=True
+    ):
+        if effect.found.get("component") != component:
+            continue
+        values = _values(machine, places, columns)
+        values |= {
+            name: p.value * PARAMETER_UNITS[p.unit].to_internal
+            for name, p in effect.parameters.items()
+        }
+        pair = _equation(machine, form, component)
+        missing = [] if pair is None else sorted(_needed(pair) - set(values))
+        if pair is None or missing:
+            warned.append(_left_out(effect.name, component, missing))
+            continue
+        own, lever = pair
+        said = np.zeros(len(places))
+        for name, node in own.coefficients.items():
+            said = said + np.asarray(values[name]) * evaluate(node, values)
+        warned += outside_seen([declared], own_columns)
+        total += said / evaluate(lever.coefficients[component], values)
+    return total, warned
+
+
+def _values(
+    machine: LoadedMachine, places: FloatArray, columns: Mapping[str, np.ndarray]
+) -> dict[str, FloatArray | float]:
+    found: dict[str, FloatArray | float] = {
+        name: item.value for name, item in machine.machine.constants.items()
+    }
+    for i, axis in enumerate(AXES):
+        found.setdefault(axis, np.where(np.isfinite(places[:, i]), places[:, i], ELSEWHERE))
+    return found | {n: c for n, c in _numeric(columns).items() if np.isfinite(c).all()}
+
+
+def _numeric(columns: Mapping[str, np.ndarray]) -> dict[str, FloatArray]:
+    return {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
+
+
+def _equation(
+    machine: LoadedMachine, form: Mapping[str, LinearForm], component: str
+) -> tuple[LinearForm, LinearForm] | None:
+    """An equation of the effect, and the same of the machine, that hold the component."""
+    for name, own in form.items():
+        lever = machine.forms.get(name)
+        if lever is not None and component in lever.coefficients:
+            return own, lever
+    return None
+
+
+def _needed(pair: tuple[LinearForm, LinearForm]) -> set[str]:
+    own, _ = pair
+    return {name for node in own.coefficients.values() for name in names(node)}
+
+
+def _left_out(effect: str, component: str, missing: list[str]) -> Finding:
+    reason = f"they have no column {', '.join(missing)}" if missing else "no equation holds both"
+    return finding("effect-not-removed", effect=effect, component=component, reason=reason)

@@ -14,8 +14,8 @@ from mtu_cli.model.blocks import component_blocks
 from mtu_cli.model.constants import constant_effects
 from mtu_cli.model.design import design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
-from mtu_cli.model.residual_cells import Cells, IntArray, filled
-from mtu_cli.model.temperature_noise import noise_columns
+from mtu_cli.model.residual_layout import Cells, IntArray, filled
+from mtu_cli.model.temperatures import noise_columns
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 

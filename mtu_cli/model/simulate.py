@@ -15,7 +15,7 @@ from mtu_cli.findings import InputError, finding
 from mtu_cli.language import Node
 from mtu_cli.model.design import Design, design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.pass_draws import PassDraws, pass_draws
+from mtu_cli.model.simulate_readings import PassDraws, pass_draws
 from mtu_cli.model.simulate_equations import (
     Visits,
     check_coordinates,

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.model.residual_layout import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import (
     Plane,

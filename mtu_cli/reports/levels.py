@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_cells import IntArray
+from mtu_cli.model.residual_layout import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW = 4

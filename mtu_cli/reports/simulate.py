@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.model.drift_simulation import SimulatedDrift
-from mtu_cli.model.reading_simulation import SimulatedReadings
+from mtu_cli.model.simulate_drift import SimulatedDrift
+from mtu_cli.model.simulate_readings import SimulatedReadings
 from mtu_cli.model.simulate import SimulatedPoints
 from mtu_cli.reports.csv_text import csv_text
 

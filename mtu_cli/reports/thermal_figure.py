@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
 from mtu_cli.findings import listed
-from mtu_cli.model.drift_profile import STEPS, DriftProfile, drift_profile
+from mtu_cli.model.simulate_drift import STEPS, DriftProfile, drift_profile
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import nice
 from mtu_cli.reports.labels import cut, spread

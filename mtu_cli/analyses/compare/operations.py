@@ -23,7 +23,7 @@ from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns, used_columns
 from mtu_cli.model.residual_factors import PIECE
-from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import MeanSquares
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.least_squares import FloatArray

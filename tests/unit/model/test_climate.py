@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.model.climate import Climate, Sensors, settled
+from mtu_cli.model.simulate_drift import Climate, Sensors, settled
 
 CLIMATE = Climate(
     reference=20.0, low=18.0, high=26.0, room_lag=60.0, room_wobble=0.2, sensor_lag=(5.0, 50.0),

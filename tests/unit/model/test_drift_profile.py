@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mtu_cli.model.drift_profile import STEPS, drift_profile
+from mtu_cli.model.simulate_drift import STEPS, drift_profile
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.units import UNITS
 

@@ -12,7 +12,7 @@ from model_examples import FloatArray, estimate, model_of, stated
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
+from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points
 
 IDS = ["a", "b", "c", "d"]

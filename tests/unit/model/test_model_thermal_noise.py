@@ -11,7 +11,7 @@ from thermal_machines import IDS, POINTS, SENSORS, angle, line, machine
 from mtu_cli.model.design import design
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.temperature_noise import temperature_blocks, temperature_gradients
+from mtu_cli.model.temperatures import temperature_blocks, temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray
 
 U = {"T_a_degC": 0.1, "T_b_degC": 0.2, "T_c_degC": 0.05}

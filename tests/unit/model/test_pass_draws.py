@@ -11,8 +11,8 @@ from model_examples import FloatArray, estimate, model_of
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.pass_draws import cut_warnings, pass_draws
-from mtu_cli.model.reading_simulation import ReadingsPlan, simulate_readings
+from mtu_cli.model.simulate_readings import cut_warnings, pass_draws
+from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.simulate import PartsPlan, simulate_points
 
 AT = np.array([[0.0, 0, 0], [250, 0, 0], [500, 0, 0]])

@@ -12,7 +12,7 @@ from model_examples import Segment, loaded, readings
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import fit_machine
-from mtu_cli.model.reading_rest import without_effects
+from mtu_cli.model.reading_layout import without_effects
 
 MACHINE = """
 axes: {x: {travel_mm: [0, 400]}}

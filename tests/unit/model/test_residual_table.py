@@ -27,7 +27,7 @@ from residual_examples import (
 
 from mtu_cli.findings import InputError
 from mtu_cli.model import residual_factors
-from mtu_cli.model.residual_cells import filled
+from mtu_cli.model.residual_layout import filled
 from mtu_cli.model.residual_table import residual_table
 
 Floats = NDArray[np.float64]

@@ -21,7 +21,7 @@ from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_mac
 from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.runs import fellows, runs_of, ways
+from mtu_cli.model.passes import fellows, runs_of, ways
 from mtu_cli.reports.fit_components import document
 
 FloatArray = NDArray[np.float64]

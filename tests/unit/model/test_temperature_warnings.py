@@ -11,7 +11,7 @@ from thermal_machines import POINTS, angle, line, machine
 
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.temperature_warnings import temperature_warnings
+from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 
 ROOM: dict[str, FloatArray | float] = {"T_a_degC": 23.0, "T_b_degC": 24.0, "T_c_degC": 22.0}

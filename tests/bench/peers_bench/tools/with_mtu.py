@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
-from mtu_cli.model.angle_trials import AngleTrials
+from mtu_cli.model.angles import AngleTrials
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.block_plan import trials_for_tails
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
