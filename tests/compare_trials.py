@@ -19,9 +19,9 @@ from mtu_cli.model.datum import Datum
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
-from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points
+from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.linspace(10.0, 140.0, 14)

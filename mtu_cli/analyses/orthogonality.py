@@ -9,8 +9,7 @@ import numpy as np
 
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, error
-from mtu_cli.model.angles import Line, angle_error, check_square, contrasts
-from mtu_cli.model.angles import AngleTrials
+from mtu_cli.model.angles import AngleTrials, Line, angle_error, check_square, contrasts
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel

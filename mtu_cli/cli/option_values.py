@@ -17,6 +17,11 @@ DRAWING = "to"
 SEPARATORS = tuple({os.sep, "/"})
 
 
+def option_name(name: str) -> str:
+    """The option of a parameter: --sensor-noise-degC of sensor_noise_degc."""
+    return f"--{name.replace('_', '-')}".replace("degc", "degC")
+
+
 def no_number(option: str, text: str, *, whole: bool = False) -> Finding | None:
     """The Finding of a part of an option's value, such as the VALUE of NAME=VALUE, that is no
     finite number; None of one that is.

@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.option_values import OUTPUTS, WRITES
+from mtu_cli.cli.option_values import OUTPUTS, WRITES, option_name
 from mtu_cli.cli.options import Options
-from mtu_cli.cli.simulate_checks import option_name
 from mtu_cli.findings import Finding, InputError, finding
 
 if TYPE_CHECKING:

@@ -12,6 +12,7 @@ from pathlib import Path
 from mtu_cli.cli.execute import deliver, warning_lines
 from mtu_cli.cli.inputs import Inputs
 from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.option_values import option_name
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.outputs import check_outputs, check_overwritten
 from mtu_cli.cli.simulate_checks import (
@@ -20,7 +21,6 @@ from mtu_cli.cli.simulate_checks import (
     check_ranges,
     check_used,
     large_warnings,
-    option_name,
 )
 from mtu_cli.cli.simulate_drift import (
     check_cmm_room,
@@ -34,14 +34,13 @@ from mtu_cli.cli.simulate_drift import (
 from mtu_cli.cli.simulate_options import named_equation, read_positions
 from mtu_cli.findings import Finding, error
 from mtu_cli.language import Node
-from mtu_cli.model.simulate_drift import simulate_drift
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.simulate_readings import cut_warnings
-from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.settings import DEFAULT_SEED
 from mtu_cli.model.simulate import PartsPlan, simulate_points
+from mtu_cli.model.simulate_drift import simulate_drift
+from mtu_cli.model.simulate_readings import ReadingsPlan, cut_warnings, simulate_readings
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 
 MAX_ROWS = 10_000_000

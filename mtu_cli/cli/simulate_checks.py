@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from mtu_cli.cli.option_values import option_name
 from mtu_cli.cli.options import Options
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import Node
@@ -52,11 +53,6 @@ def check_ranges(options: Options, seed: int) -> None:
         )
     if problems:
         raise InputError(problems)
-
-
-def option_name(name: str) -> str:
-    """The option of a parameter: --sensor-noise-degC of sensor_noise_degc."""
-    return f"--{name.replace('_', '-')}".replace("degc", "degC")
 
 
 def _problem(option: str, value: float, expected: str) -> Finding:

@@ -15,10 +15,9 @@ from mtu_cli.cli.simulate_options import by_component, read_at
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.findings import InputError, error, suggestion
 from mtu_cli.model.calibrated_places import growth
-from mtu_cli.model.simulate_drift import Climate, as_read, settled
-from mtu_cli.model.simulate_drift import DriftPlan, sensors_for
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import SimulatedPoints
+from mtu_cli.model.simulate_drift import Climate, DriftPlan, as_read, sensors_for, settled
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-import numpy as np
-from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import InputError, finding
-from mtu_cli.stats.least_squares import FloatArray
 from dataclasses import dataclass
 from itertools import pairwise
+
+import numpy as np
+
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.findings import InputError, finding
 from mtu_cli.model.trials import PointTrials
 from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
 
 LARGEST_SLOPE = 0.1

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
+
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -136,6 +138,8 @@ def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
     start = np.full(len(keys), len(keys))
     np.minimum.at(start, own, rank)
     return np.unique(start[own], return_inverse=True)[1].reshape(-1)
+
+
 Fellows = list[tuple[int, int]]
 """Places (earlier, later) of two passes of a run."""
 

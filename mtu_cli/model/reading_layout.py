@@ -2,30 +2,30 @@
 
 from __future__ import annotations
 
-import numpy as np
-from mtu_cli.files.readings import Readings
-from mtu_cli.model.basis import TIME
-from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_layout import IntArray
-from mtu_cli.stats.least_squares import FloatArray
-from dataclasses import dataclass
-from itertools import pairwise
-from mtu_cli.model.passes import Passes, passes_of
-from mtu_cli.model.residual_layout import Cells, IntArray, cells_of
-from dataclasses import replace
-from typing import TYPE_CHECKING
-from mtu_cli.findings import Finding
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
 from mtu_cli.language import evaluate, names
 from mtu_cli.language.linear import LinearForm
+from mtu_cli.model.basis import TIME
 from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.passes import Passes, passes_of
+from mtu_cli.model.residual_layout import Cells, IntArray, cells_of
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
 if TYPE_CHECKING:
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
+
 
 def reading_columns(
     readings: Readings, rows: IntArray, layout: ReadingLayout, of: str | None

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding, finding
-from mtu_cli.model.residual_layout import only_rows
-from mtu_cli.stats.least_squares import FloatArray
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.model.basis import TIME
@@ -21,7 +19,8 @@ from mtu_cli.model.design import of_feature, without_coordinate
 from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
 from mtu_cli.model.measured import MOST_TOLD
 from mtu_cli.model.moments import moment_problem
-from mtu_cli.model.residual_layout import Cells, IntArray
+from mtu_cli.model.residual_layout import Cells, IntArray, only_rows
+from mtu_cli.stats.least_squares import FloatArray
 
 FEW = 0.05
 """Share of the rows up to which they are left out: without its covariate an effect cannot be named,

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from mtu_cli.stats.least_squares import FloatArray
-from dataclasses import dataclass, fields, replace
-from typing import Any
+
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.datum import Datum
-from mtu_cli.model.measured import visits_of
-from mtu_cli.model.measured import operations_of
-from collections.abc import Sequence
 from mtu_cli.model.datum import Datum, basis, without
+from mtu_cli.model.measured import operations_of, visits_of
+from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
 

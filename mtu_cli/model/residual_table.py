@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.residual_covariates import without_gaps
 from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.design import places as fixed_places
@@ -22,13 +21,12 @@ from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import axes_of, check_repeats, left_out, not_measured
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.residual_layout import Cells, IntArray, filled
 from mtu_cli.model.residual_covariates import (
     needed_covariates,
     point_columns,
     table_covariates,
+    without_gaps,
 )
-from mtu_cli.model.residual_layout import Motions, freed, motions_of
 from mtu_cli.model.residual_factors import (
     Values,
     cell_model,
@@ -38,8 +36,19 @@ from mtu_cli.model.residual_factors import (
     read_ranges,
     rows_of,
 )
-from mtu_cli.model.residual_layout import Layout, layout_of
-from mtu_cli.model.residual_layout import Visited, only_rows, visited_of
+from mtu_cli.model.residual_layout import (
+    Cells,
+    IntArray,
+    Layout,
+    Motions,
+    Visited,
+    filled,
+    freed,
+    layout_of,
+    motions_of,
+    only_rows,
+    visited_of,
+)
 from mtu_cli.model.resolution import resolution
 from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
 from mtu_cli.model.written_errors import without_written_errors

@@ -15,7 +15,6 @@ from mtu_cli.findings import InputError, finding
 from mtu_cli.language import Node
 from mtu_cli.model.design import Design, design, theta
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.simulate_readings import PassDraws, pass_draws
 from mtu_cli.model.simulate_equations import (
     Visits,
     check_coordinates,
@@ -23,6 +22,7 @@ from mtu_cli.model.simulate_equations import (
     deviation_values,
     error_values,
 )
+from mtu_cli.model.simulate_readings import PassDraws, pass_draws
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
 

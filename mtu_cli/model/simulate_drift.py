@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
 import numpy as np
+
+from mtu_cli.findings import error
+from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.streams import stream
-from collections.abc import Sequence
-from mtu_cli.model.thermal import ThermalEstimate
-from collections.abc import Mapping, Sequence
-from mtu_cli.findings import error
 from mtu_cli.stats.positive_part import covariance_root
+from mtu_cli.stats.streams import stream
 
 WOBBLE_MEMORY_MIN = 15.0
 """Correlation time of draughts and of the air conditioning's swings."""

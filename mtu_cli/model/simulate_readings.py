@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+
 import numpy as np
+
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.blocks import component_blocks, positions_in_group
-from mtu_cli.model.estimates import JointPasses
+from mtu_cli.model.effect_parameters import EFFECT_MARK
+from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.variance import Block, drawable_passes
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.positive_part import covariance_root
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from mtu_cli.model.effect_parameters import EFFECT_MARK
-from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.stats.least_squares import FloatArray, polynomial
+from mtu_cli.stats.positive_part import covariance_root
 from mtu_cli.stats.streams import stream
 
 SEEN = 0.1

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
+
 import numpy as np
-from mtu_cli.model.basis import Covariates, ThermalBasis, row_times
-from mtu_cli.model.design import places
+
+from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.model.basis import TIME, Covariates, ThermalBasis, row_times
+from mtu_cli.model.design import design, places
 from mtu_cli.model.machine_model import MachineModel, sensors_of
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.model.variance import Block
 from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
-from collections.abc import Callable
-from functools import cache
-from mtu_cli.findings import Finding, finding, listed
-from mtu_cli.model.basis import TIME, Covariates
-from mtu_cli.model.design import design
-from mtu_cli.model.machine_model import MachineModel
+
 
 def temperature_gradients(
     model: MachineModel,

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from mtu_cli.model.simulate import SimulatedPoints
 from mtu_cli.model.simulate_drift import SimulatedDrift
 from mtu_cli.model.simulate_readings import SimulatedReadings
-from mtu_cli.model.simulate import SimulatedPoints
 from mtu_cli.reports.csv_text import csv_text
 
 DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}

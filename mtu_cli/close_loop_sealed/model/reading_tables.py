@@ -11,17 +11,20 @@ from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
-from mtu_cli.model.residual_covariates import rows_without_gaps
 from mtu_cli.model.covariate_texts import texts_told
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
-from mtu_cli.model.reading_layout import reading_columns, reading_places
-from mtu_cli.model.reading_layout import effects_on_readings
-from mtu_cli.model.reading_layout import ReadingLayout, reading_layout
-from mtu_cli.model.residual_layout import IntArray, filled
-from mtu_cli.model.residual_covariates import table_covariates
+from mtu_cli.model.reading_layout import (
+    ReadingLayout,
+    effects_on_readings,
+    reading_columns,
+    reading_layout,
+    reading_places,
+)
+from mtu_cli.model.residual_covariates import rows_without_gaps, table_covariates
 from mtu_cli.model.residual_factors import CellModel, Values, cell_model
+from mtu_cli.model.residual_layout import IntArray, filled
 from mtu_cli.model.residual_table import ResidualTable, within
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.thermal import ThermalEstimate

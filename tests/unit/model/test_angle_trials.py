@@ -9,8 +9,7 @@ from scipy import stats
 from support import paper_study
 
 from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
-from mtu_cli.model.angles import contrasts
-from mtu_cli.model.angles import AngleTrials
+from mtu_cli.model.angles import AngleTrials, contrasts
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials

@@ -8,8 +8,16 @@ import numpy as np
 import pytest
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.simulate_drift import WOBBLE_MEMORY_MIN, Climate, Sensors, followed
-from mtu_cli.model.simulate_drift import DriftPlan, SimulatedDrift, sensors_for, simulate_drift
+from mtu_cli.model.simulate_drift import (
+    WOBBLE_MEMORY_MIN,
+    Climate,
+    DriftPlan,
+    Sensors,
+    SimulatedDrift,
+    followed,
+    sensors_for,
+    simulate_drift,
+)
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.units import UNITS

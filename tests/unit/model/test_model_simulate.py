@@ -12,8 +12,8 @@ from model_examples import FloatArray, estimate, model_of, stated
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points
+from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 
 IDS = ["a", "b", "c", "d"]
 POINTS = np.array([[0.0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 80, 0]])

@@ -11,9 +11,13 @@ from model_examples import FloatArray, estimate, model_of
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.simulate_readings import cut_warnings, pass_draws
-from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
 from mtu_cli.model.simulate import PartsPlan, simulate_points
+from mtu_cli.model.simulate_readings import (
+    ReadingsPlan,
+    cut_warnings,
+    pass_draws,
+    simulate_readings,
+)
 
 AT = np.array([[0.0, 0, 0], [250, 0, 0], [500, 0, 0]])
 MANY = 4000

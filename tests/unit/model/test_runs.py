@@ -20,8 +20,8 @@ from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.prediction import predict
 from mtu_cli.model.passes import fellows, runs_of, ways
+from mtu_cli.model.prediction import predict
 from mtu_cli.reports.fit_components import document
 
 FloatArray = NDArray[np.float64]
