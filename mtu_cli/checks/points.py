@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.checks import Odd, PointsData, check, labels
+from mtu_cli.checks import Odd, PointsData, check
 from mtu_cli.checks.plausible import COORDINATES, POINT_ERROR_MM, SAME_MM
 from mtu_cli.model.datum import freed
 from mtu_cli.model.visits import axes_of, operations_of, visits_of
-from mtu_cli.stats.outliers import group_medians, outlying
+from mtu_cli.stats.outliers import group_medians, numbered, outlying
 
 Rows = NDArray[np.int64]
 Floats = NDArray[np.float64]
@@ -57,7 +57,7 @@ def mistake_of(data: PointsData, rows: Rows, axes: tuple[int, ...]) -> Mistake:
     With a datum each part's own origin is none.
     """
     measured, nominal = (of[rows][:, axes] for of in (data.table.measured, data.table.nominal))
-    part = None if data.datum == "none" else labels(data.table.part[rows])
+    part = None if data.datum == "none" else numbered(data.table.part[rows])
     now = typical(_less_origin(measured - nominal, part))
     near = min(EXPLAINED * now, POINT_ERROR_MM)
 
@@ -250,7 +250,7 @@ def outlying_point(data: PointsData) -> Iterator[Odd]:
     errors, axes = off(data)
     _, operation = operations_of(table)
     feature = operation * len(table.features) + table.feature
-    place = labels(feature)
+    place = numbered(feature)
     visit = visits_of(table).of_point
     far = (np.abs(errors) > POINT_ERROR_MM).any(axis=1)
     for k, axis in enumerate(axes):

@@ -13,7 +13,8 @@ from mtu_cli.findings import error, nearest
 FINDINGS = "findings"
 ORDER = (
     *("start", "machine", "readings", "points", "conventions", "figures", "close-loop", "effects"),
-    *("temperature", "budget", "graph", "gates", "findings", "papers", "accuracy", "building"),
+    *("temperature", "budget", "graph", "simulate", "gates", "findings", "papers", "accuracy"),
+    "building",
 )
 """The topics as a newcomer needs them."""
 
@@ -28,14 +29,15 @@ def run(options: Options) -> None:
     if name is None:
         show(overview())
         return
-    if name not in (*ORDER, *CATALOGUE, *commands):
-        known = [*ORDER, *commands, *CATALOGUE]
+    codes = {*CATALOGUE, *paragraphs()}
+    if name not in (*ORDER, *codes, *commands):
+        known = [*ORDER, *commands, *codes]
         hint = {"meant": nearest(name, known)} if nearest(name, known) else {}
         expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
         raise error("unknown-name", what="topic", value=name, expected=expected, **hint)
     if name in ORDER:
         show(topic(name))
-    elif name in CATALOGUE:
+    elif name in codes:
         show(paragraph(name))
     if name in commands:
         app([name, "--help"], standalone_mode=False)
@@ -53,16 +55,22 @@ def overview() -> str:
     return "\n".join(["# Help", "", *lines, "- `mtu help CODE` — a warning or error", ""])
 
 
-def paragraph(code: str) -> str:
-    """What is known of a finding: severity, sentence, and its paragraph of help/findings.md."""
-    kind = CATALOGUE[code]
-    found = ""
+def paragraphs() -> dict[str, str]:
+    """The paragraph of each code in help/findings.md; the loop's codes stand there alone."""
+    found: dict[str, str] = {}
     for section in re.split(r"^## ", topic(FINDINGS), flags=re.MULTILINE)[1:]:
         heading, _, text = section.partition("\n")
-        if code in heading.split(", "):
-            found = text.strip()
-    sentence = re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
-    return f"# {code} ({kind.severity})\n\n    {sentence}\n\n{found}\n"
+        found |= dict.fromkeys(heading.split(", "), text.strip())
+    return found
+
+
+def paragraph(code: str) -> str:
+    """What is known of a finding: severity, sentence, and its paragraph."""
+    kind = CATALOGUE.get(code)
+    severity = "warning" if kind is None else kind.severity
+    sentence = "" if kind is None else re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
+    shown = f"    {sentence}\n\n" if sentence else ""
+    return f"# {code} ({severity})\n\n{shown}{paragraphs().get(code, '')}\n"
 
 
 def show(text: str) -> None:

@@ -279,6 +279,8 @@ class _Body:
         text = self.text
         if len(text.header) < 2 or text.content.find(b'"', text.body) >= 0:
             return None
+        if text.content.startswith(codecs.BOM_UTF8, text.body):  # pandas would take it away
+            return None
         signs = text.separator.encode() + b"\n"
         marks = text.content[text.body :].translate(None, _all_but(signs))
         of_row = signs[:1] * (len(text.header) - 1) + b"\n"
