@@ -16,7 +16,7 @@ from mtu_cli.stats.streams import stream
 
 WOBBLE_MEMORY_MIN = 15.0
 """Correlation time of draughts and of the air conditioning's swings."""
-_STREAM = 4
+_CLIMATE_STREAM = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +62,7 @@ def drawn_sensors(
     names: tuple[str, ...], climate: Climate, twins: tuple[tuple[str, str], ...], seed: int
 ) -> Sensors:
     """Lags and shares of the sensors, each from its own stream."""
-    draws = np.array([stream(seed, _STREAM, 0, s).random(2) for s in range(len(names))])
+    draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
     low, high = climate.sensor_lag
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
     shares = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
@@ -80,11 +80,11 @@ def followed(
     times = np.arange(n, dtype=np.float64) * step
     driven = np.concatenate([[climate.reference], targets[1:]])
     room = _lagged(driven, times, climate.room_lag) + _wobble(
-        climate.room_wobble, n, step, stream(seed, _STREAM, 1)
+        climate.room_wobble, n, step, stream(seed, _CLIMATE_STREAM, 1)
     )
     found = np.empty((n, len(sensors.names)))
     for s, (lag, share) in enumerate(zip(sensors.lags, sensors.shares, strict=True)):
-        draught = _wobble(climate.sensor_wobble, n, step, stream(seed, _STREAM, 2, s))
+        draught = _wobble(climate.sensor_wobble, n, step, stream(seed, _CLIMATE_STREAM, 2, s))
         air = climate.reference + share * (room - climate.reference) + draught
         found[:, s] = _lagged(air, times, float(lag))
     return found
@@ -114,7 +114,10 @@ def settled(
     """
     draughts = np.array(
         [
-            [stream(seed, _STREAM, 3, r, s).standard_normal() for s in range(len(sensors.names))]
+            [
+                stream(seed, _CLIMATE_STREAM, 3, r, s).standard_normal()
+                for s in range(len(sensors.names))
+            ]
             for r in range(len(rooms))
         ]
     ).reshape(len(rooms), len(sensors.names))
@@ -130,7 +133,8 @@ def as_read(
     places = {name: name for name in sensors.names} | dict(sensors.twins)
     return {
         name: true[place]
-        + climate.sensor_noise * stream(seed, _STREAM, 5, part, c).standard_normal(len(true[place]))
+        + climate.sensor_noise
+        * stream(seed, _CLIMATE_STREAM, 5, part, c).standard_normal(len(true[place]))
         for c, (name, place) in enumerate(places.items())
     }
 
@@ -192,7 +196,7 @@ def _drifts(estimate: ThermalEstimate, places: FloatArray, states: FloatArray) -
     )
 
 
-_STREAM = 6
+_DRIFT_STREAM = 6
 _REACHED = 1e-6
 """Of the rise: drifts that the sensors' shares miss by more cannot be had."""
 
@@ -384,7 +388,7 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
         for p, position in enumerate(_places(item, plan)):
             errors = item.drift(np.full(len(true), np.nan_to_num(position)), known)
             errors += _leftover(item, position, plan, seed, number)[np.arange(len(true)) // period]
-            rng = stream(seed, _STREAM, 1, number, p)
+            rng = stream(seed, _DRIFT_STREAM, 1, number, p)
             errors += plan.noise[item.unit.dimension] * rng.standard_normal(len(true))
             rows.append((item.component, item.unit.name, position, errors / item.unit.to_internal))
     return _by_cycle(rows, kept.reshape(plan.cycles, -1), times, read, sensors)
@@ -407,7 +411,7 @@ def _leftover(
     """What the model leaves at a position, one draw a cycle (cycles,)."""
     power = np.nan_to_num(position) ** np.arange(len(drift.leftover))
     deviations = power @ covariance_root(drift.leftover)
-    draws = stream(seed, _STREAM, 0, number).standard_normal((plan.cycles, len(power)))
+    draws = stream(seed, _DRIFT_STREAM, 0, number).standard_normal((plan.cycles, len(power)))
     drawn: FloatArray = draws @ deviations
     return drawn
 
