@@ -244,6 +244,8 @@ class _Check:
         sound = all(name in self.graph.places for name in (*item.in_, *item.out))
         if variant is None or not sound or len(self.faults.findings) > before:
             return None
+        if item.do == "compute" and formula is None:  # its key is misspelt, and reported as such
+            return None
         return Step(
             index=index,
             do=item.do,
