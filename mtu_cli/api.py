@@ -12,13 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
-from importlib import import_module
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.options import Options
+from mtu_cli.cli.commands import COMMANDS, analysis_of
+from mtu_cli.cli.emit import ENDINGS
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.options import OPTIONS, REQUIRED, Options
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
@@ -33,12 +34,14 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-    from mtu_cli.cli.execute import Outcome
+    from mtu_cli.cli.emit import Outcome
 
-COMMANDS = (
+FUNCTIONS = (
     *("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare"),
     *("thermal-fit", "correct", "close-loop", "budget"),
 )
+OUTPUTS = (*ENDINGS, "date", "detail", "quiet")
+"""Options of what the command line writes and shows: a `Result` is asked for it."""
 FilePath = str | Path
 
 
@@ -63,15 +66,16 @@ class Result:
         return pd.DataFrame([list(row) for row in rows], columns=list(header))
 
     def figure(self) -> Figure:
-        """The picture of `--plot`."""
+        """The picture of `--plot`; raises AttributeError where the command has none."""
+        if self.outcome.figure is None:
+            raise AttributeError(f"{self.command} has no picture")
         return self.outcome.figure()
 
     def report(self) -> dict[str, Any]:
         """The whole report, as `-o` writes it."""
-        from mtu_cli.cli.settings import read_settings
         from mtu_cli.reports.document import envelope
 
-        settings = self.outcome.settings or read_settings(self.inputs, None)
+        settings = self.outcome.settings or self.inputs.settings
         return envelope(
             self.command,
             inputs=self.inputs.sources,
@@ -133,38 +137,25 @@ def check(*given: Any, **options: Any) -> list[Finding]:
 def function_of(name: str) -> Callable[..., Result]:
     """The function of a command, by its name with underscores; raises AttributeError."""
     command = name.replace("_", "-")
-    if command not in COMMANDS:
+    if command not in FUNCTIONS:
         raise AttributeError(name)
     found = partial(_run, command)
-    found.__doc__ = _commands()[command].help
+    found.__doc__ = COMMANDS[command].text
     return found
 
 
 def _run(command: str, *given: Any, **options: Any) -> Result:
-    from mtu_cli.cli.settings import doubts, read_settings
-
     inputs = _inputs(command, given, options)
-    folder = "close_loop_sealed.cli" if command == "close-loop" else "cli"
-    module = import_module(f"mtu_cli.{folder}.{command.replace('-', '_')}")
-    settings = read_settings(inputs, None)
-    outcome: Outcome = module.analyse(inputs, settings)
-    warnings = (*inputs.suspicions, *doubts(inputs, settings), *outcome.warnings)
+    outcome: Outcome = analysis_of(command)(inputs, inputs.settings)
+    warnings = (*inputs.suspicions, *outcome.warnings)
     return Result(command, warnings, outcome, inputs)
-
-
-@cache
-def _commands() -> Mapping[str, Any]:
-    import typer
-
-    from mtu_cli.cli.commands import app
-
-    found: Mapping[str, Any] = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
-    return found
 
 
 def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
     """The inputs of a call: what was read already takes the place of its file."""
-    values = {each.name: each.default for each in _commands()[command].params}
+    keys = [key for key in COMMANDS[command].options.split() if key not in OUTPUTS]
+    values = {key.partition(":")[0]: OPTIONS[key].default for key in keys}
+    values = {name: None if value is REQUIRED else value for name, value in values.items()}
     unknown = options.keys() - values.keys() - {"components", "lbb", "laser", "cmm", "drift"}
     if unknown:
         raise TypeError(f"{command} has no option {', '.join(sorted(unknown))}")
@@ -172,6 +163,9 @@ def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> I
     values |= plain
     if isinstance(at := values.get("at"), Mapping):
         values["at"] = [f"{name}={value}" for name, value in at.items()]
+    for key in ("study", "machine", "part", "file"):
+        if isinstance(values.get(key), str):
+            values[key] = Path(values[key])
     for role in ("lbb", "laser", "cmm", "drift", "components", "effects"):
         if isinstance(one := values.get(role), (str, Path)):
             values[role] = [one]
@@ -179,8 +173,6 @@ def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> I
     read: dict[str, Any] = {}
     for item in (*given, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, read)
-    if command == "budget":
-        values["machine"] = values["file"]
     inputs = Inputs(Options(command, values))
     for name in ("machine", "part", "reports", "readings", "drift", "points"):
         if name in read:

@@ -75,8 +75,8 @@ class Finding:
     def message(self) -> str:
         """The whole sentence: place, text, value, expectation.
 
-        >>> print(Finding(code="not-a-number", file="a.csv", row=3, column="error",
-        ...               value="1.2.3", expected="a number").message)
+        >>> print(Finding(code="wrong-type", facts={"kind": "a number"}, file="a.csv", row=3,
+        ...               column="error", value="1.2.3", expected="a number").message)
         a.csv, row 3, column 'error': not a number: '1.2.3'; expected a number
         """
         text = self.text

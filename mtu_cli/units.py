@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan, log10, nan, pi
 
@@ -12,8 +12,6 @@ LENGTH = 1
 ANGLE = 0
 DEGREE, MINUTE = "K", "min"
 """What the parameter of an effect may be per, beside lengths."""
-
-
 BASES = ("m", "kg", "s", "A", "K")
 _INTERNAL = ("mm", "kg", "min", "A", "K")
 _SAME = 1e-9
@@ -58,6 +56,11 @@ class Powers:
         """Whether all is known but its size."""
         return not any(map(isnan, self.exponents[:-1]))
 
+    @property
+    def whole(self) -> Powers:
+        """Without its broken exponents, which are then not known."""
+        return Powers(tuple(own if own == round(own, 0) else nan for own in self.exponents))
+
     def alike(self, other: Powers) -> bool:
         """Whether both are of one dimension, as far as they are known."""
         return not any(self._differences(other)[:-1])
@@ -74,40 +77,26 @@ class Powers:
         """The unit by one of `names`, or in base units.
 
         >>> unit_powers("N/mm^2").text(), internal(length=-1, degree=1).text()
-        ('1e+06 kg/(m*s^2)', 'K/mm')
+        ('1e+06 m^-1*kg*s^-2', 'mm^-1*K')
         """
-        if not self.alike(PLAIN) or (not isnan(self.size) and abs(self.size) > _SAME):
+        sized = not isnan(self.size)
+        factor = [f"{10.0**self.size:.6g}"] if sized and abs(self.size) > _SAME else []
+        if factor or not self.alike(PLAIN):
             for name, own in (names or {}).items():
                 if own.known and self.agrees(own):
                     return name
-        bases = _INTERNAL if isnan(self.size) else BASES
-        powers = {
-            base: own
-            for base, own in zip(bases, self.exponents, strict=False)
-            if own and not isnan(own)
-        }
-        if isnan(self.size) and (word := _WORDS.get(tuple(powers.items()))):
-            return word
-        over, under = (
-            [
-                base if abs(own) == 1 else f"{base}^{abs(own):g}"
-                for base, own in powers.items()
-                if own * sign > 0
-            ]
-            for sign in (1, -1)
-        )
-        text = "*".join(over) or ("1" if under else "")
-        if under:
-            text += "/" + (under[0] if len(under) == 1 else f"({'*'.join(under)})")
-        factor = "" if isnan(self.size) or abs(self.size) < _SAME else f"{10.0**self.size:.6g}"
-        return " ".join(filter(None, (factor, text))) or "a plain number"
+        pairs = zip(BASES if sized else _INTERNAL, self.exponents, strict=False)
+        powers = [(base, own) for base, own in pairs if own and not isnan(own)]
+        bases = "*".join(base if n == 1 else f"{base}^{n:g}" for base, n in powers)
+        text = " ".join(filter(None, (*factor, bases)))
+        return text or "a plain number" if sized else _WORDS.get(text, text)
 
 
-_WORDS: dict[tuple[tuple[str, float], ...], str] = {
-    (): "an angle or ratio (rad)",
-    (("mm", 1),): "a length (mm)",
-    (("K", 1),): "a temperature (degC)",
-    (("min", 1),): "a time (min)",
+_WORDS = {
+    "": "an angle or ratio (rad)",
+    "mm": "a length (mm)",
+    "K": "a temperature (degC)",
+    "min": "a time (min)",
 }
 PLAIN = Powers((0.0,) * 6)
 ANY = Powers((nan,) * 6)
@@ -136,31 +125,28 @@ class Unit:
         return internal(self.dimension, -(self.per == DEGREE), -(self.per == MINUTE))
 
 
+_LENGTHS = {"um": 1e-3, "mm": 1.0, "nm": 1e-6}
+_ANGLES = {
+    "arcsec": pi / 648000.0, "urad": 1e-6, "mrad": 1e-3, "rad": 1.0, "deg": pi / 180.0,
+    "um/m": 1e-6,
+}  # fmt: skip
 UNITS: dict[str, Unit] = {
-    unit.name: unit
-    for unit in (
-        Unit("um", LENGTH, 1e-3),
-        Unit("mm", LENGTH, 1.0),
-        Unit("nm", LENGTH, 1e-6),
-        Unit("arcsec", ANGLE, pi / 648000.0),
-        Unit("urad", ANGLE, 1e-6),
-        Unit("mrad", ANGLE, 1e-3),
-        Unit("rad", ANGLE, 1.0),
-        Unit("deg", ANGLE, pi / 180.0),
-        Unit("um/m", ANGLE, 1e-6),
-    )
+    name: Unit(name, dimension, size)
+    for dimension, sizes in ((LENGTH, _LENGTHS), (ANGLE, _ANGLES))
+    for name, size in sizes.items()
 }
+"""Units of readings."""
 
 UM = UNITS["um"].to_internal
 ARCSEC = UNITS["arcsec"].to_internal
 
-_MICRO = str.maketrans({"\u00b5": "u", "\u03bc": "u"})
-"""The sign for micro and the Greek letter, which look alike."""
-
 
 def plain_unit(text: str) -> str:
-    """A unit with u for either sign of micro, as the names of UNITS have it."""
-    return text.strip().translate(_MICRO)
+    """A unit in plain letters: u for either sign of micro, as the names of UNITS have it."""
+    plain = text.strip()
+    for sign, meant in _SIGNS.items():
+        plain = plain.replace(sign, meant)
+    return plain
 
 
 def dimension_name(dimension: float) -> str:
@@ -169,25 +155,20 @@ def dimension_name(dimension: float) -> str:
 
 
 _PER = {
-    "/m": (-1, 1e-3, None),
-    "/m^2": (-2, 1e-6, None),
-    "/m^3": (-3, 1e-9, None),
-    "/K": (0, 1.0, DEGREE),
-    "/m/K": (-1, 1e-3, DEGREE),
-    "/min": (0, 1.0, MINUTE),
-    "/h": (0, 1.0 / 60.0, MINUTE),
-    "/m/min": (-1, 1e-3, MINUTE),
-    "/m/h": (-1, 1e-3 / 60.0, MINUTE),
-}
+    "/m": (-1, 1e-3, None), "/m^2": (-2, 1e-6, None), "/m^3": (-3, 1e-9, None),
+    "/K": (0, 1.0, DEGREE), "/m/K": (-1, 1e-3, DEGREE), "/min": (0, 1.0, MINUTE),
+    "/h": (0, 1.0 / 60.0, MINUTE), "/m/min": (-1, 1e-3, MINUTE), "/m/h": (-1, 1e-3 / 60.0, MINUTE),
+}  # fmt: skip
 """Dimension and internal size (mm, degC, min) of what the parameter of an effect may be per, and
 whether it is per kelvin or time."""
 
 PARAMETER_UNITS: dict[str, Unit] = UNITS | {
-    unit.name: unit
-    for base in (UNITS["um"], UNITS["arcsec"], UNITS["urad"])
+    base + per: Unit(
+        base + per, UNITS[base].dimension + dimension, UNITS[base].to_internal * size, of
+    )
+    for base in ("um", "arcsec", "urad")
     for per, (dimension, size, of) in _PER.items()
-    if (unit := Unit(base.name + per, base.dimension + dimension, base.to_internal * size, of)).name
-    not in UNITS
+    if base + per not in UNITS
 }
 """Units of the parameters of effects: those of readings, and these per length, kelvin or time."""
 
@@ -216,27 +197,25 @@ def p_text(p: float) -> str:
 
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
 _PREFIXED = {
-    "m": "m", "s": "s", "A": "A", "K": "K", "V": "m2 kg s-3 A-1", "ohm": "m2 kg s-3 A-2",
-    "W": "m2 kg s-3", "J": "m2 kg s-2", "N": "m kg s-2", "Pa": "m-1 kg s-2", "Hz": "s-1", "rad": "",
+    "m": (1,), "s": (0, 0, 1), "A": (0, 0, 0, 1), "K": (0, 0, 0, 0, 1), "V": (2, 1, -3, -1),
+    "ohm": (2, 1, -3, -2), "W": (2, 1, -3), "J": (2, 1, -2), "N": (1, 1, -2), "Pa": (-1, 1, -2),
+    "Hz": (0, 0, -1),
 }  # fmt: skip
-"""Units that take a prefix, in base units."""
+"""Units that take a prefix, as exponents of m, kg, s, A and K."""
 _OTHER = {
-    "1": (1.0, ""), "kg": (1.0, "kg"), "mg": (1e-6, "kg"), "degC": (1.0, "K"), "min": (60.0, "s"),
-    "h": (3600.0, "s"), "cm": (1e-2, "m"), "dm": (0.1, "m"), "in": (0.0254, "m"),
-    "mil": (2.54e-5, "m"), "L": (1e-3, "m3"), "mL": (1e-6, "m3"), "ml": (1e-6, "m3"),
-    "bar": (1e5, "m-1 kg s-2"), "mbar": (1e2, "m-1 kg s-2"), "hPa": (1e2, "m-1 kg s-2"),
-    "deg": (pi / 180, ""), "arcmin": (pi / 10800, ""), "arcsec": (pi / 648000, ""),
-    "%": (1e-2, ""), "ppm": (1e-6, ""), "ppb": (1e-9, ""),
+    "1": (1.0,), "rad": (1.0,), "mrad": (1e-3,), "urad": (1e-6,), "deg": (pi / 180,),
+    "arcmin": (pi / 10800,), "arcsec": (pi / 648000,), "%": (1e-2,), "ppm": (1e-6,),
+    "ppb": (1e-9,), "kg": (1.0, 0, 1), "mg": (1e-6, 0, 1), "degC": (1.0, 0, 0, 0, 0, 1),
+    "min": (60.0, 0, 0, 1), "h": (3600.0, 0, 0, 1), "cm": (1e-2, 1), "dm": (0.1, 1),
+    "in": (0.0254, 1), "mil": (2.54e-5, 1), "L": (1e-3, 3), "mL": (1e-6, 3), "ml": (1e-6, 3),
+    "bar": (1e5, -1, 1, -2), "mbar": (1e2, -1, 1, -2), "hPa": (1e2, -1, 1, -2),
 }  # fmt: skip
-"""What may be several things has no entry: g (gram or free fall), C, F, T, l."""
+"""Size and exponents. What may be several things has no entry: g (gram or free fall), C, F, T, l,
+Grad (a degree, or a gon)."""
 _SYNONYMS = {
-    "micron": "um", "microns": "um", "micrometer": "um", "micrometre": "um", "inch": "in",
-    "inches": "in", "mils": "mil", "thou": "mil", "degree": "deg", "degrees": "deg",
-    "arcminute": "arcmin", "arcminutes": "arcmin", "arcsecond": "arcsec", "arcseconds": "arcsec",
-    "radian": "rad", "radians": "rad", "kelvin": "K", "celsius": "degC", "meter": "m",
-    "metre": "m", "millimeter": "mm", "millimetre": "mm", "second": "s", "seconds": "s",
-    "minute": "min", "minutes": "min", "hour": "h", "hours": "h", "volt": "V", "newton": "N",
-    "pascal": "Pa", "percent": "%",
+    "micron": "um", "microns": "um", "inch": "in", "inches": "in", "thou": "mil", "degree": "deg",
+    "degrees": "deg", "kelvin": "K", "celsius": "degC", "metre": "m", "meter": "m",
+    "second": "s", "minute": "min", "hour": "h", "percent": "%",
 }  # fmt: skip
 _SIGNS = {
     "\u00b0C": "degC", "\u2103": "degC", "\u00b0": "deg", "\u00b5": "u", "\u03bc": "u",
@@ -258,11 +237,9 @@ def unit_powers(text: str | None) -> Powers:
     >>> unit_powers("um/(m K)") == unit_powers("ppm/degC"), unit_powers("um/m*K") == ANY
     (True, True)
     """
-    if text is None or not text.strip() or len(text) > _LONGEST:
+    plain = plain_unit(text or "")
+    if not plain or len(plain) > _LONGEST:
         return ANY
-    plain = text.strip()
-    for sign, meant in _SIGNS.items():
-        plain = plain.replace(sign, meant)
     plain = _UNDER.sub(lambda found: "/" + "/".join(_BETWEEN.split(found[1].strip())), plain)
     powers, position = PLAIN, 0
     while position < len(plain):
@@ -278,18 +255,15 @@ def unit_powers(text: str | None) -> Powers:
 def _symbol(name: str) -> Powers:
     name = _SYNONYMS.get(name.casefold(), name)
     if name in _OTHER:
-        size, bases = _OTHER[name]
-        return _base_units(bases, log10(size))
-    for symbol, bases in _PREFIXED.items():
+        size, *exponents = _OTHER[name]
+        return _powers(exponents, log10(size))
+    for symbol, of in _PREFIXED.items():
         prefix = name.removesuffix(symbol)
-        # Nobody measures in giga-radians: Grad is a degree, or a gon.
-        if name.endswith(symbol) and prefix in _PREFIXES and name not in ("krad", "Mrad", "Grad"):
-            return _base_units(bases, _PREFIXES[prefix])
+        if name.endswith(symbol) and prefix in _PREFIXES:
+            return _powers(of, _PREFIXES[prefix])
     return ANY
 
 
-def _base_units(text: str, size: float) -> Powers:
-    found = dict.fromkeys(BASES, 0.0)
-    for base, exponent in re.findall(r"([A-Za-z]+)(-?[0-9]*)", text):
-        found[base] = float(exponent or 1)
-    return Powers((*found.values(), size))
+def _powers(exponents: Sequence[float], size: float) -> Powers:
+    known = tuple(map(float, exponents))
+    return Powers((*known, *[0.0] * (len(BASES) - len(known)), size))

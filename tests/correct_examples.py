@@ -125,5 +125,5 @@ def rings(count: int, warm: float = 1.5) -> tuple[Floats, Floats, Floats]:
 
 
 def codes(result: CorrectResult) -> list[str]:
-    """The codes of the result's warnings."""
-    return [item.code for item in result.warnings]
+    """The codes of the warnings of the input."""
+    return [item.code for item in result.notes]

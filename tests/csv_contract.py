@@ -7,22 +7,28 @@ from pathlib import Path
 import pytest
 
 from mtu_cli.files.csv_file import read_table
-from mtu_cli.files.csv_table import Table, TableSpec
+from mtu_cli.files.csv_table import CellFaults, Table
+from mtu_cli.files.headers import Column, TableSpec
 from mtu_cli.findings import InputError
 
 SPEC = TableSpec(
-    required=("name", "value"),
-    numbers=frozenset({"value", "size"}),
-    texts=frozenset({"name"}),
-    times=frozenset({"time"}),
-    may_be_empty=frozenset({"size"}),
+    columns={
+        "name": Column("text", required=True),
+        "value": Column(required=True),
+        "size": Column(may_be_empty=True),
+        "time": Column("time"),
+        "count": Column("count"),
+    }
 )
 
 
 def table(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> Table:
     data = content if isinstance(content, bytes) else content.encode()
     (tmp_path / name).write_bytes(data)
-    return read_table(tmp_path / name, "lbb", SPEC)
+    problems = CellFaults()
+    read = read_table(tmp_path / name, "lbb", SPEC, problems)
+    problems.raise_if_any()
+    return read
 
 
 def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[str]:
@@ -32,5 +38,5 @@ def faults(tmp_path: Path, content: str | bytes, name: str = "t.csv") -> list[st
 
 
 def names(read: Table, column: str = "name") -> list[str]:
-    text = read.columns.texts[column]
+    text = read.texts[column]
     return ["" if code < 0 else text.labels[code] for code in text.codes]

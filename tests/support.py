@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +11,8 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.files.reports_read import ComponentsReport, read_report
+from mtu_cli.files.write import made_ready
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
 from mtu_cli.model.simulate_readings import SimulatedReadings
@@ -20,6 +23,19 @@ DATA = ROOT / "data"
 
 PAPER = CONFIGS / "gilsinn-ling"
 SIMULATED = CONFIGS / "gilsinn-ling-simulated"
+
+
+def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) -> None:
+    """Writes all files, or none."""
+    with made_ready(contents, inputs=inputs) as put_in_place:
+        put_in_place()
+
+
+def read_components(path: Path) -> ComponentsReport:
+    """A fit-components report."""
+    found = read_report(path)
+    assert isinstance(found, ComponentsReport)
+    return found
 
 
 @dataclass(frozen=True)

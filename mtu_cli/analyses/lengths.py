@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,15 +17,21 @@ from mtu_cli.model.features import dof_warnings, feature_points, outside_warning
 from mtu_cli.model.length_geometry import differences, length_gradient, length_measure
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import PROBABILITY, Settings
+from mtu_cli.model.settings import (
+    PROBABILITY,
+    Settings,
+    convergence_warnings,
+    validation_warnings,
+)
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.trials import Measure, PointTrials
-from mtu_cli.model.variance import Shares
+from mtu_cli.model.variance import Shares, root
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
+from mtu_cli.units import UM
 
 Bounds = tuple[tuple[float, float], tuple[str, str] | None]
 """u with a correlation of -1 and of +1, and the pair that is correlated."""
@@ -38,7 +45,7 @@ class Length:
     `u_bounds` are what u could be if the two largest contributors among components that do
     not share passes were correlated with -1 or +1 (`pair` names them, None where there are
     not two). `shares` split the variance; None under the papers' independence and where there
-    is no variance.
+    is no variance. `outside`: whether an end is beyond the measured range of a component.
     """
 
     id: str
@@ -57,20 +64,61 @@ class Length:
     shares: Shares | None
     conformance: Conformance | None
     validation: Validation
+    outside: bool
+
+    @property
+    def estimated(self) -> float:
+        """The predicted length."""
+        return self.nominal + self.error
 
     @property
     def u(self) -> float:
         """Standard uncertainty."""
         return float(np.sqrt(self.variance))
 
+    @property
+    def U(self) -> float:
+        """Expanded uncertainty k u."""
+        return self.k * self.u
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """error -+ U."""
+        return self.error - self.U, self.error + self.U
+
+    @property
+    def independent_u(self) -> float:
+        """Standard uncertainty where ends and components are independent."""
+        return root(self.independent_variance)
+
+    @property
+    def independent_U(self) -> float:
+        """k times it."""
+        return self.k * self.independent_u
+
+    @property
+    def u_uncorrelated(self) -> float:
+        """Standard uncertainty without the measured correlation between components."""
+        return root(self.variance_uncorrelated)
+
+
+class JointConformance(NamedTuple):
+    """Probability that all `lengths` with a tolerance of one part conform, and its standard
+    error.
+    """
+
+    lengths: tuple[str, ...]
+    probability: float
+    se: float
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LengthsResult:
-    """All lengths of a part; `joint_conformance` (probability, its standard error)."""
+    """All lengths of a part; `joint_conformance` None where fewer than two have a tolerance."""
 
     prediction: Prediction
     lengths: tuple[Length, ...]
-    joint_conformance: tuple[float, float] | None
+    joint_conformance: JointConformance | None
     run: MonteCarloResult
     warnings: tuple[Finding, ...]
 
@@ -92,14 +140,15 @@ def predict_lengths(
     trials = _trials(geometry, prediction, variances.dof, independent=alone)
     run = settings.run(trials)
     lengths = tuple(
-        _length(entry, i, geometry, variances, settings, run)
+        _length(entry, i, geometry, variances, settings, run, prediction.beyond)
         for i, entry in enumerate(part.part.lengths)
     )
-    conformances = [length.conformance for length in lengths]
+    joint = joint_conformance(trials, [length.conformance for length in lengths], settings)
+    toleranced = tuple(length.id for length in lengths if length.conformance is not None)
     return LengthsResult(
         prediction=prediction,
         lengths=lengths,
-        joint_conformance=joint_conformance(trials, conformances, settings),
+        joint_conformance=None if joint is None else JointConformance(toleranced, *joint),
         run=run,
         warnings=(
             *warnings,
@@ -108,6 +157,10 @@ def predict_lengths(
             *temperature_warnings(model, prediction.points, covariates or {}),
             *effect_warnings_at(model, prediction.points, covariates or {}),
             *dof_warnings(geometry.names, variances.dof),
+            *validation_warnings(
+                geometry.names, [length.validation for length in lengths], "um", UM
+            ),
+            *convergence_warnings(run),
         ),
     )
 
@@ -134,8 +187,8 @@ def _predicted(
     entries = part.part.lengths
     if not entries:
         raise error(
-            "nothing-to-predict",
-            what="lengths",
+            "not-applicable",
+            reason="the part has no lengths to predict",
             file=part.source.shown,
             expected="lengths: [{from: '3', to: '9'}]",
         )
@@ -219,6 +272,7 @@ def _length(
     variances: _Variances,
     settings: Settings,
     run: MonteCarloResult,
+    beyond: Collection[str],
 ) -> Length:
     error, variance = float(geometry.errors[i]), float(variances.total[i])
     u, dof = float(np.sqrt(variance)), float(variances.dof[i])
@@ -241,6 +295,7 @@ def _length(
         shares=variances.shares[i],
         conformance=conformance_of(entry.tolerance_um, error, u, dof),
         validation=settings.validate(error, u, dof, run, i),
+        outside=entry.from_ in beyond or entry.to in beyond,
     )
 
 

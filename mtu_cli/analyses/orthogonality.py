@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding, error
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.angles import AngleTrials, Line, angle_error, check_square, contrasts
 from mtu_cli.model.effect_ranges import effect_warnings_at
-from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.features import NO_U, dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import PROBABILITY, Settings
+from mtu_cli.model.settings import (
+    PROBABILITY,
+    Settings,
+    convergence_warnings,
+    validation_warnings,
+)
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
@@ -24,18 +30,34 @@ from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
+from mtu_cli.units import ARCSEC
 
 DRAWN = 2**18
 """Trials kept for the histogram."""
+
+
+class FirstOrder(NamedTuple):
+    """A mean and its standard uncertainty of first order, with effective degrees of freedom."""
+
+    mean: float
+    u: float
+    dof: float
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """mean -+ t u at the effective degrees of freedom."""
+        k = coverage_factor(PROBABILITY, self.dof)
+        return self.mean - k * self.u, self.mean + k * self.u
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Orthogonality:
     """One angle less 90 degrees, in rad, from the row's +x to the column's +y.
 
-    `run` holds the Monte Carlo (mean, u, interval, samples), `first_order` (mean, u, dof),
-    `independent` the same trials under the papers' independence, (mean, u). `shares` split the
-    variance of first order; None under that independence and where there is no variance.
+    `run` holds the Monte Carlo (mean, u, interval, samples), `independent` the same trials under
+    the papers' independence; `k` the coverage factor. `shares` split the variance of first order;
+    None under that independence and where there is no variance. `outside`: whether a feature is
+    beyond the measured range of a component.
     """
 
     id: str
@@ -43,11 +65,37 @@ class Orthogonality:
     column: tuple[str, ...]
     prediction: Prediction
     run: MonteCarloResult
-    first_order: tuple[float, float, float]
+    first_order: FirstOrder
     independent: MonteCarloResult
     independent_first_order: tuple[float, float]
     validation: Validation
     shares: Shares | None
+    k: float
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty; nan where the trials' distribution has none."""
+        return float(self.run.u[0])
+
+    @property
+    def U(self) -> float:
+        """Expanded uncertainty k u."""
+        return self.k * self.u
+
+    @property
+    def u_of_next_trial(self) -> float:
+        """Of one more trial about the mean of all: Gilsinn & Ling 2004, eq. (28)."""
+        return float(self.u * np.sqrt(1.0 + 1.0 / self.run.trials))
+
+    @property
+    def scale(self) -> float:
+        """The u that figures are rounded to: that of first order where the trials have none."""
+        return self.u if np.isfinite(self.u) else self.first_order.u
+
+    @property
+    def outside(self) -> bool:
+        """Whether a feature is beyond the measured range of a component."""
+        return bool(self.prediction.outside)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,15 +123,14 @@ def predict_orthogonality(
     for axis in ("x", "y"):
         if axis not in model.axes:
             raise error(
-                "no-equation",
-                machine=model.name,
-                axis=axis,
+                "not-applicable",
+                reason=f"the machine {model.name!r} has no equation E{axis}",
                 expected="Ex and Ey: an angle in the plane needs both",
             )
     if not part.part.orthogonality:
         raise error(
-            "nothing-to-predict",
-            what="orthogonality",
+            "not-applicable",
+            reason="the part has no orthogonality to predict",
             file=part.source.shown,
             expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
         )
@@ -97,7 +144,16 @@ def predict_orthogonality(
         warnings += [*noted, *outside_warnings(prediction)]
         warnings += effect_warnings_at(model, points, covariates or {})
         warnings += dof_warnings([entry.id], np.array([angles[-1].first_order[2]]))
+    warnings += _monte_carlo_warnings(angles)
     return OrthogonalityResult(angles=tuple(angles), warnings=tuple(dict.fromkeys(warnings)))
+
+
+def _monte_carlo_warnings(angles: Sequence[Orthogonality]) -> list[Finding]:
+    names = [item.id for item in angles]
+    without_u = [item.id for item in angles if not np.isfinite(item.u)]
+    found = [finding("few-degrees-of-freedom", names=without_u, how=NO_U)] if without_u else []
+    found += validation_warnings(names, [item.validation for item in angles], "arcsec", ARCSEC)
+    return [*found, *(each for item in angles for each in convergence_warnings(item.run))]
 
 
 def _angle(
@@ -119,11 +175,12 @@ def _angle(
         column=tuple(column),
         prediction=prediction,
         run=run,
-        first_order=(mean, u, dof),
+        first_order=FirstOrder(mean, u, dof),
         independent=independent,
         independent_first_order=(mean, float(apart.linear_u[0, 0])),
         validation=settings.validate(mean, u, dof, run, 0),
         shares=None if settings.independent else _shares(row, column, prediction),
+        k=settings.coverage_factor,
     )
 
 
@@ -178,13 +235,6 @@ def _places(
 ) -> tuple[IntArray, IntArray]:
     of_row, of_column = (np.array([prediction.ids.index(i) for i in ids]) for ids in (row, column))
     return of_row, of_column
-
-
-def first_order_interval(angle: Orthogonality) -> tuple[float, float]:
-    """mean -+ t u at the effective degrees of freedom."""
-    mean, u, dof = angle.first_order
-    k = coverage_factor(PROBABILITY, dof)
-    return mean - k * u, mean + k * u
 
 
 def angle_measure(

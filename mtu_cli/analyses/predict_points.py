@@ -59,10 +59,32 @@ class PointsResult:
             return apart
         return reportable_of_points(self.prediction, self.variance.reshape(n, a))
 
-    @property
+    @cached_property
+    def u(self) -> FloatArray:
+        """Standard uncertainties (rows,), mm."""
+        u: FloatArray = np.sqrt(self.variance)
+        return u
+
+    @cached_property
     def U(self) -> FloatArray:
         """Expanded uncertainties k u (rows,), mm (JCGM 100, eq. (18))."""
-        return self.coverage_factor * np.sqrt(self.variance)
+        return self.coverage_factor * self.u
+
+    @cached_property
+    def independent_u(self) -> FloatArray:
+        """Standard uncertainties (rows,) under the papers' independence, mm."""
+        u: FloatArray = np.sqrt(self.prediction.independent_variance)
+        return u
+
+    @cached_property
+    def independent_U(self) -> FloatArray:
+        """k times them."""
+        return self.coverage_factor * self.independent_u
+
+    @cached_property
+    def outside(self) -> list[list[str]]:
+        """By feature the components beyond their measured range."""
+        return [self.prediction.beyond.get(name, []) for name in self.prediction.ids]
 
     def shares(self, row: int) -> Shares | None:
         """What u^2 of a row consists of; None under the papers' independence, which does not tell

@@ -4,86 +4,124 @@ A check looks at one kind of input after reading and before reporting, and yield
 rows, facts and a column. It changes no number. Its code stands in the catalogue, marked as
 suspicious; the severity there decides whether the run ends (exit code 2) or warns.
 
-    @check("copied-pass", of="readings")
-    def copied_pass(data: ReadingsData) -> Iterator[Odd]: ...
+    @check("unlike-pass", of="readings")
+    def unlike(data: ReadingsData) -> Iterator[Odd]: ...
 
-`run` makes the findings of all checks of one kind of input, each at the first of its rows.
+`run` makes the findings of all checks of one kind of input, each at the first of its rows. What a
+check holds against an input is of three sorts: a size that another unit makes plausible, values
+that agree by more than chance, or one that is too far off its neighbours.
+
+All limits of sizes and of chance are in `plausible`; outliers are those of `stats.outliers`, for
+readings, sensors and points alike. `tests/checks` does damage to sound inputs and counts what is
+found and named.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib import import_module
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, InputError
+from mtu_cli.model.datum import freed
+from mtu_cli.model.visits import Visits, axes_of, distinct, visits_of
 
+Rows = NDArray[np.int64]
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 Of = Literal["readings", "drift", "points", "part", "machine"]
+Travels = Mapping[str, tuple[float, float]]
 
 CHAPTERS = {
-    "readings": ("readings",),
-    "drift": ("readings", "sensors"),
-    "points": ("points", "copies", "sensors", "documents"),
-    "part": ("documents",),
-    "machine": ("documents",),
+    "readings": ("readings", "copies", "sensors", "sizes"),
+    "drift": ("readings", "sensors", "sizes"),
+    "points": ("points", "copies", "sensors", "sizes"),
+    "part": ("sizes",),
+    "machine": ("sizes",),
 }
 """Modules of this room that hold the checks of each kind of input."""
 
 
 class Odd(NamedTuple):
     """Rows (indices) of the table, the first of which is named, or a path in the document; facts
-    for the template, a column and the value there.
+    for the template, a column and the value there; a code where it is not that of the check.
     """
 
-    rows: NDArray[np.int64] = np.zeros(0, np.int64)
-    facts: Mapping[str, Any] = MappingProxyType({})
+    rows: Rows
+    facts: Mapping[str, Any]
     column: str | None = None
     value: str | None = None
     path: tuple[str | int, ...] = ()
+    code: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ReadingsData:
     """Readings of `--lbb`, `--laser` or `--drift` and the travels (mm) of the machine's axes."""
 
     table: Any
     components: Mapping[str, Any] = field(default_factory=dict)
-    travels: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    travels: Travels = field(default_factory=dict)
+
+    @cached_property
+    def by_component(self) -> list[tuple[str, Rows]]:
+        """Each component that was read, and its rows."""
+        names = self.table.components
+        return [(names[self.table.code[rows[0]]], rows) for rows in split(None, self.table.code)]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PointsData:
     """Measured points, the part whose nominal places they have (None: their own), the travels (mm)
-    of the machine's axes, and the freedoms of each part's coordinate system.
+    of the machine's axes, and the best-fit alignment that is removed from each part.
     """
 
     table: Any
     part: Any = None
-    travels: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    travels: Travels = field(default_factory=dict)
     datum: Literal["none", "offset", "offset,rotation"] = "none"
 
+    @cached_property
+    def visits(self) -> Visits:
+        """The points of each measurement of each part."""
+        return visits_of(self.table)
 
-@dataclass(frozen=True, slots=True)
+    @cached_property
+    def axes(self) -> tuple[int, ...]:
+        """The axes (0, 1, 2) along which every point was measured and has a nominal."""
+        return axes_of(self.table)
+
+    @cached_property
+    def errors(self) -> Floats:
+        """Measured minus nominal (n, axes) less the best-fit alignment, mm."""
+        loose, _ = freed(self.table, self.axes, self.datum)
+        found: Floats = (loose.measured - loose.nominal)[:, self.axes]
+        return found
+
+
+@dataclass(frozen=True)
 class DocumentData:
     """A loaded part or machine file, and the travels (mm) of the machine's axes."""
 
     loaded: Any
-    travels: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    travels: Travels = field(default_factory=dict)
 
 
 Data = ReadingsData | PointsData | DocumentData
-
 Find = Callable[[Any], Iterator[Odd]]
 CHECKS: dict[str, list[tuple[str, Find]]] = {of: [] for of in CHAPTERS}
 
 
 def check(code: str, of: Of | tuple[Of, ...]) -> Callable[[Find], Find]:
-    """Registers a check of one or more kinds of input under a code of the catalogue."""
+    """Registers a check of one or more kinds of input under a code of the catalogue.
+
+    Several checks may have one code: the facts of its template say what was seen.
+    """
 
     def register(find: Find) -> Find:
         for each in (of,) if isinstance(of, str) else of:
@@ -97,7 +135,9 @@ def run(of: Of, data: Data) -> list[Finding]:
     """The findings of all checks of this kind of input, errors among them."""
     for chapter in CHAPTERS[of]:
         import_module(f"{__name__}.{chapter}")
-    return [_finding(code, odd, data) for code, find in CHECKS[of] for odd in find(data)]
+    return [
+        _finding(odd.code or code, odd, data) for code, find in CHECKS[of] for odd in find(data)
+    ]
 
 
 def warnings_of(of: Of, data: Data) -> list[Finding]:
@@ -108,11 +148,24 @@ def warnings_of(of: Of, data: Data) -> list[Finding]:
     return found
 
 
-def labels(*columns: NDArray[np.generic]) -> NDArray[np.int64]:
-    """A number (n,) for every combination of values of columns (n,)."""
-    codes = [np.unique(each, return_inverse=True)[1] for each in columns]
-    _, found = np.unique(np.column_stack(codes), axis=0, return_inverse=True)
-    return found.reshape(-1).astype(np.int64)
+def split(rows: Rows | None, *columns: NDArray[Any]) -> list[Rows]:
+    """Rows in groups that are equal in all of the columns (n,), in the order of these values and
+    each in the order of `rows`; of all rows where these are None.
+
+    >>> [rows.tolist() for rows in split(None, np.array([7, 3, 7]))]
+    [[1], [0, 2]]
+    """
+    if rows is None:
+        rows = np.arange(len(columns[0]))
+    if not len(rows):
+        return []
+    code = np.zeros(len(rows), np.int64)
+    for column in columns:
+        _, value = distinct(column[rows])
+        _, code = distinct(code * (value.max() + 1) + value)
+    # Small whole numbers are sorted by counting them, several times quicker.
+    order = np.argsort(code.astype(np.min_scalar_type(code.max())), kind="stable")
+    return np.split(rows[order], np.cumsum(np.bincount(code))[:-1])
 
 
 def _finding(code: str, odd: Odd, data: Data) -> Finding:

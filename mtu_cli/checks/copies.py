@@ -1,108 +1,139 @@
-"""Values that agree by more than chance: copies of parts and repeats, and those of the drawing."""
+"""Values that agree by more than chance: copies of passes, components, parts and repeats, and
+those of the drawing.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.checks import Odd, PointsData, check
-from mtu_cli.checks.plausible import LEAST_REPEAT_MM, SAME_MM
+from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, check
+from mtu_cli.checks.plausible import CHANCE, FEWEST_EQUAL, LEAST_REPEAT_MM
+from mtu_cli.checks.readings import profiles
+from mtu_cli.files.points import SAME_MM
 from mtu_cli.model.resolution import last_digit
-from mtu_cli.model.visits import axes_of, visits_of
 
-Rows = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-FEWEST = 4
-"""Equal values from which on there is something to judge."""
-CHANCE = 1e-3
-"""Expected number of pairs that agree in all values by chance, below which they are copies."""
 MEAN_RANGE = 1.128
 """Mean difference of two normal readings in standard deviations (Tippett, 1925)."""
 
 
-@check("copied-points", of="points")
-def copied_points(data: PointsData) -> Iterator[Odd]:
-    """Measurements of parts with the values of another one, of the same part or of another.
+def agreeing(one: Floats, other: Floats) -> float:
+    """The share of values (pairs, cells) that agree: of all, or of the pair that is most alike.
 
-    m values agree by chance in pairs * q^m cases, q the share that agrees in the pair of
-    neighbours that is most alike and no copy; where all are, what the last digit hides of the
-    best CMM, q = 1 - 1.128 s/digit.
+    Values of one part are not independent: where it lies as a whole decides on all of them.
+
+    >>> round(agreeing(np.eye(5), np.zeros((5, 5))), 3)
+    0.808
     """
-    table, axes = data.table, axes_of(data.table)
-    if not axes:
-        return
-    visits = visits_of(table)
-    values = (visits.errors + visits.nominal)[:, :, axes].reshape(len(visits.part), -1)
-    count = np.isfinite(values).sum(axis=1)
-    _, first, same = np.unique(
-        np.nan_to_num(values, nan=np.inf), axis=0, return_index=True, return_inverse=True
-    )
-    twin = first[same.reshape(-1)]
-    drawn = np.nan_to_num(np.abs(visits.errors[:, :, axes])).max(axis=(1, 2)) <= SAME_MM
-    copies = np.flatnonzero((twin != np.arange(len(twin))) & (count >= FEWEST) & ~drawn)
-    if not len(copies):
-        return
-    digit = max(last_digit(table.measured[:, axis]) for axis in axes)
-    own = visits.part[copies] == visits.part[twin[copies]]
-    for kind, of_kind in ((True, copies[own]), (False, copies[~own])):
-        if not len(of_kind):
+    count = (np.isfinite(one) & np.isfinite(other)).sum(axis=1)
+    alike = (one == other).sum(axis=1)
+    enough = count >= FEWEST_EQUAL
+    most = (alike[enough] / count[enough]).max(initial=0.0)
+    return float(max(most, (alike.sum() + 1) / (count.sum() + 1)))
+
+
+def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
+    """Pairs (k, 2) of rows of a table (n, cells), the first of which is equal to the second, an
+    earlier one, by more than chance.
+
+    m values agree by chance in n^2/2 q^m pairs of rows. q is the share of `agreeing` neighbours
+    that are no copies, within the groups (n,) or across them; without any it is what the last
+    digit hides of an instrument that repeats to s = `least`, q = 1 - 1.128 s/digit.
+    """
+    first: dict[bytes, int] = {}
+    every = np.arange(len(values))
+    rows = enumerate(values + 0.0)  # -0.0 is 0.0
+    twin = np.array([first.setdefault(row.tobytes(), i) for i, row in rows], np.int64)
+    equal = np.flatnonzero(twin != every)
+    honest = np.flatnonzero(twin == every)
+    honest = honest[np.argsort(group[honest], kind="stable")]
+    neighbours = np.array([honest[:-1], honest[1:]])
+    found = [np.zeros((0, 2), np.int64)]
+    for within in (True, False):
+        known, pairs = (
+            each[:, (group[each[0]] == group[each[1]]) == within]
+            for each in (neighbours, np.array([equal, twin[equal]]))
+        )
+        if not pairs.size:
             continue
-        share = _agreeing(values, visits.part, twin, kind, digit)
-        sure = of_kind[_pairs(visits.part, kind) * share ** count[of_kind] < CHANCE]
-        if len(sure):
-            rows = np.flatnonzero(np.isin(visits.of_point, sure))
-            names = list(dict.fromkeys(_named(data, visits.part, i, int(twin[i])) for i in sure))
-            yield Odd(rows, {"names": names})
+        if known.size:
+            share = agreeing(*values[known])
+        else:
+            share = max(1.0 - MEAN_RANGE * least / last_digit(values[np.isfinite(values)]), 0.0)
+        count = np.isfinite(values[pairs[0]]).sum(axis=1)
+        sure = (count >= FEWEST_EQUAL) & (len(values) ** 2 / 2 * share**count < CHANCE)
+        found.append(pairs[:, sure].T)
+    return np.concatenate(found)
 
 
-def _named(data: PointsData, part: Rows, copy: int, twin: int) -> str:
-    name, other = (repr(data.table.parts[part[i]]) for i in (copy, twin))
-    return f"part {name} as part {other}" if name != other else f"a repeat of part {name}"
+@check("copied-values", of="readings")
+def copied_passes(data: ReadingsData) -> Iterator[Odd]:
+    """A pass that is another one to the last digit."""
+    number = data.table.pass_number
+    for name, group in profiles(data):
+        for pair in copies(data.table.error[group], np.arange(len(group))):
+            one, other = number[group[pair, 0]]
+            yield Odd(group[pair[0]], {"names": [f"pass {one} of {name} as pass {other}"]}, "error")
 
 
-def _pairs(part: Rows, same_part: bool) -> float:
-    """How many pairs of measurements there are of one part, or of two."""
-    count = np.bincount(part).astype(np.float64)
-    own, every = (float((n * (n - 1) / 2).sum()) for n in (count, count.sum()))
-    return own if same_part else every - own
+@check("copied-values", of="readings")
+def copied_components(data: ReadingsData) -> Iterator[Odd]:
+    """A component whose readings are those of another one."""
+    first: dict[bytes, str] = {}
+    for name, rows in data.by_component:
+        errors = data.table.error[rows]
+        other = first.setdefault(errors.tobytes(), name)
+        if other != name and len(np.unique(errors)) >= FEWEST_EQUAL:
+            yield Odd(rows, {"names": [f"{name} as {other}"]}, "error")
 
 
-def _agreeing(values: Floats, part: Rows, twin: Rows, same_part: bool, digit: float) -> float:
-    """The share of values (visits, cells) in which neighbours that are no copies agree."""
-    honest = np.flatnonzero(twin == np.arange(len(twin)))
-    order = honest[np.argsort(part[honest], kind="stable")]
-    one, other = order[:-1], order[1:]
-    kind = (part[one] == part[other]) == same_part
-    both = np.isfinite(values[one[kind]]) & np.isfinite(values[other[kind]])
-    n = both.sum(axis=1)
-    if not n.any():
-        return max(1.0 - MEAN_RANGE * LEAST_REPEAT_MM / digit, 0.0)
-    alike = (both & (values[one[kind]] == values[other[kind]])).sum(axis=1)
-    pooled = (alike.sum() + 1) / (n.sum() + 1)
-    return float(max(pooled, (alike[n >= FEWEST] / n[n >= FEWEST]).max(initial=0.0)))
+@check("copied-values", of="points")
+def copied_points(data: PointsData) -> Iterator[Odd]:
+    """Measurements of parts with the values of another one, of the same part or of another."""
+    visits, axes = data.visits, list(data.axes)
+    measured = visits.errors[:, :, axes] + visits.nominal[:, axes]
+    pairs = copies(measured.reshape(len(measured), -1), visits.part, LEAST_REPEAT_MM)
+    pairs = pairs[~of_drawing(visits.errors[pairs[:, 0]][:, :, axes]).all(axis=(1, 2))]
+    if len(pairs):
+        names = dict.fromkeys(
+            f"part {one!r} as part {other!r}" if one != other else f"a repeat of part {one!r}"
+            for one, other in (named(data, visits.part[pair]) for pair in pairs)
+        )
+        odd = np.flatnonzero(np.isin(visits.of_point, pairs[:, 0]))
+        yield Odd(odd, {"names": [*names]})
 
 
-@check("on-nominal", of="points")
-def on_nominal(data: PointsData) -> Iterator[Odd]:
-    """Parts, or axes, whose values are those of the drawing to the last digit."""
-    table, axes = data.table, axes_of(data.table)
-    exact = np.abs(table.measured - table.nominal)[:, axes] <= SAME_MM
-    drawn = exact.all(axis=0)
-    if len(table) >= FEWEST:
-        for k in np.flatnonzero(drawn):
-            letter = "xyz"[axes[k]]
-            yield Odd(np.arange(len(table)), {"what": f"{letter} of all points"}, f"{letter}_mm")
-    exact, sizes = exact[:, ~drawn], np.bincount(table.part, minlength=len(table.parts))
-    if not exact.size:
+@check("copied-values", of="points")
+def drawn(data: PointsData) -> Iterator[Odd]:
+    """Measurements, or axes, whose values are those of the drawing to the last digit."""
+    table, visits = data.table, data.visits
+    errors = visits.errors[:, :, list(data.axes)]
+    axes = of_drawing(errors).all(axis=(0, 1)) & (len(table) >= FEWEST_EQUAL)
+    for k in np.flatnonzero(axes):
+        letter = "xyz"[data.axes[k]]
+        names = [f"{letter} of all points as the drawing"]
+        yield Odd(np.arange(len(table)), {"names": names}, f"{letter}_mm")
+    errors = errors[:, :, ~axes].reshape(len(errors), -1)
+    exact = of_drawing(errors)
+    whole = exact.all(axis=1)
+    if whole.all() or not whole.any():
         return
-    off = np.bincount(table.part, ~exact.all(axis=1), minlength=len(sizes))
-    others = (off > 0)[table.part]
-    share = (exact[others].sum() + 1) / (exact[others].size + 1)
-    for part in np.flatnonzero((off == 0) & (sizes > 0)):
-        rows = np.flatnonzero(table.part == part)
-        values = len(np.unique(table.feature[rows])) * exact.shape[1]
-        if others.any() and values >= FEWEST and len(sizes) * share**values < CHANCE:
-            yield Odd(rows, {"what": f"part {table.parts[part]!r}"}, "part")
+    share = agreeing(np.where(exact, 0.0, errors)[~whole], np.zeros_like(errors[~whole]))
+    count = np.isfinite(errors).sum(axis=1)
+    sure = whole & (count >= FEWEST_EQUAL) & (len(errors) * share**count < CHANCE)
+    if sure.any():
+        names = [
+            f"part {name!r} as the drawing" for name in named(data, np.unique(visits.part[sure]))
+        ]
+        yield Odd(np.flatnonzero(sure[visits.of_point]), {"names": names}, "part")
+
+
+def of_drawing(errors: Floats) -> Mask:
+    """Which errors are those of the drawing, or not measured."""
+    return ~(np.abs(errors) > SAME_MM)
+
+
+def named(data: PointsData, parts: Rows) -> list[str]:
+    """The names of parts."""
+    return [data.table.parts[part] for part in parts]

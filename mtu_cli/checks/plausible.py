@@ -1,45 +1,76 @@
-"""Sizes that machines, parts and sensors have: the one place where they stand."""
+"""Sizes that machines, parts and sensors have, and how far chance goes: all limits of checks."""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.units import LENGTH
 
-Floats = NDArray[np.float64]
-
+# Errors of machines, mm and rad.
 ERRORS = {"length": (5e-5, 0.5), "angle": (5e-8, 5e-3)}
-"""Least and most (mm, rad) that the largest error of any component of a machine is."""
+"""Least and most that the largest error of any component of a machine is."""
 STEEPEST = 0.01
 """... but for what grows along an axis: a scale, or the slope to which a laser was aligned."""
+POINT_ERROR_MM = 0.5
+"""No machine tool in order errs by more."""
+LEAST_REPEAT_MM = 5e-5
+"""Standard deviation of the repeats of the best CMM."""
+TOLERANCE_UM = 0.2
+"""Least tolerance of a length."""
+TRAVEL_MM = 5.0
+"""Least travel of an axis."""
+CONSTANT_TRAVELS = 20.0
+"""Largest constant of a machine, in travels of its longest axis."""
+NARROW = 0.02
+"""Positions of passes span more than this share of a travel ..."""
+BEYOND = 3.0
+"""... and lie within so many travels of its origin, or nominal places of their median."""
+
+# Units that are taken for one another, in mm and rad.
 UNITS = {
     "length": {"nm": 1e-6, "um": 1e-3, "mm": 1.0, "inch": 25.4},
     "angle": {"urad": 1e-6, "arcsec": np.pi / 648000, "mrad": 1e-3, "deg": np.pi / 180},
 }
+"""Units that errors are given in."""
 POSITIONS = {"metres": 1e3, "inches": 25.4, "um": 1e-3}
-"""Units that a column of mm may hold, in mm."""
-NARROW, BEYOND = 0.02, 3.0
-"""Positions span more than this share of a travel, and lie within so many travels of 0."""
-POINT_ERROR_MM = 0.5
-"""No machine tool in order errs by more."""
-SAME_MM = 1e-6
-"""Coordinates that differ by less are one: a nanometre, which nobody measures."""
-LEAST_REPEAT_MM = 5e-5
-"""Standard deviation of the repeats of the best CMM."""
+"""What positions in the column `position_mm` may be in."""
 COORDINATES = {"inches": 25.4, "mm for inches": 1 / 25.4, "um": 1e-3, "metres": 1e3}
-"""What brings coordinates in another unit to mm."""
-TOLERANCE_UM, TRAVEL_MM, CONSTANT_TRAVELS = 0.2, 5.0, 20.0
-"""Least tolerance of a length, least travel of an axis, largest constant in longest travels."""
-SENSOR_DEGC = (-60.0, 150.0)
+"""What points may be in, the likeliest first; or their nominal places."""
+
+# Chance.
+CHANCE = 1e-3
+"""Expected number of pairs that agree in all values by chance, below which they are copies."""
+FEWEST_EQUAL = 4
+"""Equal values, and different ones, from which on there is something to judge."""
+FEWEST_POINTS = 3
+"""Points from which on an origin or an order can be told from single slips."""
+NEARLY_ALL = 0.9
+"""Share of the points that a mistake, undone, brings to their places ..."""
+EXPLAINED = 0.1
+"""... and of the distance that this leaves."""
+RELATED = 0.99
+"""Correlation of coordinates with their nominal values."""
+ALIKE = 0.01
+"""Slope of distances on positions within this of 1 or -1."""
+LOUD = 20.0
+"""A pass whose bends are so many times those of the other passes is in another unit."""
+MIRRORED = 0.7
+"""Least correlation of all passes where one is mirrored back."""
+MOST = 5000
+"""Points of a part up to which another order, and single slips, are looked for."""
+
+# Sensors of temperature.
 SHOP_DEGC = (5.0, 60.0)
 """What a sensor of a machine in a shop typically reads."""
-SENSOR_CODES = (-273.15, -127.0, -60.0, 0.0, 85.0, 150.0)
-"""What sensors and loggers write where they have no reading, within SENSOR_DEGC or at its ends."""
 SENSOR_STEP_K = 2.0
 """No sensor's single reading is this far off those before and after it by chance."""
+SENSORS_NEAR_K = 8.0
+"""Readings in another unit, converted, lie so near to those of the other sensors."""
+STUCK_SHARE = 0.5
+"""A stuck sensor keeps one value in this share of a file ..."""
+OTHERS_MOVE_K = 0.5
+"""... while others move by so much."""
 
 
 def kind_of(dimension: int) -> str:
@@ -47,10 +78,14 @@ def kind_of(dimension: int) -> str:
     return "length" if dimension == LENGTH else "angle"
 
 
-def meant_units(size: float, kind: str, stated: str) -> Iterator[str]:
+def largest(kind: str, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The largest error (n,) of a machine at positions (n,), mm: that of a length grows with it."""
+    grown = STEEPEST * (kind == "length") * np.nan_to_num(np.abs(position))
+    return np.maximum(ERRORS[kind][1], grown)
+
+
+def meant_units(size: float, kind: str, stated: str) -> list[str]:
     """The other units in which a typical largest error of `size` (mm, rad) is that of a machine."""
     low, high = ERRORS[kind]
-    own = UNITS[kind].get(stated, 1.0)
-    for unit, other in UNITS[kind].items():
-        if unit != stated and low <= size / own * other <= high:
-            yield unit
+    one = size / UNITS[kind].get(stated, 1.0)
+    return [unit for unit, to in UNITS[kind].items() if unit != stated and low <= one * to <= high]

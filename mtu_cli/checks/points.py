@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import permutations, product
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.checks import Odd, PointsData, check
-from mtu_cli.checks.plausible import COORDINATES, POINT_ERROR_MM, SAME_MM
-from mtu_cli.model.datum import freed
-from mtu_cli.model.visits import axes_of, operations_of, visits_of
-from mtu_cli.stats.outliers import group_medians, numbered, outlying
-
-Rows = NDArray[np.int64]
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-EXPLAINED = 0.1
-"""A mistake is named where undoing it leaves less than this share of the distance."""
-FEWEST = 3
-"""Points from which on an origin or an order can be told from single slips."""
-MOST = 5000
-"""Points of a part up to which another order of its features is looked for."""
-NEARLY_ALL = 0.9
-RELATED = 0.99
+from mtu_cli.checks import Floats, Mask, Odd, PointsData, Rows, check, split
+from mtu_cli.checks.copies import named
+from mtu_cli.checks.plausible import (
+    COORDINATES,
+    EXPLAINED,
+    FEWEST_POINTS,
+    MOST,
+    NEARLY_ALL,
+    POINT_ERROR_MM,
+    RELATED,
+)
+from mtu_cli.files.points import SAME_MM
+from mtu_cli.model.visits import Visits
+from mtu_cli.stats.outliers import FEWEST, outlying, polished
 
 
 class Mistake(NamedTuple):
@@ -38,252 +33,187 @@ class Mistake(NamedTuple):
 UNKNOWN = Mistake("no unit, sign, order or origin explains it")
 
 
-def off(data: PointsData) -> tuple[Floats, tuple[int, ...]]:
-    """Measured minus nominal (n, axes) less the freedoms of the datum, mm, and the axes."""
-    axes = axes_of(data.table)
-    loose, _ = freed(data.table, axes, data.datum)
-    return (loose.measured - loose.nominal)[:, axes], axes
-
-
 def typical(errors: Floats) -> float:
-    """The median over points (n, axes) of the largest error along an axis."""
+    """The median over points (n, axes) of the largest error along an axis.
+
+    >>> typical(np.array([[0.0, -3.0], [1.0, 2.0], [9.0, 0.0]]))
+    3.0
+    """
     return float(np.median(np.abs(errors).max(axis=1)))
 
 
-def mistake_of(data: PointsData, rows: Rows, axes: tuple[int, ...]) -> Mistake:
-    """The one mistake that explains where points `rows` are.
+def mistake_of(data: PointsData, rows: Rows) -> Mistake:
+    """The mistakes of the axes that explain where points `rows` are.
 
-    The mistakes are tried from the likeliest on; undone, nearly all points lie where they belong.
-    With a datum each part's own origin is none.
+    Along each axis they are tried from the likeliest on; undone, nearly all points lie where they
+    belong. With a datum each part's own origin is none.
     """
-    measured, nominal = (of[rows][:, axes] for of in (data.table.measured, data.table.nominal))
-    part = None if data.datum == "none" else numbered(data.table.part[rows])
-    now = typical(_less_origin(measured - nominal, part))
-    near = min(EXPLAINED * now, POINT_ERROR_MM)
+    measured, nominal = (of[rows][:, data.axes] for of in (data.table.measured, data.table.nominal))
+    for part in [] if data.datum == "none" else split(None, data.table.part[rows]):
+        measured[part] -= measured[part].mean(axis=0)
+        nominal[part] -= nominal[part].mean(axis=0)
+    near = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
+    found: dict[Mistake, list[str]] = {}
+    for k, axis in enumerate(data.axes):
+        for mistake, errors in _undone(measured, nominal, k):
+            if np.quantile(np.abs(errors), NEARLY_ALL) < near:
+                found.setdefault(mistake, []).append("xyz"[axis])
+                break
+        else:
+            return _together(measured, nominal, near)
+    looks = ", ".join(f"{' and '.join(found[each])} {each.looks}" for each in found if each.looks)
+    return Mistake(looks, any(each.unit for each in found)) if looks else UNKNOWN
 
-    def explained(errors: Floats) -> bool:
-        left = _less_origin(errors, part)
-        return float(np.quantile(np.abs(left).max(axis=1), NEARLY_ALL)) < near
 
-    letters = "xyz"[: measured.shape[1]]
-    for unit, factor in COORDINATES.items():
-        if explained(measured * factor - nominal):
-            return Mistake(f"{unit}, not mm", unit=True)
-        for k, letter in enumerate(letters):
-            one = np.where(np.arange(len(letters)) == k, factor, 1.0)
-            if explained(measured * one - nominal):
-                return Mistake(f"{letter} alone in {unit}, not mm", unit=True)
-    if len(measured) < FEWEST:
+def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake, Floats]]:
+    """Mistakes along one axis (of n, axes) and the errors (n,) that are left where each is undone:
+    none, units, an origin, the other way round, and another axis. An axis that runs the other way
+    has a zero of its own.
+    """
+    place = nominal[:, k]
+    yield Mistake(""), measured[:, k] - place
+    scaled = ((unit, measured[:, k] * factor - place) for unit, factor in COORDINATES.items())
+    for unit, errors in sorted(scaled, key=lambda each: np.abs(each[1]).sum()):
+        yield Mistake(f"in {unit}, not mm", unit=True), errors
+    if len(place) < FEWEST_POINTS:
+        return
+    shift = np.median(measured[:, k] - place)
+    yield Mistake(f"from an origin {shift:.3g} mm off"), measured[:, k] - shift - place
+    for i in sorted(range(measured.shape[1]), key=lambda i: i != k):
+        if i != k:
+            yield Mistake("swapped"), measured[:, i] - place
+        turned = -measured[:, i] - place
+        words = "with the other sign" if i == k else "swapped and with the other sign"
+        yield Mistake(words), turned - np.median(turned)
+
+
+def _together(measured: Floats, nominal: Floats, near: float) -> Mistake:
+    """A mistake of all axes: points at the places of others, most of them, or values much smaller
+    than the coordinates that follow none of them.
+    """
+    if not FEWEST_POINTS <= len(measured) <= MOST:
         return UNKNOWN
-    shift = np.median(measured - nominal, axis=0)
-    if explained(measured - nominal - shift):
-        return Mistake(f"another origin, off by {', '.join(f'{value:.3g}' for value in shift)} mm")
-    for words, left in _orders(measured, nominal, letters):
-        if explained(left):
-            return Mistake(words)
-    if _shuffled(measured, nominal, near):
+    from scipy.spatial import KDTree
+
+    away, which = KDTree(nominal).query(measured)
+    at: Mask = np.asarray(away) < max(near, SAME_MM) * np.sqrt(nominal.shape[1])
+    reached = nominal[np.asarray(which)]
+    taken, there = (len(np.unique(each, axis=0)) for each in (reached[at], nominal))
+    all_taken = np.mean(at) >= NEARLY_ALL and taken >= NEARLY_ALL * there
+    if all_taken and np.mean(at & (reached != nominal).any(axis=1)) > 0.5:
         return Mistake("features in another order")
-    if _are_errors(measured, nominal):
+    with np.errstate(invalid="ignore"):
+        related = np.abs(np.corrcoef(measured, nominal, rowvar=False))
+    count = measured.shape[1]
+    if typical(measured) < typical(nominal) / 2 and not (related[:count, count:] >= RELATED).any():
         return Mistake("errors, not the coordinates that they are errors of")
     return UNKNOWN
 
 
-def _less_origin(errors: Floats, part: Rows | None) -> Floats:
-    """Errors (n, axes) less the median of each `part` (n,); as they are where that is None."""
-    if part is None:
-        return errors
-    found: Floats = errors - np.column_stack([group_medians(each, part) for each in errors.T])
-    return found
-
-
-def _orders(measured: Floats, nominal: Floats, letters: str) -> Iterator[tuple[str, Floats]]:
-    """Other orders and ways round of the axes with what each leaves, the fewest changes first.
-
-    An axis that runs the other way has a zero of its own. One along which all places are alike has
-    no way round.
-    """
-    count = len(letters)
-    flat = np.ptp(nominal, axis=0) <= POINT_ERROR_MM
-    every = [*product(permutations(range(count)), product((False, True), repeat=count))]
-    every.sort(key=lambda each: sum(np.not_equal(each[0], range(count))) + sum(each[1]))
-    for order, turned in every[1:]:
-        if not (flat & turned).any():
-            left = measured[:, order] * np.where(turned, -1.0, 1.0) - nominal
-            left = left - np.where(turned, np.median(left, axis=0), 0.0)
-            moved = [letter for i, letter in enumerate(letters) if order[i] != i]
-            other = [letters[i] for i in range(count) if turned[i]]
-            words = [f"{' and '.join(moved)} swapped"] if moved else []
-            words += [f"the sign of {' and '.join(other)} the other way round"] if other else []
-            yield ", ".join(words), left
-
-
-def _shuffled(measured: Floats, nominal: Floats, near: float) -> bool:
-    """Whether the points are at places of the part, most of them at another's, each at its own."""
-    if len(measured) > MOST:
-        return False
-    from scipy.spatial import KDTree
-
-    away, which = KDTree(nominal).query(measured)
-    at = np.asarray(away) < max(near, SAME_MM) * np.sqrt(nominal.shape[1])
-    which = np.asarray(which)
-    moved = (nominal[which] != nominal).any(axis=1)
-    taken, there = (len(np.unique(nominal[rows], axis=0)) for rows in (which[at], slice(None)))
-    share = np.mean(at) >= NEARLY_ALL and taken >= NEARLY_ALL * there
-    return bool(share and 2 * np.count_nonzero(moved & at) > len(moved))
-
-
-def _are_errors(measured: Floats, nominal: Floats) -> bool:
-    """Values much smaller than the coordinates, and in the order of none of them."""
-    if typical(measured) >= 0.5 * typical(nominal):
-        return False
-    columns = [*measured.T, *nominal.T]
-    spread = np.array([np.std(column) for column in columns])
-    if not spread.all():
-        return True
-    count = measured.shape[1]
-    related = np.abs(np.corrcoef(columns)[:count, count:])
-    return bool((related < RELATED).all())
-
-
-def whole_files(data: PointsData) -> Iterator[tuple[Rows, float, Mistake]]:
-    """The rows of each file most of whose points are far off, how far, and the mistake."""
-    errors, axes = off(data)
-    if not axes or not (np.abs(errors) > POINT_ERROR_MM).any():
-        return
-    for file in np.unique(data.table.file_index):
-        rows = np.flatnonzero(data.table.file_index == file)
-        if (size := typical(errors[rows])) > POINT_ERROR_MM:
-            yield rows, size, mistake_of(data, rows, axes)
-
-
-@check("unit-of-points", of="points")
-def unit_of_points(data: PointsData) -> Iterator[Odd]:
-    """A file in another unit."""
-    for rows, size, mistake in whole_files(data):
-        if mistake.unit:
-            yield Odd(rows, {"off": size, "looks": mistake.looks})
-
-
 @check("far-from-nominal", of="points")
 def far_from_nominal(data: PointsData) -> Iterator[Odd]:
-    """Files, measurements of a part, features and single points farther off than a machine errs."""
-    errors, axes = off(data)
-    if not axes or not (np.abs(errors) > POINT_ERROR_MM).any():
-        return
-    table = data.table
-    left = np.asarray((np.abs(errors) > POINT_ERROR_MM).any(axis=1))
-    for rows, size, mistake in whole_files(data):
-        left[rows] = False
-        if not mistake.unit:
-            yield Odd(rows, {"what": "the points", "off": size, "looks": mistake.looks})
-    found: dict[str, list[Rows]] = {}
-    for group in (table.part, visits_of(table).of_point):
-        for code in np.unique(group[left]):
+    """Whatever is farther off than a machine errs, the largest first: files, parts, measurements
+    of a part, features of all parts, and single values, each with the mistake that explains it.
+
+    A group is named where most of its points are far off; those of one mistake are one finding,
+    and what is named is no longer looked at in smaller groups. A file in another unit is an error.
+    """
+    errors, axes, table = data.errors, data.axes, data.table
+    far: Mask = np.abs(errors).max(axis=1, initial=0.0) > POINT_ERROR_MM
+    levels: tuple[tuple[str, Rows, Sequence[str]], ...] = (
+        ("points of", table.file_index, [source.shown for source in table.sources]),
+        ("part", table.part, table.parts),
+        ("part", data.visits.of_point, named(data, data.visits.part)),
+        ("the nominal place of", table.feature, table.features),
+    )
+    found: dict[tuple[str, Mistake, int], list[tuple[str, Rows]]] = {}
+    for level, group, names in levels:
+        for code in np.unique(group[far]).tolist():
             rows = np.flatnonzero(group == code)
-            if 2 * np.count_nonzero(left[rows]) > len(rows):
-                mistake = mistake_of(data, rows, axes)
-                if mistake is not UNKNOWN:
-                    found.setdefault(mistake.looks, []).append(rows)
-                    left[rows] = False
-    for looks, groups in found.items():
-        names = dict.fromkeys(table.parts[table.part[rows[0]]] for rows in groups)
-        rows = np.concatenate(groups)
-        what = f"part{'s' if len(names) > 1 else ''} {', '.join(map(repr, names))}"
-        yield Odd(rows, {"what": what, "off": typical(errors[rows]), "looks": looks})
-    yield from _single(data, errors, axes, left)
-
-
-def _single(data: PointsData, errors: Floats, axes: tuple[int, ...], left: Mask) -> Iterator[Odd]:
-    """Features that are off in all parts, and single values with the slip that explains each."""
-    table = data.table
-    for code in np.unique(table.feature[left]):
-        rows = np.flatnonzero(table.feature == code)
-        if left[rows].all() and len(np.unique(table.part[rows])) > 1:
-            left[rows] = False
-            mistake = mistake_of(data, rows, axes)
-            looks = mistake.looks if mistake.unit else "its nominal place mistyped"
-            what = f"feature {table.features[code]!r} in every part"
-            yield Odd(rows, {"what": what, "off": typical(errors[rows]), "looks": looks})
-    for i in np.flatnonzero(left)[:MOST]:
-        k = int(np.argmax(np.abs(errors[i])))
-        value, place = (float(of[i, axes[k]]) for of in (table.measured, table.nominal))
-        looks = f"{_slip(value, place)}; about {place:.9g} is expected"
-        what, column = f"a point of part {table.parts[table.part[i]]!r}", f"{'xyz'[axes[k]]}_mm"
-        facts = {"what": what, "off": abs(float(errors[i, k])), "looks": looks}
-        yield Odd(np.array([i]), facts, column, f"{value:.9g}")
+            if 2 * np.count_nonzero(far[rows]) <= len(rows):
+                continue
+            mistake = mistake_of(data, rows)
+            if mistake is not UNKNOWN or level == "points of":
+                key = level, mistake, int(table.file_index[rows[0]])
+                found.setdefault(key, []).append((repr(names[code]), rows))
+                far[rows] = False
+    for (level, mistake, _), groups in found.items():
+        rows = np.concatenate([each for _, each in groups])
+        what = f"{level} {', '.join(dict.fromkeys(name for name, _ in groups))}"
+        facts = {"what": what, "off": typical(errors[rows]), "looks": mistake.looks}
+        file_unit = mistake.unit and level == "points of"
+        yield Odd(rows, facts, code="unit-of-points" if file_unit else None)
+    for row in np.flatnonzero(far)[:MOST].tolist():
+        axis = axes[np.argmax(np.abs(errors[row]))]
+        value, place = (float(of[row, axis]) for of in (table.measured, table.nominal))
+        facts = {"what": f"a point of part {table.parts[table.part[row]]!r}"}
+        facts |= {"off": typical(errors[[row]]), "looks": _slip(value, place)}
+        yield Odd(np.array([row]), facts, f"{'xyz'[axis]}_mm", f"{value:.9g}")
 
 
 def _slip(value: float, place: float) -> str:
     """The slip of one coordinate that would bring it to its place."""
-
-    def near(changed: float) -> bool:
-        return abs(changed - place) < max(POINT_ERROR_MM, 1e-3 * abs(place))
-
-    if near(-value):
-        return "a lost sign"
-    if any(near(value / 10.0**digits) for digits in range(-3, 7)):
-        return "a decimal point out of place"
-    return "a mistyped digit, or another feature"
+    near = max(POINT_ERROR_MM, 1e-3 * abs(place))
+    slip = "a mistyped digit, or another feature"
+    if any(abs(value / 10.0**digits - place) < near for digits in range(-3, 7)):
+        slip = "a decimal point out of place"
+    if abs(value + place) < near:
+        slip = "a lost sign"
+    return f"{slip}; about {place:.9g} is expected"
 
 
 @check("nominals-differ", of="points")
 def nominals_differ(data: PointsData) -> Iterator[Odd]:
     """A feature with several nominal places."""
     table = data.table
-    first = np.unique(table.feature, return_index=True)[1]
-    place = np.full((len(table.features), 3), np.nan)
-    place[table.feature[first]] = table.nominal[first]
-    away = np.abs(table.nominal - place[table.feature]) > SAME_MM
+    # The place that stands last in the table is what the others are compared with.
+    away = np.abs(table.nominal - data.visits.nominal[table.feature]) > SAME_MM
     if len(rows := np.flatnonzero(away.any(axis=1))):
-        names = [table.features[code] for code in np.unique(table.feature[rows])]
-        yield Odd(rows, {"names": names})
+        codes = np.unique(table.feature[rows])
+        yield Odd(rows, {"names": [table.features[code] for code in codes]})
 
 
-@check("outlying-point", of="points")
-def outlying_point(data: PointsData) -> Iterator[Odd]:
+@check("outlying-value", of="points")
+def outlying_points(data: PointsData) -> Iterator[Odd]:
     """Single readings far off what the other parts have there, or the other repeats.
 
-    Errors are compared among the parts of a feature and operation, each visit's own offset taken
-    off where it has points enough, and repeats among themselves by their difference.
+    Errors are compared among the measurements of a feature in one operation, the level of each
+    measurement taken off, and repeats among themselves by their difference.
     """
-    table = data.table
-    errors, axes = off(data)
-    _, operation = operations_of(table)
-    feature = operation * len(table.features) + table.feature
-    place = numbered(feature)
-    visit = visits_of(table).of_point
-    far = (np.abs(errors) > POINT_ERROR_MM).any(axis=1)
-    for k, axis in enumerate(axes):
-        own = errors[:, k] - group_medians(errors[:, k], place)
-        several = np.bincount(visit)[visit] > FEWEST
-        own = own - np.where(several, group_medians(own, visit), 0.0)
-        found, s = outlying(own, place)
-        paired, s_paired = _repeats(own, place * len(table.parts) + table.part)
-        for rows, scatter, beside in (
-            (np.flatnonzero(found & ~far), s, "the other parts"),
-            (np.flatnonzero(paired & ~found & ~far), s_paired, "its other repeats"),
-        ):
-            if len(rows):
-                worst = rows[np.argmax(np.abs(own[rows]))]
-                facts = {
-                    "axis": "xyz"[axis],
-                    "off": 1e3 * abs(float(own[worst])),
-                    "s": 1e3 * scatter,
-                }
-                value = f"{table.measured[worst, axis]:.9g}"
-                order = np.r_[worst, rows[rows != worst]]
-                yield Odd(order, {**facts, "beside": beside}, f"{'xyz'[axis]}_mm", value)
+    table, visits = data.table, data.visits
+    at = visits.of_point, table.feature
+    near = (np.abs(data.errors) <= POINT_ERROR_MM).all(axis=1)
+    for k, axis in enumerate(data.axes):
+        errors, columns = np.full(visits.errors.shape[:2], np.nan), 0
+        errors[at] = data.errors[:, k]
+        judged = errors.copy()
+        for each in split(None, visits.operation):
+            run = slice(each[0], each[-1] + 1)  # visits are in the order of operations
+            enough = np.isfinite(errors[run]).sum(axis=0) >= FEWEST
+            errors[run] = polished(errors[run])
+            judged[run] = np.where(enough, errors[run], np.nan)
+            columns += int(enough.sum())
+        apart, s = outlying(judged, columns)
+        paired, s_paired = _repeats(errors, visits)
+        other = paired & ~apart, s_paired, "its other repeats"
+        for found, scatter, beside in ((apart, s, "the other parts"), other):
+            if found.any() and len(rows := np.flatnonzero(found[at] & near)):
+                size = 1e3 * np.abs(errors[at][rows])
+                rows = rows[np.argsort(-size, kind="stable")]
+                facts = {"what": "xyz"[axis], "off": float(size.max()), "unit": "um"}
+                facts |= {"beside": beside, "s": 1e3 * scatter}
+                value = f"{table.measured[rows[0], axis]:.9g}"
+                yield Odd(rows, facts, f"{'xyz'[axis]}_mm", value)
 
 
-def _repeats(own: Floats, cell: Rows) -> tuple[NDArray[np.bool_], float]:
-    """Which values (n,) differ too much from the repeat before or after them, and the s of these.
-
-    Of two repeats that are apart the one farther from the other parts is meant.
+def _repeats(errors: Floats, visits: Visits) -> tuple[Mask, float]:
+    """Which errors (visits, features) differ too much from the repeat before or after them, and
+    the s of these. Of two repeats that are apart the one farther from the other parts is meant.
     """
-    order = np.argsort(cell, kind="stable")
-    pair = np.flatnonzero(np.diff(cell[order]) == 0)
-    one, other = order[pair], order[pair + 1]
-    apart, s = outlying(own[other] - own[one], np.zeros(len(pair), np.int64))
-    found = np.zeros(len(own), bool)
-    found[np.where(np.abs(own[one]) > np.abs(own[other]), one, other)[apart]] = True
+    one = np.flatnonzero((np.diff(visits.part) == 0) & (np.diff(visits.operation) == 0))
+    apart, s = outlying(errors[one + 1] - errors[one])
+    first = np.abs(errors[one]) > np.abs(errors[one + 1])
+    found = np.zeros(errors.shape, bool)
+    found[one] |= apart & first
+    found[one + 1] |= apart & ~first
     return found, s / np.sqrt(2.0)

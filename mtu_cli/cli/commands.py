@@ -1,19 +1,215 @@
-"""The commands of `mtu` and their options; each is imported when it runs: --help is quick."""
+"""The commands of `mtu`: the options, the chapter and the help of each.
+
+A chapter is imported when one of its commands runs, so that --help is quick.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any, NamedTuple
 
 import typer
 
 from mtu_cli import __version__
-from mtu_cli.cli import graph_parameters as g
-from mtu_cli.cli import parameters as p
-from mtu_cli.cli.budget_parameters import BUDGET
-from mtu_cli.cli.options import Commands, Options, register
-from mtu_cli.cli.simulate_parameters import SIMULATE
-from mtu_cli.close_loop_sealed.cli.close_loop_parameters import CLOSE_LOOP
+from mtu_cli.cli.options import Options, signature
+from mtu_cli.cli.usage import OneCommand, Program
+
+MACHINE, PART, PARTS, ABOUT = (
+    "The machine",
+    "Predictions for a part",
+    "Measured parts",
+    "Uncertainty, files and help",
+)
+READ = "study machine lbb laser"
+MODEL = "study machine part components lbb laser drift at k digits correlation"
+RANDOM = "seed trials threads"
+OUT = "out csv plot report date detail quiet"
+
+
+class Command(NamedTuple):
+    """A command: its chapter, its options, its help, the panel where `mtu --help` lists it, and
+    its gates beside that of the checks (None: it reads no data that they look at).
+    """
+
+    chapter: str
+    options: str
+    text: str
+    panel: str | None = None
+    gates: tuple[str, ...] | None = None
+
+
+COMMANDS = {
+    "fit-components": Command(
+        "readings",
+        f"{READ} k digits {OUT}",
+        "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
+        MACHINE,
+        ("drift",),
+    ),
+    "thermal-fit": Command(
+        "readings",
+        f"study machine drift model {OUT}",
+        "Drift readings with temperatures to a thermal model per component.",
+        MACHINE,
+        (),
+    ),
+    "predict-points": Command(
+        "predictions",
+        f"{MODEL} {RANDOM} grid covariance {OUT}",
+        "Error and uncertainty of every feature of a part.",
+        PART,
+        (),
+    ),
+    "lengths": Command(
+        "predictions",
+        f"{MODEL} {RANDOM} {OUT}",
+        "Feature-to-feature lengths with uncertainty and probability of conformance.",
+        PART,
+        ("nonconforming=0.01",),
+    ),
+    "orthogonality": Command(
+        "predictions",
+        f"{MODEL} {RANDOM} {OUT}",
+        "Right angles between rows and columns of features, by Monte Carlo and first order.",
+        PART,
+        (),
+    ),
+    "anova": Command(
+        "parts",
+        f"study machine part cmm method datum k digits seed {OUT}",
+        "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
+        PARTS,
+        ("unusual",),
+    ),
+    "close-loop": Command(
+        "close_loop",
+        "study machine part components lbb laser cmm drift at datum alpha max_effects effects "
+        f"exclude write_machine write_components seed {OUT}",
+        "Measured minus model: effects that the machine does not declare, named and added to it.",
+        PARTS,
+        ("found", "unexplained"),
+    ),
+    "compare": Command(
+        "parts",
+        f"{MODEL} {RANDOM} cmm datum {OUT}",
+        "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
+        PARTS,
+        ("biased", "under-predicted"),
+    ),
+    "correct": Command(
+        "parts",
+        f"{MODEL} cmm {OUT}",
+        "Measured points minus the modelled error; rings and lengths before and after.",
+        PARTS,
+        (),
+    ),
+    "budget": Command(
+        "alone",
+        f"file:budget k digits {RANDOM} {OUT}",
+        "An uncertainty budget: first and second order, with Monte Carlo.",
+        ABOUT,
+    ),
+    "simulate": Command(
+        "simulate",
+        # The files say in this order how they were made.
+        "study machine part components seed passes one_way positions parts repeats cmm_u_um "
+        "part_offset_um reverse_every minutes first_repeats operation scatter effect covariate "
+        "write_lbb write_cmm write_drift cycles cycle_minutes soak_minutes interval_min room "
+        "room_lag_min room_wobble_degc sensor_lag_min sensor_spread sensor_wobble_degc "
+        "sensor_noise_degc reading_noise_um reading_noise_arcsec drift_positions settled_drift "
+        "most_drift_um most_drift_arcsec twin cmm_room cmm_wobble_degc quiet",
+        "A virtual machine: synthetic readings and points, with any effect, seeded.",
+        MACHINE,
+    ),
+    "graph check": Command(
+        "alone",
+        f"file:graph {OUT}",
+        "Whether a graph is sound, with all its faults at once; and its firing order.",
+    ),
+    "graph draw": Command(
+        "alone",
+        "file:graph to of:shares",
+        "The graph as a picture, or as text for other programs.",
+    ),
+    "graph simulate": Command(
+        "alone",
+        f"file:graph of:many k digits {RANDOM} {OUT}",
+        "Uncertainty of the graph's places by Monte Carlo, and where it comes from.",
+    ),
+    "graph sweep": Command(
+        "alone",
+        f"file:graph vary of k digits {RANDOM} {OUT}",
+        "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
+    ),
+    "schema": Command("help", "kind", "The JSON Schema of a YAML contract, for editors.", ABOUT),
+    "help": Command(
+        "help",
+        "topic",
+        "Topics, the meaning of a warning or error, and the options of a command.",
+        ABOUT,
+    ),
+}
+"""By their names, as a user types them."""
+
+
+def analysis_of(name: str) -> Callable[..., Any]:
+    """The function of a command in its chapter, imported now."""
+    chapter = COMMANDS[name].chapter
+    room = "close_loop_sealed.cli" if chapter == "close_loop" else "cli"
+    module = import_module(f"mtu_cli.{room}.{chapter}")
+    found: Callable[..., Any] = getattr(module, name.replace("-", "_").replace(" ", "_"))
+    return found
+
+
+@cache
+def command_of(name: str) -> Any:
+    """A command of typer with all its options, as it is called."""
+    own = COMMANDS[name]
+
+    def command(context: typer.Context, **values: Any) -> None:
+        source = context.get_parameter_source
+        given = [key for key in values if getattr(source(key), "name", "") == "COMMANDLINE"]
+        options = Options(name.replace(" ", "-"), values, tuple(given), own.gates or ())
+        if own.chapter == "help":
+            analysis_of(name)(options)
+        else:
+            from mtu_cli.cli.emit import execute
+
+            execute(options, analysis_of(name))
+
+    typed = signature(own.options, own.gates)
+    command.__signature__ = typed  # type: ignore[attr-defined]  # read by typer
+    command.__annotations__ = {key: item.annotation for key, item in typed.parameters.items()}
+    single = typer.Typer(add_completion=False)
+    single.command(name.rpartition(" ")[2], cls=OneCommand, help=own.text)(command)
+    return typer.main.get_command(single)
+
+
+class Commands(Program):
+    """Commands of which `--help` lists names; one that is called gets its options."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        """Name, command and the rest of the arguments."""
+        name, listed, rest = super().resolve_command(ctx, args)
+        full = name if ctx.parent is None else f"{ctx.info_name} {name}"
+        return name, command_of(full) if full in COMMANDS else listed, rest
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        print(f"mtu {__version__}")
+        raise typer.Exit
+
+
+def _global(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
+    ] = False,
+) -> None:
+    pass
+
 
 app = typer.Typer(
     name="mtu",
@@ -24,151 +220,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["--help", "-h"]},
     add_completion=False,
     pretty_exceptions_enable=False,
-)
-
-
-def _lazily(module: str) -> Callable[[Options], None]:
-    """The `run` of a command module, imported at the call."""
-
-    def run(options: Options) -> None:
-        from importlib import import_module
-
-        folder = "close_loop_sealed.cli" if module == "close_loop" else "cli"
-        command = import_module(f"mtu_cli.{folder}.{module}")
-        from mtu_cli.cli.places import placed_faults
-
-        with placed_faults(options):
-            command.run(options)
-
-    return run
-
-
-def _version(asked: bool) -> None:
-    if asked:
-        print(f"mtu {__version__}")
-        raise typer.Exit
-
-
-@app.callback()
-def _global(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
-    ] = False,
-) -> None:
-    pass
-
-
-PREDICTED = [
-    p.STUDY,
-    p.PART,
-    p.COMPONENTS,
-    p.READINGS,
-    p.DRIFT,
-    p.AT,
-    p.COVERAGE,
-    p.CORRELATION,
-]
-PREDICTION = [*PREDICTED, p.MONTE_CARLO]
-UNUSUAL = p.fail_if("unusual, an outlier among the parts")
-FOUND = p.fail_if("found, unexplained")
-OFF = p.fail_if("biased, under-predicted")
-MACHINE, PART, BEYOND, ABOUT = (
-    "The machine",
-    "Predictions for a part",
-    "Measured parts",
-    "Uncertainty, files and help",
-)
-
-register(
-    app,
-    "fit-components",
-    [p.STUDY, p.READINGS, p.COVERAGE, p.OUTPUT, p.fail_if("drift")],
-    _lazily("fit_components"),
-    "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
-    MACHINE,
-)
-register(
-    app,
-    "thermal-fit",
-    [p.STUDY, p.DRIFT, p.THERMAL_MODEL, p.OUTPUT, p.fail_if()],
-    _lazily("thermal_fit"),
-    "Drift readings with temperatures to a thermal model per component.",
-    MACHINE,
-)
-register(
-    app,
-    "predict-points",
-    [*PREDICTION, p.GRID, p.COVARIANCE, p.OUTPUT, p.fail_if()],
-    _lazily("predict_points"),
-    "Error and uncertainty of every feature of a part.",
-    PART,
-)
-register(
-    app,
-    "lengths",
-    [*PREDICTION, p.OUTPUT, p.fail_if("nonconforming=0.01")],
-    _lazily("lengths"),
-    "Feature-to-feature lengths with uncertainty and probability of conformance.",
-    PART,
-)
-register(
-    app,
-    "orthogonality",
-    [*PREDICTION, p.OUTPUT, p.fail_if()],
-    _lazily("orthogonality"),
-    "Right angles between rows and columns of features, by Monte Carlo and first order.",
-    PART,
-)
-register(
-    app,
-    "anova",
-    [p.STUDY, p.PART, p.CMM, p.METHOD, p.DATUM, p.COVERAGE, p.SEED, p.OUTPUT, UNUSUAL],
-    _lazily("anova"),
-    "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
-    BEYOND,
-)
-register(
-    app,
-    "close-loop",
-    [
-        *[p.STUDY, p.PART, p.COMPONENTS, p.READINGS, p.CMM, p.DRIFT, p.AT],
-        *[p.DATUM, CLOSE_LOOP, p.SEED, p.OUTPUT, FOUND],
-    ],
-    _lazily("close_loop"),
-    "Measured minus model: effects that the machine does not declare, named and added to it.",
-    BEYOND,
-)
-register(
-    app,
-    "compare",
-    [*PREDICTION, p.CMM, p.DATUM, p.OUTPUT, OFF],
-    _lazily("compare"),
-    "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
-    BEYOND,
-)
-register(
-    app,
-    "correct",
-    [*PREDICTED, p.CMM, p.OUTPUT, p.fail_if()],
-    _lazily("correct"),
-    "Measured points minus the modelled error; rings and lengths before and after.",
-    BEYOND,
-)
-register(
-    app,
-    "budget",
-    [BUDGET, p.MONTE_CARLO, p.OUTPUT],
-    _lazily("budget"),
-    "An uncertainty budget: first and second order, and Monte Carlo beside them.",
-    ABOUT,
-)
-register(
-    app,
-    "simulate",
-    [p.STUDY, p.PART, p.COMPONENTS, p.SEED, SIMULATE, p.QUIET],
-    _lazily("simulate"),
-    "A virtual machine: synthetic readings and points, with any effect, seeded.",
-    MACHINE,
+    callback=_global,
 )
 graph = typer.Typer(
     cls=Commands,
@@ -176,47 +228,8 @@ graph = typer.Typer(
     no_args_is_help=True,
 )
 app.add_typer(graph, name="graph", rich_help_panel=ABOUT)
-register(
-    graph,
-    "check",
-    [g.FILE, g.WITHOUT_PLOT],
-    _lazily("graph"),
-    "Whether a graph is sound, with all its faults at once; and its firing order.",
-)
-register(
-    graph,
-    "draw",
-    [g.FILE, g.TO, g.OF_SHARES],
-    _lazily("graph_draw"),
-    "The graph as a picture, or as text for other programs.",
-)
-register(
-    graph,
-    "simulate",
-    [g.FILE, g.OF_MANY, p.COVERAGE, p.MONTE_CARLO, p.OUTPUT],
-    _lazily("graph"),
-    "Uncertainty of the graph's places by Monte Carlo, and where it comes from.",
-)
-register(
-    graph,
-    "sweep",
-    [g.FILE, g.VARY, g.OF_ONE, p.COVERAGE, p.MONTE_CARLO, p.OUTPUT],
-    _lazily("graph"),
-    "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
-)
-register(
-    app,
-    "schema",
-    [p.KIND],
-    _lazily("schema"),
-    "The JSON Schema of a YAML contract, for editors.",
-    ABOUT,
-)
-register(
-    app,
-    "help",
-    [p.TOPIC],
-    _lazily("help"),
-    "Topics, the meaning of a warning or error, and the options of a command.",
-    ABOUT,
-)
+for _name, _own in COMMANDS.items():
+    _group, _, _last = _name.rpartition(" ")
+    (graph if _group else app).command(_last, help=_own.text, rich_help_panel=_own.panel)(
+        lambda: None
+    )

@@ -1,4 +1,4 @@
-"""`mtu help`: topics, findings and commands, from the Markdown of the package."""
+"""`mtu help` and `mtu schema`: what the package says of itself."""
 
 from __future__ import annotations
 
@@ -19,28 +19,37 @@ ORDER = (
 """The topics as a newcomer needs them."""
 
 
-def run(options: Options) -> None:
-    """Prints a topic, the paragraph of a finding, or the help of a command."""
-    from mtu_cli.cli.commands import app
+def schema(options: Options) -> None:
+    """Prints the JSON Schema of a contract."""
+    import json
 
-    commands = [str(each.name) for each in app.registered_commands]
-    commands += [str(each.name) for each in app.registered_groups]
+    from mtu_cli.files.schemas import json_schema
+
+    print(json.dumps(json_schema(options.kind), indent=2))
+
+
+def help(options: Options) -> None:
+    """Prints a topic, the paragraph of a finding, or the help of a command."""
+    from mtu_cli.cli.commands import COMMANDS, app
+
+    commands = [*COMMANDS, "graph"]
+    codes = {*CATALOGUE, *paragraphs()}
     name = options.topic
     if name is None:
         show(overview())
-        return
-    codes = {*CATALOGUE, *paragraphs()}
-    if name not in (*ORDER, *codes, *commands):
-        known = [*ORDER, *commands, *codes]
-        hint = {"meant": nearest(name, known)} if nearest(name, known) else {}
-        expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
-        raise error("unknown-name", what="topic", value=name, expected=expected, **hint)
-    if name in ORDER:
+    elif name in ORDER:
         show(topic(name))
     elif name in codes:
         show(paragraph(name))
+    elif name not in commands:
+        meant = nearest(name, [*ORDER, *commands, *codes])
+        expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
+        raise error("unknown-name", what="topic", value=name, expected=expected, meant=meant)
     if name in commands:
-        app([name, "--help"], standalone_mode=False)
+        app([*name.split(), "--help"], standalone_mode=False)
+        from mtu_cli.reports.declared import help_text
+
+        show(help_text(name))
 
 
 def topic(name: str) -> str:

@@ -1,137 +1,280 @@
-"""The options of a call, and commands made of groups of them.
+"""Every option of the commands, once: what `--seed` takes and means is the same everywhere.
 
-Typer reads a command's options from its signature: the groups are joined into one.
+A command names its options by their keys in OPTIONS; `signature` makes of them the annotated
+parameters that typer reads.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
 
-from mtu_cli.cli.option_values import check_names
-from mtu_cli.cli.parameters import FAIL_IF, Parameter
-from mtu_cli.cli.usage import refuse_forgotten_values, refuse_repeated, usage_faults
-from mtu_cli.findings import error, suggestion
+SUSPICIOUS = "suspicious"
+"""The gate of every command that reads data: a warning of the checks meets it."""
+REQUIRED = inspect.Parameter.empty
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Options:
     """The options of one call, by name; an option that the command lacks is None.
 
-    `given` are those that stand in the call, whatever their value.
+    `given` are those that stand in the call, whatever their value; `gates` those of the command.
     """
 
     command: str
     values: dict[str, Any] = field(default_factory=dict)
-    given: frozenset[str] = frozenset()
+    given: tuple[str, ...] = ()
+    gates: tuple[str, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
         return self.values.get(name)
 
 
-def _shown_once(params: list[Any]) -> list[Any]:
-    """Parameters whose help says what they take in one word, their metavar: no Python type
-    stands beside the name of an argument, and none beside a flag, which takes nothing.
-    """
-    for param in params:
-        named = param.param_type_name == "argument" or getattr(param, "is_flag", False)
-        if named:
-            param.display_type_rich = lambda ctx: ""
-    return params
-
-
-class Commands(TyperGroup):
-    """Commands under one name."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The rest of the arguments; raises InputError for an unknown option.
-
-        Without any argument it is help: on standard output, for who types `mtu` and reads, with
-        exit code 2, for a script whose command's name was empty has done nothing.
-        """
-        if not args:
-            return list(super().parse_args(ctx, args))
-        with usage_faults(ctx):
-            return list(super().parse_args(ctx, args))
-
-    def invoke(self, ctx: Any) -> Any:
-        """What the command returns; raises InputError where none is named."""
-        with usage_faults(ctx):
-            return super().invoke(ctx)
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        """Name, command and the rest; raises InputError for a command that there is not."""
-        known = self.list_commands(ctx)
-        if args and args[0] not in known:
-            hint = suggestion(args[0].casefold(), known)
-            raise error("unknown-name", what="command", value=args[0], **hint)
-        return super().resolve_command(ctx, args)
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """The parameters, as help shows them."""
-        return _shown_once(super().get_params(ctx))
-
-
-class Once(TyperCommand):
-    """A command that refuses what stands twice in a call: the first would be lost in silence."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """The parameters, as help shows them."""
-        return _shown_once(super().get_params(ctx))
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The rest of the arguments; raises InputError for what typer refuses, an option with a
-        value that is repeated or has another option for its value, and names that are no file.
-        """
-        with usage_faults(ctx):
-            raw, _, order = self.make_parser(ctx).parse_args(list(args))
-        refuse_repeated(order, FAIL_IF)
-        refuse_forgotten_values(ctx, raw)
-        with usage_faults(ctx, raw):
-            rest = super().parse_args(ctx, args)
-        check_names(self.params, ctx.params, raw)
-        return list(rest)
-
-
-def register(
-    app: typer.Typer,
-    name: str,
-    groups: Iterable[list[Parameter]],
-    run: Callable[[Options], None],
-    text: str,
-    panel: str | None = None,
-) -> None:
-    """Adds a command whose options are the groups' and whose body is `run`, under the title `panel`
-    in the help of all.
+@dataclass(frozen=True, slots=True)
+class Option:
+    """One option: the type of its value, the word for it in the help, where ``...`` says that it
+    may be repeated, and what it means. `shown`: the default that a study or the command chooses;
+    `panel`: its group in the help; `bounds` of a number.
     """
 
-    def command(context: typer.Context, **values: Any) -> None:
-        source = context.get_parameter_source
-        given = {key for key in values if getattr(source(key), "name", "") == "COMMANDLINE"}
-        run(Options(name, values, frozenset(given)))
+    kind: type
+    metavar: str | None
+    text: str
+    short: str = ""
+    default: Any = None
+    argument: bool = False
+    shown: str | None = None
+    panel: str | None = None
+    bounds: tuple[float, float] | None = None
 
-    parameters = [
-        ("context", typer.Context, inspect.Parameter.empty),
-        *(item for group in groups for item in group),
-    ]
-    for _, annotation, _ in parameters:
-        for info in getattr(annotation, "__metadata__", ()):
-            # Our own reader says what may not be read, in the words of all faults.
-            info.readable = False
-    command.__signature__ = inspect.Signature(  # type: ignore[attr-defined]  # read by typer
+    def annotation(self, name: str) -> Any:
+        """The annotated type of the parameter `name`."""
+        many = self.metavar is not None and self.metavar.endswith("...")
+        kind: Any = list[self.kind] if many else self.kind  # type: ignore[name-defined]  # a type
+        kind = kind | None if self.default is None else kind
+        common: dict[str, Any] = {
+            "metavar": self.metavar and self.metavar.removesuffix("..."),
+            "help": f"{self.text}; repeatable." if many else f"{self.text}.",
+            "show_default": self.shown or self.default not in (None, REQUIRED, False),
+            "rich_help_panel": self.panel,
+        }
+        if self.kind is Path:
+            # Whoever reads the file says what is wrong with it.
+            common["parser"] = file_name
+        if self.bounds is not None:
+            common |= dict(zip(("min", "max"), self.bounds, strict=True))
+        if self.argument:
+            return Annotated[kind, typer.Argument(**common)]
+        flags = filter(None, (self.short, option_name(name)))
+        return Annotated[kind, typer.Option(*flags, **common)]
+
+
+def option_name(name: str) -> str:
+    """The option of a parameter: --sensor-noise-degC of sensor_noise_degc."""
+    return f"--{name.replace('_', '-')}".replace("degc", "degC")
+
+
+def file_name(text: str) -> Path:
+    """A path; an empty name, as of a script's variable that is not set, is none."""
+    if not text or (text.endswith("/") and not Path(text).is_dir()):
+        raise typer.BadParameter("it names no file")
+    return Path(text)
+
+
+def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
+    """The parameters of a command: its options, and `--fail-if` where it has `gates`."""
+    parameters: dict[str, tuple[Any, Any]] = {"context": (typer.Context, REQUIRED)}
+    for key in names.split():
+        name = key.partition(":")[0]
+        parameters[name] = (OPTIONS[key].annotation(name), OPTIONS[key].default)
+    if gates is not None:
+        known = "; ".join([f"{SUSPICIOUS}, data look mistaken", *gates])
+        text = f"Exit with 3 if met: {known}. Several with commas."
+        option = typer.Option("--fail-if", metavar="GATE", help=text)
+        parameters["fail_if"] = (Annotated[list[str] | None, option], None)
+    return inspect.Signature(
         [
-            inspect.Parameter(
-                key, inspect.Parameter.KEYWORD_ONLY, annotation=annotation, default=default
-            )
-            for key, annotation, default in parameters
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=value)
+            for name, (kind, value) in parameters.items()
         ]
     )
-    command.__annotations__ = {key: annotation for key, annotation, _ in parameters}
-    command.__doc__ = text
-    command.__name__ = name.replace("-", "_")
-    app.command(name, help=text, cls=Once, rich_help_panel=panel)(command)
+
+
+def _file(text: str, short: str = "", metavar: str = "FILE", **more: Any) -> Option:
+    return Option(Path, metavar, text, short, **more)
+
+
+def _text(metavar: str, text: str, default: Any = None, **more: Any) -> Option:
+    return Option(str, metavar, text, default=default, **more)
+
+
+def _flag(text: str, short: str = "") -> Option:
+    return Option(bool, None, text, short, default=False)
+
+
+def _count(default: int, text: str, least: int = 1, most: int = 10_000) -> Option:
+    return Option(int, "N", text, default=default, bounds=(least, most))
+
+
+def _number(default: float, metavar: str, text: str, least: float = 0.0) -> Option:
+    return Option(float, metavar, text, default=default, bounds=(least, 1e6))
+
+
+READINGS, POINTS, PARTS_ROOM = "Readings", "Points of parts", "Room of the parts"
+DRIFT, CLIMATE = "Drift test", "Room and sensors (of a drift test, or of parts with --cmm-room)"
+FILES = {
+    "study": _file(
+        "Study file; without it and without -m, mtu.yaml here or above",
+        metavar="STUDY",
+        argument=True,
+    ),
+    "machine": _file("Machine YAML", "-m"),
+    "part": _file("Part YAML", "-p"),
+    "components": _file(
+        "A fit-components or thermal-fit report; wins over the machine file", "-c", "FILE..."
+    ),
+    "lbb": _file("Laser ball bar readings CSV", metavar="FILE..."),
+    "laser": _file("Laser readings CSV", metavar="FILE..."),
+    "drift": _file("Thermal drift readings CSV", metavar="FILE..."),
+    "cmm": _file("Measured points CSV", metavar="FILE..."),
+    "effects": _file("Your own effects (YAML), added to the built-in ones", metavar="FILE..."),
+    "file:budget": _file("Budget YAML", argument=True, default=REQUIRED),
+    "file:graph": _file("Graph YAML", argument=True, default=REQUIRED),
+    "out": _file("JSON report; - is standard output, alone on it", "-o"),
+    "csv": _file("The main table as CSV"),
+    "plot": _file("Picture: .png, .svg or .pdf"),
+    "report": _file("A report to hand on, with tables and picture: .html (.pdf with an extra)"),
+    "to": _file(
+        "Picture .svg, .png, .pdf; or text .dot, .mmd, .pl (the paper's)", default=REQUIRED
+    ),
+    "write_machine": _file("The machine YAML with the found effects added to it"),
+    "write_components": _file("Components report (-c) with the effects' joint covariance"),
+    "write_lbb": _file("Readings CSV to write"),
+    "write_cmm": _file("Points CSV to write"),
+    "write_drift": _file("Drift readings CSV to write, of the machine's thermal models"),
+}
+CHOICES = {
+    "method": _text(
+        "METHOD", "Components of variance: reml, anova (mean squares) or paper", "reml"
+    ),
+    "model": _text(
+        "MODEL", "auto (the best on held-out cycles), stepwise, ridge or lagged", "auto"
+    ),
+    "at": _text("NAME=VALUE...", "A covariate for the prediction"),
+    "grid": _text("N or NX,NY,NZ", "A grid over the travels instead of a part; --plot draws a map"),
+    "datum": _text(
+        "DATUM",
+        "Best-fit alignment removed from each part: none, offset or offset,rotation",
+        shown="none",
+    ),
+    "correlation": _text(
+        "HOW", "shared: full covariance; independent: as the papers", shown="shared"
+    ),
+    "k": Option(float, "K", "Coverage factor of U = k u", shown="2"),
+    "digits": Option(int, "N", "Significant digits of u that matter", shown="2"),
+    "seed": Option(int, "N", "Seed of the random numbers"),
+    "trials": Option(int, "N", "Monte Carlo trials; without it the count adapts"),
+    "threads": Option(int, "N", "Threads; the result does not depend on them"),
+    "alpha": Option(
+        float, "P", "Family-wise rate of false alarms, of all tests together", shown="0.05"
+    ),
+    "max_effects": Option(
+        int, "N", "At most so many causes: a growth with its drifts and offsets is one", shown="4"
+    ),
+    "exclude": _text("NAME...", "An effect or a family not to look for: cyclic-x, cyclic"),
+    "of": _text("PLACE", "A place with one coordinate, or PLACE.coordinate", REQUIRED),
+    "of:shares": _text("PLACE", "Show where the variance of this place or coordinate comes from"),
+    "of:many": _text("PLACE...", "A place or PLACE.coordinate instead of those reported"),
+    "vary": _text(
+        "NAME=LOW:HIGH:COUNT...",
+        "axis_um, probe_um, perpendicular_um or repeats; or NAME=a,b,c",
+        REQUIRED,
+    ),
+    "kind": _text(
+        "KIND", "machine, part, study, budget, graph or effects", REQUIRED, argument=True
+    ),
+    "topic": _text(
+        "TOPIC",
+        "A topic, the code of a warning or error, or a command; without: all topics",
+        argument=True,
+    ),
+    "covariance": _flag("Covariance matrix in the report"),
+    "detail": _flag("Tables with all statistics, beyond u, U, intervals and p"),
+    "date": _text("DATE", "The date that stands on the --report"),
+    "quiet": _flag("No tables", "-q"),
+}
+SIMULATED = {
+    READINGS: {
+        "passes": _count(5, "Passes in each direction"),
+        "one_way": _flag("Read forward only"),
+        "positions": _text(
+            "LOW:HIGH:COUNT",
+            "Positions along every axis, mm, or x=0:500:8,y=0:300:8,...",
+            shown="the part's extent, 8 of them",
+        ),
+    },
+    POINTS: {
+        "parts": _count(21, "Parts to make"),
+        "repeats": _count(2, "CMM measurements a feature"),
+        "cmm_u_um": _number(1.0, "UM", "CMM standard uncertainty, um"),
+        "part_offset_um": _number(0.0, "UM", "Random offset of each part, um"),
+        "reverse_every": _count(0, "Machine every n-th part backwards; 0: none", 0),
+        "minutes": _number(0.5, "MIN", "Minutes a feature"),
+        "first_repeats": _text("PARTS:REPEATS", "Measurements of the first parts, such as 4:5"),
+        "operation": _text("NAME", "How the features are made"),
+        "scatter": _text("'Ex: EQUATION'...", "Standard deviation of each feature's error, mm"),
+        "effect": _text("'Ex: EQUATION'...", "Undeclared effect, mm; names: x y z, covariates"),
+        "covariate": _text("'NAME: EQUATION'...", "A column, 'T_spindle_degC: 20 + time_min/60'"),
+    },
+    DRIFT: {
+        "cycles": _count(4, "Warm-ups and cool-downs in turn, each a cycle", most=1000),
+        "cycle_minutes": _number(190.0, "MIN", "Minutes of readings a cycle"),
+        "soak_minutes": _number(120.0, "MIN", "Minutes without readings between cycles"),
+        "interval_min": _number(1.0, "MIN", "Minutes from reading to reading", 1e-6),
+        "room_lag_min": _number(30.0, "MIN", "Time constant of the room"),
+        "room_wobble_degc": _number(0.5, "DEGC", "Swings of the room: standard deviation"),
+        "reading_noise_um": _number(0.25, "UM", "Standard deviation of a drift reading"),
+        "reading_noise_arcsec": _number(0.05, "ARCSEC", "The same of an angle"),
+    },
+    CLIMATE: {
+        "room": _text("LOW:HIGH", "Temperatures that the room is driven to, degC", "20:26"),
+        "sensor_lag_min": _text("LOW:HIGH", "Time constants of the sensors, spread", "5:25"),
+        "sensor_spread": _number(0.05, "NUMBER", "Sensors see 1 -+ this of the room's rise"),
+        "sensor_wobble_degc": _number(0.8, "DEGC", "Draughts at a sensor: standard deviation"),
+        "sensor_noise_degc": _number(0.015, "DEGC", "Standard deviation of a sensor's reading"),
+        "drift_positions": _text(
+            "'NAME: NUMBERS'...",
+            "Where a component's drift is read, mm; else at the positions of its thermal model",
+        ),
+        "settled_drift": _text(
+            "'NAME: NUMBERS'...", "Drift at each position once the room has settled at HIGH"
+        ),
+        "most_drift_um": _number(40.0, "UM", "Largest settled drift of the other components"),
+        "most_drift_arcsec": _number(40.0, "ARCSEC", "The same of angles"),
+        "twin": _text("'NAME: SENSOR'...", "A second sensor at the place of another"),
+    },
+    PARTS_ROOM: {
+        "cmm_room": Option(
+            float,
+            "DEGC...",
+            "Room while parts are measured, in turn: adds the sensors' columns",
+            bounds=(-50.0, 200.0),
+        ),
+        "cmm_wobble_degc": _number(0.1, "DEGC", "Draughts at a sensor then: standard deviation"),
+    },
+}
+"""Of a virtual machine, by panels: each says for which of the files its options matter."""
+OPTIONS: dict[str, Option] = {
+    **FILES,
+    **CHOICES,
+    **{
+        name: replace(option, panel=panel)
+        for panel, options in SIMULATED.items()
+        for name, option in options.items()
+    },
+}
+"""By the name of the parameter; behind a colon which of several of that name it is."""

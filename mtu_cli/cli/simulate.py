@@ -1,188 +1,218 @@
-"""`mtu simulate`."""
+"""`mtu simulate`: readings, points and drift readings of a virtual machine, from its options."""
 
 from __future__ import annotations
 
 import shlex
-import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
-from mtu_cli.cli.execute import deliver, warning_lines
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import modelled
-from mtu_cli.cli.option_values import option_name
-from mtu_cli.cli.options import Options
-from mtu_cli.cli.outputs import check_outputs, check_overwritten
-from mtu_cli.cli.simulate_checks import (
+import numpy as np
+
+from mtu_cli import __version__
+from mtu_cli.cli.emit import SYNTHETIC, Outcome, written_files
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import modelled
+from mtu_cli.cli.options import (
     CLIMATE,
-    DRIFT_TEST,
-    check_ranges,
-    check_used,
-    large_warnings,
+    DRIFT,
+    OPTIONS,
+    PARTS_ROOM,
+    POINTS,
+    READINGS,
+    Options,
+    option_name,
 )
-from mtu_cli.cli.simulate_drift import (
-    check_cmm_room,
-    drift_plan,
-    drifting,
-    grown,
-    sensors_heading,
-    temperatures,
-    with_readings,
-)
-from mtu_cli.cli.simulate_options import named_equation, read_positions
-from mtu_cli.findings import Finding, error
-from mtu_cli.language import Node
+from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, pair, within
+from mtu_cli.files.contract import A_NAME, is_name
+from mtu_cli.files.covariates import is_covariate
+from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.model.calibrated_places import growth
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.settings import DEFAULT_SEED
-from mtu_cli.model.simulate import PartsPlan, simulate_points
-from mtu_cli.model.simulate_drift import simulate_drift
+from mtu_cli.model.settings import Settings
+from mtu_cli.model.simulate import PartsPlan, large_errors, simulate_points
+from mtu_cli.model.simulate_drift import (
+    Climate,
+    DriftPlan,
+    as_read,
+    sensors_for,
+    settled,
+    simulate_drift,
+)
+from mtu_cli.model.simulate_equations import covariate_equations, errors_by_axis
 from mtu_cli.model.simulate_readings import ReadingsPlan, cut_warnings, simulate_readings
+from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 
-MAX_ROWS = 10_000_000
-SYNTHETIC = "# Synthetic"
-"""How a file of its own begins: another one holds what somebody has measured."""
-OUTPUTS = ("write_lbb", "write_cmm", "write_drift")
-READINGS_AND_POINTS = (
-    "one_way", "effect", "covariate", "passes", "parts", "repeats", "cmm_u_um", "positions",
-    "scatter", "operation", "first_repeats", "part_offset_um", "reverse_every", "minutes",
-)  # fmt: skip
+MAX_MOMENTS = 1_000_000
+"""Moments of a whole drift test, soaking included: a slip of the keyboard beyond."""
+MOST_MINUTES = 1e6
+DEFAULT_POSITIONS = 8
+ROOMS_DEGC = (-50.0, 200.0)
+"""Rooms that a machine may stand in."""
+PLAN = ("passes", "one_way", "positions", "parts", "repeats")
+"""How, and how often, readings and parts are taken, which a script gives to all its calls, whatever
+each one writes: a warning. What it takes for an error of the machine is refused.
+"""
 
 
-def run(options: Options) -> None:
-    """Writes the readings, points and drift readings of a virtual machine."""
-    outputs = [options.values[name] for name in OUTPUTS if options.values[name] is not None]
-    if not outputs:
+def simulate(inputs: Inputs, settings: Settings) -> Outcome:
+    """The files that are asked for, each of its own random numbers."""
+    options, seed = inputs.options, settings.seed
+    if not written_files(options):
         expected = "--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
-    inputs = Inputs(options)
-    check_outputs(inputs)
-    check_cmm_room(options)
-    seed = _seed(inputs)
-    check_ranges(options, seed)
-    told = [*check_used(options), *_unused(inputs)]
+    warnings = _unused_options(options)
+    if options.operation is not None and not is_name(options.operation.strip()):
+        place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
+        raise error("wrong-type", kind="a name", **place)
     model = modelled(inputs).model
-    if options.write_lbb is not None or options.write_cmm is not None:
-        told += cut_warnings(model)
+    # Of components that stand in no equation nothing is simulated.
+    of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
+    warnings += [each for each in of_machine if each.facts["what"] == "component"]
     files: dict[Path, str] = {}
+    if options.write_lbb is not None or options.write_cmm is not None:
+        warnings += cut_warnings(model)
     if options.write_lbb is not None:
         files[options.write_lbb] = _readings(inputs, model, seed)
     if options.write_cmm is not None:
         files[options.write_cmm], large = _points(inputs, model, seed)
-        told += large
+        warnings += large
     if options.write_drift is not None:
-        files[options.write_drift] = _drift(inputs, model, seed)
-    # Last: of a call that is at fault itself, its own faults are to be mended first.
-    check_overwritten(outputs, SYNTHETIC)
-    content = {path: text.encode() for path, text in files.items()}
-    say = partial(_say, {} if options.quiet else files)
-    deliver(content, inputs, say, warning_lines(told, options=options))
-
-
-def _unused(inputs: Inputs) -> list[Finding]:
-    """Of components that stand in no equation nothing is simulated."""
-    warnings = inputs.machine.warnings
-    return [own for own in warnings if own.code == "unused" and own.facts["what"] == "component"]
-
-
-def _say(files: Mapping[Path, str]) -> None:
-    for path, text in files.items():
-        rows = sum(not line.startswith("#") for line in text.splitlines()) - 1
-        print(f"{path}: {rows} synthetic rows", file=sys.stdout)
-
-
-def _seed(inputs: Inputs) -> int:
-    study = inputs.study.study.settings if inputs.study else None
-    given = inputs.options.seed
-    if given is None and study is not None:
-        given = study.seed
-    return DEFAULT_SEED if given is None else int(given)
-
-
-def _readings(inputs: Inputs, model: MachineModel, seed: int) -> str:
-    plan = _readings_plan(inputs, model)
-    _check_rows("--write-lbb", _readings_rows(plan, model))
-    heading = _heading(inputs.options, seed, READINGS_AND_POINTS)
-    return readings_csv(simulate_readings(model, plan, seed), heading)
-
-
-def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[Finding]]:
-    """The points file, and what to ask about it."""
-    options = inputs.options
-    ids, points, _ = feature_points(inputs.part, model)
-    plan = _parts_plan(options, model)
-    most = max(plan.repeats, plan.first_repeats[1])
-    _check_rows("--write-cmm", len(ids) * plan.parts * most)
-    named: tuple[str, ...] = READINGS_AND_POINTS
-    if options.cmm_room:
-        named = (*named, *CLIMATE, "cmm_room", "cmm_wobble_degc")
-        drifts = drifting(inputs, model)
-        drift = drift_plan(inputs, drifts)
-        rooms, wobble = options.cmm_room, options.cmm_wobble_degc
-        true = temperatures(drift, drifts, rooms, wobble, plan.parts, len(ids), seed)
-        found = simulate_points(model, ids, points, replace(plan, given=true), seed)
-        found = with_readings(found, drift, drifts, seed)
-    else:
-        found = simulate_points(model, ids, points, plan, seed)
-    large = large_warnings(plan, found, ids, points)
-    return points_csv(grown(found, inputs, ids, points), _heading(options, seed, named)), large
-
-
-def _drift(inputs: Inputs, model: MachineModel, seed: int) -> str:
-    drifts = drifting(inputs, model)
-    plan = drift_plan(inputs, drifts)
-    places = sum(len(positions) for positions in plan.positions.values())
-    _check_rows("--write-drift", plan.cycles * plan.moments * places)
-    heading = _heading(inputs.options, seed, (*CLIMATE, *DRIFT_TEST))
-    return drift_csv(
-        simulate_drift(drifts, plan, seed), heading + sensors_heading(plan, drifts, seed)
+        drifts, test = _drift_test(inputs, model)
+        heading = _heading(options, seed, (CLIMATE, DRIFT))
+        files[options.write_drift] = drift_csv(simulate_drift(drifts, test, seed), heading)
+    return Outcome(
+        tables=lambda detail: [
+            f"{path}: {_rows(text)} synthetic rows" for path, text in files.items()
+        ],
+        warnings=warnings,
+        files=lambda: {path: text.encode() for path, text in files.items()},
     )
 
 
-def _readings_rows(plan: ReadingsPlan, model: MachineModel) -> int:
-    axes = [term.estimate.of for term in model.terms if EFFECT_MARK not in term.estimate.name]
-    each = [1 if of is None else len(plan.positions[of]) * len(plan.directions) for of in axes]
-    return plan.passes * sum(each)
+def _rows(text: str) -> int:
+    return sum(not line.startswith("#") for line in text.splitlines()) - 1
 
 
-def _check_rows(option: str, rows: int) -> None:
-    if rows > MAX_ROWS:
-        raise error(
-            "out-of-range", path=option, value=f"{rows} rows", expected=f"at most {MAX_ROWS}"
-        )
+def _unused_options(options: Options) -> list[Finding]:
+    """Warnings of a plan of what is not written.
+
+    Raises InputError with every other given option that changes nothing.
+    """
+    lbb, cmm, drift = options.write_lbb, options.write_cmm, options.write_drift
+    either = "--write-drift FILE, or --write-cmm FILE and --cmm-room DEGC"
+    panels = {
+        READINGS: (lbb, "--write-lbb FILE"),
+        POINTS: (cmm, "--write-cmm FILE"),
+        PARTS_ROOM: (cmm, "--write-cmm FILE"),
+        DRIFT: (drift, "--write-drift FILE"),
+        CLIMATE: (drift or (cmm and options.cmm_room), either),
+    }
+    found = []
+    for name in options.given:
+        used, expected = panels.get(OPTIONS[name].panel or "", (True, ""))
+        if not used:
+            code = "option-not-used" if name in PLAN else "option-without-effect"
+            facts = {"why": " in what is written", "expected": expected}
+            found.append(finding(code, path=option_name(name), **facts))
+    refused = [each for each in found if each.severity == "error"]
+    if refused:
+        raise InputError(refused)
+    return found
 
 
-def _heading(options: Options, seed: int, names: Collection[str]) -> str:
+def _heading(options: Options, seed: int, panels: Collection[str]) -> str:
     """Comment lines that say the file is synthetic and how it came about."""
-    from mtu_cli import __version__
-
     given = [
         f"{option_name(name)} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
-        if name in names and value is not None and value != []
+        if OPTIONS[name].panel in panels and value is not None and value != []
         for item in (value if isinstance(value, list) else [value])
     ]
-    return (
-        f"{SYNTHETIC}, no machine made it: mtu simulate {__version__}, seed {seed}\n"
-        f"# {' '.join(given)}\n"
-    )
+    first = f"{SYNTHETIC}, no machine made it: mtu simulate {__version__}, seed {seed}"
+    return f"{first}\n# {' '.join(given)}\n"
 
 
-def _readings_plan(inputs: Inputs, model: MachineModel) -> ReadingsPlan:
+def _readings(inputs: Inputs, model: MachineModel, seed: int) -> str:
+    """The readings file."""
     options = inputs.options
-    return ReadingsPlan(
+    read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
+    needed = {estimate.of for estimate in read if estimate.of is not None}
+    plan = ReadingsPlan(
         passes=options.passes,
         directions=(1,) if options.one_way else (1, -1),
-        positions=read_positions(inputs, model),
+        positions=_positions(inputs, model, needed),
     )
+    heading = _heading(options, seed, (READINGS, POINTS))
+    return readings_csv(simulate_readings(model, plan, seed), heading)
+
+
+def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[str, FloatArray]:
+    """Positions (n,) in mm by axis: of --positions, else over the part's extent."""
+    text = inputs.options.positions
+    found: dict[str, FloatArray] = {}
+    for part in () if text is None else text.split(",") if "=" in text else (text,):
+        axis, _, span = part.rpartition("=")
+        example = "0:140:8, say, or x=0:140:8,y=0:90:5"
+        low, high, count = ends("--positions", span, SPAN, example, ordered=True)
+        if axis:
+            known_name("--positions", "axis", axis.strip(), AXES)
+        for name in [axis.strip()] if axis else needed:
+            found[name] = np.linspace(low, high, int(count))
+    for axis in sorted(needed & found.keys() & inputs.machine.machine.travels.keys()):
+        within("--positions", found[axis], inputs.machine.machine.travels[axis], f"mm of {axis}")
+    if needed <= found.keys():
+        return found
+    _, points, _ = feature_points(inputs.part, model)
+    for axis in needed - found.keys():
+        column = points[:, AXES.index(axis)]
+        low, high = np.nanmin(column), np.nanmax(column)
+        if not low < high:
+            reason = f"the part does not extend along {axis}"
+            raise error("not-applicable", reason=reason, expected=f"--positions {SPAN}")
+        found[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
+    return found
+
+
+def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[Finding]]:
+    """The points file, and a question where an effect is beyond all machines."""
+    options, panels = inputs.options, [READINGS, POINTS]
+    ids, points, _ = feature_points(inputs.part, model)
+    plan = _parts_plan(options, model)
+    if options.cmm_room:
+        panels += [CLIMATE, PARTS_ROOM]
+        drifts, test = _drift_test(inputs, model)
+        sensors = sensors_for(drifts, test, seed)
+        rooms = np.resize(options.cmm_room, plan.parts)
+        true = settled(test.climate, sensors, rooms, options.cmm_wobble_degc, seed)
+        columns = dict(zip(sensors.names, true.T, strict=True))
+        columns |= {name: columns[of] for name, of in sensors.twins}
+        given = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
+        plan = replace(plan, given=given)
+    found = simulate_points(model, ids, points, plan, seed)
+    if options.cmm_room:
+        # The sensors read with a noise of each point's own.
+        read = as_read(test.climate, sensors, found.covariates, seed, part=1)
+        found = replace(found, covariates=found.covariates | read)
+    # Points of calibrated circles lie on the diameter that they have at their temperature.
+    grown = found.measured + growth(found, ids, points, inputs.part.part.circles)
+    text = points_csv(replace(found, measured=grown), _heading(options, seed, panels))
+    return text, large_errors(plan, ids, points)
 
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
-    covariates = _covariates(options)
+    """How parts are made and measured."""
+    option, first = "--first-repeats", (0, 0)
+    if options.first_repeats is not None:
+        sides = pair(option, options.first_repeats, ":", "PARTS:REPEATS", "4:5")
+        parts, repeats = (int(number_of(option, side, whole=True)) for side in sides)
+        within(option, (parts, repeats), (1, MOST_STEPS), "")
+        first = (parts, repeats)
     return PartsPlan(
         parts=options.parts,
         repeats=options.repeats,
@@ -190,68 +220,124 @@ def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
         part_offset=options.part_offset_um * 1e-3,
         reverse_every=options.reverse_every,
         minutes=options.minutes,
-        first_repeats=_first_repeats(options.first_repeats),
-        scatter=_by_axis("--scatter", options.scatter, model),
+        first_repeats=first,
+        scatter=errors_by_axis("--scatter", options.scatter or (), model.axes),
         operation=options.operation,
-        effects=_by_axis("--effect", options.effect, model),
-        covariates=tuple(covariates),
+        effects=errors_by_axis("--effect", options.effect or (), model.axes),
+        covariates=covariate_equations("--covariate", options.covariate or ()),
     )
 
 
-def _first_repeats(text: str | None) -> tuple[int, int]:
-    if text is None:
-        return 0, 0
-    try:
-        parts, repeats = (int(item) for item in text.split(":"))
-    except ValueError:
-        parts, repeats = 0, 0
-    if parts < 1 or repeats < 1:
-        raise error(
-            "option-form",
-            path="--first-repeats",
-            form="PARTS:REPEATS",
-            value=text,
-            expected="4:5, say, both above 0",
-        )
-    return parts, repeats
+def _drift_test(
+    inputs: Inputs, model: MachineModel
+) -> tuple[tuple[ThermalEstimate, ...], DriftPlan]:
+    """The machine's thermal models, and the drift test that the options ask for.
+
+    Raises InputError where it has none; for options that are out of range or of unknown components.
+    """
+    options, machine, drifts = inputs.options, inputs.machine, model.drifts()
+    if not drifts:
+        reason = "no component of the equations has a thermal model"
+        expected = "a `thermal` key in a component of the equations"
+        raise error("not-applicable", file=machine.source.shown, reason=reason, expected=expected)
+    positions = _drift_positions(inputs, drifts)
+    asked = _by_component("--settled-drift", options.settled_drift, drifts)
+    for name, values in asked.items():
+        if len(values) != len(positions[name]):
+            expected = f"one at each of {len(positions[name])} positions"
+            place = {"path": f"--settled-drift {name}", "expected": expected}
+            raise error("wrong-count", found=f"{len(values)} values", **place)
+    entries = machine.machine.components
+    plan = DriftPlan(
+        climate=_climate(options, machine.machine.reference_temperature_degC),
+        cycles=options.cycles,
+        minutes=options.cycle_minutes,
+        interval=options.interval_min,
+        soak=options.soak_minutes,
+        positions=positions,
+        noise={LENGTH: options.reading_noise_um * UM, ANGLE: options.reading_noise_arcsec * ARCSEC},
+        settled={name: x * UNITS[entries[name].unit].to_internal for name, x in asked.items()},
+        limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
+        twins=_twins(options, {sensor for drift in drifts for sensor in drift.sensors}),
+    )
+    moments = plan.cycles * (plan.minutes + plan.soak) / plan.interval
+    if moments > MAX_MOMENTS:
+        place = {"path": "--cycles, --interval-min", "value": f"{moments:g} moments"}
+        raise error("out-of-range", **place, expected=f"at most {MAX_MOMENTS}")
+    return drifts, plan
 
 
-def _by_axis(
-    option: str, texts: list[str] | None, model: MachineModel
-) -> tuple[tuple[str, Node], ...]:
-    """Equations named Ex, Ey or Ez, by their axis."""
-    found = []
-    for text in texts or ():
-        name, node = named_equation(option, text)
-        axis = name[1:]
-        if name[:1] != "E" or axis not in model.axes:
-            raise error(
-                "unknown-name",
-                path=option,
-                what="equation",
-                value=text,
-                expected=" or ".join(f"E{axis}: ..." for axis in model.axes),
-            )
-        found.append((axis, node))
-    return tuple(found)
+def _climate(options: Options, reference: float) -> Climate:
+    """The room and what its sensors make of it."""
+    form = "LOW:HIGH"
+    low, high = ends("--room", options.room, form, "20:26", ordered=True)
+    within("--room", (low, high), ROOMS_DEGC, "degC")
+    lags = ends("--sensor-lag-min", options.sensor_lag_min, form, "5:25", ordered=True)
+    within("--sensor-lag-min", lags, (0.0, MOST_MINUTES), "min")
+    return Climate(
+        reference=reference,
+        low=low,
+        high=high,
+        room_lag=options.room_lag_min,
+        room_wobble=options.room_wobble_degc,
+        sensor_lag=(lags[0], lags[1]),
+        sensor_spread=options.sensor_spread,
+        sensor_wobble=options.sensor_wobble_degc,
+        sensor_noise=options.sensor_noise_degc,
+    )
 
 
-def _covariates(options: Options) -> list[tuple[str, Node]]:
-    """Declared covariates; none may take a column that the points have anyway."""
-    taken = {"part", "feature", "operation", "repeat", "sequence", "time", "time_min"}
-    taken |= {f"{start}{axis}" for axis in AXES for start in ("", "dir_")}
-    taken |= {f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")}
-    found = []
-    for text in options.covariate or ():
-        name, node = named_equation("--covariate", text, column=True)
-        if name in taken:
-            raise error(
-                "name-taken",
-                path="--covariate",
-                taken="a column of the points",
-                value=text,
-                expected="a name of its own, such as T_spindle_degC",
-            )
-        taken.add(name)
-        found.append((name, node))
+def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[str, FloatArray]:
+    """Where each component's drift is read, mm: as asked for, else at the positions of its
+    gradients, else in the middle of its axis.
+    """
+    machine = inputs.machine.machine
+    asked = _by_component("--drift-positions", inputs.options.drift_positions, drifts)
+    found: dict[str, FloatArray] = {}
+    for drift in drifts:
+        name, thermal = drift.component, machine.components[drift.component].thermal
+        travel = machine.travels.get(drift.of or "")
+        if name in asked:
+            found[name], option = asked[name], f"--drift-positions {name}"
+            if len(np.unique(found[name])) < len(found[name]):
+                raise error("appears-twice", what=f"a position of {option}")
+            if travel is not None:
+                within(option, found[name], travel, f"mm of {drift.of}")
+        elif thermal is not None and thermal.positions_mm is not None:
+            found[name] = np.array(thermal.positions_mm)
+        elif drift.of is None:
+            found[name] = np.array([np.nan])
+        elif drift.position_range is not None:
+            found[name] = np.linspace(*drift.position_range, drift.degree + 1)
+        else:
+            found[name] = np.array([np.mean(travel) if travel else 0.0])
     return found
+
+
+def _by_component(
+    option: str, texts: Sequence[str] | None, drifts: Sequence[ThermalEstimate]
+) -> dict[str, FloatArray]:
+    """'NAME: NUMBERS' of several components, in their own units."""
+
+    def numbers(name: str, text: str) -> FloatArray:
+        items = text.replace(",", " ").split()
+        return np.array([number_of(f"{option} {name}", item) for item in items])
+
+    known, what = [drift.component for drift in drifts], "component with a thermal model"
+    return assigned(option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, known, what)
+
+
+def _twins(options: Options, sensors: Collection[str]) -> tuple[tuple[str, str], ...]:
+    """Second sensors at the places of others."""
+
+    def sensor_of(name: str, sensor: str) -> str:
+        known_name("--twin", "sensor", sensor, sorted(sensors))
+        if name in sensors:
+            raise error("name-taken", path="--twin", taken="another sensor", value=name)
+        if not is_covariate(name) or not name.startswith("T_"):
+            kind = "the name of a temperature"
+            raise error("wrong-type", path="--twin", kind=kind, value=name, expected="T_18_degC")
+        return sensor
+
+    form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
+    return tuple(assigned("--twin", options.twin, ":", form, example, sensor_of).items())

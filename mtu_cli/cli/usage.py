@@ -1,58 +1,102 @@
-"""Faults of a call in the one-line form of all faults: what typer finds, without its boxes."""
+"""Typer with faults of a call in the one-line form of all faults, and how a process ends."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import os
+import sys
 from typing import Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
-from mtu_cli.findings import error
+from mtu_cli.findings import EXIT_INPUT, LONGEST_NAME, MtuError, error, printable, shorten
 
 UsageError: Any = typer.BadParameter.__base__
-"""Typer's own class of all of them, which it does not export."""
+"""Typer's own class of all faults of a call, which it does not export."""
 
 
-@contextmanager
-def usage_faults(ctx: Any, raw: Mapping[str, Any] | None = None) -> Iterator[None]:
-    """Raises InputError for what typer finds at fault in the call of `ctx`.
-
-    `raw` are the values of the call as they were written. What is of a command within that is no
-    fault: a group called without any command shows its help.
-    """
-    try:
-        yield
-    except UsageError as failed:
-        if failed.ctx is not None and failed.ctx is not ctx:
-            raise
-        text = " ".join(failed.format_message().split()).rstrip(".")
-        reason = f"{text[:1].lower()}{text[1:]} (see {ctx.command_path} --help)"
-        param = getattr(failed, "param", None)
-        bad = None if param is None else (raw or {}).get(param.name)
-        raise error("usage", reason=reason, value=None if bad is None else str(bad)) from None
+LEFT = 1
+"""How typer exits where the reader of its help has left."""
 
 
-def refuse_repeated(order: Sequence[Any], several: str) -> None:
-    """Raises InputError for an option with one value that stands twice: the first would be lost.
+class OneCommand(TyperCommand):
+    """A command in whose help no Python type stands beside an argument or a flag."""
 
-    `several`: the name of the option that takes several values with commas.
-    """
-    for option in dict.fromkeys(order):
-        if option.multiple or getattr(option, "is_flag", True) or order.count(option) < 2:
-            continue
-        name = max(option.opts, key=len)
-        hint = f", several with commas: {name} A,B" if option.name == several else ""
-        raise error("appears-twice", what=name, expected=f"once{hint}")
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The parameters, as help shows them."""
+        return _without_types(super().get_params(ctx))
 
 
-def refuse_forgotten_values(ctx: Any, raw: dict[str, Any]) -> None:
-    """Raises InputError where the value of an option is the name of another: its own is missing."""
-    params = [each for each in ctx.command.params if each.param_type_name == "option"]
-    names = {name for each in params for name in (*each.opts, *each.secondary_opts)}
-    for each in params:
-        given = raw.get(each.name)
-        if any(item in names for item in (given if isinstance(given, list) else [given])):
-            option = max(each.opts, key=len)
-            expected = f"{option} {each.metavar}"
-            raise error("usage", reason=f"option {option!r} has no value", expected=expected)
+class Program(TyperGroup):
+    """All commands; every fault ends the process with one message and exit code 2."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The parameters, as help shows them."""
+        return _without_types(super().get_params(ctx))
+
+    def main(self, *args: Any, standalone_mode: bool = True, **extra: Any) -> Any:
+        """Runs a command; the exit code, which a caller of another mode than `standalone_mode`
+        gets back, and its errors with it.
+        """
+        if not standalone_mode:
+            return self._called(args, extra)
+        try:
+            code = self._called(args, extra)
+            sys.stdout.flush()
+        except (BrokenPipeError, SystemExit) as ended:
+            if isinstance(ended, SystemExit) and ended.code != LEFT:
+                raise
+            # The reader has left (``| head``): nothing more can be said, and nothing is wrong.
+            silence(sys.__stdout__)
+            code = 0
+        except (MtuError, OverflowError, OSError, MemoryError) as fault:
+            code = EXIT_INPUT
+            try:
+                print(f"mtu: {_words(fault)}", file=sys.stderr, flush=True)
+            except OSError:
+                silence(sys.stderr)
+            if isinstance(fault, OSError):
+                silence(sys.stdout)
+        sys.exit(code if isinstance(code, int) else 0)
+
+    def _called(self, args: Any, extra: dict[str, Any]) -> Any:
+        called: Any = super().main
+        try:
+            return called(*args, standalone_mode=False, **extra)
+        except UsageError as fault:
+            # Without a command help is shown: a script whose command's name was empty has done
+            # nothing.
+            if type(fault).__name__ == "NoArgsIsHelpError":
+                return EXIT_INPUT
+            text = " ".join(fault.format_message().split()).rstrip(".?")
+            where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
+            raise error("usage", reason=f"{text[:1].lower()}{text[1:]}{where}") from None
+
+
+def _without_types(params: list[Any]) -> list[Any]:
+    for param in params:
+        if param.param_type_name == "argument" or getattr(param, "is_flag", False):
+            param.display_type_rich = lambda ctx: ""
+        # Bounds are there for slips of the keyboard.
+        param._get_number_range_help_str = lambda: None
+    return params
+
+
+def _words(fault: BaseException) -> str:
+    """What is said of a fault; what the system refuses without a name is standard output."""
+    if isinstance(fault, OverflowError):
+        return "a number of the input is too large to calculate with"
+    if isinstance(fault, MemoryError):
+        return "the memory of this computer does not suffice for this call"
+    if isinstance(fault, OSError):
+        what = "standard output cannot be written"
+        if isinstance(fault.filename, str):
+            what = f"{shorten(printable(fault.filename), LONGEST_NAME)}: the system refuses"
+        return f"{what}: {(fault.strerror or str(fault)).lower()}"
+    return str(fault)
+
+
+def silence(stream: Any) -> None:
+    """Nothing more can be said on a stream, not even when the interpreter flushes it at its end."""
+    if stream in (sys.__stdout__, sys.__stderr__):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())

@@ -1,13 +1,19 @@
-"""Covariates: their names, cells, directions and temperatures, and what each is measured in."""
+"""Covariates: their names, directions and temperatures, and what each is measured in."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING
 
 from mtu_cli.findings import closest
 from mtu_cli.units import Powers, internal
 
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+POSITIONS = ("x", "y", "z")
 DIRECTIONS = ("dir_x", "dir_y", "dir_z")
 COVARIATES = (*DIRECTIONS, "time_min", "sequence")
 SIGN_WORDS = {"forward": 1, "+": 1, "1": 1, "+1": 1, "reverse": -1, "-": -1, "-1": -1}
@@ -19,22 +25,27 @@ STEADY_K = 0.05
 """Range of a temperature that does not change: a thermometer reads as much from itself."""
 NEAR_K = 0.5
 """Temperatures this near to one another are one to a shop: a meter of steel grows by 6 um."""
-HOTTEST_DEGC = 200.0
-"""No sensor of a machine reads more, nor less than minus this; what a shop is in kelvin is more."""
+SENSOR_DEGC = (-60.0, 150.0)
+"""No sensor of a machine reads less or more; what a shop is in kelvin is more."""
 KELVIN = 273.15
 COLDEST_K, HOTTEST_K = 230.0, 400.0
-"""Values beyond HOTTEST_DEGC that are likely kelvin."""
-_TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
-_START = re.compile(r"^(?:temp(?:erature?)?(?=$|[\W_\d])|t(?=[\W_\d]))[\W_]*", re.IGNORECASE)
-_ENDING = re.compile(r"[\W_]*(?:deg[\W_]*[ckf]?|celsius|kelvin|(?<=[\W_])[ckf])\W*$", re.IGNORECASE)
-_WORD = re.compile(r"[\W_]*temperatur(?:en?|a)?$|[\W_]+temp$", re.IGNORECASE)
-"""Behind what it is of: `Spindeltemperatur`, `spindle temperature`, `oil_temp`."""
-_LEADING_ZEROS = re.compile("(?<![0-9])0+(?=[0-9])")
-_MEANT = re.compile(
-    # What begins as a temperature does, and what is given in degC; t_min may be a time.
-    r"^T[\W_\d]|^(?i:temp(?:erature?)?)(?:$|[\W_\d])"
-    r"|(?i:[\W_]deg[\W_]?c|[\W_]celsius|^t[\W_\d]\w*[\W_]c|temperatur(?:en?|a)?|[\W_]temp)\W*$"
+"""Values beyond SENSOR_DEGC that are likely kelvin."""
+NUMBER = internal()
+PLACE = internal(length=1)
+TEMPERATURE = internal(degree=1)
+_DIMENSIONS = (
+    dict.fromkeys((*DIRECTIONS, "sequence"), NUMBER)
+    | dict.fromkeys(POSITIONS, PLACE)
+    | {"time_min": internal(minute=1)}
 )
+_TEMPERATURE = re.compile(r"T_\w+_degC", re.ASCII)
+_MEANT = re.compile(
+    r"(?P<start>t(?=[\W_\d])|temp(?:erature?)?(?=[\W_\d]|$))?[\W_]*(?P<sensor>.*?)"
+    r"(?P<word>[\W_]*temperatur(?:en?|a)?|[\W_]+temp)?"
+    r"(?P<unit>[\W_]*(?:deg[\W_]*[ckf]?|celsius|kelvin|(?<![^\W_])[ckf]))?\W*\Z",
+    re.IGNORECASE | re.DOTALL,
+)
+"""A sensor's name in other programs: `Temp 3 [degC]`, `Spindeltemperatur`, `oil_temp`."""
 
 
 def is_covariate(name: str) -> bool:
@@ -50,27 +61,25 @@ def is_steady(name: str, span: float) -> bool:
 
 def looks_like_temperature(name: str) -> bool:
     """Whether a name seems to mean a temperature but is none: T_02, t_oil_degC, Temp 3 [degC]."""
-    folded = name.replace("\u00b0", "deg")
-    return _MEANT.search(folded) is not None and not is_temperature(name)
+    part = _parts(name)
+    unit = re.sub(r"[\W_]", "", part["unit"]).casefold()
+    # t_min may be a time, and t_c a constant of it.
+    began = part["sensor"] and unit if part["start"] == "t" else part["start"]
+    degrees = unit in ("degc", "celsius") and part["unit"] != name
+    return not is_temperature(name) and bool(began or part["word"] or degrees)
 
 
 def as_temperature(name: str) -> str | None:
     """The name of a sensor that such a name seems to mean: T_02_degC of T_02; None if unclear, as
     of what is a temperature alone (`T [degC]`).
     """
-    found = f"T_{_core(name)}_degC"
-    return None if is_bare(name) or not is_temperature(found) else found
+    sensor = re.sub(r"\W+", "_", _parts(name)["sensor"]).strip("_")
+    meant = f"T_{sensor}_degC"
+    return meant if is_temperature(meant) else None
 
 
-def is_bare(name: str) -> bool:
-    """Whether nothing but temperature and unit is left of a name: `Temperatur [degC]`."""
-    return _core(name) in ("", "t", "T")
-
-
-def _core(name: str) -> str:
-    core = _ENDING.sub("", name.replace("\u00b0", "deg"))
-    core = re.sub(r"\W+", "_", _START.sub("", core)).strip("_")
-    return _WORD.sub("", core).strip("_")
+def _parts(name: str) -> dict[str, str]:
+    return next(_MEANT.finditer(name.replace("\u00b0", "deg"))).groupdict("")
 
 
 def closest_covariate(name: str, known: Iterable[str]) -> str | None:
@@ -82,15 +91,17 @@ def closest_covariate(name: str, known: Iterable[str]) -> str | None:
     for other in sorted(known, key=looks_like_temperature):
         meant = as_temperature(other) if looks_like_temperature(other) else None
         sensors.setdefault(_sensor(meant or other), other)
-    own = _sensor(name)
+    sensor = _sensor(name)
     # Numbers that differ are no slip of the fingers.
-    near = (own if own in sensors else None) if own.isdigit() else closest(own, sensors)
-    return None if near is None else sensors[near]
+    near = sensor if sensor.isdigit() else closest(sensor, sensors)
+    return None if near is None else sensors.get(near)
 
 
 def _sensor(name: str) -> str:
     """What tells a temperature from others; any other name is its own."""
-    return _LEADING_ZEROS.sub("", name.casefold().removeprefix("t_").removesuffix("_degc"))
+    return re.sub(
+        "(?<![0-9])0+(?=[0-9])", "", name.casefold().removeprefix("t_").removesuffix("_degc")
+    )
 
 
 def is_temperature(name: str) -> bool:
@@ -98,15 +109,16 @@ def is_temperature(name: str) -> bool:
     return _TEMPERATURE.fullmatch(name) is not None
 
 
-def like_kelvin(value: float) -> bool:
-    """Whether what is no temperature of a machine in degC likely is one in kelvin."""
-    return COLDEST_K < value < HOTTEST_K
+def no_temperature(values: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where no sensor of a machine reads such a value, or none is given."""
+    low, high = SENSOR_DEGC
+    return ~((values >= low) & (values <= high))
 
 
 def expected_temperature(value: float) -> str:
     """What was expected where `value` is beyond what a sensor of a machine reads."""
-    expected = f"degC, at most {HOTTEST_DEGC:g} in size"
-    if not like_kelvin(value):
+    expected = "degC, {:g} to {:g}".format(*SENSOR_DEGC)
+    if not COLDEST_K < value < HOTTEST_K:
         return expected
     return f"{expected}: in kelvin it would be {value - KELVIN:.4g} degC"
 
@@ -127,25 +139,14 @@ def direction_sign(label: str) -> int | None:
     return int(value) if abs(value) == 1.0 and "_" not in plain else None
 
 
-POSITIONS = ("x", "y", "z")
-
-
-NUMBER = internal()
-PLACE = internal(length=1)
-TEMPERATURE = internal(degree=1)
-TIME = internal(minute=1)
-_KNOWN = {"dir_x": NUMBER, "dir_y": NUMBER, "dir_z": NUMBER, "sequence": NUMBER,
-          "time_min": TIME} | dict.fromkeys(POSITIONS, PLACE)  # fmt: skip
-
-
 def column_dimensions(name: str) -> Powers | None:
     """Those of a position or a column of the contract; None for a user's own column, whatever its
     name ends with: the parameter of an effect has its unit for each step of it.
     """
-    return TEMPERATURE if is_temperature(name) else _KNOWN.get(name)
+    return TEMPERATURE if is_temperature(name) else _DIMENSIONS.get(name)
 
 
 def own_columns(names: Iterable[str], taken: Collection[str]) -> dict[str, Powers]:
     """Of the names of an equation the known ones of columns; `taken` are other things."""
-    found = {name: column_dimensions(name) for name in names if name not in taken}
-    return {name: own for name, own in found.items() if own is not None}
+    known = {name: column_dimensions(name) for name in names if name not in taken}
+    return {name: dimensions for name, dimensions in known.items() if dimensions is not None}

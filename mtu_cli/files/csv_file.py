@@ -9,103 +9,132 @@ from __future__ import annotations
 
 import codecs
 import csv
+import gzip
+import math
 import re
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from io import BytesIO
-from itertools import islice
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+from io import BytesIO, StringIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.files.covariates import SIGN_EXPECTED, direction_sign
+from mtu_cli.files.contract import is_name
+from mtu_cli.files.covariates import as_temperature, direction_sign, looks_like_temperature
 from mtu_cli.files.csv_table import (
-    LARGEST_INTEGER,
-    NO_TIME,
-    TIME_EXPECTED,
-    WHOLE,
     CellFaults,
-    Columns,
     Decimal,
+    File,
+    Flags,
+    Floats,
+    Ints,
     Table,
-    TableSpec,
-    TextColumn,
-    TimeColumn,
+    Texts,
     expectation,
-    is_not_finite,
-    is_text,
-    microseconds,
+    joined,
     number,
+    perhaps_equal,
+    texts_of,
+    time_of,
 )
-from mtu_cli.files.headers import check_header
+from mtu_cli.files.headers import EXCLUSIVE, WANTED, Column, TableSpec, check_header
 from mtu_cli.files.source import Source, check_text, read_source
-from mtu_cli.findings import error, finding, nearest
-from mtu_cli.units import UNITS, plain_unit
+from mtu_cli.findings import InputError, counted, error, finding, nearest, suggestion
+from mtu_cli.units import plain_unit
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Rows = NDArray[np.int64]
-Separator = Literal[",", ";"]
-
 GZIP = b"\x1f\x8b"
-MAX_INFLATED = 4 << 30
 MAX_RATIO = 250
-"""Bounds of a compressed file: measured data compress by 3 to 20, a bomb by 1000."""
+"""Bound of a compressed file: measured data compress by 3 to 20, a bomb by 1000."""
 INFLATED_FREE = 64 << 20
-LONGEST_CELL = 1 << 17
-SAMPLE_LINES = 500
+SAMPLE_BYTES = 1 << 15
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CsvText:
-    """A CSV file as text: UTF-8 with plain line ends, comment lines blanked, so that lines still
-    count as in an editor. `body` is the offset of the line after the header, `body_row` its row.
+def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec, faults: CellFaults) -> Table:
+    """The rows of all (path, role) in one table; what is wrong with cells goes to `faults`.
+
+    Reported, too: a file that is given twice, times that do not go together, and equal rows.
+
+    Raises InputError where no file has a sound header, and ValueError without files.
     """
-
-    source: Source
-    content: bytes
-    header: tuple[str, ...]
-    header_row: int
-    body: int
-    body_row: int
-    separator: Separator
-    decimal: Decimal
-
-
-def read_table(
-    path: Path,
-    role: str,
-    spec: TableSpec,
-    problems: CellFaults | None = None,
-    *,
-    by_records: bool = False,
-) -> Table:
-    """Reads a table of `spec`, ``.csv`` or ``.csv.gz``.
-
-    The faults of its cells go to `problems`; without it they are raised. `by_records` takes
-    records one by one though the rows are sound: slowly, with the same result.
-
-    Raises InputError for a file without a sound header.
-    """
-    text = read_text(path, role)
-    check_header(text.source, text.header_row, text.header, spec)
-    found = CellFaults()
-    table = _Body(text, spec, found, by_records).table()
-    if not len(table) and not found.listed:
-        raise error("no-rows", file=text.source.shown, expected="a row of values below the header")
-    if problems is None:
-        found.raise_if_any()
-    else:
-        problems.extend(found)
+    tables: list[Table] = []
+    for path, role in files:
+        try:
+            tables.append(read_table(path, role, spec, faults))
+        except InputError as fault:
+            for each in fault.findings:
+                faults.add(each)
+    if not tables:
+        faults.raise_if_any()
+        raise ValueError("no files to read")
+    table = joined(tables)
+    _check_files(table, faults)
+    if not faults.listed:
+        _check_equal_rows(table, faults)
     return table
 
 
-def read_text(path: Path, role: str) -> CsvText:
-    """A file up to its header.
+def _check_files(table: Table, faults: CellFaults) -> None:
+    """Files that are given twice, and times that do not go together."""
+    first: dict[str, Source] = {}
+    dated = [file for file in table.files if "time" in file.header]
+    for file in table.files:
+        place: dict[str, Any] = {"file": file.source.shown}
+        other = first.setdefault(file.source.sha256, file.source)
+        if other is not file.source:
+            faults.add(
+                finding("copied-rows", other=other.shown, expected="each file once", **place)
+            )
+        elif dated and "time_min" in file.header:
+            expected = "one of them in all files"
+            faults.add(finding("exclusive", names=EXCLUSIVE, expected=expected, **place))
+        elif dated and len(file.aware | dated[0].aware) > 1:
+            place |= {"column": "time", "other": "the other times"}
+            expected = "all times of all files with an offset from UTC, or none"
+            faults.add(finding("contradicts", expected=expected, **place))
+
+
+def _check_equal_rows(table: Table, faults: CellFaults) -> None:
+    """Rows equal to an earlier one of their file in every column, where a pass, a repeat or a time
+    is given: without those repeated values are legitimate.
+    """
+    keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
+    keys = [*keys, table.file_index]
+    apart = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
+    first: dict[tuple[object, ...], int] = {}
+    for i in np.flatnonzero(perhaps_equal(keys) & np.logical_or.reduce(apart)).tolist():
+        cells = tuple(None if key[i] != key[i] else key[i].item() for key in keys)
+        earlier = first.setdefault(cells, i)
+        if earlier != i:
+            other = f"row {table.rows[earlier]}"
+            place = {**table.place(i), "expected": "each row once"}
+            faults.add(finding("copied-rows", other=other, **place))
+
+
+# Files.
+
+
+def read_table(path: Path, role: str, spec: TableSpec, faults: CellFaults) -> Table:
+    """Reads a table of `spec`, ``.csv`` or ``.csv.gz``; what is wrong with cells goes to `faults`.
+
+    Raises InputError for a file without a sound header.
+    """
+    file = read_header(path, role)
+    check_header(file.source, file.header_row, file.header, spec)
+    table = _Body(file, spec, faults).table
+    if not len(table) and all(each.file != file.source.shown for each in faults.listed):
+        expected = "a row of values below the header"
+        raise error("empty-file", file=file.source.shown, what="rows", expected=expected)
+    return table
+
+
+def read_header(path: Path, role: str) -> File:
+    """A file, read up to its header.
 
     Raises InputError for a file that cannot be read, is no UTF-8 text, or holds no table.
     """
@@ -113,218 +142,124 @@ def read_text(path: Path, role: str) -> CsvText:
     if content.startswith(GZIP):
         content = inflated(content, source.shown)
     elif path.suffix.lower() == ".gz":
-        raise error("not-gzip", file=source.shown, expected="a .csv.gz file")
+        raise error("not-readable", file=source.shown, reason="it is not compressed by gzip")
     check_text(content, source.shown)
     content = content.removeprefix(codecs.BOM_UTF8)
-    if b"\r" in content and content.count(b"\r") != content.count(b"\r\n"):
+    if b"\r" in content:
         content = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    content = _without_comments(content)
-    start = len(content) - len(content.lstrip())
-    start = content.rfind(b"\n", 0, start) + 1
-    if not content[start:].strip():
-        raise error("no-rows", file=source.shown, expected="a header row")
-    row = content.count(b"\n", 0, start) + 1
-    line = next(_lines(content, start))
-    separator = _separator(line, source, row)
-    lines = _counted(content, start)
+    if b"#" in content:
+        content = re.sub(rb"^#.*$", b"", content, flags=re.MULTILINE)
+    if (filled := re.search(rb"\S", content)) is None:
+        raise error("empty-file", file=source.shown, what="rows", expected="a header row")
+    start = content.rfind(b"\n", 0, filled.start()) + 1
+    body = content.find(b"\n", start) + 1 or len(content)
+    line, row = content[start:body].decode(), content.count(b"\n", 0, start) + 1
+    place = {"file": source.shown, "row": row}
+    separator = _separator(line, place)
     try:
-        cells = next(csv.reader((each for each, _ in lines), delimiter=separator))
+        header = next(csv.reader([line], delimiter=separator, strict=True))
     except csv.Error as fault:
-        raise error("row-unreadable", file=source.shown, row=row, reason=str(fault)) from None
-    body = start + len(line.encode()) if '"' not in line else _end_of_header(content, start)
-    return CsvText(
+        raise error("not-readable", reason=str(fault), **place) from None
+    return File(
         source=source,
         content=content,
-        header=tuple(cell.strip() for cell in cells),
+        header=tuple(cell.strip() for cell in header),
         header_row=row,
         body=body,
-        body_row=content.count(b"\n", 0, body) + 1,
         separator=separator,
         decimal=_decimal(content, body) if separator == ";" else ".",
     )
 
 
-def _counted(content: bytes, start: int) -> Iterator[tuple[str, int]]:
-    for line in _lines(content, start):
-        start += len(line.encode())
-        yield line, start
-
-
-def _end_of_header(content: bytes, start: int) -> int:
-    """Where the header ends whose quoted names may hold line ends."""
-    quotes = 0
-    for line, end in _counted(content, start):
-        quotes += line.count('"')
-        if quotes % 2 == 0:
-            return end
-    return len(content)
-
-
 def inflated(raw: bytes, shown: str) -> bytes:
-    """Unpacked gzip data, members one after the other; what follows them is padding.
+    """Unpacked gzip data.
 
     Raises InputError for damaged data, and where they unpack to more than data ever do.
     """
-    bound = min(MAX_INFLATED, INFLATED_FREE + MAX_RATIO * len(raw))
-    parts: list[bytes] = []
+    most = INFLATED_FREE + MAX_RATIO * len(raw)
     try:
-        while raw.startswith(GZIP):
-            inflater = zlib.decompressobj(wbits=31)
-            parts.append(inflater.decompress(raw, bound + 1 - sum(map(len, parts))))
-            if sum(map(len, parts)) > bound:
-                reason = f"it unpacks to more than {bound} bytes"
-                raise error("not-readable", file=shown, reason=reason)
-            if not inflater.eof:
-                raise error("not-readable", file=shown, reason="the compressed data end too early")
-            raw = inflater.unused_data
-    except zlib.error as fault:
+        with gzip.GzipFile(fileobj=BytesIO(raw)) as stream:
+            content = stream.read(most + 1)
+    except (EOFError, OSError, zlib.error) as fault:
         raise error("not-readable", file=shown, reason=f"damaged gzip data ({fault})") from None
-    content = b"".join(parts)
-    if not content:
-        raise error("not-readable", file=shown, reason="it is empty once unpacked")
+    if len(content) > most:
+        raise error("not-readable", file=shown, reason=f"it unpacks to more than {most} bytes")
     return content
 
 
-def _without_comments(content: bytes) -> bytes:
-    """Blanks lines that start with #, unless the line is the inside of a quoted cell."""
-    if b"#" not in content or not (content.startswith(b"#") or b"\n#" in content):
-        return content
-    lines = content.split(b"\n")
-    quoted = False
-    for i, line in enumerate(lines):
-        if line.startswith(b"#") and not quoted:
-            lines[i] = b""
-        elif b'"' in line and line.count(b'"') % 2:
-            quoted = not quoted
-    return b"\n".join(lines)
-
-
-def _lines(content: bytes, start: int) -> Iterator[str]:
-    """The lines of a text from an offset on, with their ends."""
-    while start < len(content):
-        end = content.find(b"\n", start) + 1 or len(content)
-        yield content[start:end].decode()
-        start = end
-
-
-def _separator(line: str, source: Source, row: int) -> Separator:
-    if re.match(r"[{\[]|---|[A-Za-z_]+:\s|sep=", line.strip()):
-        kind = "JSON" if line[0] in "{[" else "a line for a spreadsheet or YAML"
-        raise error(
-            "not-a-table", file=source.shown, row=row, kind=kind, value=line.strip(),
-            expected="a CSV file: a header row, and rows of values below it",
-        )  # fmt: skip
+def _separator(line: str, place: dict[str, Any]) -> str:
+    """The separator of the columns, by the header; raises InputError for what is no header."""
     bare = re.sub(r'"[^"]*"', "", line)
-    if bare.count(";") and bare.count(";") >= bare.count(","):
-        return ";"
-    other = next((sign for sign in "\t|" if sign in bare.strip()), None)
-    if "," not in bare and other is not None:
-        name = {"\t": "tabs", "|": "'|'"}[other]
-        raise error(
-            "other-separator", file=source.shown, row=row, separator=name, value=line.strip(),
-            expected="commas or semicolons",
-        )  # fmt: skip
-    return ","
+    if re.match(r"[{\[]|---|[A-Za-z_]+:\s|sep=", line.strip()):
+        expected = "a header row, and rows of values below it"
+        raise error("other-table", kind="no table", value=line.strip(), expected=expected, **place)
+    if "," not in bare and ";" not in bare and re.search(r"[\t|]", bare.strip()):
+        reason = "the columns are separated by tabs or bars"
+        facts = {"value": line.strip(), "expected": "commas or semicolons"}
+        raise error("not-readable", reason=reason, **facts, **place)
+    return ";" if ";" in bare and bare.count(";") >= bare.count(",") else ","
 
 
 def _decimal(content: bytes, body: int) -> Decimal:
     """The decimal sign of a file with semicolons: the one most of its numbers have."""
-    sample = "".join(islice(_lines(content, body), SAMPLE_LINES))
+    sample = content[body : body + SAMPLE_BYTES].decode(errors="ignore")
     commas, points = (len(re.findall(rf"(?<![\d.,])[+-]?\d*{s}\d", sample)) for s in (",", r"\."))
     return "," if commas > points else "."
 
 
+# Rows and columns.
+
+
 class _Body:
-    """The rows of a text while they become typed columns."""
+    """The rows of a text while they become the typed columns of a `table`."""
 
-    def __init__(
-        self, text: CsvText, spec: TableSpec, problems: CellFaults, by_records: bool
-    ) -> None:
-        self.text, self.spec, self.problems = text, spec, problems
-        self.rows = None if by_records else self._sound_rows()
-        self.quoted = self.rows is None
-        if self.rows is None:
-            self.rows, self.frame = self._by_records()
+    def __init__(self, file: File, spec: TableSpec, faults: CellFaults) -> None:
+        self.file, self.faults = file, faults
+        rows = self._sound_rows()
+        self.one_by_one = rows is None
+        if rows is None:
+            rows, self.frame = self._records()
         else:
-            self.frame = self._by_pandas()
+            texts = [name for name in file.header if not spec.column(name).numeric]
+            self.frame = self._by_pandas(dtype=dict.fromkeys(texts, "category"))
+        file.source = replace(file.source, rows=len(rows))
+        self.table = Table(files=(file,), rows=rows, file_index=np.zeros(len(rows), np.int64))
+        for name in file.header:
+            self._column(name, spec.column(name))
+        file.content = b""
 
-    def table(self) -> Table:
-        """The typed table."""
-        columns = Columns()
-        for name in self.text.header:
-            self._column(name, columns)
-        return Table(
-            source=replace(self.text.source, rows=len(self._editor_rows)),
-            header=self.text.header,
-            header_row=self.text.header_row,
-            rows=self._editor_rows,
-            columns=columns,
-            covariates=tuple(name for name in self.text.header if not self.spec.named(name)),
-            sound=not self.problems.listed,
-        )
-
-    @property
-    def _editor_rows(self) -> Rows:
-        return self.rows if self.rows is not None else np.zeros(0, np.int64)
-
-    def _names(self, *kinds: str) -> list[str]:
-        return [name for name in self.text.header if self.spec.kind(name) in kinds]
-
-    # Rows.
-
-    def _sound_rows(self) -> Rows | None:
+    def _sound_rows(self) -> Ints | None:
         """The editor rows of the records; None where cells are quoted, or a row has another number
         of cells than the header.
         """
-        text = self.text
-        if len(text.header) < 2 or text.content.find(b'"', text.body) >= 0:
+        body, columns = self.file.content[self.file.body :], len(self.file.header)
+        # pandas would take a second byte order mark away.
+        if b'"' in body or body.startswith(codecs.BOM_UTF8):
             return None
-        if text.content.startswith(codecs.BOM_UTF8, text.body):  # pandas would take it away
-            return None
-        signs = text.separator.encode() + b"\n"
-        marks = text.content[text.body :].translate(None, _all_but(signs))
-        of_row = signs[:1] * (len(text.header) - 1) + b"\n"
-        count = len(marks) // len(of_row)
-        if count and marks == of_row * count and text.content.endswith(b"\n"):
-            return np.arange(text.body_row, text.body_row + count)
-        body = np.frombuffer(text.content, np.uint8, offset=text.body)
-        if not len(body):
-            return np.zeros(0, np.int64)
-        ends = np.flatnonzero(body == ord("\n"))
-        starts = np.concatenate([[0], ends + 1])
-        starts = starts[starts < len(body)]
-        if np.diff(np.append(starts, len(body))).max() > LONGEST_CELL:
-            return None
-        commas = (body == ord(text.separator)).view(np.uint8)
-        counts = np.add.reduceat(commas, starts, dtype=np.int64)
-        odd = np.flatnonzero(counts != len(text.header) - 1)
-        if any(self._line(starts, i).strip() for i in odd.tolist()):
-            return None
-        return np.delete(np.arange(text.body_row, text.body_row + len(starts)), odd)
+        signs = self.file.separator.encode() + b"\n"
+        marks = body.translate(None, bytes({*range(256)} - {*signs}))
+        marks += b"" if body.endswith(b"\n") else b"\n"
+        counts = np.diff(np.flatnonzero(np.frombuffer(marks, np.uint8) == signs[1]), prepend=-1)
+        odd = np.flatnonzero(counts != columns)
+        if len(odd):
+            lines = body.split(b"\n")
+            if any(lines[i].strip() for i in odd.tolist()):
+                return None
+        return np.delete(np.arange(len(counts)) + self.file.header_row + 1, odd)
 
-    def _line(self, starts: Rows, i: int) -> bytes:
-        at = self.text.body + int(starts[i])
-        return self.text.content[at : self.text.content.find(b"\n", at) + 1 or None]
-
-    def _by_pandas(self, only: str | None = None) -> pd.DataFrame:
-        """The body; texts as categories, or the column `only` as the texts that stand there."""
+    def _by_pandas(self, **options: Any) -> pd.DataFrame:
         import pandas as pd
 
-        options: dict[str, Any] = {}
         if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
             # Later versions read numbers exactly by themselves and warn of the option.
             options["float_precision"] = "round_trip"
         frame: pd.DataFrame = pd.read_csv(
-            BytesIO(self.text.content[self.text.body :]),
-            sep=self.text.separator,
-            decimal=self.text.decimal,
+            BytesIO(self.file.content[self.file.body :]),
+            sep=self.file.separator,
+            decimal=self.file.decimal,
             header=None,
-            names=[*self.text.header],
-            usecols=None if only is None else [only],
+            names=[*self.file.header],
             index_col=False,
-            dtype=dict.fromkeys(self._names("text", "time", "sign"), "category")
-            if only is None
-            else object,
             keep_default_na=False,
             na_values=[""],
             quoting=csv.QUOTE_NONE,
@@ -333,197 +268,152 @@ class _Body:
         )
         return frame
 
-    def _by_records(self) -> tuple[Rows, pd.DataFrame]:
+    def _records(self) -> tuple[Ints, pd.DataFrame]:
         """Records one by one; those with too few or too many cells are faults and left out."""
         import pandas as pd
 
-        text, wanted = self.text, len(self.text.header)
+        file, wanted = self.file, len(self.file.header)
         rows: list[int] = []
         kept: list[list[str]] = []
-        reader = csv.reader(_lines(text.content, text.body), delimiter=text.separator, strict=True)
+        csv.field_size_limit(max(csv.field_size_limit(), len(file.content)))
+        lines = StringIO(file.content[file.body :].decode(), newline="\n")
+        reader = csv.reader(lines, delimiter=file.separator, strict=True)
         while True:
-            row = text.body_row + reader.line_num
+            row = file.header_row + 1 + reader.line_num
             try:
                 cells = next(reader)
             except StopIteration:
                 break
             except csv.Error as fault:
-                self._fault("row-unreadable", row, reason=str(fault))
+                place = {**file.place, "row": row}
+                if "unexpected end" in str(fault):
+                    place["expected"] = 'a closing "'
+                self.faults.add(finding("not-readable", reason=str(fault), **place))
                 break
-            if not cells or (len(cells) == 1 and not cells[0].strip() and wanted > 1):
-                continue
-            if len(cells) != wanted:
-                code = "short-row" if len(cells) < wanted else "long-row"
+            if len(cells) == wanted:
+                rows.append(row)
+                kept.append(cells)
+            elif len(cells) > 1 or "".join(cells).strip():
                 expected = f"{wanted}, as in the header"
-                if code == "long-row" and any(map(_half_a_number, cells, cells[1:])):
+                if len(cells) > wanted and cells[-1].strip() and file.separator == ",":
                     expected += "; decimal commas need semicolons between the columns"
-                shown = text.separator.join(cells)
-                self._fault(code, row, cells=len(cells), value=shown, expected=expected)
-                continue
-            rows.append(row)
-            kept.append(cells)
-        columns = zip(*kept, strict=True) if kept else ((),) * wanted
-        frame = pd.DataFrame(
-            {
-                name: pd.Series([cell if cell.strip() else None for cell in cells], dtype=object)
-                for name, cells in zip(text.header, columns, strict=True)
-            }
-        )
-        return np.array(rows, np.int64), frame
+                place = {**file.place, "row": row, "expected": expected}
+                value = file.separator.join(cells)
+                self.faults.add(
+                    finding("row-length", cells=counted(len(cells), "cell"), value=value, **place)
+                )
+        return np.array(rows, np.int64), pd.DataFrame(kept, columns=[*file.header], dtype=object)
 
-    # Columns.
-
-    def _column(self, name: str, columns: Columns) -> None:
-        kind, values = self.spec.kind(name), self.frame[name]
-        numeric = values.dtype.kind in "iuf"
-        if kind == "number":
-            columns.numbers[name] = self._numbers(name, values)
-        elif kind == "covariate" and numeric and self._finite(values):
-            columns.numbers[name] = values.to_numpy(np.float64)
+    def _column(self, name: str, column: Column) -> None:
+        """Reads a column; a free one holds numbers where every cell is one, else texts."""
+        values = self.frame[name]
+        numbers: Floats | None = None
+        if column.numeric and values.dtype.kind in "iuf":
+            numbers = values.to_numpy(np.float64)
+        if numbers is not None and not np.isinf(numbers).any():
+            empty = np.isnan(numbers)
         else:
-            categories = getattr(values, "cat", None)
-            texts = values if categories is None else categories.categories
-            if not self.quoted and texts.dtype.kind in "iufb":
-                # pandas makes numbers of texts that look like them, and part 007 into part 7.
-                values = self._by_pandas(name)[name]
-            codes, labels = _factorized(values)
-            if kind == "covariate":
-                self._covariate(name, codes, labels, columns)
-                return
-            empty = np.flatnonzero(codes < 0)
-            if not self.spec.empty_allowed(name):
-                self._cells(name, empty, "empty-cell", None, self.spec.says.get(name, "a text"))
-            if kind == "time":
-                columns.times[name] = self._times(name, codes, labels)
-            elif kind == "sign":
-                columns.numbers[name] = self._signs(name, codes, labels)
+            cells = self._cells(name, column)
+            empty = cells.codes < 0
+            parsed = [self._value(column, label) for label in cells.labels]
+            sound = np.array([*parsed, None], np.float64)
+            sound[np.isinf(sound)] = np.nan
+            if column.kind == "text" or (column.kind == "free" and None in parsed):
+                self.table.texts[name] = cells
             else:
-                columns.texts[name] = self._texts(name, codes, labels)
+                numbers = sound[cells.codes]
+            if column.kind != "free" or numbers is not None:
+                self._check_cells(name, column, cells, np.isnan(sound)[cells.codes] & ~empty)
+        if not column.may_be_empty:
+            self.faults.cells(self.table, empty, name, "empty-cell", expected=column.expected)
+        if numbers is not None:
+            self.table.numbers[name] = numbers
+            self._check_size(name, column, numbers)
 
-    def _finite(self, values: pd.Series[Any]) -> bool:
-        return not np.isinf(values.to_numpy(np.float64)).any()
+    def _cells(self, name: str, column: Column) -> Texts:
+        """The cells of a column, stripped, with labels in the order of appearance."""
+        import pandas as pd
 
-    def _numbers(self, name: str, values: pd.Series[Any]) -> NDArray[np.float64]:
-        """A column of numbers; nan where a cell is empty or at fault."""
-        if values.dtype.kind not in "iuf" or not self._finite(values):
-            if not self.quoted and values.dtype.kind in "fb":
-                values = self._by_pandas(name)[name]
-            codes, labels = _factorized(values)
-            known = [number(label, self.text.decimal) for label in labels]
-            for code, label in enumerate(labels):
-                value = known[code]
-                if value is None or not np.isfinite(value):
-                    known[code] = None
-                    what = (
-                        "not-finite" if is_not_finite(label, self.text.decimal) else "not-a-number"
-                    )
-                    says = self.spec.says.get(name) or expectation(label, self.text.decimal)
-                    self._cells(name, np.flatnonzero(codes == code), what, label, says)
-            found = np.array([*(np.nan if v is None else v for v in known), np.nan])[codes]
-            empty = np.flatnonzero(codes < 0)
-        else:
-            found = values.to_numpy(np.float64)
-            empty = np.flatnonzero(np.isnan(found))
-        if not self.spec.empty_allowed(name):
-            self._cells(name, empty, "empty-cell", None, self.spec.says.get(name, "a number"))
-        if name in WHOLE and name in self.spec.numbers:
-            large = np.flatnonzero(np.abs(found) > LARGEST_INTEGER)
-            for i in large.tolist():
-                expected = f"a whole number, at most {LARGEST_INTEGER:.0f} in size"
-                self._cells(name, np.array([i]), "out-of-range", f"{found[i]:g}", expected)
-            found = np.where(np.abs(found) > LARGEST_INTEGER, np.nan, found)
-        return found
-
-    def _covariate(self, name: str, codes: Rows, labels: list[str], columns: Columns) -> None:
-        """Numbers where every cell that is not empty is one, else texts."""
-        decimal = self.text.decimal
-        if any(is_text(label, decimal) for label in labels):
-            columns.texts[name] = TextColumn(codes.astype(np.int32), tuple(labels))
-            return
-        known = [number(label, decimal) for label in labels]
-        for code, label in enumerate(labels):
-            if is_not_finite(label, decimal):
-                known[code] = None
-                rows = np.flatnonzero(codes == code)
-                self._cells(name, rows, "not-finite", label, "a finite number, or an empty cell")
-        columns.numbers[name] = np.array([*(np.nan if v is None else v for v in known), np.nan])[
-            codes
-        ]
-
-    def _texts(self, name: str, codes: Rows, labels: list[str]) -> TextColumn:
-        if name in self.spec.units:
+        values = self.frame[name]
+        labels = values.cat.categories if values.dtype == "category" else values
+        if not self.one_by_one and labels.dtype.kind in "iufb":
+            # pandas makes numbers of texts that look like them, and part 007 into part 7.
+            values = self._by_pandas(usecols=[name], dtype=object)[name]
+        codes, labels = pd.factorize(
+            values if values.dtype == "category" else values.astype(object)
+        )
+        cells = [str(label).strip() for label in labels]
+        if column.known is not None:
             # The sign for micro and the Greek letter look alike.
-            labels = [
-                plain_unit(label) if plain_unit(label) in UNITS else label for label in labels
-            ]
-            unique = list(dict.fromkeys(labels))
-            codes = np.array([*(unique.index(label) for label in labels), -1])[codes]
-            labels = unique
-        return TextColumn(codes.astype(np.int32), tuple(labels))
+            cells = [cell if cell in column.known else plain_unit(cell) for cell in cells]
+        return texts_of(cells, codes)
 
-    def _times(self, name: str, codes: Rows, labels: list[str]) -> TimeColumn:
-        values, aware = microseconds(labels)
-        for code, label in enumerate(labels):
-            if values[code] == NO_TIME:
-                self._cells(name, np.flatnonzero(codes == code), "not-a-time", label, TIME_EXPECTED)
-        if len(aware) > 1:
-            expected = "all times with an offset, or none"
-            self._fault("times-mixed", int(self._editor_rows[0]), column=name, expected=expected)
-        return TimeColumn(np.append(values, NO_TIME)[codes], True in aware)
+    def _value(self, column: Column, label: str) -> float | None:
+        """The number that a cell says, 0 for a text that may stand there; None for what may not."""
+        if column.numeric:
+            return number(label, self.file.decimal)
+        if column.kind == "text":
+            known = is_name(label) if column.known is None else label in column.known
+            return 0.0 if known else None
+        if column.kind == "sign":
+            return direction_sign(label)
+        if column.kind == "time" and (time := time_of(label)) is not None:
+            self.file.aware |= {time[1]}
+            return time[0]
+        return None
 
-    def _signs(self, name: str, codes: Rows, labels: list[str]) -> NDArray[np.float64]:
-        known = [direction_sign(label) for label in labels]
-        for code, label in enumerate(labels):
-            if known[code] is None:
-                rows = np.flatnonzero(codes == code)
-                meant = nearest(label, ("forward", "reverse"))
-                self._cells(name, rows, "not-a-direction", label, SIGN_EXPECTED, meant)
-        return np.array([*(np.nan if v is None else float(v) for v in known), np.nan])[codes]
+    def _check_cells(self, name: str, column: Column, cells: Texts, bad: Flags) -> None:
+        """Finds the `bad` cells (n,): those that are no value of their column."""
 
-    # Faults.
+        @cache
+        def of_label(label: str) -> dict[str, Any]:
+            if column.known is not None:
+                return {"value": label, "what": name, **suggestion(label, column.known)}
+            says = column.says or expectation(label, self.file.decimal)
+            kind, expected = WANTED.get(column.kind, ("a number", says))
+            meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
+            return {"value": label, "kind": kind, "expected": expected, "meant": meant}
 
-    def _fault(self, code: str, row: int, **place: Any) -> None:
-        self.problems.add(finding(code, file=self.text.source.shown, row=row, **place))
+        code = "wrong-type" if column.known is None else "unknown-name"
+        self.faults.cells(
+            self.table, bad, name, code, lambda i: of_label(cells.labels[cells.codes[i]])
+        )
 
-    def _cells(
-        self,
-        name: str,
-        at: Rows,
-        code: str,
-        value: str | None,
-        expected: str | None,
-        meant: tuple[str, ...] = (),
-    ) -> None:
-        """One fault for each of the cells `at`; beyond the first thousands they are counted."""
-        room = max(0, self.problems.room())
-        for row in self._editor_rows[at[:room]].tolist():
-            self._fault(code, row, column=name, value=value, expected=expected, meant=meant)
-        self.problems.uncounted += max(0, len(at) - room)
+    def _check_size(self, name: str, column: Column, values: Floats) -> None:
+        """Finds the cells beyond what a number of the column may be."""
 
+        @cache
+        def cells() -> Texts:
+            # A float may be another number than the file says.
+            return self._cells(name, column)
 
-def _factorized(values: pd.Series[Any]) -> tuple[Rows, list[str]]:
-    """Codes (n,) of stripped labels in the order of appearance; -1 where a cell is empty."""
-    import pandas as pd
+        def report(bad: Flags, code: str, **facts: Any) -> None:
+            def of_row(i: int) -> dict[str, Any]:
+                return {"value": cells().labels[cells().codes[i]]}
 
-    if isinstance(values.dtype, pd.CategoricalDtype):
-        known = values.cat.codes.to_numpy()
-        codes, order = pd.factorize(np.where(known < 0, -1, known), use_na_sentinel=False)
-        names = [*values.cat.categories, ""]
-        plain = [str(names[i]).strip() for i in order]
-    else:
-        codes, labels = pd.factorize(values.astype(object))
-        plain = [str(label).strip() for label in labels]
-    unique = list(dict.fromkeys(label for label in plain if label))
-    if unique == plain:
-        return np.asarray(codes, np.int64), plain
-    place = {label: i for i, label in enumerate(unique)}
-    return np.array([*(place.get(label, -1) for label in plain), -1])[codes], unique
+            self.faults.cells(self.table, bad, name, code, of_row, **facts)
+
+        if column.kind in ("whole", "count"):
+            broken = np.abs(values - np.round(values)) > 0
+            expected = "a whole number" + (" from 0 on" if column.kind == "count" else "")
+            whole = {"kind": "a whole number", "expected": column.says or expected}
+            report(broken, "wrong-type", **whole)
+        if column.kind == "count":
+            report(values < 0, "out-of-range", expected=expected)
+        if column.numeric and math.isfinite(column.largest):
+            most = column.says or f"at most {column.largest:g} in size"
+            report(np.abs(values) > column.largest, "out-of-range", expected=most)
 
 
-def _all_but(signs: bytes) -> bytes:
-    return bytes(set(range(256)) - set(signs))
-
-
-def _half_a_number(left: str, right: str) -> bool:
-    """Whether two neighbouring cells may be one number with a decimal comma."""
-    return left.strip().lstrip("+-").isdigit() and right.strip().isdigit()
+def check_sensor_names(table: Table, file: File, faults: CellFaults) -> None:
+    """Columns of numbers of a file whose names say that they are temperatures, but not as
+    `T_<sensor>_degC`: nothing would read them. Beside parts ``T_12`` may be a tool.
+    """
+    for name in filter(looks_like_temperature, file.header):
+        tool = "part" in file.header and re.fullmatch(r"[Tt][\W_]*[0-9]*\W*", name)
+        if name in table.numbers and not tool:
+            better = as_temperature(name)
+            expected = "T_<sensor>_degC of letters a to z, digits and _"
+            expected += f", such as {better}" if better else ""
+            place = {**file.place, "column": name, "expected": expected}
+            faults.add(finding("wrong-type", kind="the name of a temperature", **place))

@@ -1,120 +1,246 @@
-"""What a CSV contract asks of a table and of its cells, and the table that was read."""
+"""The rows of the files of a call as one table, and what is wrong with its cells."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
+from datetime import UTC, datetime, timedelta
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.files.contract import number_expectation
-from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.headers import TableSpec
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, finding
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
 Decimal = Literal[".", ","]
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
 DECIMALS: tuple[Decimal, ...] = (".", ",")
-Kind = Literal["number", "text", "time", "sign", "covariate"]
-LISTED_PROBLEMS = 10_000
-WHOLE = ("pass", "repeat", "sequence")
-"""Columns of whole numbers where a contract names them."""
-LARGEST_INTEGER = 2.0**53 - 1.0
-"""2^53 and 2^53 + 1 are one float, and so are whole numbers beyond."""
+LISTED_FAULTS = 10_000
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+MICROSECOND = timedelta(microseconds=1)
+MINUTE = 60_000_000
+"""In microseconds."""
+BLOCK = 1 << 15
+ODD, SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TableSpec:
-    """The columns that a contract names; every other column is a covariate.
+class CellFaults:
+    """The faults of the files of a call: the first ten thousand in full, the rest counted."""
 
-    `may_be_empty` are named columns whose cells may be empty; `exclusive` pairs must not
-    both be there, `together` pairs only both. `units` are texts that are units, `signs` numbers -1
-    or +1 that may be written in words. `says` words what a cell of a column should be.
-    """
+    def __init__(self) -> None:
+        self.listed: list[Finding] = []
+        self.uncounted = 0
+        self._cells: set[tuple[str | None, int, str | int]] = set()
 
-    required: tuple[str, ...]
-    numbers: frozenset[str]
-    texts: frozenset[str]
-    times: frozenset[str] = frozenset()
-    signs: frozenset[str] = frozenset()
-    may_be_empty: frozenset[str] = frozenset()
-    exclusive: tuple[tuple[str, str], ...] = ()
-    together: tuple[tuple[str, str], ...] = ()
-    units: frozenset[str] = frozenset()
-    says: Mapping[str, str] = field(default_factory=dict)
+    def add(self, each: Finding) -> None:
+        """One more; of several of one cell the first counts."""
+        if each.row is not None and each.column is not None:
+            cell = (each.file, each.row, each.column)
+            if cell in self._cells:
+                return
+            self._cells.add(cell)
+        if len(self.listed) < LISTED_FAULTS:
+            self.listed.append(each)
+        else:
+            self.uncounted += 1
 
-    def kind(self, name: str) -> Kind:
-        """How the cells of a column are read."""
-        if name in self.numbers:
-            return "number"
-        if name in self.texts:
-            return "text"
-        if name in self.times:
-            return "time"
-        if name in self.signs:
-            return "sign"
-        return "number" if is_covariate(name) else "covariate"
+    def cells(
+        self,
+        table: Table,
+        bad: Flags,
+        column: str,
+        code: str,
+        describe: Callable[[int], dict[str, Any]] = lambda i: {},
+        **given: Any,
+    ) -> None:
+        """One fault for each of the `bad` rows (n,), with what is `given` and what `describe` gives
+        for the row, counted from 0.
+        """
+        rows = np.flatnonzero(bad)
+        room = max(0, LISTED_FAULTS - len(self.listed))
+        for i in rows[:room].tolist():
+            self.add(finding(code, **table.place(i), column=column, **given, **describe(i)))
+        self.uncounted += max(0, len(rows) - room)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """All columns that the contract names."""
-        return tuple(sorted(self.numbers | self.texts | self.times | self.signs))
-
-    def named(self, name: str) -> bool:
-        """Whether the contract names the column."""
-        return any(name in own for own in (self.numbers, self.texts, self.times, self.signs))
-
-    def empty_allowed(self, name: str) -> bool:
-        """Whether cells of the column may be empty."""
-        return name in self.may_be_empty or not self.named(name)
+    def raise_if_any(self) -> None:
+        """Raises InputError with every fault, file by file in the order of the rows."""
+        if self.listed:
+            raise InputError(self.listed, self.uncounted)
 
 
 @dataclass(frozen=True, slots=True)
-class TextColumn:
-    """Texts as codes: `labels[codes[i]]`, code -1 for an empty cell."""
+class Texts:
+    """A column of texts as codes (n,): `labels[codes[i]]`, code -1 for an empty cell."""
 
-    codes: NDArray[np.int32]
+    codes: Ints
     labels: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class TimeColumn:
-    """Times in microseconds; `aware` where they state their offset from UTC."""
+@dataclass(slots=True, kw_only=True)
+class File:
+    """A file of a table: UTF-8 text with plain line ends, comment lines blanked, so that lines
+    still count as in an editor; its `content` until that is read.
 
-    microseconds: NDArray[np.int64]
-    aware: bool
-
-
-@dataclass(slots=True)
-class Columns:
-    """Cells of a table by column name; all arrays have one entry a row."""
-
-    numbers: dict[str, NDArray[np.float64]] = field(default_factory=dict)
-    texts: dict[str, TextColumn] = field(default_factory=dict)
-    times: dict[str, TimeColumn] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """A checked CSV table: `rows` (n,) are its rows as an editor counts them.
-
-    A table that is not `sound` has bad cells, reported already; nan and empty texts stand for them.
+    `body` is the offset of the line after the header; `aware`: whether its times state their
+    offset from UTC, both where they contradict each other.
     """
 
     source: Source
+    content: bytes
     header: tuple[str, ...]
     header_row: int
-    rows: NDArray[np.int64]
-    columns: Columns
-    covariates: tuple[str, ...]
-    sound: bool = True
+    body: int
+    separator: str
+    decimal: Decimal
+    aware: frozenset[bool] = frozenset()
+
+    @property
+    def place(self) -> dict[str, Any]:
+        """File and row of its header."""
+        return {"file": self.source.shown, "row": self.header_row}
+
+
+@dataclass(slots=True, kw_only=True)
+class Table:
+    """The rows of one or several files, end to end; every array has one entry a row.
+
+    `rows` are counted as in an editor, in the file `files[file_index[i]]`. `numbers` are nan where
+    a cell is empty or faulty or the file lacks the column; those of ``time`` are microseconds since
+    1970.
+    """
+
+    files: tuple[File, ...]
+    rows: Ints
+    file_index: Ints
+    numbers: dict[str, Floats] = field(default_factory=dict)
+    texts: dict[str, Texts] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.rows)
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """The files as reports know them."""
+        return tuple(file.source for file in self.files)
+
+    @property
+    def header(self) -> list[str]:
+        """The columns of all files."""
+        return [*dict.fromkeys(name for file in self.files for name in file.header)]
+
+    def place(self, i: int) -> dict[str, Any]:
+        """File and row of a row counted from 0."""
+        return {"file": self.files[self.file_index[i]].source.shown, "row": int(self.rows[i])}
+
+    def number(self, name: str) -> Floats:
+        """A column of numbers (n,), nan where there is none; not to be written to."""
+        return self.numbers.get(name, np.broadcast_to(np.nan, len(self)))
+
+    def whole(self, name: str) -> Ints:
+        """A column of whole numbers (n,), -1 where there is none."""
+        return np.nan_to_num(self.number(name), nan=-1.0).astype(np.int64)
+
+    def labelled(self, name: str, known: Sequence[str] = ()) -> tuple[tuple[str, ...], Ints]:
+        """Labels and each row's code (n,); -1 where there is none.
+
+        Labels in the order of `known`, then of appearance; those that no row has are left out.
+        """
+        column = self.texts.get(name, Texts(np.full(len(self), -1), ()))
+        rank = {label: i for i, label in enumerate(known)}
+        labels = sorted(column.labels, key=lambda label: rank.get(label, len(rank)))
+        place = {label: i for i, label in enumerate(labels)}
+        return tuple(labels), np.array([*(place[x] for x in column.labels), -1])[column.codes]
+
+    def of_files(self, judge: Callable[[File], bool]) -> Flags:
+        """What `judge` says of each row's file (n,)."""
+        return np.array([judge(file) for file in self.files])[self.file_index]
+
+    def has(self, name: str) -> Flags:
+        """Whether each row's file has the column (n,)."""
+        return self.of_files(lambda file: name in file.header)
+
+    def minutes(self) -> Floats:
+        """Minutes of each row (n,): `time_min` as given, `time` from the earliest of all files."""
+        times = self.numbers.get("time")
+        if times is None:
+            return self.number("time_min")
+        return (times - np.nanmin(times)) / MINUTE
+
+    def covariates(self, spec: TableSpec) -> dict[str, Floats | NDArray[np.object_]]:
+        """Every column that the contract does not name: floats with nan, or texts with ""."""
+        values: dict[str, Floats | NDArray[np.object_]] = {}
+        for name in (name for name in self.header if name not in spec.columns):
+            if name in self.numbers:
+                values[name] = self.numbers[name]
+            else:
+                column = self.texts[name]
+                values[name] = np.array([*column.labels, ""], dtype=object)[column.codes]
+        return values
+
+
+def joined(tables: Sequence[Table]) -> Table:
+    """Tables end to end. A covariate that is a number in one file and a text in another is a text
+    in all.
+    """
+    if len(tables) == 1:
+        return tables[0]
+    whole = Table(
+        files=tuple(table.files[0] for table in tables),
+        rows=np.concatenate([table.rows for table in tables]),
+        file_index=np.repeat(np.arange(len(tables)), [len(table) for table in tables]),
+    )
+    for name in whole.header:
+        if all(name not in table.texts for table in tables):
+            whole.numbers[name] = np.concatenate([table.number(name) for table in tables])
+            continue
+        labels: dict[str, int] = {}
+        codes = []
+        for table in tables:
+            column = table.texts.get(name) or _as_texts(table.number(name))
+            lookup = [labels.setdefault(label, len(labels)) for label in column.labels]
+            codes.append(np.array([*lookup, -1])[column.codes])
+        whole.texts[name] = Texts(np.concatenate(codes), tuple(labels))
+    return whole
+
+
+def _as_texts(values: Floats) -> Texts:
+    cells = ["" if v != v else cell_text(v) for v in values.tolist()]
+    return texts_of(cells, np.arange(len(cells)))
+
+
+def texts_of(cells: Sequence[str], codes: Ints) -> Texts:
+    """`cells[codes[i]]` as a column: no text twice, none that is empty."""
+    labels = {label: i for i, label in enumerate(dict.fromkeys(filter(None, cells)))}
+    lookup = np.array([*(labels.get(cell, -1) for cell in cells), -1])
+    return Texts(lookup[codes], tuple(labels))
+
+
+def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
+    """Whether another row may equal each row (n,), over `columns` (n,) of floats or whole numbers.
+
+    Rows are compared by marks of 64 bits: those of equal rows agree (0.0 equals -0.0), those of
+    others with probability 2^-64.
+    """
+    marks = np.zeros(len(columns[0]), np.uint64)
+    # What fits the cache is several times quicker.
+    for start in range(0, len(marks), BLOCK):
+        mark = marks[start : start + BLOCK]
+        for column in columns:
+            cells = column[start : start + BLOCK]
+            floats = cells.dtype == np.float64
+            # Adding 0.0 makes -0.0 the 0.0 that it equals.
+            mark ^= (cells + 0.0).view(np.uint64) if floats else cells.astype(np.uint64)
+            mark *= ODD
+            mark ^= mark >> SHIFT
+    ordered = np.sort(marks)
+    return np.isin(marks, ordered[1:][ordered[1:] == ordered[:-1]])
 
 
 def cell_text(value: object) -> str:
@@ -122,140 +248,43 @@ def cell_text(value: object) -> str:
     return repr(float(value)).removesuffix(".0") if isinstance(value, float) else str(value)
 
 
-@dataclass(slots=True)
-class CellFaults:
-    """The faults of cells of a file: the first ten thousand in full, the rest counted."""
-
-    listed: list[Finding] = field(default_factory=list)
-    uncounted: int = 0
-    _cells: set[tuple[str | None, int, str | int]] = field(default_factory=set)
-
-    def add(self, problem: Finding) -> None:
-        """One more problem; of several of one cell the first counts."""
-        if problem.row is not None and problem.column is not None:
-            cell = (problem.file, problem.row, problem.column)
-            if cell in self._cells:
-                return
-            self._cells.add(cell)
-        if len(self.listed) < LISTED_PROBLEMS:
-            self.listed.append(problem)
-        else:
-            self.uncounted += 1
-
-    def add_cells(
-        self,
-        table: Table,
-        at: Sequence[int] | NDArray[np.int64],
-        column: str,
-        code: str,
-        values: Sequence[object],
-        expected: str | None = None,
-        **facts: Any,
-    ) -> None:
-        """One problem for each of the rows `at`, counted from 0; `values` is one for each row, or
-        one for all.
-        """
-        room = max(0, self.room())
-        for i, index in enumerate(at[:room]):
-            value = values[i] if len(values) > 1 else values[0]
-            shown = None if value in ("", None) else cell_text(value)
-            place = {"file": table.source.shown, "row": int(table.rows[index]), "column": column}
-            self.add(finding(code, **place, value=shown, expected=expected, **facts))
-        self.uncounted += max(0, len(at) - room)
-
-    def room(self) -> int:
-        """How many more are listed one by one."""
-        return LISTED_PROBLEMS - len(self.listed)
-
-    def extend(self, other: CellFaults) -> None:
-        """All problems of another list."""
-        for problem in other.listed:
-            self.add(problem)
-        self.uncounted += other.uncounted
-
-    def raise_if_any(self) -> None:
-        """Raises InputError with every problem, file by file in the order of the rows."""
-        if self.listed:
-            raise InputError(self.listed, self.uncounted)
-
-
-# No digit may belong to two of the parts: a long cell would be tried in all ways of cutting it.
-_NUMBER = {
-    ".": re.compile(r"[+-]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][+-]?\d++)?", re.ASCII),
-    ",": re.compile(r"[+-]?(?:\d++(?:,\d*+)?|,\d++)(?:[eE][+-]?\d++)?", re.ASCII),
-}
-_NOT_FINITE = re.compile(r"[+-]?(?:nan|inf|infinity)|[+-]?1\.#(?:inf|ind|qnan)", re.IGNORECASE)
-_THOUSANDS = re.compile(r"[+-]?\d{1,3}(?:([,.' \u00a0\u202f])\d{3})(?:\1\d{3})*(?:[.,]\d+)?")
-_DATE = re.compile(r"\d{4}-?\d{2}-?\d{2}(?:[T ].*)?", re.ASCII)
-
-NO_TIME = -(2**63)
-TIME_EXPECTED = "an ISO 8601 time such as 2024-05-03T14:30:00"
-
-
 def number(cell: str, decimal: Decimal = ".") -> float | None:
-    """The value of a cell, or None where it is no number; infinite where it overflows."""
-    cell = cell.strip()
-    if decimal == "," and "." in cell:
-        return None
-    text = cell.replace(",", ".") if decimal == "," else cell
+    """The value of a cell; nan or infinite where it says so or overflows, None where it is none."""
+    text = cell.strip()
+    if decimal == ",":
+        text = "" if "." in text else text.replace(",", ".")
     try:
         value = float(text)
     except ValueError:
         return None
-    if math.isfinite(value) and "_" not in text and text.isascii():
-        return value
-    # Python also reads nan, 1_000 and digits of other scripts.
-    return value if _NUMBER[decimal].fullmatch(cell) else None
+    # Python also reads 1_000 and digits of other scripts.
+    return value if text.isascii() and "_" not in text else None
 
 
 def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:
     """Whether a cell says nan or infinity, or is a number too large for one."""
     value = number(cell, decimal)
-    if value is not None:
-        return not math.isfinite(value)
-    return _NOT_FINITE.fullmatch(cell.strip()) is not None
+    return value is not None and not math.isfinite(value)
 
 
-def is_text(cell: str, decimal: Decimal = ".") -> bool:
-    """Whether a cell is neither empty nor a number nor one of the ways to write nan."""
-    cell = cell.strip()
-    return bool(cell) and number(cell, decimal) is None and not is_not_finite(cell, decimal)
-
-
-def expectation(cell: str, decimal: Decimal = ".") -> str:
+def expectation(cell: str, decimal: Decimal) -> str:
     """What was expected of a cell that is no finite number."""
-    cell = cell.strip()
     if is_not_finite(cell, decimal):
         return "a finite number"
-    if "\u2212" in cell or "\u2013" in cell:
-        return "a number with a plain minus sign (-)"
-    if number(cell, "." if decimal == "," else ",") is not None:
-        if decimal == ",":
-            return "a number with a decimal comma, as in the rest of the file"
-        return "a number with a decimal point (a decimal comma needs semicolons between columns)"
-    if _THOUSANDS.fullmatch(cell):
-        return "a number without thousands separators"
-    return number_expectation(cell)
+    if number(cell, "." if decimal == "," else ",") is None:
+        return number_expectation(cell)
+    if decimal == ",":
+        return "a number with a decimal comma, as in the rest of the file"
+    return "a number with a decimal point (a decimal comma needs semicolons between columns)"
 
 
-def microseconds(cells: Sequence[str]) -> tuple[NDArray[np.int64], frozenset[bool]]:
-    """ISO 8601 times as microseconds, and whether they state an offset from UTC.
-
-    A cell that is no time gives the smallest integer (`NO_TIME`).
+def time_of(cell: str) -> tuple[float, bool] | None:
+    """An ISO 8601 time in microseconds since 1970, and whether it states its offset from UTC; None
+    of anything else.
     """
-    import numpy as np
-    import pandas as pd
-
-    shaped = [cell if _DATE.fullmatch(cell) else None for cell in map(str.strip, cells)]
-    parsed = pd.to_datetime(
-        pd.Series(shaped, dtype="object"), format="ISO8601", errors="coerce", utc=True
-    )
-    values = parsed.dt.tz_localize(None).to_numpy(dtype="datetime64[us]").astype(np.int64)
-    pairs = zip(shaped, values.tolist(), strict=True)
-    aware = {_states_offset(cell) for cell, value in pairs if cell and value != NO_TIME}
-    return values, frozenset(aware)
-
-
-def _states_offset(cell: str) -> bool:
-    clock = cell[10:] if cell[4] == "-" else cell[8:]
-    return clock.endswith(("Z", "z")) or "+" in clock or "-" in clock
+    try:
+        time = datetime.fromisoformat(cell.upper())
+    except ValueError:
+        return None
+    aware = time.tzinfo is not None
+    return ((time if aware else time.replace(tzinfo=UTC)) - EPOCH) / MICROSECOND, aware

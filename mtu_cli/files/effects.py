@@ -7,10 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mtu_cli.files.contract import (
-    Contract,
-    wrong,
-)
+from mtu_cli.files.contract import Contract, Name, wrong
 from mtu_cli.files.machine_contract import (
     AxisName,
     EquationText,
@@ -35,8 +32,8 @@ def _family(text: str) -> str:
 FamilyName = Annotated[
     str, AfterValidator(_family), Field(json_schema_extra={"pattern": f"^{_FAMILY}$"})
 ]
-EffectEquations = Annotated[dict[Text, EquationText], Field(min_length=1)]
-EffectParameters = Annotated[dict[Text, ParameterUnitName], Field(min_length=1)]
+EffectEquations = Annotated[dict[Name, EquationText], Field(min_length=1)]
+EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
 
 
@@ -82,7 +79,7 @@ class Search(Contract):
         return data
 
 
-Searched = Annotated[dict[Text, Search], Field(max_length=1)]
+Searched = Annotated[dict[Name, Search], Field(max_length=1)]
 
 
 class MemberTemplate(Contract):
@@ -100,7 +97,7 @@ class Family(Contract):
     """A family of candidate effects; either one form, or several as `members`."""
 
     family: FamilyName
-    name: Text | None = Field(
+    name: Name | None = Field(
         default=None, description="Name of a candidate; family-{a} or the family where not given"
     )
     says: Text = Field(description="What it is, in words")

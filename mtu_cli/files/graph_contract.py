@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract import Contract, IdText, number_expectation, wrong
+from mtu_cli.files.budget import Correlation
+from mtu_cli.files.contract import Contract, IdText, Name, number_expectation, wrong
 from mtu_cli.files.graph_kinds import PlaceKind, TransitionKind
 from mtu_cli.findings import InputError
-from mtu_cli.language import evaluate, names, parse
+from mtu_cli.language import check_known, evaluate, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 
 LARGEST = 1e9
@@ -30,25 +31,19 @@ def number_or_formula(value: object) -> float:
     if isinstance(value, str):
         try:
             node = parse(value, BUDGET_FUNCTIONS)
+            check_known(node, ())
         except InputError as error:
             fault = error.findings[0]
-            reason = f"{fault.text} at column {fault.column}"
-            raise wrong(fault.expected or "a number", "not-a-formula", reason=reason) from None
-        if unknown := next(iter(names(node)), None):
-            hint = number_expectation(value, "a number, or a formula of numbers")
-            raise wrong(hint, "not-a-formula", reason=f"unknown name '{unknown}'")
+            name = f" {fault.value!r}" if fault.value else ""
+            kind = f"a formula of numbers: {fault.text}{name} at column {fault.column}"
+            expected = number_expectation(value, "a number, or a formula of numbers")
+            raise wrong(expected, "wrong-type", kind=kind) from None
         value = float(evaluate(node, {}))
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise wrong("a number, or a formula such as 30*pi/180")
     if not abs(value) <= LARGEST:
         raise wrong(f"a number of at most {LARGEST:g}")
     return float(value)
-
-
-def _not_negative(value: object) -> float:
-    if (number := number_or_formula(value)) < 0:
-        raise wrong("a number of at least 0")
-    return number
 
 
 def _nominal(value: object) -> tuple[float, ...]:
@@ -72,18 +67,11 @@ def _direction(value: object) -> Triple:
     return (i / length, j / length, k / length)
 
 
-def _triple(value: object) -> object:
-    if not isinstance(value, list) or len(value) != 3:
-        raise wrong("[first, second, r]")
-    return tuple(value)
-
-
 def _listed(value: object) -> object:
     return value if isinstance(value, list) else [value]
 
 
 Number = Annotated[float, BeforeValidator(number_or_formula, json_schema_input_type=float | str)]
-Uncertain = Annotated[float, BeforeValidator(_not_negative, json_schema_input_type=float | str)]
 Nominal = Annotated[
     tuple[float, ...],
     BeforeValidator(_nominal, json_schema_input_type=float | str | list[float | str]),
@@ -93,9 +81,6 @@ Direction = Annotated[
 ]
 Um = Annotated[float, Field(ge=0, le=LARGEST_U_UM)]
 Repeats = Annotated[int, Field(ge=1, le=MAX_REPEATS)]
-Correlation = Annotated[
-    tuple[IdText, IdText, float], BeforeValidator(_triple, json_schema_input_type=list[Any])
-]
 
 
 class Probing(Contract):
@@ -123,20 +108,29 @@ class Place(Contract):
         default=None, description="Of a measured coordinate or point"
     )
     value: Number | None = Field(default=None, description="Of a constant: mm, rad or 1")
-    u: Uncertain | None = Field(default=None, description="Its standard uncertainty")
+    u: Annotated[Number, Field(ge=0)] | None = Field(
+        default=None, description="Its standard uncertainty"
+    )
     distribution: Literal["normal", "rectangular", "triangular"] = "normal"
     known: bool = Field(
         default=False, description="A point that is exact from the start: of a drawing, say"
     )
     unit: Literal["mm", "rad", "1"] | None = Field(
-        default=None, description="Of a constant, where its transition does not tell it"
+        default=None, description="Of a constant, where its transition does not give it"
     )
     says: str | None = Field(default=None, description="What it is, in words")
 
     @property
     def marked(self) -> bool:
         """Whether it holds a marker from the start: no transition makes it."""
-        return self.value is not None or (self.known and self.nominal_mm is not None)
+        if self.kind == "point":
+            return self.known and self.nominal_mm is not None
+        return self.kind == "constant" and self.value is not None
+
+    @property
+    def stated(self) -> set[str]:
+        """The keys that it has, with a value."""
+        return {key for key in self.model_fields_set if getattr(self, key) is not None}
 
 
 class Transition(Contract):
@@ -162,12 +156,12 @@ class Graph(Contract):
     """A measurement graph: places, transitions, and the places to report."""
 
     schema_: Literal["mtu/graph/1"] = Field(alias="schema")
-    name: Annotated[str, Field(min_length=1)]
+    name: Name
     says: str | None = Field(default=None, description="What it is, in words")
     notes: str | None = Field(default=None, description="Free text")
     uncertainty: Probing = Field(default=Probing(), description="Of one probing, um")
     repeats: Repeats = Field(default=1, description="Probings averaged at every meas")
-    places: Annotated[dict[str, Place], Field(min_length=1)]
+    places: Annotated[dict[Name, Place], Field(min_length=1)]
     transitions: Annotated[list[Transition], Field(min_length=1)]
     report: list[IdText] = Field(default=[], description="Default: places that end the graph")
     correlations: list[Correlation] = Field(

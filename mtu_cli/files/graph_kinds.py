@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, get_args
 
 PlaceKind = Literal["coordinate", "point", "vector", "line", "plane", "frame", "constant"]
@@ -25,156 +27,107 @@ TransitionKind = Literal[
     "circle", "sphere", "line", "aline", "plane", "point", "normal", "direction", "project",
     "per_proj", "distance", "angle", "frame", "transform", "compute",
 ]  # fmt: skip
+SIGNATURES = {
+    "meas": {"coordinate": "-> coordinate", "point": "-> point"},
+    "displace": {
+        "coordinate": "coordinate constant -> coordinate",
+        "point": "point vector -> point",
+    },
+    "middle": {"": "point point -> point"},
+    "vector": {"": "point point -> vector"},
+    "unit_v": {"vector": "vector -> vector", "points": "point point -> vector"},
+    "ratio": {"vector": "vector constant -> vector", "constant": "constant constant -> constant"},
+    "length": {"vector": "vector -> constant", "points": "point point -> constant"},
+    "ball": {"": "coordinate.x*2 coordinate.y*2 coordinate.z constant -> point"},
+    "hole": {"": "coordinate.x*2 coordinate.y*2 constant*0-1 -> point"},
+    "circle": {"": "point*3- -> point constant*0-1"},
+    "sphere": {"free": "point*4- -> point constant*0-1", "radius": "point*4- constant -> point"},
+    "line": {"points": "point point -> line", "planes": "plane plane -> line"},
+    "aline": {"": "point vector -> line"},
+    "plane": {"points": "point*3- -> plane", "vector": "point vector -> plane"},
+    "point": {"line": "line plane -> point", "planes": "plane plane plane -> point"},
+    "normal": {"": "plane -> vector"},
+    "direction": {"": "line -> vector"},
+    "project": {"": "point vector plane -> point"},
+    "per_proj": {"plane": "point plane -> point", "line": "point line -> point"},
+    "distance": {
+        "points": "point point -> constant",
+        "line": "point line -> constant",
+        "plane": "point plane -> constant",
+        "lines": "line line -> constant",
+    },
+    "angle": {"": "vector vector -> constant"},
+    "frame": {"": "plane line point -> frame"},
+    "transform": {"": "frame point -> point"},
+    "compute": {"": "constant|coordinate|point|vector*1- -> constant"},
+}
+"""By transition and variant the places that it takes and makes, in their order. ``coordinate.x``
+is one along x, ``point*3-`` stands for three or more of them, ``constant*0-1`` may be left out.
+"""
+UNKNOWN = "?"
+"""A place of which no kind is known."""
+_SLOT = re.compile(r"(?P<kinds>[a-z|]+)(?:\.(?P<axis>[xyz]))?(?:\*(?P<least>\d)(?P<most>-\d?)?)?")
 
-Given = tuple[str | None, str | None]
-"""Kind and axis of an input place; None where they are not known, which fits anything."""
+
+def described(kind: str, axis: str | None) -> str:
+    """A place in words: ``a coordinate x``."""
+    return f"a {kind} {axis}" if axis else f"a {kind}"
 
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """One input, or a run of `least` to `most` inputs of the same kinds (None: any number)."""
+    """`least` to `most` places of the same `kinds` in a row; None: any number."""
 
     kinds: tuple[str, ...]
-    axis: str | None = None
-    least: int = 1
-    most: int | None = 1
+    axis: str | None
+    least: int
+    most: int | None
 
-    def accepts(self, given: Given) -> bool:
-        kind, axis = given
-        if kind is None:
-            return True
-        return kind in self.kinds and (self.axis is None or axis in (self.axis, None))
+    @property
+    def pattern(self) -> str:
+        """Of its places as `described`, each with a semicolon; what is not known fits anything."""
+        most = "" if self.most is None else self.most
+        place = rf"a (?:{'|'.join(self.kinds)})(?: {self.axis or '[xyz]'})?"
+        return rf"(?:(?:\{UNKNOWN}|{place});){{{self.least},{most}}}"
 
     def __str__(self) -> str:
         text = " or ".join(self.kinds) + (f" {self.axis}" if self.axis else "")
-        if self.least == self.most == 1:
-            return text
-        plural = " or ".join(f"{kind}s" for kind in self.kinds)
         if self.most is None:
-            return f"{self.least} or more {plural}"
-        return f"{text} (optional)"
+            return f"{self.least} or more of {text}"
+        return text if self.least == self.most == 1 else f"{self.least or 'optional'} {text}"
+
+
+@cache
+def _pattern(slots: tuple[Slot, ...]) -> re.Pattern[str]:
+    return re.compile("".join(slot.pattern for slot in slots))
+
+
+def fits(slots: tuple[Slot, ...], places: Sequence[str]) -> bool:
+    """Whether places, as `described`, are those of a signature."""
+    return _pattern(slots).fullmatch("".join(f"{place};" for place in places)) is not None
 
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """One way to use a transition: its inputs in order, and all that it can put out.
-
-    `name` tells the variants of one transition apart.
-    """
+    """One way to use a transition: the places that it takes and makes."""
 
     name: str
     inputs: tuple[Slot, ...]
-    outputs: tuple[str, ...]
-
-    def reach(self, given: Sequence[Given]) -> tuple[int, bool]:
-        """How many of the inputs fit, in order, and whether nothing is missing after these."""
-        at = 0
-        for slot in self.inputs:
-            count = 0
-            while at < len(given) and (slot.most is None or count < slot.most):
-                if not slot.accepts(given[at]):
-                    break
-                at, count = at + 1, count + 1
-            if count < slot.least:
-                return at, False
-        return at, True
-
-    def fits(self, given: Sequence[Given]) -> bool:
-        at, whole = self.reach(given)
-        return whole and at == len(given)
-
-    def gives(self, given: Sequence[Given]) -> bool:
-        """Whether it can fill these output places; it need not fill all that it could."""
-        return len(given) <= len(self.outputs) and self.wrong_output(given) is None
-
-    def wrong_output(self, given: Sequence[Given]) -> int | None:
-        """The first output place that it does not make."""
-        kinds = (*self.outputs, *[""] * len(given))
-        return next((i for i, (kind, _) in enumerate(given) if kind not in (kinds[i], None)), None)
-
-    def __str__(self) -> str:
-        return ", ".join(map(str, self.inputs)) if self.inputs else "no input"
+    outputs: tuple[Slot, ...]
 
 
-def _one(*kinds: str, axis: str | None = None) -> Slot:
-    return Slot(kinds, axis)
-
-
-_POINT, _VECTOR, _LINE, _PLANE = _one("point"), _one("vector"), _one("line"), _one("plane")
-_CONSTANT = _one("constant")
-_CROSS = tuple(_one("coordinate", axis=axis) for axis in "xxyy")
-
-
-def _points(least: int) -> Slot:
-    return Slot(("point",), None, least, None)
+def _slots(text: str) -> tuple[Slot, ...]:
+    slots = []
+    for found in _SLOT.finditer(text):
+        least, most = int(found["least"] or 1), found["most"]
+        upper = least if most is None else int(most[1:]) if most[1:] else None
+        slots.append(Slot(tuple(found["kinds"].split("|")), found["axis"], least, upper))
+    return tuple(slots)
 
 
 TRANSITIONS: dict[str, tuple[Variant, ...]] = {
-    "meas": (Variant("coordinate", (), ("coordinate",)), Variant("point", (), ("point",))),
-    "displace": (
-        Variant("coordinate", (_one("coordinate"), _CONSTANT), ("coordinate",)),
-        Variant("point", (_POINT, _VECTOR), ("point",)),
-    ),
-    "middle": (Variant("", (_POINT, _POINT), ("point",)),),
-    "vector": (Variant("", (_POINT, _POINT), ("vector",)),),
-    "unit_v": (
-        Variant("vector", (_VECTOR,), ("vector",)),
-        Variant("points", (_POINT, _POINT), ("vector",)),
-    ),
-    "ratio": (
-        Variant("vector", (_VECTOR, _CONSTANT), ("vector",)),
-        Variant("constant", (_CONSTANT, _CONSTANT), ("constant",)),
-    ),
-    "length": (
-        Variant("vector", (_VECTOR,), ("constant",)),
-        Variant("points", (_POINT, _POINT), ("constant",)),
-    ),
-    "ball": (Variant("", (*_CROSS, _one("coordinate", axis="z"), _CONSTANT), ("point",)),),
-    "hole": (Variant("", (*_CROSS, Slot(("constant",), None, 0, 1)), ("point",)),),
-    "circle": (Variant("", (_points(3),), ("point", "constant")),),
-    "sphere": (
-        Variant("free", (_points(4),), ("point", "constant")),
-        Variant("radius", (_points(4), _CONSTANT), ("point",)),
-    ),
-    "line": (
-        Variant("points", (_POINT, _POINT), ("line",)),
-        Variant("planes", (_PLANE, _PLANE), ("line",)),
-    ),
-    "aline": (Variant("", (_POINT, _VECTOR), ("line",)),),
-    "plane": (
-        Variant("points", (_points(3),), ("plane",)),
-        Variant("vector", (_POINT, _VECTOR), ("plane",)),
-    ),
-    "point": (
-        Variant("line", (_LINE, _PLANE), ("point",)),
-        Variant("planes", (_PLANE, _PLANE, _PLANE), ("point",)),
-    ),
-    "normal": (Variant("", (_PLANE,), ("vector",)),),
-    "direction": (Variant("", (_LINE,), ("vector",)),),
-    "project": (Variant("", (_POINT, _VECTOR, _PLANE), ("point",)),),
-    "per_proj": (
-        Variant("plane", (_POINT, _PLANE), ("point",)),
-        Variant("line", (_POINT, _LINE), ("point",)),
-    ),
-    "distance": (
-        Variant("points", (_POINT, _POINT), ("constant",)),
-        Variant("line", (_POINT, _LINE), ("constant",)),
-        Variant("plane", (_POINT, _PLANE), ("constant",)),
-        Variant("lines", (_LINE, _LINE), ("constant",)),
-    ),
-    "angle": (Variant("", (_VECTOR, _VECTOR), ("constant",)),),
-    "frame": (Variant("", (_PLANE, _LINE, _POINT), ("frame",)),),
-    "transform": (Variant("", (_one("frame"), _POINT), ("point",)),),
-    "compute": (
-        Variant(
-            "", (Slot(("constant", "coordinate", *NAMED_BY_COORDINATE), None, 1, None),),
-            ("constant",),
-        ),
-    ),
-}  # fmt: skip
-
-
-def described(given: Given) -> str:
-    """A place in words: ``a coordinate x``."""
-    kind, axis = given
-    return f"a {kind} {axis}" if axis else f"a {kind}"
+    do: tuple(
+        Variant(name, *map(_slots, signature.split("->"))) for name, signature in variants.items()
+    )
+    for do, variants in SIGNATURES.items()
+}

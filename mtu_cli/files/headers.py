@@ -1,155 +1,267 @@
-"""The header of a CSV table: columns that are missing, doubled, or named a little differently."""
+"""What a contract says of the columns of a CSV table, and its header held against it."""
 
 from __future__ import annotations
 
+import math
 import re
 import unicodedata
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any, Literal
 
-from mtu_cli.files.covariates import as_temperature, looks_like_temperature
-from mtu_cli.files.csv_table import CellFaults, Table, TableSpec
-from mtu_cli.files.names import EXPECTED, is_name
+from mtu_cli.files.contract import A_NAME, is_name
+from mtu_cli.files.covariates import SIGN_EXPECTED, is_covariate
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
+from mtu_cli.units import UNITS
 
-SYNONYMS: dict[str, tuple[str, ...]] = {
-    "part": ("workpiece", "piece", "serial", "serial number", "sn", "teil", "werkstuck"),
-    "feature": ("hole", "bore", "point", "element", "characteristic", "merkmal", "bohrung"),
-    "repeat": ("repetition", "replicate", "run", "trial", "measurement", "wiederholung"),
-    "operation": ("process",),
-    "sequence": ("order", "reihenfolge"),
-    "component": ("error component", "error name", "parameter", "komponente"),
-    "error": ("value", "reading", "deviation", "abweichung"),
-    "unit": ("units", "einheit"),
-    "position_mm": ("position", "pos", "target", "target position", "nominal position"),
-    "pass": ("run", "repeat", "repetition", "durchlauf"),
-    "direction": ("dir", "approach", "richtung"),
-    "cycle": ("warm up", "zyklus"),
-    "time": ("timestamp", "date", "datetime", "zeit"),
-    "time_min": ("minutes", "elapsed min"),
-    **{
-        f"{axis}_mm": (axis, *(f"{word} {axis}" for word in ("actual", "measured", "act", "ist")))
-        for axis in "xyz"
-    },
-    **{
-        f"nominal_{axis}_mm": tuple(f"{word} {axis}" for word in ("nominal", "nom", "soll"))
-        for axis in "xyz"
-    },
-    **{f"dir_{axis}": (f"direction {axis}", f"approach {axis}") for axis in "xyz"},
+Kind = Literal["number", "whole", "count", "free", "sign", "time", "text"]
+LARGEST_READING = 1e12
+"""Beyond it no cell is a measurement, and squares would overflow."""
+LARGEST_INTEGER = 2.0**53 - 1.0
+"""2^53 and 2^53 + 1 are one float, and so are whole numbers beyond."""
+TIME_EXPECTED = "an ISO 8601 time such as 2024-05-03T14:30:00"
+WANTED = {
+    "text": ("a name that a table can show", A_NAME),
+    "time": ("a time", TIME_EXPECTED),
+    "sign": ("a direction", SIGN_EXPECTED),
 }
-"""What other programs call a column: words in any order, without unit, number and accents."""
-OF_NUMBERS = {"no", "nr", "number", "num", "id", "name", "mm", "s"}
-"""Words that say nothing more."""
+"""What a cell of a kind is, and how it is written; those of other kinds are numbers."""
+SAYS_NOTHING = {"no", "nr", "number", "num", "id", "name", "mm", "s"}
+"""Words of a column's name that tell it from no other."""
 SLIP = 0.9
-KINDS = {
-    ("component", "error", "unit"): ("readings of components", "--lbb, --laser or --drift"),
-    ("part", "feature", "x_mm", "y_mm"): ("measured points", "--cmm"),
+"""Likeness of two names of which one is a slip of the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column that a contract names.
+
+    A `whole` number may be negative, a `count` is not; a `free` column holds numbers or texts; a
+    `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `known` are
+    the texts that its cells may be (None: any name). `says` words what a cell should be; `synonyms`
+    are what other programs call the column: words in any order, without unit, number and accents.
+    """
+
+    kind: Kind = "number"
+    required: bool = False
+    may_be_empty: bool = False
+    largest: float = LARGEST_READING
+    known: Collection[str] | None = None
+    says: str = ""
+    synonyms: str = ""
+
+    @property
+    def numeric(self) -> bool:
+        """Whether its cells are written as numbers."""
+        return self.kind in ("number", "whole", "count", "free")
+
+    @property
+    def expected(self) -> str:
+        """What an empty cell lacks."""
+        return self.says or WANTED.get(self.kind, ("", "a number"))[1]
+
+
+SENSOR = Column(may_be_empty=True, largest=math.inf)
+FREE = Column("free", may_be_empty=True, largest=math.inf)
+"""What no contract names: covariates of every machine, and any other column."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableSpec:
+    """The `columns` that a contract names; every other column is a covariate.
+
+    What the table `holds`, and the `option` that takes it. `together` pairs must both be there, or
+    none of them.
+    """
+
+    columns: Mapping[str, Column]
+    holds: str = "a table"
+    option: str = ""
+    together: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def required(self) -> list[str]:
+        """The columns that every table has."""
+        return [name for name, column in self.columns.items() if column.required]
+
+    def column(self, name: str) -> Column:
+        """How the cells of a column are read."""
+        return self.columns.get(name) or (SENSOR if is_covariate(name) else FREE)
+
+    def knowing(self, name: str, known: Collection[str] | None) -> TableSpec:
+        """The same contract where the cells of a column are `known`, if they are."""
+        column = replace(self.columns[name], known=known)
+        return replace(self, columns={**self.columns, name: column})
+
+
+EXCLUSIVE = ("time", "time_min")
+"""Columns of which a table has one at most."""
+TIMES = {
+    "time": Column("time", largest=math.inf, synonyms="timestamp, date, datetime, zeit"),
+    # Minutes since 1970 are within a century, seconds are not.
+    "time_min": Column(
+        largest=5.3e7,
+        says="minutes, at most a century (5.3e+07) from the start",
+        synonyms="minutes, elapsed min",
+    ),
 }
-"""What a table is that requires these columns, and the options that take it."""
+READINGS = TableSpec(
+    holds="readings of components",
+    option="--lbb, --laser or --drift",
+    columns={
+        "component": Column(
+            "text",
+            required=True,
+            says="the name of a component of the machine",
+            synonyms="error component, error name, parameter, komponente",
+        ),
+        "error": Column(required=True, synonyms="value, reading, deviation, abweichung"),
+        "unit": Column(
+            "text",
+            required=True,
+            known=UNITS,
+            says=f"one of: {', '.join(UNITS)}",
+            synonyms="units, einheit",
+        ),
+        "position_mm": Column(
+            may_be_empty=True, synonyms="position, pos, target, target position, nominal position"
+        ),
+        "pass": Column(
+            "count",
+            largest=LARGEST_INTEGER,
+            says="a whole number from 0 to 2^53 - 1",
+            synonyms="run, repeat, repetition, durchlauf",
+        ),
+        "direction": Column("sign", may_be_empty=True, synonyms="dir, approach, richtung"),
+        "cycle": Column(
+            "text",
+            says="the name of a warm-up or cool-down in every row, or no column 'cycle'",
+            synonyms="warm up, zyklus",
+        ),
+        **TIMES,
+    },
+)
+"""Of ``--lbb``, ``--laser`` and ``--drift``: one row per reading of one error component."""
+POINTS = TableSpec(
+    holds="measured points",
+    option="--cmm",
+    together=(("nominal_x_mm", "nominal_y_mm"),),
+    columns={
+        "part": Column(
+            "text",
+            required=True,
+            says="the serial number or name of the part",
+            synonyms="workpiece, piece, serial, serial number, sn, teil, werkstuck",
+        ),
+        "feature": Column(
+            "text",
+            required=True,
+            says="the name of a feature of the part",
+            synonyms="hole, bore, point, element, characteristic, merkmal, bohrung",
+        ),
+        "operation": Column(
+            "text",
+            says="a name such as drilled in every row, or no column 'operation'",
+            synonyms="process",
+        ),
+        "repeat": Column(
+            "count", synonyms="repetition, replicate, run, trial, measurement, wiederholung"
+        ),
+        "sequence": Column(
+            "whole",
+            largest=LARGEST_INTEGER,
+            says="a whole number, at most 2^53 - 1 in size",
+            synonyms="order, reihenfolge",
+        ),
+        "x_mm": Column(required=True, synonyms="x, actual x, measured x, act x, ist x"),
+        "y_mm": Column(required=True, synonyms="y, actual y, measured y, act y, ist y"),
+        "z_mm": Column(synonyms="z, actual z, measured z, act z, ist z"),
+        "nominal_x_mm": Column(may_be_empty=True, synonyms="nominal x, nom x, soll x"),
+        "nominal_y_mm": Column(may_be_empty=True, synonyms="nominal y, nom y, soll y"),
+        "nominal_z_mm": Column(may_be_empty=True, synonyms="nominal z, nom z, soll z"),
+        "dir_x": Column("sign", may_be_empty=True, synonyms="direction x, approach x"),
+        "dir_y": Column("sign", may_be_empty=True, synonyms="direction y, approach y"),
+        "dir_z": Column("sign", may_be_empty=True, synonyms="direction z, approach z"),
+        **TIMES,
+    },
+)
+"""Of ``--cmm``: one row per measured point."""
 
 
 def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:
-    """Raises InputError for columns that are missing, doubled, without a name or at odds."""
-    _refuse_other_table(source, row, header, spec)
+    """Raises InputError for columns that are missing, doubled, without a name or at odds, and for
+    a table of another contract.
+    """
     place = {"file": source.shown, "row": row}
-    found = [each.at(**place) for each in _names(header)]
+    if not {*spec.required} & {*header}:
+        for other in (READINGS, POINTS):
+            if {*other.required} <= {*header}:
+                expected = f"{spec.holds} ({other.option} takes {other.holds})"
+                raise error("other-table", kind=other.holds, expected=expected, **place)
+    if faults := [*_faults(header, spec)]:
+        raise InputError([each.at(**place) for each in faults])
+
+
+def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
+    for i, name in enumerate(header, 1):
+        if not is_name(name):
+            expected = A_NAME if name else "a name, or no such column"
+            given: dict[str, Any] = {"value": name, "column": i, "expected": expected}
+            yield finding("wrong-type", kind="a name that a table can show", **given)
+        elif name in header[: i - 1]:
+            expected = f"one of the columns {header.index(name) + 1} and {i}"
+            yield finding("appears-twice", what="the column", column=name, expected=expected)
     wanted = [*spec.required]
-    wanted += [b for a, b in spec.together if a in header]
-    wanted += [a for a, b in spec.together if b in header]
+    wanted += [name for pair in spec.together if {*pair} & {*header} for name in pair]
     absent = [name for name in dict.fromkeys(wanted) if name not in header]
-    free = [name for name in header if name and not spec.named(name)]
-    taken: set[str] = set()
+    free = [name for name in header if name and name not in spec.columns]
     for name in absent:
-        near = meant_by(name, [other for other in free if other not in taken])
-        taken |= {near} if near else set()
+        near = meant_by(name, free, spec)
         known = f"a column {name!r} (the columns are {listed(header, 12)})"
         expected = f"{near!r} renamed to {name!r}" if near else known
-        found.append(finding("missing-column", name=name, expected=expected, **place))
-    shut = set(header) | {b for pair in spec.exclusive for b in pair if set(pair) & set(header)}
-    for name in (name for name in spec.names if name not in shut and name not in absent):
-        other = meant_by(name, [other for other in free if other not in taken], slips=True)
-        if other is not None:
-            taken.add(other)
-            expected = f"{other!r} renamed to {name!r}, or to a name of its own"
-            facts = {"other": other, "name": name, "expected": expected}
-            found.append(finding("misnamed-column", column=other, **facts, **place))
-    for first, second in spec.exclusive:
-        if first in header and second in header:
-            facts = {"first": first, "second": second, "expected": "one of them"}
-            found.append(finding("exclusive-columns", **facts, **place))
-    if found:
-        raise InputError(found)
+        yield finding("missing-column", column=name, expected=expected)
+        free = [other for other in free if other != near]
+    settled = {*header, *absent, *(EXCLUSIVE if {*EXCLUSIVE} & {*header} else ())}
+    for name in sorted({*spec.columns} - settled):
+        if near := meant_by(name, free, spec, slips=True):
+            expected = f"it renamed to {name!r}, or to a name of its own"
+            yield finding("unknown-name", what="column", value=near, expected=expected)
+            free.remove(near)
+    if {*EXCLUSIVE} <= {*header}:
+        yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 
 
-def _names(header: Sequence[str]) -> Iterator[Finding]:
-    places: dict[str, int] = {}
-    for index, name in enumerate(header):
-        if not name:
-            yield finding("nameless-column", place=index + 1, expected="a name, or no such column")
-        elif not is_name(name):
-            yield finding("not-printable", value=name, expected=EXPECTED)
-        elif places.setdefault(name, index) != index:
-            first = places[name] + 1
-            yield finding("doubled-column", column=name, first=first, second=index + 1)
-
-
-def meant_by(name: str, others: Sequence[str], slips: bool = False) -> str | None:
-    """The column among `others` that is probably meant as `name`: by a synonym, by its words in
-    another order or case, or with a slip of a letter.
-
-    >>> meant_by("x_mm", ["Actual X [mm]", "Nominal X [mm]"])
-    'Actual X [mm]'
+def meant_by(
+    name: str, others: Sequence[str], spec: TableSpec, *, slips: bool = False
+) -> str | None:
+    """The column among `others` that is probably meant as `name` of a contract: by a synonym, by
+    its words in another order or case, or with a slip of a letter.
     """
-    words = {_words(each) for each in (name, *SYNONYMS.get(name, ()))}
-    same = [other for other in others if _words(other) in words]
-    if len(same) == 1:
-        return same[0]
-    if same:
-        return next((other for other in same if _words(other) == _words(name)), None)
+    words = _all_words(name, spec)
+    if same := [other for other in others if _words(other) in words]:
+        exact = [other for other in same if _words(other) == _words(name)]
+        return same[0] if len(same) == 1 else next(iter(exact), None)
     if slips:
-        near = closest(name, others)
-        own, other = (re.sub(r"\W|_", "", each or "").casefold() for each in (name, near))
-        return near if near and _likeness(own, other) >= SLIP else None
-    known = {word for each in SYNONYMS if each != name for word in (each, *SYNONYMS[each])}
-    free = [other for other in others if _words(other) not in map(_words, known)]
-    return closest(name, free)
+        plain = {_letters(other): other for other in others}
+        near = get_close_matches(_letters(name), plain, 1, SLIP)
+        return plain[near[0]] if near else None
+    taken = set().union(*(_all_words(each, spec) for each in spec.columns if each != name))
+    return closest(name, [other for other in others if _words(other) not in taken])
 
 
-def _likeness(name: str, other: str) -> float:
-    from difflib import SequenceMatcher
+def _letters(name: str) -> str:
+    return re.sub(r"[\W_]", "", name[:200]).casefold()
 
-    return SequenceMatcher(None, name, other).ratio()
+
+def _all_words(name: str, spec: TableSpec) -> set[frozenset[str]]:
+    return {_words(each) for each in (name, *spec.columns[name].synonyms.split(", "))}
 
 
 def _words(name: str) -> frozenset[str]:
     """The words of a name in lower case, without accents, units in brackets and plain numbers."""
     plain = unicodedata.normalize("NFKD", name[:200].casefold())
     plain = "".join(sign for sign in plain if not unicodedata.combining(sign))
-    plain = re.sub(r"[\[(/].*$", "", plain)
-    words = re.findall(r"[a-z]+", plain)
-    return frozenset(words) - OF_NUMBERS or frozenset(words)
-
-
-def _refuse_other_table(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:
-    if any(name in header for name in spec.required):
-        return
-    for names, (kind, options) in KINDS.items():
-        if names != spec.required and all(name in header for name in names):
-            own = KINDS.get(spec.required, ("a table", ""))[0]
-            expected = f"a file of {own} (this one goes to {options})"
-            raise error("other-table", file=source.shown, row=row, kind=kind, expected=expected)
-
-
-def check_sensor_names(table: Table, problems: CellFaults) -> None:
-    """Columns of numbers whose names say that they are temperatures, but not as `T_<sensor>_degC`:
-    nothing would read them. In points ``T_12`` may be a tool.
-    """
-    drift = "component" in table.header
-    for name in filter(looks_like_temperature, table.columns.numbers):
-        if not drift and re.fullmatch(r"[Tt][\W_]*[0-9]*\W*", name):
-            continue
-        better = as_temperature(name)
-        expected = "T_<sensor>_degC of letters a to z, digits and _"
-        expected += f", such as {better}" if better else ""
-        place = {"file": table.source.shown, "row": table.header_row, "column": name}
-        problems.add(finding("not-a-temperature", expected=expected, **place))
+    words = frozenset(re.findall(r"[a-z]+", re.sub(r"[\[(/].*$", "", plain)))
+    return words - SAYS_NOTHING or words

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,21 +12,20 @@ from mtu_cli.files.contract import (
     Contract,
     Faults,
     IdText,
+    Loaded,
+    Name,
     NonNegative,
     Positive,
     check_contract,
-    duplicates,
+    is_number,
+    optional,
     present,
     wrong,
 )
-from mtu_cli.files.source import Source
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
-from mtu_cli.findings import Finding
+from mtu_cli.files.yaml_file import YamlPath, read_yaml
 
 Place = tuple[float, float, float | None]
 REFERENCE_TEMPERATURE = 20.0
-
-
 LARGEST_MM = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
 
@@ -40,7 +37,7 @@ class Feature(Contract):
 
     x_mm: Coordinate
     y_mm: Coordinate
-    z_mm: Coordinate | None = Field(default=None, description="Default: the part's z_mm")
+    z_mm: Coordinate | None = optional("Default: the part's z_mm")
 
 
 class _Identified(Contract):
@@ -50,10 +47,10 @@ class _Identified(Contract):
 class Length(_Identified):
     """A length between two features."""
 
-    id: IdText = Field(default="", description="Default: from-to")
+    id: IdText = optional("Default: from-to", "")
     from_: IdText = Field(alias="from")
     to: IdText
-    tolerance_um: Positive | None = Field(default=None, description="Tolerance, plus-minus")
+    tolerance_um: Positive | None = optional("Tolerance, plus-minus")
 
     @model_validator(mode="before")
     @classmethod
@@ -72,9 +69,7 @@ class Orthogonality(_Identified):
 
 def _by_temperature(value: object) -> object:
     """A calibrated diameter as {degC: mm}; a plain number holds at every temperature."""
-    if isinstance(value, (int, float)) and not isinstance(value, bool):
-        if not 0.0 < value < math.inf:
-            raise wrong("a number above 0, the diameter in mm")
+    if is_number(value):
         return {REFERENCE_TEMPERATURE: value}
     if not isinstance(value, dict):
         raise wrong("a diameter in mm, or {temperature in degC: diameter in mm}")
@@ -93,13 +88,9 @@ Calibration = Annotated[
 
 class _Round(_Identified):
     features: list[IdText]
-    calibrated_mm: Calibration | None = Field(
-        default=None, description="Calibrated diameter, mm, or {degC: mm}"
-    )
-    U_um: NonNegative | None = Field(default=None, description="Its expanded uncertainty (k = 2)")
-    temperature: str | None = Field(
-        default=None, description="The covariate that holds the temperature"
-    )
+    calibrated_mm: Calibration | None = optional("Calibrated diameter, mm, or {degC: mm}")
+    U_um: NonNegative | None = optional("Its expanded uncertainty (k = 2)")
+    temperature: str | None = optional("The covariate that holds the temperature")
 
 
 class Circle(_Round):
@@ -118,19 +109,15 @@ class Part(Contract):
     """A part as its features and the quantities between them."""
 
     schema_: Literal["mtu/part/1"] = Field(alias="schema")
-    name: Annotated[str, Field(min_length=1)]
-    says: str | None = Field(default=None, description="What it is, in words")
-    notes: str | None = Field(default=None, description="Free text")
-    z_mm: Coordinate | None = Field(
-        default=None, description="z of all features that do not state it"
-    )
-    features: Annotated[dict[str, Feature], Field(min_length=1)]
-    lengths: list[Length] = Field(default=[], description="Lengths between features")
-    orthogonality: list[Orthogonality] = Field(
-        default=[], description="Right angles of rows and columns"
-    )
-    circles: list[Circle] = Field(default=[], description="Features on circles")
-    spheres: list[Sphere] = Field(default=[], description="Features on spheres")
+    name: Name
+    says: str | None = optional("What it is, in words")
+    notes: str | None = optional("Free text")
+    z_mm: Coordinate | None = optional("z of all features that do not state it")
+    features: Annotated[dict[Name, Feature], Field(min_length=1)]
+    lengths: list[Length] = optional("Lengths between features", [])
+    orthogonality: list[Orthogonality] = optional("Right angles of rows and columns", [])
+    circles: list[Circle] = optional("Features on circles", [])
+    spheres: list[Sphere] = optional("Features on spheres", [])
 
     def places(self) -> dict[str, Place]:
         """Nominal (x, y, z) of every feature, mm; z is None where nothing states it."""
@@ -141,17 +128,10 @@ class Part(Contract):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoadedPart:
+class LoadedPart(Loaded):
     """A checked part file."""
 
-    source: Source
     part: Part
-    document: YamlDocument
-    warnings: tuple[Finding, ...] = ()
-
-    def line_of(self, *path: str | int) -> int | None:
-        """The line of a value of the file."""
-        return self.document.line_of(*path)
 
 
 def load_part(path: Path, role: str = "part") -> LoadedPart:
@@ -165,49 +145,42 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
 
 
 def _check(part: Part, faults: Faults) -> None:
-    # Features that are faulty as a whole have their own message.
-    places = part.places() if part.features else {}
+    """Known features, none twice; lengths above 0; rows and columns with an extent; ids once."""
+    places, known = part.places(), faults.keys("features")
+    named: list[tuple[YamlPath, str]] = []
     for index, length in present(part.lengths):
-        path: YamlPath = ("lengths", index)
-        ends = {"from": length.from_, "to": length.to}
-        known = [_known(name, (*path, key), faults) for key, name in ends.items()]
-        if length.from_ == length.to:
-            faults.add(path, "same-place", value=length.to, what="both ends", where="feature")
-        elif all(known) and places.get(length.from_, 0) == places.get(length.to, 1):
-            what = f"the features {length.from_!r} and {length.to!r}"
-            faults.add(path, "same-place", what=what, where="place", expected="a length above 0")
-    for index, item in present(part.orthogonality):
-        for axis, (key, names) in enumerate((("row", item.row), ("column", item.column))):
-            path, letter = ("orthogonality", index, key), "xy"[axis]
-            sound = [name for name in _known_names(names, path, faults) if name in places]
-            apart = len({places[name][axis] for name in sound}) > 1
-            if len(set(names)) > 1 and len(sound) == len(names) and not apart:
-                what, expected = f"all features of the {key}", f"features that differ in {letter}"
-                faults.add(path, "same-place", what=what, where=letter, expected=expected)
-    for kind in ("circles", "spheres"):
-        groups: list[_Round | None] = getattr(part, kind)
-        for index, group in present(groups):
-            _known_names(group.features, (kind, index, "features"), faults)
-            if len(group.calibrated_mm or ()) > 1 and group.temperature is None:
-                expected = "`temperature:` with the name of a covariate"
-                path = (kind, index, "calibrated_mm")
-                faults.add(path, "no-temperature-stated", expected=expected)
+        ends: YamlPath = ("lengths", index)
+        named += [((*ends, "from"), length.from_), ((*ends, "to"), length.to)]
+        if places.get(length.from_, length.from_) == places.get(length.to, length.to):
+            expected = f"a feature at another place than {length.from_!r}"
+            given = {"what": "the place", "value": length.to, "expected": expected}
+            faults.add((*ends, "to"), "appears-twice", **given)
+    for kind in ("orthogonality", "circles", "spheres"):
+        for index, item in present(getattr(part, kind)):
+            for key in ("row", "column", "features"):
+                path: YamlPath = (kind, index, key)
+                names = getattr(item, key, ())
+                faults.once(path, enumerate(names), "the feature")
+                named += [((*path, place), name) for place, name in enumerate(names)]
+            if isinstance(item, Orthogonality):
+                _check_extent(item, places, (kind, index), faults)
+            elif len(item.calibrated_mm or ()) > 1 and item.temperature is None:
+                given = {"what": "diameters at several temperatures", "other": "`temperature`"}
+                faults.add((kind, index, "calibrated_mm"), "incomplete", **given)
+    for path, name in named:
+        # A feature whose own entry is faulty is not unknown.
+        if name not in known:
+            faults.unknown(path, name, known, "feature")
     for kind in ("lengths", "orthogonality", "circles", "spheres"):
         ids = [(index, item.id) for index, item in present(getattr(part, kind))]
-        for index, name, first in duplicates(ids):
-            expected = f"another `id` than that of line {faults.document.line_of(kind, first)}"
-            path = (kind, index, "id")
-            faults.add(path, "appears-twice", value=name, what="the id", expected=expected)
+        faults.once((kind,), ids, "the id", "id", expected="another `id`")
 
 
-def _known_names(names: Sequence[str], path: YamlPath, faults: Faults) -> list[str]:
-    faults.once(path, enumerate(names), "the feature")
-    return [name for index, name in enumerate(names) if _known(name, (*path, index), faults)]
-
-
-def _known(name: str, path: YamlPath, faults: Faults) -> bool:
-    """Whether the file has a feature; one whose own entry is faulty is not unknown."""
-    names = faults.keys("features")
-    if name not in names:
-        faults.unknown(path, name, names, "feature")
-    return name in names
+def _check_extent(
+    item: Orthogonality, places: dict[str, Place], path: YamlPath, faults: Faults
+) -> None:
+    for axis, (key, names) in enumerate((("row", item.row), ("column", item.column))):
+        along = {places[name][axis] if name in places else name for name in names}
+        if len(along) == 1 and len(set(names)) > 1:
+            expected = f"features that differ in {'xy'[axis]}"
+            faults.add((*path, key), "wrong-value", value=names, expected=expected)

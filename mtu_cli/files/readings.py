@@ -10,37 +10,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.files import joined
-from mtu_cli.files.covariates import (
-    SIGN_EXPECTED,
-    TEMPERATURE_EXPECTED,
-    direction_sign,
-    is_temperature,
-)
-from mtu_cli.files.csv_table import CellFaults, Table, TableSpec
-from mtu_cli.files.headers import check_sensor_names
+from mtu_cli.files.covariates import TEMPERATURE_EXPECTED, is_temperature
+from mtu_cli.files.csv_file import check_sensor_names, read_tables
+from mtu_cli.files.csv_table import CellFaults, Flags, Ints, Table
+from mtu_cli.files.headers import READINGS
 from mtu_cli.files.source import DRIFT, Source
-from mtu_cli.findings import Finding, InputError, counted, finding, nearest, suggestion
+from mtu_cli.findings import Finding, InputError, counted, finding, listed
 from mtu_cli.units import UNITS, dimension_name
 
-SPEC = TableSpec(
-    required=("component", "error", "unit"),
-    numbers=frozenset({"error", "position_mm", "pass", "time_min"}),
-    texts=frozenset({"component", "unit", "direction", "cycle"}),
-    times=frozenset({"time"}),
-    may_be_empty=frozenset({"position_mm", "direction"}),
-    exclusive=(("time", "time_min"),),
-    units=frozenset({"unit"}),
-    says={
-        "component": "the name of a component of the machine",
-        "unit": f"one of: {', '.join(UNITS)}",
-        "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
-    },
-)
-
-
-Travels = Mapping[str, tuple[float, float]]
-"""Lowest and highest coordinate of each axis, mm, as the machine file states them."""
+UNKNOWN = -9
+"""For the dimension of a unit that is none."""
 
 
 class ComponentLike(Protocol):
@@ -90,7 +69,6 @@ class Readings:
     row: NDArray[np.int64]
     sources: tuple[Source, ...]
     roles: tuple[str, ...]
-    notes: tuple[Finding, ...] = ()
     unit: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
@@ -120,208 +98,138 @@ def read_readings(
 
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
-    problems = CellFaults()
-    tables = joined.read_tables(files, SPEC, problems)
-    for table in tables:
-        if for_fit and table.source.role != DRIFT:
-            _refuse_drift(table)
-        check_cells(table, components, problems)
-        joined.check_equal_rows(table, problems)
+    faults = CellFaults()
+    table = read_tables(files, READINGS.knowing("component", components), faults)
+    _check_drift(table, faults, for_fit)
+    sound = not faults.listed
+    for code, label in enumerate(table.texts["component"].labels):
+        inside = table.texts["component"].codes == code
+        component = None if components is None else components.get(label)
+        if components is None or component is not None:
+            _check_component(table, label, inside, component, faults)
         if for_fit:
-            _check_blank_directions(table, problems)
-    if problems.listed:
-        joined.integers(tables, "pass", problems)
-        problems.raise_if_any()
-    readings = assemble(tables, components, problems)
-    if for_fit and components is not None and not problems.listed:
-        _check_for_fit(readings, components, problems)
-    problems.raise_if_any()
-    return readings
+            _check_directions(table, label, inside, faults)
+            if sound and component is not None and component.of is not None:
+                _count_positions(table, label, inside, component.degree, faults)
+    faults.raise_if_any()
+    return _readings(table, components)
 
 
-def check_cells(
-    table: Table, components: Mapping[str, ComponentLike] | None, problems: CellFaults
-) -> None:
-    """Cells that mean nothing: units, directions, components, positions, temperatures."""
+def _check_drift(table: Table, faults: CellFaults, for_fit: bool) -> None:
+    """Temperatures of drift readings: the names of their columns, and no cell without one.
 
-    def unit(label: str) -> dict[str, Any] | None:
-        return None if label in UNITS else {"what": "unit", **suggestion(label, UNITS)}
-
-    def direction(label: str) -> dict[str, Any] | None:
-        near = nearest(label, ("forward", "reverse"))
-        return None if direction_sign(label) else {"meant": near, "expected": SIGN_EXPECTED}
-
-    joined.check_labels(table, "unit", "unknown-name", unit, problems)
-    joined.check_labels(table, "direction", "not-a-direction", direction, problems)
-    for name in ("error", "position_mm"):
-        joined.check_magnitude(table, name, problems)
-    if table.source.role == DRIFT:
-        check_sensor_names(table, problems)
-        for name, values in table.columns.numbers.items():
-            if is_temperature(name):
-                empty = np.flatnonzero(np.isnan(values))
-                problems.add_cells(table, empty, name, "empty-cell", [""], TEMPERATURE_EXPECTED)
-    joined.check_names(table, ("cycle",), problems)
-    joined.check_known(table, "component", components, problems)
-    if components is not None:
-        _check_machine(table, components, problems)
-    elif table.source.role == DRIFT:
-        _check_alike(table, problems)
-
-
-def _check_alike(table: Table, problems: CellFaults) -> None:
-    """Without a machine, all readings of a component have one kind of unit, and a position in all
-    rows or in none.
+    Raises InputError for drift readings given as others: drift would count as scatter.
     """
-    units, names = table.columns.texts["unit"], table.columns.texts["component"]
-    kinds = np.array([UNITS[u].dimension if u in UNITS else -1 for u in units.labels] + [-1])
-    positions = table.columns.numbers.get("position_mm", np.full(len(table), np.nan))
-    for code, label in enumerate(names.labels):
-        inside = np.flatnonzero(names.codes == code)
-        known = inside[kinds[units.codes[inside]] >= 0]
-        usual = int(np.bincount(kinds[units.codes[known]], minlength=1).argmax())
-        other = known[kinds[units.codes[known]] != usual]
-        expected = f"{dimension_name(usual)}, as in most readings of it"
-        cells = [units.labels[i] for i in units.codes[other]]
-        problems.add_cells(
-            table, other, "unit", "wrong-kind-of-unit", cells, expected, component=label
-        )
-        empty = inside[np.isnan(positions[inside])]
-        if len(empty) < len(inside):
-            expected = f"a position in all readings of {label!r}, or in none"
-            problems.add_cells(table, empty, "position_mm", "empty-cell", [""], expected)
-
-
-def _check_machine(
-    table: Table, components: Mapping[str, ComponentLike], problems: CellFaults
-) -> None:
-    """Positions of components with an axis, and units of their kind."""
-    column = table.columns.texts["component"]
-    units = table.columns.texts["unit"]
-    positions = table.columns.numbers.get("position_mm")
-    for code, label in enumerate(column.labels):
-        component = components.get(label)
-        if component is None:
-            continue
-        inside = column.codes == code
-        expected = f"a number: {label} is a function of {component.of}"
-        if component.of is not None and positions is None:
-            place = {"file": table.source.shown, "row": table.header_row}
-            problems.add(
-                finding(
-                    "missing-column",
-                    name="position_mm",
-                    expected=f"it, as {label} is a function of {component.of}",
-                    **place,
-                )
-            )
-            positions = np.zeros(len(table))
-        elif component.of is not None and positions is not None:
-            empty = np.flatnonzero(inside & np.isnan(positions))
-            problems.add_cells(table, empty, "position_mm", "empty-cell", [""], expected)
-        dimension = UNITS[component.unit].dimension
-        for unit_code, unit in enumerate(units.labels):
-            if unit in UNITS and UNITS[unit].dimension != dimension:
-                rows = np.flatnonzero(inside & (units.codes == unit_code))
-                expected = f"{dimension_name(dimension)}: the machine gives {label} in "
-                expected += component.unit
-                problems.add_cells(
-                    table, rows, "unit", "wrong-kind-of-unit", [unit], expected, component=label
-                )
-
-
-def _check_blank_directions(table: Table, problems: CellFaults) -> None:
-    """A problem for every empty direction of a component whose other rows have one: such a reading
-    would be of neither way, and a pass of its own.
-    """
-    column = table.columns.texts.get("direction")
-    if column is None or table.source.role == DRIFT:
-        return
-    names = table.columns.texts["component"]
-    given = np.bincount(names.codes[(column.codes >= 0) & (names.codes >= 0)], minlength=1)
-    for code in np.flatnonzero(given).tolist():
-        rows = np.flatnonzero((names.codes == code) & (column.codes < 0))
-        expected = f"forward or reverse, as in the other rows of {names.labels[code]}"
-        problems.add_cells(table, rows, "direction", "empty-cell", [""], expected)
-
-
-def _refuse_drift(table: Table) -> None:
-    """Raises InputError for drift readings given as others: drift would count as scatter."""
-    columns = table.columns
-    sensors = [name for name in columns.numbers if is_temperature(name)]
-    passes = "pass" in columns.numbers or "direction" in columns.texts
-    if sensors and "cycle" in columns.texts and not passes:
-        raise InputError(drift_problem(table.source.shown, sensors))
+    for i, file in enumerate(table.files):
+        sensors = [name for name in file.header if is_temperature(name) and name in table.numbers]
+        if file.source.role == DRIFT:
+            check_sensor_names(table, file, faults)
+            for name in sensors:
+                empty = (table.file_index == i) & np.isnan(table.numbers[name])
+                faults.cells(table, empty, name, "empty-cell", expected=TEMPERATURE_EXPECTED)
+        elif for_fit and sensors and {"cycle", "pass", "direction"} & {*file.header} == {"cycle"}:
+            raise InputError(drift_problem(file.source.shown, sensors))
 
 
 def drift_problem(file: str, sensors: Sequence[str]) -> Finding:
     """The fault of drift readings where others are asked for."""
+    kind = f"drift readings, as it seems: cycles and {listed(sensors)}, no passes"
     expected = "readings of components, with 'pass' instead of 'cycle'; drift goes to thermal-fit"
-    return finding("drift-readings", file=file, sensors=sensors, expected=expected)
+    return finding("other-table", file=file, kind=kind, expected=expected)
 
 
-def assemble(
-    tables: Sequence[Table],
-    components: Mapping[str, ComponentLike] | None,
-    problems: CellFaults,
-) -> Readings:
-    """The rows of sound tables as readings."""
-    names, code = joined.labelled(tables, "component", tuple(components or ()))
-    position = joined.numbers(tables, "position_mm")
+def _check_component(
+    table: Table, label: str, inside: Flags, component: ComponentLike | None, faults: CellFaults
+) -> None:
+    """One kind of unit in the rows `inside` (n,), and a position where it is a function of one: as
+    the machine has the component. Without a machine drift readings have to be alike.
+    """
+    units, kinds, given = table.texts["unit"], _dimensions(table), table.has("position_mm")
+    empty = np.isnan(table.number("position_mm"))
+    if component is None:
+        inside = inside & table.of_files(lambda file: file.source.role == DRIFT)
+        kind = int(np.bincount(kinds[inside & (kinds != UNKNOWN)], minlength=1).argmax())
+        why, placed = f"as most readings of {label}", bool((inside & ~empty).any())
+        expected = f"a position in all readings of {label!r}, or in none"
+    else:
+        kind, placed = UNITS[component.unit].dimension, component.of is not None
+        why = f"the machine gives {label} in {component.unit}"
+        expected = f"a number: {label} is a function of {component.of}"
+
+    def of_row(i: int) -> dict[str, Any]:
+        unit = units.labels[units.codes[i]]
+        return {"unit": dimension_name(kinds[i]), "value": unit}
+
+    wanted = dimension_name(kind)
+    facts = {"of": label, "wanted": wanted, "expected": f"{wanted}: {why}"}
+    bad = inside & (kinds != kind) & (kinds != UNKNOWN)
+    faults.cells(table, bad, "unit", "wrong-unit", of_row, **facts)
+    unplaced = inside & empty & placed
+    for i in np.unique(table.file_index[unplaced & ~given]).tolist():
+        place = {**table.files[i].place, "column": "position_mm", "expected": expected}
+        faults.add(finding("missing-column", **place))
+    faults.cells(table, unplaced & given, "position_mm", "empty-cell", expected=expected)
+
+
+def _check_directions(table: Table, label: str, inside: Flags, faults: CellFaults) -> None:
+    """A direction in all rows or in none: a blank one would be of neither way."""
+    judged = table.of_files(lambda f: f.source.role != DRIFT and "direction" in f.header) & inside
+    blank = judged & np.isnan(table.number("direction"))
+    if blank.sum() < judged.sum():
+        expected = f"forward or reverse, as in the other rows of {label}"
+        faults.cells(table, blank, "direction", "empty-cell", expected=expected)
+
+
+def _count_positions(
+    table: Table, label: str, inside: Flags, degree: int, faults: CellFaults
+) -> None:
+    """Whether there are enough positions for a polynomial."""
+    positions = table.number("position_mm")[inside]
+    distinct = np.unique(positions)
+    if len(distinct) > degree or np.isnan(positions).any():
+        return
+    count = counted(len(distinct), "position")
+    facts = {
+        "what": f"{label!r} of degree {degree} is measured at {count} only",
+        "value": ", ".join(f"{value:g}" for value in distinct) + " mm",
+        "expected": f"at least {degree + 1} positions",
+    }
+    place = {**table.place(int(np.flatnonzero(inside)[0])), "column": "position_mm"}
+    faults.add(finding("too-little-data", **place, **facts))
+
+
+def _dimensions(table: Table) -> Ints:
+    """The exponent of length of each row's unit (n,); UNKNOWN where it has none."""
+    units = table.texts["unit"]
+    known = [UNITS[unit].dimension if unit in UNITS else UNKNOWN for unit in units.labels]
+    return np.array([*known, UNKNOWN], np.int64)[units.codes]
+
+
+def _readings(table: Table, components: Mapping[str, ComponentLike] | None) -> Readings:
+    """The rows of a sound table as readings."""
+    names, code = table.labelled("component", tuple(components or ()))
+    position = table.number("position_mm")
     if components is not None:
-        axisless = [name in components and components[name].of is None for name in names]
-        position = np.where(np.array(axisless, bool)[code], np.nan, position)
-    units, unit_code = joined.labelled(tables, "unit")
-    factors = np.array([UNITS[unit].to_internal if unit in UNITS else np.nan for unit in units])
-    place = {name: i for i, name in enumerate(UNITS)}
-    dimensions = np.array([UNITS[unit].dimension if unit in UNITS else -1 for unit in units])
-    directions, direction_code = joined.labelled(tables, "direction")
-    values = [direction_sign(label) or 0 for label in directions]
-    has_pass = ~np.isnan(joined.numbers(tables, "pass"))
-    cycles, cycle = joined.labelled(tables, "cycle")
+        axisless = np.array([components[name].of is None for name in names])
+        position = np.where(axisless[code], np.nan, position)
+    units, unit = table.labelled("unit", tuple(UNITS))
+    cycles, cycle = table.labelled("cycle")
     return Readings(
         components=names,
         code=code,
         position_mm=position,
-        error=joined.numbers(tables, "error") * factors[unit_code],
-        dimension=dimensions.astype(np.int8)[unit_code],
-        unit=np.array([place.get(unit, -1) for unit in units], np.int8)[unit_code],
-        pass_number=joined.integers(tables, "pass", problems),
-        has_pass=has_pass,
-        direction=np.array([*values, 0], np.int8)[direction_code],
+        error=table.number("error") * np.array([UNITS[name].to_internal for name in units])[unit],
+        dimension=_dimensions(table).astype(np.int8),
+        unit=np.array([[*UNITS].index(name) for name in units], np.int8)[unit],
+        pass_number=table.whole("pass"),
+        has_pass=~np.isnan(table.number("pass")),
+        direction=np.nan_to_num(table.number("direction")).astype(np.int8),
         cycles=cycles,
         cycle=cycle,
-        time_min=joined.minutes(tables, problems),
-        covariates=joined.covariates(tables),
-        file_index=joined.file_indices(tables),
-        row=np.concatenate([table.rows for table in tables]),
-        sources=tuple(table.source for table in tables),
-        roles=tuple(table.source.role for table in tables),
+        time_min=table.minutes(),
+        covariates=table.covariates(READINGS),
+        file_index=table.file_index,
+        row=table.rows,
+        sources=table.sources,
+        roles=tuple(source.role for source in table.sources),
     )
-
-
-def _check_for_fit(
-    readings: Readings, components: Mapping[str, ComponentLike], problems: CellFaults
-) -> None:
-    """Components that are measured at too few positions for their polynomial."""
-    for code, name in enumerate(readings.components):
-        component = components[name]
-        inside = np.flatnonzero(readings.code == code)
-        distinct = np.unique(readings.position_mm[inside])
-        if component.of is None or len(distinct) > component.degree:
-            continue
-        first = inside[0]
-        shown = ", ".join(f"{value:g}" for value in distinct)
-        problems.add(
-            finding(
-                "too-few-positions",
-                file=readings.sources[readings.file_index[first]].shown,
-                row=int(readings.row[first]),
-                column="position_mm",
-                component=name,
-                degree=component.degree,
-                count=counted(len(distinct), "position"),
-                value=f"{shown} mm",
-                expected=f"at least {component.degree + 1} positions",
-            )
-        )

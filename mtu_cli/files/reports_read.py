@@ -7,20 +7,23 @@ beyond these fields is ignored, so that reports of other versions are read too.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from itertools import chain
 from math import isnan
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
-from mtu_cli.files.contract import Faults, check_contract, duplicates, too_large
+from mtu_cli.files.contract import Faults, NonNegative, Number, check_contract, sized
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.json_file import read_json
-from mtu_cli.files.machine import PASSES, covariance_fault
-from mtu_cli.files.machine_contract import STEEPEST, SensorU, TimeConstant
+from mtu_cli.files.machine import covariance_fault
+from mtu_cli.files.machine_contract import (
+    STEEPEST,
+    SensorU,
+    TimeConstant,
+)
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath
 from mtu_cli.findings import Finding, InputError, counted, error, finding
@@ -32,59 +35,99 @@ DOUBTS = ("no-better", "not-held-out")
 """Warnings that a model carries along: nothing says that it holds for the next warm-up."""
 
 
-def _or_nan(value: object) -> object:
-    return math.nan if value is None else value
-
-
 def _not_negative(value: float) -> float:
     if value < 0:
         raise ValueError("a number of at least 0")
     return value
 
 
-NonNegative = Annotated[float, Field(ge=0)]
-Figure = Annotated[float, Field(strict=True, allow_inf_nan=True), BeforeValidator(_or_nan)]
+Figure = Annotated[
+    float,
+    Field(strict=True, allow_inf_nan=True),
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    AfterValidator(sized),
+]
 """A number; nan where the report says null, because the readings do not determine it."""
-Deviation = Annotated[Figure, AfterValidator(_not_negative)]
 Matrix = list[list[Figure]]
+Shape = tuple[int, ...]
 
 
 class _Reported(BaseModel):
+    """A part of a report, with what its values ask of one another.
+
+    The `shapes` of lists and covariances; the texts `known` of a unit, or a list of them; which
+    lists of `names` hold each name once; which matrices are `differences` of mean squares, negative
+    where passes, or runs, hardly differ; and whether something was `estimated` with each of its
+    degrees of freedom, which then are not 0.
+    """
+
+    known: ClassVar[Mapping[str, Collection[str]]] = {}
+    names: ClassVar[tuple[str, ...]] = ()
+    differences: ClassVar[tuple[str, ...]] = ()
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
+
+    def shapes(self) -> dict[str, Shape]:
+        return {}
+
+    def estimated(self) -> dict[str, bool]:
+        return {}
 
 
 class ReportedComponent(_Reported):
     """One entry of `results.components` of fit-components; in `unit` and mm."""
 
+    known = {"unit": UNITS}
+    differences = ("pass_covariance_moment", "run_covariance")
     of: str | None
     unit: str
     degree: int = Field(ge=0)
     n_passes: int | None
-    coefficients: list[float] = Field(min_length=1)
+    coefficients: list[Number] = Field(min_length=1)
     covariance: Matrix
     covariance_independent: Matrix | None
     s: NonNegative | None
-    s_repeat: Deviation
+    s_repeat: Annotated[Figure, AfterValidator(_not_negative)]
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
-    half_difference_mean_square: list[list[float]] | None = None
-    run_covariance: list[list[float]] | None = None
-    pass_center_mm: float
+    half_difference_mean_square: list[list[Number]] | None = None
+    run_covariance: list[list[Number]] | None = None
+    pass_center_mm: Number
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
-    position_range_mm: tuple[float, float] | None
+    position_range_mm: tuple[Number, Number] | None
+
+    def shapes(self) -> dict[str, Shape]:
+        k = len(self.coefficients)
+        whole = dict.fromkeys(("covariance", "covariance_independent"), (k, k))
+        linear = ("pass_covariance", "half_difference_mean_square", *self.differences)
+        passes = dict.fromkeys(linear, (min(2, k), min(2, k)))
+        return {"coefficients": (self.degree + 1,), **whole, **passes}
+
+    def estimated(self) -> dict[str, bool]:
+        # pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
+        one_square = self.pass_dof == 0 and _any(self.covariance)
+        repeat = self.s_repeat > 0 or one_square
+        return {"pass_dof": _any(self.pass_covariance), "repeat_dof": repeat}
 
 
 class ReportedGroup(_Reported):
     """One entry of `results.joint_pass_covariance`; matrices over all coefficients."""
 
+    differences = ("pass_covariance",)
     components: list[str]
     widths: list[int]
     coefficient_covariance: Matrix
     pass_covariance: Matrix
-    half_difference_mean_square: list[list[float]] | None = None
+    half_difference_mean_square: list[list[Number]] | None = None
     pass_dof: NonNegative
     n_passes: int | None
+
+    def shapes(self) -> dict[str, Shape]:
+        keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")
+        return dict.fromkeys(keys, (sum(self.widths), sum(self.widths)))
+
+    def estimated(self) -> dict[str, bool]:
+        return {"pass_dof": _any(self.pass_covariance) or _any(self.coefficient_covariance)}
 
 
 class ReportedEffects(_Reported):
@@ -93,10 +136,16 @@ class ReportedEffects(_Reported):
     `parameters` are named ``effect.parameter``; `covariance` is over all of them in order.
     """
 
+    known = {"units": PARAMETER_UNITS}
+    names = ("parameters",)
     parameters: list[str]
     units: list[str]
-    values: list[float]
-    covariance: list[list[float]]
+    values: list[Number]
+    covariance: list[list[Number]]
+
+    def shapes(self) -> dict[str, Shape]:
+        n = len(self.parameters)
+        return {"units": (n,), "values": (n,), "covariance": (n, n)}
 
 
 class ReportedDrift(_Reported):
@@ -106,11 +155,13 @@ class ReportedDrift(_Reported):
     freedom that are None are infinite.
     """
 
+    known = {"unit": UNITS}
+    names = ("sensors",)
     of: Literal["x", "y", "z"] | None
     unit: str
     degree: int = Field(ge=0)
     sensors: list[str]
-    reference_temperature_degC: float  # noqa: N815  # unit
+    reference_temperature_degC: Number  # noqa: N815  # unit
     time_constants_min: list[TimeConstant]
     coefficients: list[list[Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]]]
     covariance: Matrix
@@ -118,8 +169,22 @@ class ReportedDrift(_Reported):
     leftover_covariance: Matrix
     leftover_dof: NonNegative | None
     sensor_u_degC: list[SensorU]  # noqa: N815  # unit
-    temperature_range_degC: list[tuple[float, float]] | None  # noqa: N815  # unit
-    position_range_mm: tuple[float, float] | None
+    temperature_range_degC: list[tuple[Number, Number]] | None  # noqa: N815  # unit
+    position_range_mm: tuple[Number, Number] | None
+
+    def shapes(self) -> dict[str, Shape]:
+        powers, sensors = self.degree + 1, len(self.sensors)
+        per_sensor = ("time_constants_min", "sensor_u_degC", "temperature_range_degC")
+        return {
+            "coefficients": (powers, sensors),
+            "covariance": (powers * sensors, powers * sensors),
+            "leftover_covariance": (powers, powers),
+            **dict.fromkeys(per_sensor, (sensors,)),
+        }
+
+    def estimated(self) -> dict[str, bool]:
+        left = _any(self.leftover_covariance)
+        return {"coefficient_dof": _any(self.covariance), "leftover_dof": left}
 
 
 class _Components(_Reported):
@@ -128,8 +193,8 @@ class _Components(_Reported):
     effects: ReportedEffects | None = None
 
 
-class _Fit(_Reported):
-    results: _Components
+class _Drifts(_Reported):
+    components: dict[str, ReportedDrift]
 
 
 class _Warning(_Reported):
@@ -138,13 +203,16 @@ class _Warning(_Reported):
     facts: dict[str, Any] = {}
 
 
-class _Drifts(_Reported):
-    components: dict[str, ReportedDrift]
+class _Fit(_Reported):
+    results: _Components
 
 
 class _ThermalFit(_Reported):
     results: _Drifts
     warnings: list[_Warning] = []
+
+
+R = TypeVar("R", _Fit, _ThermalFit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,14 +254,6 @@ class ModelReports:
         return tuple(item.source for item in (self.components, self.thermal) if item is not None)
 
 
-def read_components(path: Path) -> ComponentsReport:
-    """Reads a fit-components report.
-
-    Raises InputError for a file that is not one, with the path inside the document.
-    """
-    return components_from(*read_json(path, "components"))
-
-
 def read_report(path: Path) -> ComponentsReport | ThermalReport:
     """Reads a fit-components or a thermal-fit report, whichever it is.
 
@@ -210,8 +270,8 @@ def read_report(path: Path) -> ComponentsReport | ThermalReport:
         "`mtu thermal-fit -o FILE.json` writes it"
     )
     place = {} if schema is None else {"path": "schema", "value": str(schema)}
-    kind = "a components report"
-    raise error("other-kind", kind=kind, file=source.shown, expected=expected, **place)
+    facts = {"kind": "a components report", "expected": expected}
+    raise error("wrong-type", file=source.shown, **facts, **place)
 
 
 def read_reports(paths: Iterable[Path]) -> ModelReports:
@@ -220,53 +280,23 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
     Raises InputError with the faults of all files, and for a second report of a kind.
     """
     findings: list[Finding] = []
-    found = ModelReports()
+    reports: dict[str, Any] = {}
     for path in paths:
         try:
             report = read_report(path)
         except InputError as fault:
             findings += fault.findings
             continue
-        key = "components" if isinstance(report, ComponentsReport) else "thermal"
-        if (earlier := getattr(found, key)) is not None:
-            place = {"file": report.source.shown, "expected": "at most one of each kind"}
-            kind = {"components": "fit-components", "thermal": "thermal-fit"}[key]
-            findings.append(
-                finding("second-report", kind=kind, other=earlier.source.shown, **place)
-            )
-        if isinstance(report, ComponentsReport):
-            found = replace(found, components=report)
-        else:
-            found = replace(found, thermal=report)
+        kind = "components" if isinstance(report, ComponentsReport) else "thermal"
+        first = reports.setdefault(kind, report)
+        if first is not report:
+            names = [first.source.shown, report.source.shown]
+            expected = f"one {kind} report at most"
+            facts = {"names": names, "expected": expected}
+            findings.append(finding("exclusive", file=report.source.shown, **facts))
     if findings:
         raise InputError(findings)
-    return found
-
-
-M = TypeVar("M", bound=BaseModel)
-
-
-def _checked(source: Source, document: Any, model: type[M], kind: str, check: Any) -> M:
-    """A report as its `model`; `check(results, faults)` sees it where its shape is sound."""
-
-    def sound(report: Any, faults: Faults) -> None:
-        if faults.findings:
-            return
-        for path, value, most in too_large(report.model_dump()):
-            faults.add(path, "too-large", value=value, expected=f"at most {most:g} in size")
-        if not faults.findings:
-            check(report.results, faults)
-
-    # JSON has no lines: the path tells the place.
-    plain = YamlDocument(source=source, data=document, lines={})
-    return check_contract(plain, model, kind, sound, largest=math.inf)
-
-
-def _read_from(document: Any, roles: Collection[str]) -> frozenset[str]:
-    """The hashes of the readings that a report was made from, as far as it states them."""
-    found = document.get("inputs")
-    entries = [item for item in found if isinstance(item, dict)] if type(found) is list else []
-    return frozenset(str(item.get("sha256")) for item in entries if item.get("role") in roles)
+    return ModelReports(**reports)
 
 
 def components_from(source: Source, document: Any) -> ComponentsReport:
@@ -274,12 +304,12 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
 
     Raises InputError with every fault of the document.
     """
-    report = _checked(source, document, _Fit, "fit-components", _check_components)
+    results = _checked(source, document, _Fit, "fit-components", _check_components).results
     return ComponentsReport(
         source=source,
-        components=report.results.components,
-        joint=tuple(report.results.joint_pass_covariance),
-        effects=report.results.effects,
+        components=results.components,
+        joint=tuple(results.joint_pass_covariance),
+        effects=results.effects,
         document=document,
         readings=_read_from(document, ("lbb", "laser")),
     )
@@ -298,16 +328,10 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
             name = str(item.facts.get("component") or item.message.partition(": ")[0])
             text = item.message.removeprefix(f"{name}: ")
             names.setdefault((item.code, text), []).append(name)
-    doubts = [
-        finding(
-            "unconfirmed-drift",
-            components=list(dict.fromkeys(found)),
-            reported=text,
-            reported_code=code,
-            file=source.shown,
-        )
-        for (code, text), found in names.items()
-    ]
+    doubts = []
+    for (code, text), doubted in names.items():
+        facts = {"components": list(dict.fromkeys(doubted)), "reported": text}
+        doubts.append(finding("unconfirmed-drift", **facts, reported_code=code, file=source.shown))
     return ThermalReport(
         source=source,
         components=report.results.components,
@@ -316,80 +340,87 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
     )
 
 
-def _check_components(results: _Components, faults: Faults) -> None:
-    for name, item in results.components.items():
-        _check_component(item, ("results", "components", name), faults)
-    for index, group in enumerate(results.joint_pass_covariance):
-        path = ("results", "joint_pass_covariance", index)
-        _check_group(group, results.components, path, faults)
-    if results.effects is not None:
-        _check_effects(results.effects, ("results", "effects"), faults)
+def _read_from(document: Any, roles: Collection[str]) -> frozenset[str]:
+    """The hashes of the readings that a report was made from, as far as it states them."""
+    inputs = document.get("inputs")
+    entries = [item for item in inputs if isinstance(item, dict)] if type(inputs) is list else []
+    return frozenset(str(item.get("sha256")) for item in entries if item.get("role") in roles)
 
 
-def _check_unit(unit: str, known: Collection[str], path: YamlPath, faults: Faults) -> None:
-    if unit not in known:
-        faults.add(path, "unknown-name", what="unit", value=unit, expected=", ".join(known))
+def _checked(
+    source: Source, document: Any, model: type[R], kind: str, check: Callable[[R, Faults], None]
+) -> R:
+    """A report as its `model`; `check(report, faults)` sees it where its shape is sound."""
+
+    def sound(report: R, faults: Faults) -> None:
+        if not faults.findings:
+            check(report, faults)
+
+    # JSON has no lines: the path tells the place.
+    plain = YamlDocument(source=source, data=document, lines={})
+    return check_contract(plain, model, kind, sound)
 
 
-def _check_matrix(
-    matrix: Sequence[Sequence[float]] | None,
-    size: int,
-    path: YamlPath,
-    faults: Faults,
-    *,
-    difference: bool = False,
-) -> bool:
-    """Whether a matrix can be a covariance, or is not given."""
-    reason = None if matrix is None else covariance_fault(matrix, size, difference=difference)
-    if reason is not None:
-        faults.add(path, "not-a-covariance", reason=reason)
-    return reason is None
+def _check_entry(item: _Reported, path: YamlPath, faults: Faults) -> bool:
+    """Shapes, covariances and degrees of freedom of a part of a report; whether these are sound."""
+    before = len(faults.findings)
+    for key, known in item.known.items():
+        value = getattr(item, key)
+        for i, unit in enumerate([value] if isinstance(value, str) else value):
+            if unit not in known:
+                at = (*path, key) if unit is value else (*path, key, i)
+                faults.unknown(at, unit, known, "unit")
+    for key in item.names:
+        faults.once((*path, key), enumerate(getattr(item, key)), "the name")
+    for key, (size, *width) in item.shapes().items():
+        values, place = getattr(item, key), (*path, key)
+        if values is None:
+            continue
+        if width and key != "coefficients":
+            reason = covariance_fault(values, size, difference=key in item.differences)
+            if reason is not None:
+                faults.add(place, "wrong-correlation", reason=reason)
+            continue
+        rows = [((*place, i), row, width[0]) for i, row in enumerate(values) if width]
+        for at, entries, wanted in [(place, values, size), *rows]:
+            if len(entries) != wanted:
+                count = counted(len(entries), "entry", "entries")
+                faults.add(at, "wrong-count", found=count, expected=f"{wanted}")
+    for key, estimated in item.estimated().items():
+        if estimated and getattr(item, key) == 0:
+            facts = {"what": "an estimate", "other": "degrees of freedom"}
+            expected = "more than 0, or null: known exactly"
+            faults.add((*path, key), "incomplete", value=0, expected=expected, **facts)
+    return len(faults.findings) == before
 
 
-def _estimated(matrix: Matrix) -> bool:
+def _any(matrix: Matrix) -> bool:
     """Whether a covariance is not 0 throughout: nan counts as estimated."""
     return any(map(any, matrix))
 
 
-def _check_component(item: ReportedComponent, path: YamlPath, faults: Faults) -> None:
-    """Sizes, covariances, degrees of freedom and the unit of a component."""
-    k = len(item.coefficients)
-    q = min(2, k)
-    # Differences of mean squares: negative where passes, or runs, hardly differ.
-    for key, size, difference in (
-        ("covariance", k, False), ("covariance_independent", k, False),
-        ("pass_covariance", q, False), ("pass_covariance_moment", q, True),
-        ("half_difference_mean_square", q, False), ("run_covariance", q, True),
-    ):  # fmt: skip
-        _check_matrix(getattr(item, key), size, (*path, key), faults, difference=difference)
-    # A fit of as many readings as coefficients tells neither a covariance nor a repeatability; any
-    # other tells all of both.
-    unknown = [
-        (i, j) for i, row in enumerate(item.covariance) for j, v in enumerate(row) if isnan(v)
-    ]
-    if len(unknown) < sum(map(len, item.covariance)):
-        for i, j in unknown[:1]:
-            faults.add((*path, "covariance", i, j), "no-value", expected="a number")
-        if isnan(item.s_repeat):
-            faults.add((*path, "s_repeat"), "no-value", expected="a number")
-    # pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
-    one_square = item.pass_dof == 0 and _estimated(item.covariance)
-    _check_dof(item.pass_dof, _estimated(item.pass_covariance), PASSES, path, "pass_dof", faults)
-    repeat = item.s_repeat > 0 or one_square
-    _check_dof(item.repeat_dof, repeat, "a repeatability", path, "repeat_dof", faults)
-    if item.degree != k - 1:
-        found = f"{counted(k, 'coefficient')} of a component of degree {item.degree}"
-        own = (*path, "coefficients")
-        faults.add(own, "wrong-count", found=found, expected=f"{item.degree + 1}")
-    _check_unit(item.unit, UNITS, (*path, "unit"), faults)
+def _unknown(matrix: Matrix) -> list[tuple[int, int]]:
+    """The places of a matrix that the readings do not determine."""
+    return [(i, j) for i, row in enumerate(matrix) for j, v in enumerate(row) if isnan(v)]
 
 
-def _check_dof(
-    dof: float | None, estimated: bool, what: str, path: YamlPath, key: str, faults: Faults
-) -> None:
-    if dof == 0 and estimated:
-        expected = "more than 0, or null: known exactly"
-        faults.add((*path, key), "without-dof", value=0, what=what, expected=expected)
+def _check_components(report: _Fit, faults: Faults) -> None:
+    results = report.results
+    for name, item in results.components.items():
+        path: YamlPath = ("results", "components", name)
+        _check_entry(item, path, faults)
+        # A fit of as many readings as coefficients tells neither a covariance nor a repeatability;
+        # any other tells all of both.
+        unknown = _unknown(item.covariance)
+        if len(unknown) < sum(map(len, item.covariance)):
+            places = [("covariance", *at) for at in unknown[:1]]
+            for place in [*places, *([("s_repeat",)] if isnan(item.s_repeat) else [])]:
+                faults.add((*path, *place), "missing-input", what="a number")
+    for index, group in enumerate(results.joint_pass_covariance):
+        path = ("results", "joint_pass_covariance", index)
+        _check_group(group, results.components, path, faults)
+    if results.effects is not None:
+        _check_entry(results.effects, ("results", "effects"), faults)
 
 
 def _check_group(
@@ -402,88 +433,35 @@ def _check_group(
     widths = [len(known[name].coefficients) for name in group.components if name in known]
     if not unknown and group.widths != widths:
         faults.add((*path, "widths"), "wrong-value", value=group.widths, expected=str(widths))
-    if unknown or group.widths != widths:
+    if unknown or group.widths != widths or not _check_entry(group, path, faults):
         return
-    matrices = (group.pass_covariance, group.coefficient_covariance)
-    _check_dof(group.pass_dof, any(map(_estimated, matrices)), PASSES, path, "pass_dof", faults)
     # Of as many readings as coefficients nobody can tell a covariance, but of passes everybody can.
-    bare = [any(map(isnan, chain(*known[name].covariance))) for name in group.components]
-    lacks = [own for own, width in zip(bare, widths, strict=True) for _ in range(width)]
-    size = sum(widths)
-    for key in ("coefficient_covariance", "pass_covariance"):
-        matrix, passes = getattr(group, key), key == "pass_covariance"
-        if not _check_matrix(matrix, size, (*path, key), faults, difference=passes):
-            continue
-        open_entries = (
-            (i, j)
-            for i, row in enumerate(matrix)
-            for j, value in enumerate(row)
-            if isnan(value) and (passes or not (lacks[i] or lacks[j]))
-        )
-        if (first := next(open_entries, None)) is not None:
-            faults.add((*path, key, *first), "no-value", expected="a number")
-    halves = "half_difference_mean_square"
-    _check_matrix(group.half_difference_mean_square, size, (*path, halves), faults)
+    bare = [bool(_unknown(known[name].covariance)) for name in group.components]
+    lacks = [each for each, width in zip(bare, widths, strict=True) for _ in range(width)]
+    places = [("pass_covariance", i, j) for i, j in _unknown(group.pass_covariance)]
+    places += [
+        ("coefficient_covariance", i, j)
+        for i, j in _unknown(group.coefficient_covariance)
+        if not (lacks[i] or lacks[j])
+    ]
+    for place in places[:1]:
+        faults.add((*path, *place), "missing-input", what="a number")
 
 
-def _check_effects(effects: ReportedEffects, path: YamlPath, faults: Faults) -> None:
-    size = len(effects.parameters)
-    for key, values in (("units", effects.units), ("values", effects.values)):
-        if len(values) != size:
-            entries = counted(len(values), "entry", "entries")
-            found = f"{entries} for {counted(size, 'parameter')}"
-            faults.add((*path, key), "wrong-count", found=found)
-    for index, name, _ in duplicates(enumerate(effects.parameters)):
-        own = (*path, "parameters", index)
-        faults.add(own, "appears-twice", value=name, what="the parameter")
-    for index, unit in enumerate(effects.units):
-        _check_unit(unit, PARAMETER_UNITS, (*path, "units", index), faults)
-    _check_matrix(effects.covariance, size, (*path, "covariance"), faults)
-
-
-def _check_drifts(results: _Drifts, faults: Faults) -> None:
-    for name, item in results.components.items():
-        _check_drift(item, ("results", "components", name), faults)
-
-
-def _check_drift(item: ReportedDrift, path: YamlPath, faults: Faults) -> None:
-    """Unit, sensors, sizes, covariances and degrees of freedom of a drift."""
-    _check_unit(item.unit, UNITS, (*path, "unit"), faults)
-    for index, sensor, _ in duplicates(enumerate(item.sensors)):
-        own = (*path, "sensors", index)
-        faults.add(own, "appears-twice", value=sensor, what="the sensor")
-    for index, sensor in enumerate(item.sensors):
-        if not is_temperature(sensor):
-            expected = "T_<sensor>_degC, the column of its readings"
-            own = (*path, "sensors", index)
-            faults.add(own, "not-a-temperature", value=sensor, expected=expected)
-    sensors, powers = len(item.sensors), item.degree + 1
-    for key in ("time_constants_min", "sensor_u_degC", "temperature_range_degC"):
-        values = getattr(item, key)
-        if values is not None and len(values) != sensors:
-            entries = counted(len(values), "entry", "entries")
-            found = f"{entries} for {counted(sensors, 'sensor')}"
-            faults.add((*path, key), "wrong-count", found=found)
-    rows = len(item.coefficients)
-    if rows != powers:
-        found = f"{counted(rows, 'row')} of coefficients of a drift of degree {item.degree}"
-        faults.add((*path, "coefficients"), "wrong-count", found=found, expected=f"{powers}")
-    for index, row in enumerate(item.coefficients):
-        if len(row) != sensors:
-            found = f"{counted(len(row), 'coefficient')} for {counted(sensors, 'sensor')}"
-            faults.add((*path, "coefficients", index), "wrong-count", found=found)
-    if item.of is None and item.degree > 0:
-        own = (*path, "degree")
-        expected = "0, or the axis as `of`"
-        faults.add(own, "without-axis", value=item.degree, what="a degree", expected=expected)
-    for key, size, dof, what in (
-        ("covariance", powers * sensors, "coefficient_dof", "a covariance"),
-        ("leftover_covariance", powers, "leftover_dof", "a covariance of what is left"),
-    ):
-        matrix = getattr(item, key)
-        if any(map(isnan, chain(*matrix))):
+def _check_drifts(report: _ThermalFit, faults: Faults) -> None:
+    for name, item in report.results.components.items():
+        path: YamlPath = ("results", "components", name)
+        for i, sensor in enumerate(item.sensors):
+            if not is_temperature(sensor):
+                facts = {"kind": "the name of a temperature", "expected": "T_<sensor>_degC"}
+                faults.add((*path, "sensors", i), "wrong-type", value=sensor, **facts)
+        unknown = [k for k in ("covariance", "leftover_covariance") if _unknown(getattr(item, k))]
+        for key in unknown:
+            facts = {"what": "the readings do not determine it"}
             expected = "more readings or cycles"
-            faults.add((*path, key), "not-determined", expected=expected)
-        else:
-            _check_matrix(matrix, size, (*path, key), faults)
-        _check_dof(getattr(item, dof), _estimated(matrix), what, path, dof, faults)
+            faults.add((*path, key), "too-little-data", expected=expected, **facts)
+        if not unknown:
+            _check_entry(item, path, faults)
+        if item.of is None and item.degree > 0:
+            facts = {"what": "a degree", "other": "`of`", "expected": "0, or the axis as `of`"}
+            faults.add((*path, "degree"), "incomplete", value=item.degree, **facts)

@@ -7,7 +7,7 @@ from typing import Any
 
 from mtu_cli.findings import error, suggestion
 
-KINDS: dict[str, tuple[str, str]] = {
+KINDS = {
     "machine": ("mtu_cli.files.machine_contract", "Machine"),
     "part": ("mtu_cli.files.part", "Part"),
     "study": ("mtu_cli.files.study", "Study"),
@@ -19,17 +19,10 @@ KINDS: dict[str, tuple[str, str]] = {
 
 
 def json_schema(kind: str) -> dict[str, Any]:
-    """The JSON Schema (draft 2020-12) of ``mtu/<kind>/1``.
-
-    Raises InputError for a kind that there is not.
-    """
+    """The JSON Schema (draft 2020-12) of ``mtu/<kind>/1``; InputError where there is no such."""
     if kind not in KINDS:
         raise error("unknown-name", what="schema", value=kind, **suggestion(kind, KINDS))
     module, name = KINDS[kind]
-    model = getattr(import_module(module), name)
-    schema: dict[str, Any] = model.model_json_schema(by_alias=True, mode="validation")
-    head = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": f"mtu/{kind}/1",
-    }
+    schema: dict[str, Any] = getattr(import_module(module), name).model_json_schema(by_alias=True)
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"mtu/{kind}/1"}
     return head | schema | {"title": f"mtu {kind}"}

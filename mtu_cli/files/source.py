@@ -1,4 +1,4 @@
-"""An input file as the reports know it, and its bytes with plain words for what is wrong."""
+"""An input file as the reports know it, its bytes, and what is wrong with a file that has none."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import codecs
 import hashlib
 import os
 import stat
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,16 +13,8 @@ from mtu_cli.findings import Finding, closest, error, finding, printable
 
 DRIFT = "drift"
 """The role of readings that follow temperatures in time: their runs are cycles, no passes."""
-HOLDS = {
-    "lbb": "laser ball bar readings",
-    "laser": "laser readings",
-    DRIFT: "drift readings",
-    "cmm": "measured points",
-    "components": "a fit-components or thermal-fit report",
-}
-"""What a file is to hold whose role is the name of its option."""
 KINDS = {".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".json": "json"}
-"""Of files that may be meant for each other, by their endings."""
+"""What the endings of files say: those of one kind may be meant for each other."""
 MARKS = {
     b"<!doctype html": "a web page: was a login or error page saved?",
     b"<html": "a web page: was a login or error page saved?",
@@ -57,10 +47,8 @@ class Source:
 
 
 def shown_path(path: Path) -> str:
-    """The name of a file in reports and messages, with ``/`` on every system.
-
-    A relative path as given, an absolute one relative to the working folder where it lies
-    beneath it, else the bare file name: reports hold no absolute paths.
+    """The name of a file in reports: as given if relative; an absolute path from the working
+    folder, or its last name alone where it does not lie beneath.
     """
     if not path.is_absolute():
         return given_path(Path(os.path.normpath(path)))
@@ -87,74 +75,56 @@ def system_reason(fault: Exception) -> str:
 
 
 def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[Source, bytes]:
-    """The file's bytes and its Source; raises InputError as `read_bytes` does."""
-    shown, content = read_bytes(path, role, max_bytes=max_bytes)
-    digest = hashlib.sha256(content).hexdigest()
-    return Source(role=role, path=path, shown=shown, sha256=digest), content
-
-
-def read_bytes(path: Path, role: str, *, max_bytes: int | None = None) -> tuple[str, bytes]:
-    """The file's name in messages and its bytes.
+    """The file as its Source, with the SHA-256 of its bytes, and these bytes.
 
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
-    with _readable(path, role) as told:
-        size = path.stat().st_size
-        if max_bytes is not None and size > max_bytes:
-            expected = f"at most {max_bytes} bytes ({role})"
-            raise error("not-readable", file=told, reason=f"{size} bytes", expected=expected)
-        content = path.read_bytes()
-    if not content:
-        raise error("empty-file", file=told, expected=HOLDS.get(role, a_file(role)))
-    return shown_path(path), content
-
-
-def hash_of(path: Path, role: str) -> str:
-    """The hash of a file's bytes, read piece by piece; raises InputError as `read_bytes` does."""
-    with _readable(path, role), path.open("rb") as stream:
-        if stream.seekable():
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-        return hashlib.sha256(stream.read()).hexdigest()
-
-
-@contextmanager
-def _readable(path: Path, role: str) -> Iterator[str]:
-    """What the system says about a file as an InputError; gives the name for messages."""
+    shown = shown_path(path)
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
-    told = given_path(path) if path.is_absolute() else shown_path(path)
+    place = {"file": given_path(path) if path.is_absolute() else shown}
     try:
-        mode = path.stat().st_mode
+        state = path.stat()
         # /dev/zero has no end; pipes, as of <(...), have one.
-        if stat.S_ISDIR(mode) or stat.S_ISCHR(mode) or stat.S_ISBLK(mode):
-            kind = "folder" if stat.S_ISDIR(mode) else "device"
-            raise error("not-a-file", kind=kind, file=told, expected=f"a file ({role})")
-        yield told
+        device = stat.S_ISCHR(state.st_mode) or stat.S_ISBLK(state.st_mode)
+        if device or stat.S_ISDIR(state.st_mode):
+            kind = "device" if device else "folder"
+            raise error("not-a-file", kind=kind, expected=f"a file ({role})", **place)
+        if max_bytes is not None and state.st_size > max_bytes:
+            facts = {"reason": f"{state.st_size} bytes", "expected": f"at most {max_bytes} bytes"}
+            raise error("not-readable", **facts, **place)
+        content = path.read_bytes()
     except FileNotFoundError:
-        place = {"file": told, **_nearby(path)}
-        # A study may be given by its folder.
-        if role == "study" and not _kind(path.name):
-            place = {"expected": "a study or its folder", **place}
-        raise error("no-such-file", **place) from None
+        raise error("no-such-file", **_instead_of(path, role), **place) from None
     except (OSError, ValueError) as fault:
-        raise error("not-readable", file=told, reason=system_reason(fault)) from None
+        raise error("not-readable", reason=system_reason(fault), **place) from None
+    if not content:
+        raise error("empty-file", what="text", **place)
+    digest = hashlib.sha256(content).hexdigest()
+    return Source(role=role, path=path, shown=shown, sha256=digest), content
+
+
+def _instead_of(path: Path, role: str) -> dict[str, object]:
+    """What a Finding of a missing file says beside it."""
+    if near := _near_name(path):
+        return {"meant": (shown_path(path.parent / near),)}
+    if not path.parent.is_dir():
+        return {"expected": "a path to an existing folder"}
+    # A study may be given by its folder.
+    may_be_folder = role == "study" and path.suffix not in KINDS
+    return {"expected": "a study or its folder" if may_be_folder else None}
 
 
 def begins_with(path: Path, mark: str) -> bool:
     """Whether a file begins so, blank lines left out; as if it did where there is nothing in it but
     blanks, or no such file.
     """
-    start = mark.encode()
     try:
-        if not path.is_file():
-            return True
-        with path.open("rb") as stream:
-            found = b""
-            while len(found) < len(start) and (more := stream.read(1 << 20)):
-                found = (found + more).removeprefix(codecs.BOM_UTF8).lstrip()
+        content = path.read_bytes() if path.is_file() else b""
     except OSError:
         return False
-    return not found or found.startswith(start)
+    start = content.removeprefix(codecs.BOM_UTF8).lstrip()
+    return not start or start.startswith(mark.encode())
 
 
 def missing_file(folder: Path, name: str) -> Finding | None:
@@ -173,49 +143,39 @@ def missing_file(folder: Path, name: str) -> Finding | None:
     return finding("no-such-file", value=name, expected=expected)
 
 
-def _nearby(path: Path) -> dict[str, object]:
-    if near := _near_name(path):
-        return {"meant": (shown_path(path.parent / near),)}
-    return {} if path.parent.is_dir() else {"expected": "a path to an existing folder"}
-
-
 def _near_name(path: Path) -> str | None:
     """The file of the same kind in the folder that is nearly called so."""
-    kind = _kind(path.name)
+    stem, kind = _parts(path.name)
     try:
-        names = [entry.name for entry in path.parent.iterdir()]
+        parts = {entry.name: _parts(entry.name) for entry in path.parent.iterdir()}
     except (OSError, ValueError):
         return None
-    # The ending that both have makes no two names alike.
-    stems = {_stem(name): name for name in names if kind in ("", _kind(name))}
-    near = closest(_stem(path.name), stems)
+    stems = {other: name for name, (other, its) in parts.items() if kind in ("", its)}
+    near = closest(stem, stems)
     return None if near is None else stems[near]
 
 
-def _stem(name: str) -> str:
-    return Path(name.casefold().removesuffix(".gz")).stem
-
-
-def _kind(name: str) -> str:
-    """What the ending of a name says that it holds; "" where that is not of ours."""
-    return KINDS.get(Path(name.casefold().removesuffix(".gz")).suffix, "")
+def _parts(name: str) -> tuple[str, str]:
+    """A name without its ending, and what that says; "" where it is none of ours."""
+    plain = Path(name.casefold().removesuffix(".gz"))
+    return plain.stem, KINDS.get(plain.suffix, "")
 
 
 def check_text(content: bytes, shown: str) -> None:
-    """Raises InputError where the bytes are no UTF-8 text, with the place of the first fault."""
-    start = content[:64].removeprefix(codecs.BOM_UTF8).lstrip().lower()
-    expected = "text saved as UTF-8"
+    """Raises InputError where the bytes are no UTF-8 text, with the line of the first fault."""
     # What they call it: the plain CSV of many spreadsheets is in the code page of the computer.
+    expected = "text saved as UTF-8"
     expected += ", in spreadsheets as CSV UTF-8" if ".csv" in shown.lower() else ""
+    start = content[:64].removeprefix(codecs.BOM_UTF8).lstrip().lower()
     if kind := next((kind for mark, kind in MARKS.items() if start.startswith(mark)), None):
-        raise error("not-readable", file=shown, reason=f"this is {kind}", expected=expected)
+        raise error("not-readable", file=shown, reason=f"it is {kind}", expected=expected)
     at = content.find(b"\0")
-    if at < 0:
-        try:
+    try:
+        if at < 0:
             content.decode()
-        except UnicodeDecodeError as fault:
-            at = fault.start
-    if at >= 0:
-        line = content.count(b"\n", 0, at) + 1
-        reason = f"byte {at + 1} is 0x{content[at]:02x}"
-        raise error("not-text", file=shown, line=line, reason=reason, expected=expected)
+            return
+    except UnicodeDecodeError as fault:
+        at = fault.start
+    line = content.count(b"\n", 0, at) + 1
+    reason = f"byte {at + 1} is 0x{content[at]:02x}"
+    raise error("not-readable", file=shown, line=line, reason=reason, expected=expected)

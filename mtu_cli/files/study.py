@@ -6,11 +6,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
-from mtu_cli.files.contract import Contract, Faults, check_contract
-from mtu_cli.files.source import Source, missing_file, resolved
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
+from mtu_cli.files.contract import (
+    Contract,
+    Faults,
+    Loaded,
+    Name,
+    check_contract,
+    optional,
+    present,
+    short,
+)
+from mtu_cli.files.source import missing_file, resolved
+from mtu_cli.files.yaml_file import read_yaml
 
 STUDY_NAME = "mtu.yaml"
 SINGLE = ("machine", "part")
@@ -24,80 +33,61 @@ MAX_DIGITS = 4
 MAX_THREADS = 1024
 
 Share = Annotated[float, Field(gt=0, lt=1)]
-Count = Annotated[int, Field(ge=1)]
-
-
-def _listed(value: object) -> object:
-    return [value] if isinstance(value, str) else value
-
-
 FileName = Annotated[str, Field(min_length=1)]
 FileNames = Annotated[
-    list[FileName], BeforeValidator(_listed, json_schema_input_type=str | list[str])
+    list[FileName],
+    short(lambda value: isinstance(value, str), lambda value: [value], str | list[str]),
 ]
 
 
 class Settings(Contract):
     """Settings of the commands; options on the command line override them."""
 
-    coverage_factor: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = Field(
-        default=None, description="k of U = k u"
+    coverage_factor: Annotated[float, Field(gt=0, lt=MAX_COVERAGE)] | None = optional(
+        "k of U = k u"
     )
-    seed: Annotated[int, Field(ge=0)] | None = Field(
-        default=None, description="Seed of Monte Carlo"
+    seed: Annotated[int, Field(ge=0)] | None = optional("Seed of Monte Carlo")
+    correlation: Literal["shared", "independent"] | None = optional(
+        "Points of a part share components, or stand alone as in the papers"
     )
-    correlation: Literal["shared", "independent"] | None = Field(
-        default=None,
-        description="Points of a part share components, or stand alone as in the papers",
+    trials: Annotated[int, Field(ge=MIN_TRIALS, le=MAX_TRIALS)] | None = optional(
+        "Monte Carlo trials; adaptive without it"
     )
-    trials: Annotated[int, Field(ge=MIN_TRIALS, le=MAX_TRIALS)] | None = Field(
-        default=None, description="Monte Carlo trials; adaptive without it"
+    digits: Annotated[int, Field(ge=1, le=MAX_DIGITS)] | None = optional(
+        "Significant digits of u that adaptive Monte Carlo makes sure of"
     )
-    digits: Annotated[int, Field(ge=1, le=MAX_DIGITS)] | None = Field(
-        default=None, description="Significant digits of u that adaptive Monte Carlo makes sure of"
+    probability: Share | None = optional("Coverage probability")
+    alpha: Share | None = optional("Family-wise rate of close-loop")
+    datum: Literal["none", "offset", "offset,rotation"] | None = optional(
+        "Freedoms of the part coordinate system"
     )
-    probability: Share | None = Field(default=None, description="Coverage probability")
-    alpha: Share | None = Field(default=None, description="Family-wise rate of close-loop")
-    datum: Literal["none", "offset", "offset,rotation"] | None = Field(
-        default=None, description="Freedoms of the part coordinate system"
-    )
-    max_effects: Count | None = Field(default=None, description="Causes that close-loop may add")
-    threads: Annotated[int, Field(ge=1, le=MAX_THREADS)] | None = Field(
-        default=None, description="Threads of Monte Carlo"
-    )
+    max_effects: Annotated[int, Field(ge=1)] | None = optional("Causes that close-loop may add")
+    threads: Annotated[int, Field(ge=1, le=MAX_THREADS)] | None = optional("Threads of Monte Carlo")
 
 
 class Study(Contract):
     """Files that belong together, relative to the study file."""
 
     schema_: Literal["mtu/study/1"] = Field(alias="schema")
-    name: str | None = None
-    says: str | None = Field(default=None, description="What it is, in words")
-    notes: str | None = Field(default=None, description="Free text")
-    machine: FileName | None = Field(default=None, description="Machine YAML")
-    part: FileName | None = Field(default=None, description="Part YAML")
-    components: FileNames = Field(
-        default=[], description="Reports of fit-components and thermal-fit"
-    )
-    lbb: FileNames = Field(default=[], description="Readings of the laser ball bar")
-    laser: FileNames = Field(default=[], description="Readings of the laser interferometer")
-    cmm: FileNames = Field(default=[], description="Measured points")
-    drift: FileNames = Field(default=[], description="Readings of the thermal drift test")
-    settings: Settings = Field(default=Settings(), description="Settings of the commands")
+    name: Name | None = None
+    says: str | None = optional("What it is, in words")
+    notes: str | None = optional("Free text")
+    machine: FileName | None = optional("Machine YAML")
+    part: FileName | None = optional("Part YAML")
+    components: FileNames = optional("Reports of fit-components and thermal-fit", [])
+    lbb: FileNames = optional("Readings of the laser ball bar", [])
+    laser: FileNames = optional("Readings of the laser interferometer", [])
+    cmm: FileNames = optional("Measured points", [])
+    drift: FileNames = optional("Readings of the thermal drift test", [])
+    settings: Settings = optional("Settings of the commands", Settings())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoadedStudy:
+class LoadedStudy(Loaded):
     """A checked study; `files` gives the paths of each role, in order (none: no entry)."""
 
-    source: Source
     study: Study
     files: dict[str, tuple[Path, ...]]
-    document: YamlDocument
-
-    def line_of(self, *path: str | int) -> int | None:
-        """The line of a value of the file."""
-        return self.document.line_of(*path)
 
 
 def find_study(start: Path) -> Path | None:
@@ -116,26 +106,18 @@ def load_study(path: Path, role: str = "study", *, there: bool = True) -> Loaded
     """
     document = read_yaml(path, role)
     folder = path.parent
+    files: dict[str, tuple[Path, ...]] = {}
 
     def check(study: Study, faults: Faults) -> None:
-        for _, place, name in _named(study):
-            if there and (missing := missing_file(folder, name)):
-                faults.extend(faults.existing(place), [missing])
-        for key in SEVERAL:
-            names = [(index, name) for index, name in enumerate(getattr(study, key) or ()) if name]
+        for key in (*SINGLE, *SEVERAL):
+            given = getattr(study, key)
+            names = present(given) if key in SEVERAL else [(0, given)] if given else []
+            if names:
+                files[key] = tuple(folder / name for _, name in names)
+            for index, name in names:
+                if there and (missing := missing_file(folder, name)):
+                    faults.extend((key, index), [missing])
             faults.once((key,), names, "the file")
 
     study = check_contract(document, Study, "study", check)
-    files: dict[str, tuple[Path, ...]] = {}
-    for key, _, name in _named(study):
-        files[key] = (*files.get(key, ()), folder / name)
     return LoadedStudy(source=document.source, study=study, files=files, document=document)
-
-
-def _named(study: Study) -> list[tuple[str, YamlPath, str]]:
-    named: list[tuple[str, YamlPath, str]]
-    named = [(key, (key,), getattr(study, key)) for key in SINGLE if getattr(study, key)]
-    for key in SEVERAL:
-        names = enumerate(getattr(study, key) or ())
-        named += [(key, (key, index), name) for index, name in names if name]
-    return named

@@ -9,23 +9,24 @@ needs beside the second.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.findings import Finding, error, finding
-from mtu_cli.language.functions import BUDGET_FUNCTIONS, ORDER, apply_scalar
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number
+from mtu_cli.findings import Finding, finding
+from mtu_cli.language.evaluate import given
+from mtu_cli.language.functions import FUNCTIONS, ORDER, Slopes, apply_scalar, power_slopes
+from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.intp]
-BoolArray = NDArray[np.bool_]
+Directions = Callable[[str], FloatArray | None]
+"""The two directions (2, pairs) of each pair along a name; None where they do not move it."""
 
-SLAB = 2**20
-"""Numbers that the directions of one slab of pairs may take, for either of the two."""
 TERMS = tuple((total - b, b) for total in range(ORDER + 1) for b in range(total + 1))
 """Exponents (a, b) of s^a t^b, in the order of the coefficients."""
 PLACE = {term: i for i, term in enumerate(TERMS)}
@@ -53,218 +54,182 @@ class Derivatives:
     faults: tuple[Finding, ...]
 
 
-# What is too large is inf or nan, which who asked tells; numpy has no word on it.
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -> Derivatives:
     """The derivatives of an equation with respect to `names` (n) at `values`.
 
     Raises InputError for a name without a value.
     """
-    n = len(names)
-    used = names_in(node)
+    n, used = len(names), names_in(node)
     rows = np.array([k for k, name in enumerate(names) if name in used], dtype=np.intp)
-    own = [names[k] for k in rows]
-    value, first, third, second = math.nan, np.zeros(n), np.zeros(n), np.zeros((n, n))
-    faults: dict[str, Finding] = {}
-    for i, j in _slabs(len(own)):
-        pairs = np.arange(len(i))
-        along = np.zeros((2, len(own), len(i)))
-        if own:
-            along[0, i, pairs] = 1.0
-            along[1, j, pairs] = 1.0
-        found, slab_faults = taylor(node, values, own, along)
-        faults |= {fault.message: fault for fault in slab_faults}
-        value = float(found[0, 0])
-        if own:
-            same = i == j
-            first[rows[i[same]]] = found[PLACE[1, 0], same]
-            third[rows[i[same]]] = 6.0 * found[PLACE[3, 0], same]
-            # The coefficient of s t is d2f/dxi dxj on the diagonal too, where both run along x_i.
-            second[rows[i], rows[j]] = second[rows[j], rows[i]] = found[PLACE[1, 1]]
+    # All pairs of the names that it has; without any there is its value.
+    i, j = np.triu_indices(len(rows)) if len(rows) else (np.zeros(1, int), np.zeros(1, int))
+    place = {names[row]: k for k, row in enumerate(rows)}
+
+    def along(name: str) -> FloatArray | None:
+        return np.array([i == place[name], j == place[name]], float) if name in place else None
+
+    series, faults = taylor(node, values, along, len(i))
+    first, third, second = np.zeros(n), np.zeros(n), np.zeros((n, n))
+    if len(rows):
+        same = i == j
+        first[rows] = series[PLACE[1, 0], same]
+        with np.errstate(over="ignore"):
+            third[rows] = 6.0 * series[PLACE[3, 0], same]
+        # The coefficient of s t is d2f/dxi dxj on the diagonal too, where both run along x_i.
+        second[rows[i], rows[j]] = second[rows[j], rows[i]] = series[PLACE[1, 1]]
     return Derivatives(
-        value=value, first=first, second=second, third=third, faults=tuple(faults.values())
+        value=float(series[0, 0]), first=first, second=second, third=third, faults=tuple(faults)
     )
 
 
-def _slabs(n: int) -> Iterator[tuple[IntArray, IntArray]]:
-    """All pairs i <= j of `n` names, so many at a time that their directions stay small."""
-    if n == 0:
-        yield np.zeros(1, dtype=np.intp), np.zeros(1, dtype=np.intp)
-        return
-    i, j = np.triu_indices(n)
-    step = max(1, SLAB // n)
-    for start in range(0, len(i), step):
-        yield i[start : start + step], j[start : start + step]
-
-
 def taylor(
-    node: Node, values: Mapping[str, float], names: Sequence[str], along: FloatArray
+    node: Node, values: Mapping[str, float], along: Directions, pairs: int
 ) -> tuple[FloatArray, list[Finding]]:
-    """Taylor coefficients (10, pairs) of ``f(x + s along[0, :, p] + t along[1, :, p])``.
+    """Taylor coefficients (10, pairs) of ``f(x + s along(x)[0, p] + t along(x)[1, p])``.
 
-    `along` (2, n, pairs) holds the two directions of each pair, in the order of `names`.
     `TERMS` gives the order of the coefficients. Those that do not exist are nan; the second
-    result says why.
+    result says why. What is too large is inf or nan, without a warning of numpy's.
 
     Raises InputError for a name without a value.
     """
-    expansion = _Expansion(values, {name: k for k, name in enumerate(names)}, along)
+    expansion = _Expansion(values, along, pairs)
     with np.errstate(all="ignore"):
-        found = expansion.of(node)
-    return found, expansion.faults
+        jet = expansion.of(node)
+    return jet.series, expansion.faults
+
+
+@dataclass(frozen=True, slots=True)
+class _Jet:
+    """A truncated polynomial: its coefficients `series` (10, pairs).
+
+    `varies` (pairs,): whether the directions move a name that it holds, be it that the
+    coefficients to the third order vanish: x**4 does at 0, and yet sqrt(x**4) is x**2.
+    """
+
+    series: FloatArray
+    varies: NDArray[np.bool_]
+
+    def __add__(self, other: _Jet) -> _Jet:
+        return _Jet(self.series + other.series, self.varies | other.varies)
+
+    def __sub__(self, other: _Jet) -> _Jet:
+        return _Jet(self.series - other.series, self.varies | other.varies)
+
+    def __neg__(self) -> _Jet:
+        return _Jet(-self.series, self.varies)
+
+    def __mul__(self, other: _Jet) -> _Jet:
+        return _Jet(_product(self.series, other.series), self.varies | other.varies)
+
+    @property
+    def value(self) -> float:
+        """The value of the node itself."""
+        return float(self.series[0, 0])
+
+
+def _product(left: FloatArray, right: FloatArray) -> FloatArray:
+    series = np.zeros_like(left)
+    for i, j, k in _PRODUCTS:
+        series[k] += left[i] * right[j]
+    return series
 
 
 @dataclass(slots=True)
 class _Expansion:
     values: Mapping[str, float]
-    index: Mapping[str, int]
-    along: FloatArray
+    along: Directions
+    pairs: int
     faults: list[Finding] = field(default_factory=list)
 
-    def of(self, node: Node) -> FloatArray:
+    def of(self, node: Node) -> _Jet:
         match node:
             case Number(value):
                 return self.constant(value)
             case Name(name, column):
-                return self.variable(name, column)
-            case Negative(operand):
-                return -self.of(operand)
-            case Binary("+", left, right):
-                return self.of(left) + self.of(right)
-            case Binary("-", left, right):
-                return self.of(left) - self.of(right)
-            case Binary("*", left, right):
-                return product(self.of(left), self.of(right))
-            case Binary("/", left, right, column):
-                return product(self.of(left), self.power(self.of(right), -1.0, "/", column))
-            case Binary("**", base, exponent, column):
-                return self.raised(self.of(base), self.of(exponent), column, base)
-            case Call("atan2", (y, x), column):
-                return self.atan2(self.of(y), self.of(x), column)
-            case Call(function, (argument,), column):
-                return self.composed(function, self.of(argument), column, argument)
-        raise AssertionError(node)
+                jet = self.constant(given(name, self.values, column))
+                if (directions := self.along(name)) is None:
+                    return jet
+                jet.series[[PLACE[1, 0], PLACE[0, 1]]] = directions
+                return _Jet(jet.series, np.any(directions != 0.0, axis=0))
+            case Call(function, arguments, column):
+                return self.call(function, [self.of(item) for item in arguments], column)
 
-    def constant(self, value: float) -> FloatArray:
-        series = np.zeros((len(TERMS), self.along.shape[2]))
-        series[0] = value
-        return series
-
-    def variable(self, name: str, column: int) -> FloatArray:
-        if name not in self.values:
-            raise error("name-without-value", name=name, column=column)
-        series = self.constant(self.values[name])
-        if name in self.index:
-            series[PLACE[1, 0]], series[PLACE[0, 1]] = self.along[:, self.index[name]]
-        return series
-
-    def composed(
-        self, function: str, inner: FloatArray, column: int, argument: Node | None = None
-    ) -> FloatArray:
-        """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
-        at = float(inner[0, 0])
-        outer = apply_scalar(function, (at,))
-        if outer is None:
-            return self.undefined(f"{function}()", at, column)
-        slopes = BUDGET_FUNCTIONS[function].slopes
+    def call(self, function: str, jets: list[_Jet], column: int) -> _Jet:
+        match function, jets:
+            case "/", [left, right]:
+                return left * self.power(right, -1.0, "'/'", column)
+            case "**", [base, exponent]:
+                return self.raised(base, exponent, column)
+            case "atan2", [y, x]:
+                return self.atan2(y, x, column)
+            case "+" | "-" | "*" | "neg", _:
+                found: _Jet = FUNCTIONS[function].scalar(*jets)
+                return found
+        value, slopes = apply_scalar(function, (jets[0].value,)), FUNCTIONS[function].slopes
         assert slopes is not None, function
-        return self.chained(outer, slopes(at), inner, f"{function}()", column, argument)
+        return self.chained(f"{function}()", value, slopes, jets[0], column)
 
-    def power(
-        self,
-        base: FloatArray,
-        exponent: float,
-        sign: str,
-        column: int,
-        argument: Node | None = None,
-    ) -> FloatArray:
+    def constant(self, value: float) -> _Jet:
+        series = np.zeros((len(TERMS), self.pairs))
+        series[0] = value
+        return _Jet(series, np.zeros(self.pairs, bool))
+
+    def power(self, base: _Jet, exponent: float, what: str, column: int) -> _Jet:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
-        at = float(base[0, 0])
-        outer = apply_scalar("**", (at, exponent))
-        if outer is None:
-            return self.undefined(f"{sign!r}", at, column)
-        slopes, factor = [], 1.0
-        for k in range(ORDER):
-            factor *= exponent - k
-            rest = apply_scalar("**", (at, exponent - k - 1)) if factor else 0.0
-            slopes.append(math.nan if rest is None else factor * rest)
-        return self.chained(outer, slopes, base, f"{sign!r}", column, argument)
+        value = apply_scalar("**", (base.value, exponent))
+        return self.chained(what, value, partial(power_slopes, exponent=exponent), base, column)
 
-    def raised(
-        self, base: FloatArray, exponent: FloatArray, column: int, argument: Node
-    ) -> FloatArray:
-        if not np.any(exponent[1:]):
-            return self.power(base, float(exponent[0, 0]), "**", column, argument)
-        outer = apply_scalar("**", (float(base[0, 0]), float(exponent[0, 0])))
-        if outer is None or base[0, 0] <= 0.0:
-            return self.undefined("'**' with an uncertain exponent", float(base[0, 0]), column)
-        logarithm = self.composed("log", base, column)
-        return self.composed("exp", product(exponent, logarithm), column)
+    def raised(self, base: _Jet, exponent: _Jet, column: int) -> _Jet:
+        if not np.any(exponent.series[1:]):
+            return self.power(base, exponent.value, "'**'", column)
+        value = apply_scalar("**", (base.value, exponent.value))
+        if value is None or base.value <= 0.0:
+            what = "'**' with an uncertain exponent"
+            return self.chained(what, None, FUNCTIONS["exp"].slopes, base, column)
+        return self.call("exp", [exponent * self.call("log", [base], column)], column)
 
-    def atan2(self, y: FloatArray, x: FloatArray, column: int) -> FloatArray:
-        at = float(y[0, 0]), float(x[0, 0])
-        outer = math.atan2(*at)
-        if not (np.any(y[1:]) or np.any(x[1:])):
-            return self.constant(outer)
-        if at[0] == 0.0 and at[1] <= 0.0:
+    def atan2(self, y: _Jet, x: _Jet, column: int) -> _Jet:
+        angle = math.atan2(y.value, x.value)
+        if y.value == 0.0 and x.value <= 0.0:
             # The angle jumps by 2 pi there, or is any angle at the origin: it has a value alone.
-            self.fault("no-derivative", "atan2(y, x) with y = 0", at[1], column)
-            series = self.constant(outer)
-            series[1:, np.any(y[1:], axis=0) | np.any(x[1:], axis=0)] = math.nan
-            return series
+            alone = _Jet(self.constant(angle).series, y.varies | x.varies)
+            return self.without_slopes(alone, "atan2(y, x) with y = 0", x.value, column)
         # The larger one divides; the derivatives of both forms are those of the angle.
-        if abs(at[1]) >= abs(at[0]):
-            series = self.composed("atan", product(y, self.power(x, -1.0, "/", column)), column)
-        else:
-            series = -self.composed("atan", product(x, self.power(y, -1.0, "/", column)), column)
-        series[0] = outer
-        return series
+        over, under, sign = (y, x, 1.0) if abs(x.value) >= abs(y.value) else (x, y, -1.0)
+        ratio = over * self.power(under, -1.0, "'/'", column)
+        jet = self.call("atan", [ratio], column)
+        series = sign * jet.series
+        series[0] = angle
+        return _Jet(series, jet.varies)
 
     def chained(
-        self,
-        outer: float,
-        slopes: Sequence[float],
-        inner: FloatArray,
-        what: str,
-        column: int,
-        argument: Node | None,
-    ) -> FloatArray:
-        series = self.constant(outer)
-        h = inner.copy()
+        self, what: str, value: float | None, slopes: Slopes | None, inner: _Jet, column: int
+    ) -> _Jet:
+        """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
+        if value is None or slopes is None:
+            self.fault(what, f" at {inner.value:.6g}", column)
+            return _Jet(np.full_like(inner.series, math.nan), inner.varies)
+        jet = _Jet(self.constant(value).series, inner.varies)
+        found = slopes(inner.value)
+        if not math.isfinite(found[0]):
+            return self.without_slopes(jet, what, inner.value, column)
+        h = inner.series.copy()
         h[0] = 0.0
-        if not math.isfinite(slopes[0]):
-            # x**4 vanishes to the third order at 0 and yet sqrt(x**4) is x**2.
-            varies = np.any(h != 0.0, axis=0) | self.along_any(argument)
-            if np.any(varies):
-                self.fault("no-derivative", what, float(inner[0, 0]), column)
-                series[1:, varies] = math.nan
-            return series
-        if not np.any(h):
-            return series
         rising = h
-        for k, slope in enumerate(slopes, start=1):
+        for k, slope in enumerate(found, start=1):
             # An infinite derivative touches only the orders that its power of h reaches.
-            series += np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
-            rising = product(rising, h)
-        return series
+            step = np.where(rising != 0.0, slope / math.factorial(k) * rising, 0.0)
+            jet.series[:] += step
+            rising = _product(rising, h)
+        return jet
 
-    def along_any(self, argument: Node | None) -> BoolArray:
-        """Whether a pair (pairs,) of directions moves a name of the `argument`."""
-        held = {} if argument is None else names_in(argument)
-        rows = [self.index[name] for name in held if name in self.index]
-        return np.asarray(np.any(self.along[:, rows] != 0.0, axis=(0, 1)))
+    def without_slopes(self, jet: _Jet, what: str, at: float, column: int) -> _Jet:
+        """A value that has no derivatives where it varies, which is a fault then."""
+        if np.any(jet.varies):
+            self.fault(f"the derivative of {what}", f" at {at:.6g}", column)
+            jet.series[1:, jet.varies] = math.nan
+        return jet
 
-    def undefined(self, what: str, at: float, column: int) -> FloatArray:
-        self.fault("no-value-here", what, at, column)
-        return self.constant(math.nan) * math.nan
-
-    def fault(self, code: str, what: str, at: float, column: int) -> None:
-        self.faults.append(finding(code, operation=what, at=f"{at:.6g}", column=column))
-
-
-def product(left: FloatArray, right: FloatArray) -> FloatArray:
-    """The product of two polynomials, cut beyond the third order."""
-    series = np.zeros_like(left)
-    for i, j, k in _PRODUCTS:
-        series[k] += left[i] * right[j]
-    return series
+    def fault(self, what: str, where: str, column: int) -> None:
+        facts: dict[str, Any] = {"what": what, "where": where, "column": column}
+        self.faults.append(finding("no-finite-value", **facts))

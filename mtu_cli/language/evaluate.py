@@ -7,8 +7,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.findings import error
-from mtu_cli.language.functions import BUDGET_FUNCTIONS, OPERATORS, apply_scalar
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, shown
+from mtu_cli.language.functions import FUNCTIONS, apply_scalar
+from mtu_cli.language.tree import Call, Name, Node, Number, shown
 
 if TYPE_CHECKING:
     import numpy as np
@@ -29,65 +29,65 @@ def evaluate(node: Node, values: Mapping[str, Value]) -> Value:
     import numpy as np
 
     with np.errstate(all="ignore"):
-        value: Value = _value(node, values, _arrays())
+        value: Value = _value(node, values)
     return value
 
 
-def _value(node: Node, values: Mapping[str, Value], functions: Mapping[str, Any]) -> Any:
+def _value(node: Node, values: Mapping[str, Value]) -> Any:
     match node:
         case Number(value):
             return value
         case Name(name, column):
-            if name not in values:
-                raise error("name-without-value", name=name, column=column)
-            return values[name]
-        case Negative(operand):
-            return -_value(operand, values, functions)
-        case Binary(operator, left, right):
-            return functions[operator](
-                _value(left, values, functions), _value(right, values, functions)
-            )
+            return given(name, values, column)
         case Call(function, arguments):
-            return functions[function](*(_value(item, values, functions) for item in arguments))
+            return _array(function)(*(_value(item, values) for item in arguments))
+
+
+def given(name: str, values: Mapping[str, Any], column: int) -> Any:
+    """The value of a name. Raises InputError where it has none."""
+    if name not in values:
+        raise error("missing-input", what=f"the value of '{name}'", column=column)
+    return values[name]
 
 
 @cache
-def _arrays() -> Mapping[str, Callable[..., Any]]:
+def _array(name: str) -> Callable[..., Any]:
     import numpy as np
 
-    found = {name: getattr(np, own) for name, (_, own) in OPERATORS.items()}
-    # numpy raises no negative integer to a power.
-    found["**"] = lambda base, exponent: np.power(np.asarray(base, float), exponent)
-    for name, item in BUDGET_FUNCTIONS.items():
-        found[name] = getattr(np, item.array)
-        if item.extra:
-            found[name] = lambda *given, item=item: getattr(np, item.array)(*given, *item.extra)
-    return found
+    if name == "step":  # numpy's keeps nan: what has no value has no side of 0
+        return lambda u: np.heaviside(u, 1.0)
+    if name == "**":  # numpy raises no negative integer to a power
+        return lambda base, exponent: np.power(np.asarray(base, float), exponent)
+    function: Callable[..., Any] = getattr(np, FUNCTIONS[name].array)
+    return function
 
 
-def check_finite(node: Node, constants: Mapping[str, float]) -> float | None:
-    """The value of what holds numbers and `constants` alone, None of what holds more.
+def folded(node: Call, written: Node | None = None) -> Node:
+    """The number that an operation on numbers gives; any other as it is.
 
-    Raises InputError at the first operation on such values that has no finite real value, as
-    `parse` does where they are numbers: ``1/(c - d)`` where c is d.
+    Raises InputError where it has no finite real value; `written` is how a message shows it.
+    """
+    operands = tuple(item.value for item in node.arguments if isinstance(item, Number))
+    if len(operands) < len(node.arguments):
+        return node
+    value = apply_scalar(node.function, operands)
+    if value is None:
+        what = f"'{node.function}' of these constants"
+        text = None if written is None else shown(written)
+        raise error("no-finite-value", what=what, where="", column=node.column, value=text)
+    return Number(value, node.column)
+
+
+def check_finite(node: Node, constants: Mapping[str, float]) -> Node:
+    """The tree with its `constants` as numbers, operations on numbers alone folded to one.
+
+    Raises InputError at the first of them that has no finite real value, as `parse` does where
+    they are numbers: ``1/(c - d)`` where c is d.
     """
     match node:
-        case Number(value):
-            return value
-        case Name(name):
-            return constants.get(name)
-        case Negative(operand):
-            inner = check_finite(operand, constants)
-            return None if inner is None else -inner
-        case Binary(name, left, right, column):
-            operands: tuple[Node, ...] = (left, right)
-        case Call(name, operands, column):
-            pass
-    found = [check_finite(item, constants) for item in operands]
-    known = tuple(value for value in found if value is not None)
-    if len(known) < len(found):
-        return None
-    result = apply_scalar(name, known)
-    if result is None:
-        raise error("no-finite-value", operation=name, column=column, value=shown(node))
-    return result
+        case Name(name, column) if name in constants:
+            return Number(constants[name], column)
+        case Call(function, arguments, column):
+            known = tuple(check_finite(item, constants) for item in arguments)
+            return folded(Call(function, known, column), node)
+    return node

@@ -1,14 +1,18 @@
-"""The functions of equations: one table from which every part of the language reads."""
+"""The functions and operators of equations: one table from which every part of the language reads.
+
+A function has its value at floats, that of numpy at arrays, its derivatives, and the rule by which
+units follow. Whoever adds one adds a line here, and nothing elsewhere.
+"""
 
 from __future__ import annotations
 
 import math
 import operator
 from collections.abc import Callable
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 Slopes = Callable[[float], list[float]]
-UnitRule = Literal["number", "same", "root", "alike", "any"]
+UnitRule = Literal["number", "same", "alike", "product", "quotient", "power", "root", "any"]
 ORDER = 3
 """Derivatives are known to this order."""
 
@@ -16,18 +20,27 @@ ORDER = 3
 class Function(NamedTuple):
     """A function of equations.
 
-    `scalar` is its value at floats, `array` the name of numpy's (with `extra` last arguments),
-    `slopes` gives the first to third derivative of one of one argument, nan where there is none.
-    `unit`: what its arguments and value are: of a plain `number` a number, of the `same` unit, the
-    square `root` of one, of two `alike` a number, of `any` unit a number.
+    `scalar` is its value at floats, `array` the name of numpy's, `slopes` gives the first to third
+    derivative of one of one argument, nan where there is none. `unit`: what its arguments and
+    value are: of a plain `number` a number, of one unit the `same`, of two `alike` a number, of
+    `any` unit a number; the others say themselves.
     """
 
-    scalar: Callable[..., float]
+    scalar: Callable[..., Any]
     array: str
-    slopes: Slopes | None
+    slopes: Slopes | None = None
     unit: UnitRule = "number"
     arity: int = 1
-    extra: tuple[float, ...] = ()
+
+
+def power_slopes(x: float, exponent: float) -> list[float]:
+    """The first to third derivative of ``x**exponent``, negative x and 0 included."""
+    slopes, factor = [], 1.0
+    for k in range(ORDER):
+        factor *= exponent - k
+        rest = apply_scalar("**", (x, exponent - k - 1)) if factor else 0.0
+        slopes.append(math.nan if rest is None else factor * rest)
+    return slopes
 
 
 def _tan(x: float) -> list[float]:
@@ -43,61 +56,47 @@ def _asin(x: float) -> list[float]:
     return [q**-0.5, x * q**-1.5, (1.0 + 2.0 * x * x) * q**-2.5]
 
 
-def _acos(x: float) -> list[float]:
-    return [-slope for slope in _asin(x)]
-
-
 def _atan(x: float) -> list[float]:
     q = 1.0 / (1.0 + x * x)
     return [q, -2.0 * x * q**2, (6.0 * x * x - 2.0) * q**3]
-
-
-def _sqrt(x: float) -> list[float]:
-    return [0.5 * x**-0.5, -0.25 * x**-1.5, 0.375 * x**-2.5] if x > 0.0 else [math.nan] * ORDER
-
-
-def _log(x: float) -> list[float]:
-    # Powers of 1/x overflow to inf; powers of x would vanish, and nothing divides by 0.
-    return [1.0 / x, -((1.0 / x) ** 2), 2.0 * (1.0 / x) ** 3]
-
-
-def _abs(x: float) -> list[float]:
-    return [math.copysign(1.0, x) if x else math.nan, 0.0, 0.0]
-
-
-def _step(x: float) -> list[float]:
-    return [0.0 if x else math.nan, 0.0, 0.0]
 
 
 MACHINE_FUNCTIONS: dict[str, Function] = {
     "sin": Function(math.sin, "sin", lambda x: [math.cos(x), -math.sin(x), -math.cos(x)]),
     "cos": Function(math.cos, "cos", lambda x: [-math.sin(x), -math.cos(x), math.sin(x)]),
     "exp": Function(math.exp, "exp", lambda x: [math.exp(x)] * ORDER),
-    "log": Function(math.log, "log", _log),
-    "sqrt": Function(math.sqrt, "sqrt", _sqrt, "root"),
-    "abs": Function(abs, "abs", _abs, "same"),
-    # numpy's keeps nan: what has no value has no side of 0.
-    "step": Function(lambda x: 0.0 if x < 0 else 1.0, "heaviside", _step, "any", extra=(1.0,)),
+    "log": Function(math.log, "log", lambda x: [1.0 / x, *power_slopes(x, -1.0)[: ORDER - 1]]),
+    "sqrt": Function(math.sqrt, "sqrt", lambda x: power_slopes(x, 0.5), "root"),
+    "abs": Function(
+        abs, "abs", lambda x: [math.copysign(1.0, x) if x else math.nan, 0.0, 0.0], "same"
+    ),
+    "step": Function(
+        lambda x: 0.0 if x < 0 else 1.0,
+        "heaviside",
+        lambda x: [0.0 if x else math.nan, 0.0, 0.0],
+        "any",
+    ),
 }
 """`step(u)` is 0 for u < 0, else 1."""
 
 BUDGET_FUNCTIONS: dict[str, Function] = MACHINE_FUNCTIONS | {
     "tan": Function(math.tan, "tan", _tan),
     "asin": Function(math.asin, "arcsin", _asin),
-    "acos": Function(math.acos, "arccos", _acos),
+    "acos": Function(math.acos, "arccos", lambda x: [-slope for slope in _asin(x)]),
     "atan": Function(math.atan, "arctan", _atan),
-    "atan2": Function(math.atan2, "arctan2", None, "alike", arity=2),
+    "atan2": Function(math.atan2, "arctan2", unit="alike", arity=2),
 }
 """Budgets and graphs know the other circular functions too."""
 
-OPERATORS: dict[str, tuple[Callable[..., float], str]] = {
-    "+": (operator.add, "add"),
-    "-": (operator.sub, "subtract"),
-    "*": (operator.mul, "multiply"),
-    "/": (operator.truediv, "divide"),
-    "**": (operator.pow, "power"),
+FUNCTIONS: dict[str, Function] = BUDGET_FUNCTIONS | {
+    "+": Function(operator.add, "add", unit="same", arity=2),
+    "-": Function(operator.sub, "subtract", unit="same", arity=2),
+    "neg": Function(operator.neg, "negative", unit="same"),
+    "*": Function(operator.mul, "multiply", unit="product", arity=2),
+    "/": Function(operator.truediv, "divide", unit="quotient", arity=2),
+    "**": Function(operator.pow, "power", unit="power", arity=2),
 }
-"""On floats, and the name of numpy's."""
+"""All that a `Call` of a tree may be; operators are written by their signs alone."""
 
 
 def apply_scalar(name: str, operands: tuple[float, ...]) -> float | None:
@@ -106,9 +105,8 @@ def apply_scalar(name: str, operands: tuple[float, ...]) -> float | None:
     >>> apply_scalar("sqrt", (4.0,)), apply_scalar("/", (1.0, 0.0))
     (2.0, None)
     """
-    apply = OPERATORS[name][0] if name in OPERATORS else BUDGET_FUNCTIONS[name].scalar
     try:
-        value = apply(*operands)
+        value = FUNCTIONS[name].scalar(*operands)
     except (ArithmeticError, ValueError):
         return None
     if isinstance(value, complex) or not math.isfinite(value):

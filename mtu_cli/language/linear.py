@@ -6,7 +6,9 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 
 from mtu_cli.findings import InputError, error
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Node, Number, names
+from mtu_cli.language.tree import Call, Name, Node, Number, names
+
+COMPONENT, PARAMETER = "component", "parameter"
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,9 +17,6 @@ class LinearForm:
 
     coefficients: dict[str, Node]
     remainder: Node | None
-
-
-COMPONENT, PARAMETER = "component", "parameter"
 
 
 def linear_form(
@@ -30,71 +29,62 @@ def linear_form(
     components, a division by one, a power or a function of one.
     """
     linear = {name: PARAMETER if name in parameters else COMPONENT for name in linear_names}
-    coefficients, remainder = _split(node, linear)
-    return LinearForm(coefficients, remainder)
+    parts = _split(node, linear)
+    remainder = parts.pop(None, None)
+    return LinearForm({name: part for name, part in parts.items() if name is not None}, remainder)
 
 
-Parts = tuple[dict[str, Node], Node | None]
+Parts = dict[str | None, Node]
+"""The coefficient of every linear name, and of None: of 1."""
 
 
 def _split(node: Node, linear: Mapping[str, str]) -> Parts:
-    if not any(name in linear for name in names(node)):
-        return {}, node
+    if not _held(node, linear):
+        return {None: node}
     match node:
         case Name(name, column):
-            return {name: Number(1.0, column)}, None
-        case Negative(operand, column):
+            return {name: Number(1.0, column)}
+        case Call("neg", (operand,), column):
             return _scaled(_split(operand, linear), lambda part: _negative(part, column))
-        case Binary("+" | "-" as operator, left, right, column):
-            return _sum(_split(left, linear), _split(right, linear), operator == "-", column)
-        case Binary("*", left, right, column):
-            return _product(left, right, column, linear)
-        case Binary("/", left, right, column):
-            _refuse(right, linear, "in a denominator")
-            return _scaled(_split(left, linear), lambda part: Binary("/", part, right, column))
-        case Binary("**", _, _, _):
-            _refuse(node, linear, "in a power")
-        case Call(function, _, _):
-            _refuse(node, linear, f"inside {function}()")
-    raise AssertionError(node)
+        case Call("+" | "-" as sign, (left, right), column):
+            found = _split(left, linear)
+            for key, part in _split(right, linear).items():
+                signed = _negative(part, column) if sign == "-" else part
+                own = found.get(key)
+                found[key] = signed if own is None else Call("+", (own, signed), column)
+            return found
+        case Call("*", (left, right), column):
+            of_left, of_right = _split(left, linear), _split(right, linear)
+            in_left, in_right = ([name for name in own if name] for own in (of_left, of_right))
+            if in_left and in_right:
+                both = (in_left[0], in_right[0])
+                raise _not_linear(both, linear, "their product", column)
+            if in_left:
+                return _scaled(of_left, lambda part: _times(part, right, column))
+            return _scaled(of_right, lambda part: _times(left, part, column))
+        case Call("/", (left, right), column) if not _held(right, linear):
+            return _scaled(_split(left, linear), lambda part: Call("/", (part, right), column))
+        case Call("/", (_, right)):
+            inside, how = right, "in a denominator"
+        case Call(function):
+            inside, how = node, "in a power" if function == "**" else f"inside {function}()"
+    name, column = next(iter(_held(inside, linear).items()))
+    raise _not_linear((name,), linear, how, column)
 
 
-def _product(left: Node, right: Node, column: int, linear: Mapping[str, str]) -> Parts:
-    in_left = [name for name in names(left) if name in linear]
-    in_right = [name for name in names(right) if name in linear]
-    if in_left and in_right:
-        # What stands inside a function is reported as such.
-        _split(left, linear)
-        _split(right, linear)
-        raise _not_linear((in_left[0], in_right[0]), linear, "their product", column)
-    if in_left:
-        return _scaled(_split(left, linear), lambda part: _times(part, right, column))
-    return _scaled(_split(right, linear), lambda part: _times(left, part, column))
+def _held(node: Node, linear: Mapping[str, str]) -> dict[str, int]:
+    """The linear names of a term with their columns."""
+    return {name: column for name, column in names(node).items() if name in linear}
 
 
 def _scaled(parts: Parts, scale: Callable[[Node], Node]) -> Parts:
-    coefficients, remainder = parts
-    scaled = {name: scale(part) for name, part in coefficients.items()}
-    return scaled, None if remainder is None else scale(remainder)
-
-
-def _sum(left: Parts, right: Parts, minus: bool, column: int) -> Parts:
-    coefficients = dict(left[0])
-    for name, part in right[0].items():
-        signed = _negative(part, column) if minus else part
-        own = coefficients.get(name)
-        coefficients[name] = signed if own is None else Binary("+", own, signed, column)
-    remainder = left[1]
-    if right[1] is not None:
-        signed = _negative(right[1], column) if minus else right[1]
-        remainder = signed if remainder is None else Binary("+", remainder, signed, column)
-    return coefficients, remainder
+    return {name: scale(part) for name, part in parts.items()}
 
 
 def _negative(node: Node, column: int) -> Node:
     if isinstance(node, Number):
         return Number(-node.value, node.column)
-    return Negative(node, column)
+    return Call("neg", (node,), column)
 
 
 def _times(left: Node, right: Node, column: int) -> Node:
@@ -102,20 +92,13 @@ def _times(left: Node, right: Node, column: int) -> Node:
         return right
     if right == Number(1.0, right.column):
         return left
-    return Binary("*", left, right, column)
-
-
-def _refuse(node: Node, linear: Mapping[str, str], how: str) -> None:
-    inside = {name: column for name, column in names(node).items() if name in linear}
-    if inside:
-        name = min(inside, key=lambda key: inside[key])
-        raise _not_linear((name,), linear, how, inside[name])
+    return Call("*", (left, right), column)
 
 
 def _not_linear(
-    told: Collection[str], linear: Mapping[str, str], how: str, column: int
+    at_fault: Collection[str], linear: Mapping[str, str], how: str, column: int
 ) -> InputError:
-    what = " and ".join(f"the {linear[name]} {name!r}" for name in told)
-    kinds = " and ".join(f"{kind}s" for kind in dict.fromkeys(linear[name] for name in told))
+    what = " and ".join(f"the {linear[name]} {name!r}" for name in at_fault)
+    kinds = " and ".join(f"{kind}s" for kind in dict.fromkeys(linear[name] for name in at_fault))
     expected = f"an equation that is linear in the {kinds}"
     return error("not-linear", names=what, how=how, column=column, expected=expected)

@@ -9,17 +9,9 @@ from functools import cache
 from typing import NamedTuple
 
 from mtu_cli.findings import InputError, error, suggestion
-from mtu_cli.language.functions import MACHINE_FUNCTIONS, Function, apply_scalar
-from mtu_cli.language.tree import (
-    PRECEDENCE,
-    Binary,
-    Call,
-    Name,
-    Negative,
-    Node,
-    Number,
-    Operator,
-)
+from mtu_cli.language.evaluate import folded
+from mtu_cli.language.functions import MACHINE_FUNCTIONS, Function
+from mtu_cli.language.tree import PRECEDENCE, Call, Name, Node, Number
 
 MAX_CHARACTERS = 20_000
 MAX_DEPTH = 60
@@ -51,8 +43,8 @@ def parse(
     than 20 000 characters, has more than 300 operators or is nested deeper than 60 levels.
     """
     if len(text) > MAX_CHARACTERS:
-        raise _too_large(len(text), "characters", MAX_CHARACTERS, MAX_CHARACTERS)
-    return _Parser(_tokens(text, _token(name)), functions, len(text) + 1).whole()
+        raise _too_large("characters", MAX_CHARACTERS, MAX_CHARACTERS)
+    return _Parser(_tokens(text, _token(name)), functions).whole()
 
 
 @cache
@@ -64,13 +56,12 @@ def _token(name: str) -> re.Pattern[str]:
     )
 
 
-def _too_large(number: int, unit: str, most: int, column: int) -> InputError:
-    return error(
-        "equation-too-large", number=number, unit=unit, column=column, expected=f"at most {most}"
-    )
+def _too_large(what: str, most: int, column: int) -> InputError:
+    return error("too-large", most=most, what=f"{what} of an equation", column=column)
 
 
 def _tokens(text: str, pattern: re.Pattern[str]) -> list[_Token]:
+    """The words of an equation, and last its end."""
     tokens: list[_Token] = []
     position = 0
     end = len(text.rstrip())
@@ -87,9 +78,8 @@ def _tokens(text: str, pattern: re.Pattern[str]) -> list[_Token]:
         position = match.end()
     operators = [token for token in tokens if token.text in PRECEDENCE]
     if len(operators) > MAX_OPERATORS:
-        column = operators[MAX_OPERATORS].column
-        raise _too_large(len(operators), "operators", MAX_OPERATORS, column)
-    return tokens
+        raise _too_large("operators", MAX_OPERATORS, operators[MAX_OPERATORS].column)
+    return [*tokens, _Token("end", "", len(text) + 1 if tokens else 1)]
 
 
 def _unexpected(token: _Token, expected: str) -> InputError:
@@ -98,144 +88,91 @@ def _unexpected(token: _Token, expected: str) -> InputError:
 
 
 class _Parser:
-    def __init__(self, tokens: list[_Token], functions: Mapping[str, Function], end: int) -> None:
+    def __init__(self, tokens: list[_Token], functions: Mapping[str, Function]) -> None:
         self.tokens = tokens
         self.functions = functions
-        self.end = end
-        self.position = 0
-        self.depth = 0
+        self.position = self.depth = 0
 
     def peek(self) -> _Token:
-        if self.position < len(self.tokens):
-            return self.tokens[self.position]
-        return _Token("end", "", self.end)
+        return self.tokens[self.position]
 
     def take(self) -> _Token:
-        token = self.peek()
         self.position += 1
-        return token
+        return self.tokens[self.position - 1]
 
     def whole(self) -> Node:
-        if not self.tokens:
-            raise _unexpected(_Token("end", "", 1), "an expression")
         tree = self.expression(0)
-        left = self.peek()
-        if left.kind != "end":
-            expected = "an operator or the end of the equation"
-            if left.kind != "operator" or left.text == "(":
-                expected = "an operator, such as * between factors, or the end of the equation"
-            raise _unexpected(left, expected)
-        return tree
+        rest = self.peek()
+        if rest.kind == "end":
+            return tree
+        expected = "an operator or the end of the equation"
+        if rest.kind != "operator" or rest.text == "(":
+            expected = "an operator, such as * between factors, or the end of the equation"
+        raise _unexpected(rest, expected)
 
     def expression(self, minimum: int) -> Node:
         """An expression whose operators bind tighter than `minimum`."""
         self.depth += 1
         if self.depth > MAX_DEPTH:
-            raise _too_large(self.depth, "levels", MAX_DEPTH, self.peek().column)
+            raise _too_large("levels", MAX_DEPTH, self.peek().column)
         left = self.prefix()
-        while True:
-            token = self.peek()
-            power = PRECEDENCE.get(token.text, 0)
-            if token.kind != "operator" or power <= minimum:
-                break
-            self.take()
+        while (power := PRECEDENCE.get(self.peek().text, 0)) > minimum:
+            sign = self.take()
             # ** groups to the right: its right side may hold ** again.
-            right = self.expression(power - 1 if token.text == "**" else power)
-            left = _finite(Binary(_operator(token.text), left, right, token.column))
+            right = self.expression(power - 1 if sign.text == "**" else power)
+            left = folded(Call(sign.text, (left, right), sign.column))
         self.depth -= 1
         return left
 
     def prefix(self) -> Node:
         token = self.take()
         if token.kind == "number":
-            return _number(token)
+            value = float(token.text)
+            if not math.isfinite(value):
+                kind = "a finite number"
+                raise error("wrong-type", kind=kind, value=token.text, column=token.column)
+            return Number(value, token.column)
         if token.kind == "name":
             return self.name(token)
-        if token.text == "-":
+        if token.text in ("-", "+"):
             # Weaker than ** and stronger than *: -x**2 is -(x**2).
             operand = self.expression(3)
-            if isinstance(operand, Number):
-                return Number(-operand.value, token.column)
-            return Negative(operand, token.column)
-        if token.text == "+":
-            return self.expression(3)
+            return operand if token.text == "+" else folded(Call("neg", (operand,), token.column))
         if token.text == "(":
             inner = self.expression(0)
-            self.expect(")", token)
+            self.close(token)
             return inner
         raise _unexpected(token, "a number, a name or '('")
 
     def name(self, token: _Token) -> Node:
-        if self.peek().text == "(":
-            return self.call(token)
-        if token.text == "pi":
-            return Number(math.pi, token.column)
-        if token.text in self.functions:
-            raise _arguments(token, 0, f"{token.text}(...)")
-        return Name(token.text, token.column)
-
-    def call(self, token: _Token) -> Node:
-        if token.text not in self.functions:
-            near = suggestion(token.text, self.functions)
-            raise error(
-                "unknown-name", what="function", value=token.text, column=token.column, **near
-            )
-        opening = self.take()
-        arguments = [self.expression(0)]
-        while self.peek().text == ",":
+        """A name, pi or a function with its arguments."""
+        name, column = token.text, token.column
+        opening = self.peek()
+        if opening.text != "(":
+            if name == "pi":
+                return Number(math.pi, column)
+            if name in self.functions:
+                raise _arguments(token, 0, f"{name}(...)")
+            return Name(name, column)
+        if name not in self.functions:
+            near = suggestion(name, self.functions)
+            raise error("unknown-name", what="function", value=name, column=column, **near)
+        arguments: list[Node] = []
+        while not arguments or self.peek().text == ",":
             self.take()
             arguments.append(self.expression(0))
-        self.expect(")", opening)
-        wanted = self.functions[token.text].arity
+        self.close(opening)
+        wanted = self.functions[name].arity
         if len(arguments) != wanted:
             raise _arguments(token, len(arguments), str(wanted))
-        return _finite(Call(token.text, tuple(arguments), token.column))
+        return folded(Call(name, tuple(arguments), column))
 
-    def expect(self, text: str, opening: _Token) -> None:
+    def close(self, opening: _Token) -> None:
         token = self.take()
-        if token.text != text:
-            raise _unexpected(token, f"{text!r} for the '(' at column {opening.column}")
+        if token.text != ")":
+            raise _unexpected(token, f"')' for the '(' at column {opening.column}")
 
 
 def _arguments(token: _Token, number: int, expected: str) -> InputError:
-    return error(
-        "function-arguments",
-        function=token.text,
-        number=number,
-        column=token.column,
-        expected=expected,
-    )
-
-
-def _operator(text: str) -> Operator:
-    match text:
-        case "+" | "-" | "*" | "/" | "**":
-            return text
-    raise ValueError(text)
-
-
-def _number(token: _Token) -> Number:
-    value = float(token.text)
-    if not math.isfinite(value):
-        raise error("not-finite", value=token.text, column=token.column)
-    return Number(value, token.column)
-
-
-def _finite(node: Node) -> Node:
-    """Folds an operation on literals, so that one without a finite value is refused at once.
-
-    Folding as the tree is built keeps the check linear in its size.
-    """
-    match node:
-        case Binary(operator, Number(left), Number(right), column):
-            operands: tuple[float, ...] = (left, right)
-            name: str = operator
-        case Call(function, arguments, column) if all(isinstance(a, Number) for a in arguments):
-            operands = tuple(a.value for a in arguments if isinstance(a, Number))
-            name = function
-        case _:
-            return node
-    value = apply_scalar(name, operands)
-    if value is None:
-        raise error("no-finite-value", operation=name, column=column)
-    return Number(value, column)
+    found = f"{token.text} has {number} arguments"
+    return error("wrong-count", found=found, column=token.column, expected=expected)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 from mtu_cli.findings import InputError, finding, shorten, suggestion
 
-Operator = Literal["+", "-", "*", "/", "**"]
 PRECEDENCE = {"+": 1, "-": 1, "*": 2, "/": 2, "**": 4}
-"""How tightly operators bind; unary minus lies between * and **."""
+"""How tightly binary operators bind; unary minus lies between * and **."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,45 +28,23 @@ class Name:
 
 
 @dataclass(frozen=True, slots=True)
-class Negative:
-    """Unary minus."""
-
-    operand: Node
-    column: int
-
-
-@dataclass(frozen=True, slots=True)
-class Binary:
-    """``left operator right``; `column` is the operator's."""
-
-    operator: Operator
-    left: Node
-    right: Node
-    column: int
-
-
-@dataclass(frozen=True, slots=True)
 class Call:
-    """``function(arguments)``."""
+    """A function of its arguments, or an operator of its operands, whose `column` it has.
+
+    A binary operator goes by its sign, unary minus as ``neg``.
+    """
 
     function: str
     arguments: tuple[Node, ...]
     column: int
 
 
-Node = Number | Name | Negative | Binary | Call
+Node = Number | Name | Call
 
 
 def children(node: Node) -> tuple[Node, ...]:
     """The operands of a node, from left to right."""
-    match node:
-        case Negative(operand):
-            return (operand,)
-        case Binary(_, left, right):
-            return (left, right)
-        case Call(_, arguments):
-            return arguments
-    return ()
+    return node.arguments if isinstance(node, Call) else ()
 
 
 def walk(node: Node) -> Iterator[Node]:
@@ -83,16 +59,9 @@ def walk(node: Node) -> Iterator[Node]:
 def rewritten(node: Node, change: Callable[[Node], Node]) -> Node:
     """The tree with every node that `change` returns another for replaced, from the top down."""
     changed = change(node)
-    if changed is not node:
-        return changed
-    match node:
-        case Negative(operand):
-            return replace(node, operand=rewritten(operand, change))
-        case Binary(_, left, right):
-            return replace(node, left=rewritten(left, change), right=rewritten(right, change))
-        case Call(_, arguments):
-            return replace(node, arguments=tuple(rewritten(item, change) for item in arguments))
-    return node
+    if changed is node and isinstance(node, Call):
+        return replace(node, arguments=tuple(rewritten(item, change) for item in node.arguments))
+    return changed
 
 
 def names(node: Node) -> dict[str, int]:
@@ -118,28 +87,18 @@ def check_known(node: Node, known: Collection[str], what: str = "name") -> None:
 
 
 def terms(node: Node) -> Iterator[Node]:
-    """The terms of a sum."""
-    return (term for _, term in signed_terms(node))
-
-
-def signed_terms(node: Node, sign: int = 1) -> Iterator[tuple[int, Node]]:
-    """The terms of a sum, each with the sign that it is counted with."""
+    """The terms of a sum, without their signs."""
     match node:
-        case Binary("+" | "-" as operator, left, right):
-            yield from signed_terms(left, sign)
-            yield from signed_terms(right, sign if operator == "+" else -sign)
-        case Negative(operand):
-            yield from signed_terms(operand, -sign)
+        case Call("+" | "-" | "neg", operands):
+            for operand in operands:
+                yield from terms(operand)
         case _:
-            yield sign, node
+            yield node
 
 
 def first_column(node: Node) -> int:
     """The column at which a term begins."""
-    match node:
-        case Binary(_, left, _, column):
-            return min(column, first_column(left))
-    return node.column
+    return min(item.column for item in walk(node))
 
 
 def literal_value(node: Node) -> float | None:
@@ -147,10 +106,20 @@ def literal_value(node: Node) -> float | None:
     match node:
         case Number(value):
             return value
-        case Negative(operand):
+        case Call("neg", (operand,)):
             inner = literal_value(operand)
             return None if inner is None else -inner
     return None
+
+
+def has_literal(node: Node) -> bool:
+    """Whether a term holds a number that is no exponent."""
+    match node:
+        case Call("**", (base, _)):
+            return has_literal(base)
+        case Call(_, arguments):
+            return any(map(has_literal, arguments))
+    return isinstance(node, Number)
 
 
 def shown(node: Node) -> str:
@@ -166,29 +135,26 @@ def to_text(node: Node) -> str:
 def _text(node: Node, outer: int) -> str:
     match node:
         case Number(value):
-            text = repr(value)
-            text = text[:-2] if text.endswith(".0") else text
+            text = repr(value).removesuffix(".0")
             # As the base of ** only: -2**x would be -(2**x).
             return _wrap(text, text.startswith("-") and outer > 4)
         case Name(name):
             return name
-        case Call(function, arguments):
-            return f"{function}({', '.join(_text(item, 0) for item in arguments)})"
-        case Negative(operand):
+        case Call("neg", (operand,)):
             return _wrap(f"-{_text(operand, 3)}", outer > 2)
-        case Binary(operator, left, right):
-            own = PRECEDENCE[operator]
+        case Call(sign, (left, right)) if sign in PRECEDENCE:
+            own = PRECEDENCE[sign]
             # The left side of ** and the right side of the others need parentheses at
             # equal precedence: ** groups to the right, the others to the left.
-            left_text = _text(left, own + (operator == "**"))
-            right_text = _text(right, own if operator == "**" else own + 1)
-            if operator != "**" and not isinstance(right, Number):
+            left_text = _text(left, own + (sign == "**"))
+            right_text = _text(right, own if sign == "**" else own + 1)
+            if sign != "**" and not isinstance(right, Number):
                 # a - -b*c would parse back, but nobody would read it.
                 right_text = _wrap(right_text, right_text.startswith("-"))
-            joint = f"{left_text}{operator}{right_text}"
-            if operator in "+-":
-                joint = f"{left_text} {operator} {right_text}"
-            return _wrap(joint, own < outer)
+            space = " " if sign in "+-" else ""
+            return _wrap(f"{left_text}{space}{sign}{space}{right_text}", own < outer)
+        case Call(function, arguments):
+            return f"{function}({', '.join(_text(item, 0) for item in arguments)})"
 
 
 def _wrap(text: str, needed: bool) -> str:

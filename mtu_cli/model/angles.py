@@ -72,11 +72,8 @@ def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
             axis = "xy"[along]
             problems.append(
                 finding(
-                    "off-axis",
-                    kind=kind,
-                    entry=entry.id,
-                    degrees=float(degrees),
-                    axis=axis,
+                    "contradicts",
+                    other=f"the nominal places: {entry.id!r} runs {degrees:.3g} degrees off {axis}",
                     file=part.source.shown,
                     line=part.line_of("orthogonality", index, kind),
                     path=f"orthogonality[{index}].{kind}",

@@ -78,11 +78,10 @@ class ThermalBasis:
             i, j, apart = farthest_at_once(found[:, s], times)
             if apart > AGREE_DEGC:
                 raise error(
-                    "times-contradict",
-                    sensor=self.estimate.sensors[s],
-                    first=float(found[i, s]),
-                    second=float(found[j, s]),
-                    where=f" ({times[i]:g} min)",
+                    "contradicts",
+                    path=self.estimate.sensors[s],
+                    other=f"{found[i, s]:g} degC at the same time ({times[i]:g} min)",
+                    value=f"{found[j, s]:g} degC",
                     expected=f"one temperature a moment: {TIME} that runs on over all rows",
                 )
 

@@ -37,11 +37,8 @@ def growth(
         except GeometryError as error:
             raise InputError(
                 finding(
-                    "undetermined",
-                    kind="circle",
-                    points="the nominal points",
-                    name=repr(circle.id),
-                    reason=str(error),
+                    "too-little-data",
+                    what=f"no circle goes through the nominal points of {circle.id!r}: {error}",
                 )
             ) from None
         known = np.array(sorted(circle.calibrated_mm.items()))

@@ -29,14 +29,15 @@ def of_names(cells: Iterable[str]) -> bool:
     return names > FEW * count.total()
 
 
-def texts_told(measured: Points | Readings) -> list[Finding]:
+def text_warnings(measured: Points | Readings) -> list[Finding]:
     """One warning of all columns that are texts by more than a few of their cells."""
     texts = [
         _text(name, column, measured)
         for name, column in measured.covariates.items()
         if column.dtype == object and of_names(map(str, column))
     ]
-    return [finding("covariate-is-text", names=texts)] if texts else []
+    facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
+    return [finding("not-tested", **facts)] if texts else []
 
 
 def _text(name: str, column: NDArray[Any], measured: Points | Readings) -> str:

@@ -1,4 +1,4 @@
-"""The freedoms of a part's coordinate system, set by hand on the CMM, projected out."""
+"""The best-fit alignment of each part, which is set up by hand on the CMM, removed."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Literal
 import numpy as np
 
 from mtu_cli.files.points import Points
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.visits import Visits, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
 Datum = Literal["none", "offset", "offset,rotation"]
-DATUMS: tuple[Datum, ...] = ("none", "offset", "offset,rotation")
 ROUNDING = 1e-9
 """A direction or an error below this share of what it is left of is rounding."""
 
@@ -48,6 +48,13 @@ def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray
     U, size, _ = np.linalg.svd(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300), False)
     found: FloatArray = U[:, size > ROUNDING * size[0]]
     return found
+
+
+def incomplete_datum() -> Finding:
+    """The warning of parts that lack some of the features that the others have."""
+    consequence = "the datum is fitted to the features that a part has"
+    facts = {"what": "features of some parts", "names": ["--datum"], "consequence": consequence}
+    return finding("missing-values", **facts)
 
 
 def without(Q: FloatArray, errors: FloatArray) -> FloatArray:

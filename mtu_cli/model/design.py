@@ -129,9 +129,8 @@ def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Finding:
     else:
         expected = "an equation that is defined at every feature (no division by 0, no root or "
         expected += "logarithm of a negative number, no exponential of millimetres)"
-    return finding(
-        "equation-undefined", axis=axis, machine=model.name, where=where, expected=expected
-    )
+    what = f"the equation E{axis} of {model.name!r}"
+    return finding("no-finite-value", what=what, where=where, expected=expected)
 
 
 def of_feature(problem: Finding, name: str, more: int, **place: Any) -> Finding:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, Unit
@@ -33,6 +33,9 @@ class DeclaredEffect:
     index: int
     seen: Mapping[str, tuple[float, float]]
     within: tuple[str, ...] = ()
+
+
+ELSEWHERE = "elsewhere each predicts other errors, and u is that of this one"
 
 
 def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
@@ -160,8 +163,10 @@ def effect_warnings(
     known = dict(zip(reported.names, reported.units, strict=True))
     unused = [name for name in known if name not in stated or not _knows(known, stated[name])]
     if unused:
-        place = {"report": shown, "machine": machine.source.shown}
-        warnings.append(finding("effects-not-used", names=unused, **place))
+        reason = f"{machine.source.shown} has no such effects"
+        warnings.append(
+            finding("not-used", what=f"effects of {shown}", names=unused, reason=reason)
+        )
     changed = [
         name
         for name, item in found.items()
@@ -169,12 +174,17 @@ def effect_warnings(
     ]
     if changed:
         warnings.append(
-            finding("effects-differ", report=shown, machine=machine.source.shown, names=changed)
+            finding(
+                "not-used",
+                what=f"values of {machine.source.shown}",
+                names=changed,
+                reason=f"those of {shown} replace them",
+            )
         )
     return warnings
 
 
-def not_told_warnings(machine: LoadedMachine) -> list[Finding]:
+def searched_warnings(machine: LoadedMachine) -> list[Finding]:
     """Of effects of which a searched value (a pitch), or which effect it is, was not told by what
     they were found on: elsewhere each of those foretells other errors.
     """
@@ -182,14 +192,19 @@ def not_told_warnings(machine: LoadedMachine) -> list[Finding]:
     for i, effect in enumerate(machine.machine.effects):
         facts: dict[str, Any] = {"index": i, "effect": effect.name}
         facts |= {"file": machine.source.shown, "line": machine.line_of("effects", i)}
+        own = f"effects[{i}] ({effect.name})"
         rivals = _named_with(effect.found, effect.name)
         if rivals:
-            warnings.append(finding("effect-not-separable", others=rivals, **facts))
+            warnings.append(
+                finding("not-separable", what=own, others=rivals, consequence=ELSEWHERE, **facts)
+            )
         for name, others in effect.alike.items():
             what, _, unit = name.rpartition("_")
             where = "places" if unit == "mm" else "data"
-            facts |= {"what": what or name, "where": where, "fits": len(others) + 1}
-            warnings.append(finding("searched-not-told", **facts))
+            rest = f"{counted(len(others), 'other')} that fit alike at its {where}"
+            facts |= {"what": f"the {what or name} of {own}", "others": [rest], "where": where}
+            facts |= {"consequence": f"it holds at those {where} alone"}
+            warnings.append(finding("not-separable", **facts, fits=len(others) + 1))
     return warnings
 
 

@@ -66,12 +66,12 @@ def _not_given(
                 found.setdefault((column, *effect.seen[column]), []).append(effect)
     return [
         finding(
-            "effect-range-unknown",
+            "outside-effect-range",
             effects=_listed(own),
             file=own[0].file,
             covariate=column,
             range=_between(low, high, high - low),
-            reason=_lacks(values.get(column), column),
+            consequence=_lacks(values.get(column), column),
         )
         for (column, low, high), own in found.items()
     ]
@@ -115,7 +115,7 @@ def _left(left: _Left, effects: Sequence[DeclaredEffect]) -> Finding:
         file=effects[0].file,
         covariate=left.column,
         range=_between(left.low, left.high, left.high - left.low or beyond) + unit,
-        at=_shown(left.value, beyond) + unit,
+        consequence=f"extrapolated to {_shown(left.value, beyond)}{unit}",
     )
 
 

@@ -142,9 +142,9 @@ def _check_weights(
     """Without scatter an instrument has no weight against the others."""
     problems = [
         finding(
-            "no-weight",
-            component=name,
-            role=fit.role,
+            "too-little-data",
+            what=f"the readings of {name!r} by {fit.role} do not scatter, so that they have no "
+            "weight beside the others",
             file=", ".join(s.shown for s in readings.sources if s.role == fit.role) or None,
             expected="more readings, with all their digits",
         )

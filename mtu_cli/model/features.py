@@ -14,6 +14,8 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF = 3.0
+BELOW_THREE = "fewer than 3 effective ones"
+NO_U = "a source with two or fewer, so that no standard uncertainty exists"
 
 
 def feature_points(
@@ -36,7 +38,9 @@ def feature_points(
     for axis, value in model.position_constants().items():
         column = points[:, AXES.index(axis)]
         if (np.isfinite(column) & (np.abs(column - value) > 1e-9)).any():
-            warnings.append(finding("position-fixed", axis=axis, at_mm=value))
+            reason = f"the machine fixes {axis} at {value:g} mm; nominal lengths have it"
+            facts = {"what": f"the part's {axis}", "names": [f"{axis}_mm"], "reason": reason}
+            warnings.append(finding("not-used", **facts))
     return ids, points, warnings
 
 
@@ -81,4 +85,4 @@ def outside_warnings(prediction: Prediction) -> list[Finding]:
 def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:
     """Fewer than three effective degrees of freedom: Student's t has no variance there."""
     few = [name for name, value in zip(what, dof, strict=True) if value < FEW_DOF]
-    return [finding("few-degrees-of-freedom", names=few)] if few else []
+    return [finding("few-degrees-of-freedom", names=few, how=BELOW_THREE)] if few else []

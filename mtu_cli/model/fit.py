@@ -58,8 +58,9 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     read = set(readings.components)
     missing = [
         finding(
-            "no-estimate",
-            names=[name],
+            "missing-input",
+            what=f"an estimate of {name}",
+            estimate_of=name,
             file=machine.source.shown,
             line=machine.line_of("components", name),
             path=f"components.{name}",
@@ -129,8 +130,9 @@ def beaten_warnings(
         return []
     what, by = {"coefficients": ("coefficients", "readings"),
                 "thermal": ("thermal blocks", "drift readings")}[key]  # fmt: skip
-    line = machine.line_of("components", idle[0], key)
-    return [finding("not-used", what=what, names=idle, by=by, file=machine.source.shown, line=line)]
+    reason = f"{by}, or the report of their fit, replace them"
+    place = {"file": machine.source.shown, "line": machine.line_of("components", idle[0], key)}
+    return [finding("not-used", what=what, names=idle, reason=reason, **place)]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
@@ -198,13 +200,13 @@ def _disagreements(machine: LoadedMachine, name: str, item: ReportedComponent) -
     found = []
     degree = len(item.coefficients) - 1
     if degree != entry.degree:
-        found.append((f"of degree {degree}", f"degree {entry.degree}, as in {file}: fit again"))
+        found.append((f"of degree {degree}", f"degree {entry.degree}: fit again"))
     same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
     if entry.of != item.of or not same_unit:
-        expected = f"of {entry.of} in {entry.unit}, as in {file}"
+        expected = f"of {entry.of} in {entry.unit}"
         found.append((f"of {item.of} in {item.unit}", expected))
     return [
-        finding("contradicts-report", name=name, reported=reported, expected=expected)
+        finding("contradicts", other=file, value=reported, expected=expected)
         for reported, expected in found
     ]
 

@@ -1,4 +1,4 @@
-"""What a fit must tell its user before the figures are believed."""
+"""Warnings of a fit: what limits its figures."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.family import FAMILY_RATE, significant
@@ -21,14 +21,14 @@ TOO_WELL = 1 / 300
 """Components of a machine differ less in repeatability; units differ by 1000."""
 FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
+NO_SCATTER = "they do not scatter, and their uncertainty counts as 0"
+ALL_REPEATABILITY = "one pass, or no column `pass`: all of it counts as repeatability"
 LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 """Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
-SINGLE = ("outlying-reading",)
+SINGLE = ("outlying-value",)
 """Doubts of single rows, which alone may make a line misfit."""
 RAISE = "raise its degree"
 FIRST = "correct its outlying reading first, else raise its degree"
-DISAGREE = "the instruments disagree on "
-"""In reports without facts the other warnings of LIMITS begin with the component."""
 
 
 def scatter_warnings(fit: MachineFit) -> list[Finding]:
@@ -42,7 +42,7 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Findin
     A component of which the `doubts` of the readings name a single row is not advised to be given
     a higher degree.
     """
-    named = {item.facts["component"] for item in doubts if item.code in SINGLE}
+    named = {item.facts["what"] for item in doubts if item.code in SINGLE}
     return [
         *fit.warnings,
         *scatter_warnings(fit),
@@ -113,7 +113,9 @@ def _not_separated(fit: MachineFit) -> list[Finding]:
         for name, component in fit.components.items()
         if not all(instrument.fit.separated for instrument in component.instruments)
     ]
-    return [finding("pass-drift-not-separated", names=names)] if names else []
+    facts = {"what": f"the scatter from pass to pass of {listed(names)}", "names": names}
+    facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
+    return [finding("not-separable", **facts)] if names else []
 
 
 def _one_run(fit: MachineFit) -> list[Finding]:
@@ -126,7 +128,9 @@ def _one_run(fit: MachineFit) -> list[Finding]:
             for item in component.instruments
         )
     ]
-    return [finding("one-run", names=names)] if names else []
+    consequence = "read in one run there and back: scatter from run to run is not seen"
+    facts = {"what": "readings", "names": names, "consequence": consequence}
+    return [finding("no-scatter-known", **facts)] if names else []
 
 
 def _without_scatter(fit: MachineFit) -> list[Finding]:
@@ -142,7 +146,7 @@ def _without_scatter(fit: MachineFit) -> list[Finding]:
         if name not in still and not np.diag(component.estimate.covariance).all()
     ]
     return [
-        finding("no-scatter", what=what, names=names)
+        finding("no-scatter-known", what=what, names=names, consequence=NO_SCATTER)
         for what, names in (("readings", still), ("means of the passes", alike))
         if names
     ]
@@ -162,15 +166,14 @@ def _too_well(fit: MachineFit) -> list[Finding]:
             continue
         meant = LARGER_UNIT.get(unit.name, "another unit")
         kind = "lengths" if unit.dimension == LENGTH else "angles"
+        s, typical = own / unit.to_internal, median(others) / unit.to_internal
         found.append(
             finding(
-                "readings-small",
+                "implausible-size",
                 component=name,
-                s=own / unit.to_internal,
-                others=median(others) / unit.to_internal,
-                unit=unit.name,
-                kind=kind,
-                meant_unit=meant,
+                what=f"a repeatability of {name} of {s:.2g} {unit.name}, where the other {kind} "
+                f"typically have {typical:.2g} {unit.name},",
+                facts={"meant": meant},
             )
         )
     return found

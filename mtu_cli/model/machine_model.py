@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.files.covariates import HOTTEST_DEGC, expected_temperature
+from mtu_cli.files.covariates import expected_temperature, no_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.yaml_file import path_text
 from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.language import LinearForm, Node, names
-from mtu_cli.language.tree import Binary
+from mtu_cli.language.tree import Call
 from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
 from mtu_cli.model.effect_parameters import DeclaredEffect, declared_effects, effects_of
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
@@ -164,7 +164,8 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
         _no_uncertainty(machine, term.estimate.name) for term in terms if not _is_known(term)
     ]
     if not terms and not problems:
-        problems = [finding("no-component", file=machine.source.shown)]
+        reason = "no equation contains a component"
+        problems = [finding("not-applicable", reason=reason, file=machine.source.shown)]
     if problems:
         raise InputError(problems)
 
@@ -187,13 +188,14 @@ def _thermal_terms(estimates: Estimates, levers: Mapping[str, dict[str, Node]]) 
 
 
 def _added(lever: Node | None, more: Node) -> Node:
-    return more if lever is None else Binary("+", lever, more, more.column)
+    return more if lever is None else Call("+", (lever, more), more.column)
 
 
 def _no_estimate(machine: LoadedMachine, name: str) -> Finding:
     return finding(
-        "no-estimate",
-        names=[name],
+        "missing-input",
+        what=f"an estimate of {name}",
+        estimate_of=name,
         file=machine.source.shown,
         line=machine.line_of("components", name),
         path=f"components.{name}",
@@ -249,7 +251,9 @@ def _needed(
     if len(names) > 1:
         expected += " and so on, or --at 'T_*_degC=VALUE' for all of them"
     expected += _given(given)
-    return finding("missing-covariate", owner=owner, names=list(names), expected=expected)
+    each = "each of " if len(names) > 1 else ""
+    what = f"a value of {each}{listed(names)} for {owner}"
+    return finding("missing-input", what=what, names=list(names), expected=expected)
 
 
 def _given(given: Mapping[str, object]) -> str:
@@ -259,7 +263,7 @@ def _given(given: Mapping[str, object]) -> str:
 def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> None:
     for sensor in sensors_of(model):
         values = np.atleast_1d(np.asarray(given.get(sensor, 0.0), float))
-        faulty = ~(np.abs(values) <= HOTTEST_DEGC)
+        faulty = no_temperature(values)
         if faulty.any():
             value = float(values[faulty][0])
             raise error(

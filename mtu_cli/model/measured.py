@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.files.csv_table import perhaps_equal
 from mtu_cli.files.points import Points
-from mtu_cli.files.row_marks import all_distinct
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.model.angles import Line, angle_error, check_square
 from mtu_cli.model.length_geometry import differences, length_error
-from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.visits import MOST_TOLD as MOST_TOLD
 from mtu_cli.model.visits import IntArray as IntArray
 from mtu_cli.model.visits import Visits as Visits
@@ -73,7 +73,7 @@ def feature_tables(points: Points) -> MeasuredTables:
     table = group if len(used) == len(seen) else (np.cumsum(seen) - 1)[group]
     cell = np.multiply(table, parts, dtype=np.int64)
     cell += points.part
-    _check_repeats(points, cell, len(used) * parts)
+    _check_repeats(points, cell)
 
     def along(axis: int) -> Cells:
         errors = points.measured[:, axis] - points.nominal[:, axis]
@@ -92,25 +92,20 @@ def feature_tables(points: Points) -> MeasuredTables:
 
 def check_repeats(points: Points) -> None:
     """Raises InputError for a feature that stands twice in one repeat of one part."""
-    operations, operation = operations_of(points)
+    _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
-    _check_repeats(points, cell, len(operations) * features * parts)
+    _check_repeats(points, cell)
 
 
-def _check_repeats(points: Points, cell: IntArray, cells: int) -> None:
+def _check_repeats(points: Points, cell: IntArray) -> None:
     """Refuses a repeat that stands twice in a cell."""
-    low, high = int(points.repeat.min()), int(points.repeat.max())
-    if high < 0:
-        return
-    columns = [(cell, cells), (points.repeat - low, high - low + 1)]
-    if all_distinct(columns, 8 * len(points) + 1000):
-        return
-    code = np.unique(points.repeat, return_inverse=True)[1].reshape(-1)
-    place = cell * (int(code.max()) + 1) + code
     given = points.repeat >= 0
-    if len(np.unique(place[given])) < int(given.sum()):
-        refuse_doubled(points, place, given)
+    if perhaps_equal([cell[given], points.repeat[given]]).any():
+        code = np.unique(points.repeat, return_inverse=True)[1].reshape(-1)
+        place = cell * (int(code.max()) + 1) + code
+        if len(np.unique(place[given])) < int(given.sum()):
+            refuse_doubled(points, place, given)
 
 
 def _stacked(found: list[Cells]) -> Cells:
@@ -127,7 +122,24 @@ def left_out(points: Points) -> list[Finding]:
     """Axes that only some points have, or that have no nominal: they are not analysed."""
     measured = np.isfinite(points.measured).any(axis=0)
     lost = [k for k in np.flatnonzero(measured).tolist() if k not in axes_of(points)]
-    return [finding("axis-left-out", axis=AXES[k]) for k in lost]
+    what = "some of the points, or of their nominal places,"
+    return [
+        finding("axis-not-measured", what=what, axis=AXES[k], consequence=f"{AXES[k]} is left out")
+        for k in lost
+    ]
+
+
+def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int]) -> InputError:
+    """The error of points with no axis of the machine's equations among the `measured` ones."""
+    columns = listed(f"{AXES[i]}_mm" for i in measured)
+    axes = listed(model.axes)
+    return error(
+        "not-applicable",
+        reason=f"the machine {model.name!r} has equations for {axes}, the points have {columns}",
+        file=", ".join(source.shown for source in points.sources),
+        column=f"{model.axes[0]}_mm",
+        expected=f"a column {model.axes[0]}_mm with its nominal, or an equation Ex or Ey",
+    )
 
 
 def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
@@ -185,7 +197,9 @@ def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
         z = [places[name][2] for name in (entry.from_, entry.to)]
         if {entry.from_, entry.to} <= measured and None not in z and z[0] != z[1]:
             lost.append(entry.id)
-    return [finding("length-without-z", names=lost)] if lost else []
+    what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
+    known = {"what": what, "names": lost, "axis": "z", "consequence": free}
+    return [finding("axis-not-measured", **known)] if lost else []
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:

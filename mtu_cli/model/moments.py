@@ -38,11 +38,9 @@ def moment_problem(model: MachineModel, points: Points, covariates: Covariates) 
     files = [points.sources[points.file_index[k]].shown for k in (i, j)]
     other = f"row {points.row[i]}" + (f" of {files[0]}" if files[0] != files[1] else "")
     return finding(
-        "times-contradict",
-        sensor=sensor,
-        first=float(value[i]),
-        second=float(value[j]),
-        where=f" (the first in {other})",
+        "contradicts",
+        other=f"{value[i]:g} degC at the same time ({other})",
+        value=f"{value[j]:g} degC",
         file=files[1],
         row=int(points.row[j]),
         column=sensor,

@@ -22,7 +22,7 @@ from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.machine_model import MachineModel, check_covariates
 from mtu_cli.model.temperatures import temperature_blocks
-from mtu_cli.model.thermal_terms import told_name
+from mtu_cli.model.thermal_terms import term_label
 from mtu_cli.model.variance import (
     Block,
     PassSquare,
@@ -53,6 +53,14 @@ class Prediction:
     blocks: tuple[Block, ...]
     independent_variance: FloatArray
     outside: tuple[tuple[str, str, float, float, float], ...]
+
+    @cached_property
+    def beyond(self) -> dict[str, list[str]]:
+        """The components beyond their measured range, by the point that is outside it."""
+        found: dict[str, list[str]] = {}
+        for point, component, *_ in self.outside:
+            found.setdefault(point, []).append(component)
+        return found
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -126,14 +134,6 @@ class Prediction:
         for block, D in zip(self.blocks, passes, strict=True):
             G, noise = (rows.reshape(n, a, rows.shape[1]) for rows in (block.G, block.noise))
             total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
-        return total
-
-    @cached_property
-    def mean_covariance(self) -> FloatArray:
-        """Covariance of the mean error over infinitely many parts: the coefficients' alone."""
-        total = np.zeros((len(self.mean), len(self.mean)))
-        for block in self.blocks:
-            total += block.G @ block.C @ block.G.T
         return total
 
     def row(self, point: str, axis: str) -> int:
@@ -234,7 +234,7 @@ def _outside(
         if estimate.of is None or estimate.position_range is None:
             continue
         low, high = estimate.position_range
-        name = told_name(estimate.name)
+        name = term_label(estimate.name)
         position = place[estimate.of]
         beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
         found += [(ids[int(i)], name, float(position[i]), low, high) for i in beyond]

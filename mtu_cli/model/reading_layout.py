@@ -267,4 +267,6 @@ def _needed(pair: tuple[LinearForm, LinearForm]) -> set[str]:
 
 def _left_out(effect: str, component: str, missing: list[str]) -> Finding:
     reason = f"they have no column {', '.join(missing)}" if missing else "no equation holds both"
-    return finding("effect-not-removed", effect=effect, component=component, reason=reason)
+    names = [f"the readings of {component}"]
+    facts = {"effect": effect, "component": component, "reason": reason}
+    return finding("not-used", what=f"the effect {effect}", names=names, **facts)

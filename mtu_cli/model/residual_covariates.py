@@ -40,7 +40,7 @@ def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[
         return points, []
     first = int(gone.argmax())
     place = f"{points.sources[points.file_index[first]].shown}, row {points.row[first]}"
-    return only_rows(points, ~gone), [_told(named, gone, place)]
+    return only_rows(points, ~gone), [_left_out(named, gone, place)]
 
 
 def rows_without_gaps(
@@ -59,7 +59,7 @@ def rows_without_gaps(
     first = int(gone.argmax())
     component = readings.components[readings.code[rows[first]]]
     place = f"{readings.sources[files[first]].shown}, row {readings.row[rows[first]]}"
-    return rows[~gone], [_told(named, gone, place, f" of {component}")]
+    return rows[~gone], [_left_out(named, gone, place, f" of {component}")]
 
 
 def _few(
@@ -83,9 +83,11 @@ def _few(
     return gone, named
 
 
-def _told(named: Sequence[str], gone: NDArray[np.bool_], place: str, whose: str = "") -> Finding:
+def _left_out(
+    named: Sequence[str], gone: NDArray[np.bool_], place: str, whose: str = ""
+) -> Finding:
     consequence = f"{int(gone.sum())} of {len(gone)} rows{whose} left out, the first {place}"
-    return finding("covariate-gaps", names=named, consequence=consequence)
+    return finding("missing-values", what="cells", names=named, consequence=consequence)
 
 
 def _differs(column: FloatArray) -> bool:
@@ -140,7 +142,8 @@ def table_covariates(
     if not gaps:
         return found, ()
     consequence = "no effect of such a column can be tested"
-    return found, (finding("covariate-gaps", names=gaps, consequence=consequence),)
+    gap = finding("missing-values", what="cells", names=gaps, consequence=consequence)
+    return found, (gap,)
 
 
 def _where(known: NDArray[np.bool_], index: IntArray, sources: Sequence[Source]) -> str:
@@ -228,7 +231,9 @@ def _of_the_points(
     """Of columns that `at` does not stand in for."""
     for name in used_columns(model):
         if name in columns and name in at:
-            yield finding("covariate-of-the-points", name=name)
+            yield finding(
+                "not-used", what="--at", names=[name], reason="the points have the column"
+            )
 
 
 def used_columns(model: MachineModel) -> list[str]:
@@ -275,8 +280,8 @@ def _lacks(points: Points, name: str, known: Sequence[str], owner: str) -> Findi
     near = closest_covariate(name, known)
     there = f" (there is {near!r})" if near else ""
     return finding(
-        "missing-covariate",
-        owner=owner,
+        "missing-input",
+        what=f"a value of {name} for {owner}",
         names=[name],
         file=", ".join(source.shown for source in points.sources),
         column=name,
@@ -299,23 +304,20 @@ def numbers_of(
     chosen = np.arange(len(found)) if rows is None else rows
     for i in chosen[~np.isfinite(found[chosen])][:MOST_TOLD].tolist():
         text = texts[i] if texts else ""
-        code = "not-a-number" if text else "empty-cell"
-        expected = f"a number: {name!r} of every point is needed"
-        problems.append(cell_problem(points, i, name, code, text or None, expected))
+        problems.append(_not_a_number(points, i, name, text or None))
     return found
 
 
-def cell_problem(
-    measured: Points, i: int, name: str, code: str, value: str | None, expected: str
-) -> Finding:
-    """What is wrong with the cell of row i."""
+def _not_a_number(measured: Points, i: int, name: str, value: str | None) -> Finding:
+    """What is wrong with the cell of row i, which holds this text or nothing."""
     return finding(
-        code,
+        "wrong-type" if value else "empty-cell",
+        facts={"kind": "a number"} if value else {},
         file=measured.sources[measured.file_index[i]].shown,
         row=int(measured.row[i]),
         column="time" if name == TIME else name,
         value=value,
-        expected=expected,
+        expected=f"a number: {name!r} of every point is needed",
     )
 
 

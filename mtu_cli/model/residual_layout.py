@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, finding
-from mtu_cli.model.datum import Datum, basis, without
+from mtu_cli.findings import Finding
+from mtu_cli.model.datum import Datum, basis, incomplete_datum, without
 from mtu_cli.model.measured import operations_of, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -152,7 +152,7 @@ class Visited:
         whole = there[self.part] & (operation == self.operation[:, None])
         if (self.there == whole).all():
             return []
-        return [finding("incomplete-datum")]
+        return [incomplete_datum()]
 
     def free(self, errors: FloatArray, column: IntArray) -> tuple[FloatArray, FloatArray]:
         """Errors (n, A) less the motions, and how many of them (A,) these fit."""

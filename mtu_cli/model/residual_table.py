@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.covariate_texts import texts_told
+from mtu_cli.model.covariate_texts import text_warnings
 from mtu_cli.model.datum import Datum
 from mtu_cli.model.design import places as fixed_places
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import axes_of, check_repeats, left_out, not_measured
+from mtu_cli.model.measured import axes_of, check_repeats, left_out, no_shared_axis, not_measured
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_covariates import (
     needed_covariates,
@@ -141,10 +141,10 @@ def residual_table(
     claim, or points of no axis that an equation is for.
     """
     check_repeats(points)
-    warned = [*points.notes, *left_out(points)]
+    warned = left_out(points)
     points, written = without_written_errors(points, model.covariates())
     points, gaps = without_gaps(points, model.covariates())
-    warned += [*written, *gaps, *texts_told(points)]
+    warned += [*written, *gaps, *text_warnings(points)]
     axes = _axes(model, points, warned)
     layout = layout_of(points)
     table, errors = _measured(model, points, covariates or {}, axes, layout, warned)
@@ -229,15 +229,7 @@ def _axes(model: MachineModel, points: Points, warned: list[Finding]) -> tuple[i
     warned += not_measured(model.axes, points)
     axes = tuple(axis for axis in measured if AXES[axis] in model.axes)
     if not axes:
-        raise error(
-            "no-shared-axis",
-            machine=model.name,
-            axes=model.axes,
-            columns=[f"{AXES[i]}_mm" for i in measured],
-            file=points.sources[0].shown,
-            column=f"{model.axes[0]}_mm",
-            expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
-        )
+        raise no_shared_axis(model, points, measured)
     return axes
 
 
@@ -276,11 +268,13 @@ def _without_lost(
     """The points but those of whose errors the motions take all."""
     if lost.all():
         raise error(
-            "no-points-left",
-            datum=datum,
+            "too-little-data",
+            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
             file=points.sources[0].shown,
             expected="more features measured of each part, or --datum none",
         )
     count = int(lost.sum())
-    warned.append(finding("datum-takes-all", count=count, total=len(lost), datum=datum))
+    reason = f"in measurements of so few features the datum {datum!r} takes all errors"
+    names = [f"{count} of {len(lost)} points"]
+    warned.append(finding("not-measured", names=names, count=count, reason=reason))
     return only_rows(points, ~lost)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.blocks import TrialModel
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.monte_carlo import MonteCarloResult, Progress, monte_carlo
@@ -63,3 +65,31 @@ class Settings:
         """JCGM 101:2008, clause 8, with the coverage factor of Welch-Satterthwaite."""
         k = coverage_factor(PROBABILITY, dof)
         return clause8(mean, u, k, result, self.digits, index)
+
+
+def validation_warnings(
+    names: Sequence[str], found: Sequence[Validation], unit: str, size: float
+) -> list[Finding]:
+    """Which first-order intervals the Monte Carlo rejects, and which it could not judge; the
+    largest difference in `unit`, of `size` in internal units.
+    """
+    failed = [i for i, item in enumerate(found) if item.passed is False]
+    undecided = [names[i] for i, item in enumerate(found) if item.passed is None]
+    warnings = []
+    if failed:
+        largest = max(max(found[i].d_low, found[i].d_high) for i in failed) / size
+        # A ratio has no unit.
+        difference = f"up to {largest:.2g} {unit}".rstrip()
+        names_failed = [names[i] for i in failed]
+        warnings.append(finding("validation-failed", names=names_failed, difference=difference))
+    if undecided:
+        warnings.append(finding("validation-undecided", names=undecided))
+    return warnings
+
+
+def convergence_warnings(run: MonteCarloResult) -> list[Finding]:
+    """A Monte Carlo that ended, as asked or at its largest count, before its goal."""
+    if run.converged:
+        return []
+    goal = "a fifth of the numerical tolerance (JCGM 101, 7.9.4 and 8.2)"
+    return [finding("not-converged", trials=run.trials, goal=goal)]

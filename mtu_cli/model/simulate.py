@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.findings import InputError, finding
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import Node
 from mtu_cli.model.design import Design, design, theta
+from mtu_cli.model.effect_ranges import LARGE_MM, STEEP
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.simulate_equations import (
     Visits,
@@ -112,6 +113,28 @@ def simulate_points(
     )
 
 
+def large_errors(plan: PartsPlan, ids: Sequence[str], points: FloatArray) -> list[Finding]:
+    """Asks for the unit of every effect and scatter that is above `LARGE_MM` at some feature, and
+    above `STEEP` of how far apart the features `ids` at `points` (n, 3) mm are.
+    """
+    visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
+    known = np.nan_to_num(points)
+    extent = float(max(np.abs(known).max(), np.ptp(known, axis=0).max()))
+    warnings = []
+    for option, equations in (("--effect", plan.effects), ("--scatter", plan.scatter)):
+        for axis, node in equations:
+            name = f"{option} E{axis}"
+            values = np.concatenate([error_values(name, node, each) for each in visits])
+            row = int(np.argmax(np.abs(values)))
+            if abs(values[row]) > max(LARGE_MM, STEEP * extent):
+                part, feature = divmod(row, len(ids))
+                facts = {"effect": name, "value_mm": float(values[row])}
+                facts |= {"where": f" {visits[part].named(feature)}"}
+                expected = "mm, 0.003 for 3 um"
+                warnings.append(finding("effect-too-large", **facts, expected=expected))
+    return warnings
+
+
 def _measured(
     model: MachineModel, plan: PartsPlan, visits: Sequence[Visits], seed: int
 ) -> list[FloatArray]:
@@ -170,8 +193,8 @@ def _check_covariates(model: MachineModel, visits: Visits) -> None:
         raise InputError(
             [
                 finding(
-                    "missing-covariate",
-                    owner=f"the machine {model.name!r}",
+                    "missing-input",
+                    what=f"a value of {name} for the machine {model.name!r}",
                     names=[name],
                     expected=f"--covariate '{name}: EQUATION'"
                     + (", or --cmm-room DEGC" if name in sensors else ""),

@@ -198,7 +198,7 @@ def _drifts(estimate: ThermalEstimate, places: FloatArray, states: FloatArray) -
 
 _DRIFT_STREAM = 6
 _REACHED = 1e-6
-"""Of the rise: drifts that the sensors' shares miss by more cannot be had."""
+"""Of the rise: drifts that the sensors' shares miss by more are undefined."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -340,7 +340,7 @@ def _reach(targets: Sequence[_Target]) -> float:
 
 
 def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) -> None:
-    """Refuses settled drifts that are asked for and cannot be had, the one missed by most."""
+    """Refuses settled drifts that are asked for and undefined, the one missed by most."""
     if not asked or _kept(list(asked), shares, rise) is not None:
         return
     worst = max(asked, key=lambda item: float(item.missed(shares, rise).max()))
@@ -349,10 +349,9 @@ def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) ->
     at = "" if np.isnan(worst.positions[i]) else f" at {worst.positions[i]:g} mm"
     nearest = float(rise * worst.G[i] @ shares)
     raise error(
-        "settled-drift-impossible",
-        rise=rise,
-        component=name,
-        where=at,
+        "not-applicable",
+        reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC give "
+        f"{name} the settled drift{at}",
         value=f"{name}: {' '.join(f'{value:g}' for value in worst.value)}",
         expected=f"instead of {worst.value[i]:g} {unit} about {nearest:.4g} {unit} (nearest for "
         "all that is asked): drifts differ only where the gradients of the sensors do",

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.findings import Finding, error, finding
+from mtu_cli.findings import Finding, error, finding, listed
 from mtu_cli.model.blocks import component_blocks, positions_in_group
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
@@ -69,7 +69,9 @@ def cut_warnings(model: MachineModel) -> list[Finding]:
             if _is_cut(block.D[part, part], block.C[part, part])
         ]
         cut += own or [f"{' and '.join(block.names)} together"]
-    return [finding("passes-cut", names=cut)] if cut else []
+    consequence = "what is simulated scatters more than is predicted"
+    facts = {"what": "pass-to-pass", "items": listed(cut), "consequence": consequence}
+    return [finding("negative-variance", **facts)] if cut else []
 
 
 def _is_cut(D: FloatArray, C: FloatArray) -> bool:
@@ -91,7 +93,8 @@ def _blocks(model: MachineModel) -> list[Block]:
     unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
     if unknown:
         raise error(
-            "not-determined",
+            "too-little-data",
+            what="the readings do not determine it",
             path=f"the pass-to-pass covariance of {', '.join(unknown)}",
             expected="a report of readings in several passes",
         )

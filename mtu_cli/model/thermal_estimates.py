@@ -101,24 +101,24 @@ def _differences(
     same_axis = entry.of == item.of or (item.of is None and item.degree == 0)
     if not same_axis or UNITS[entry.unit].dimension != UNITS[item.unit].dimension:
         reported = f"of {item.of} in {item.unit}"
-        found.append(("", name, reported, f"of {entry.of} in {entry.unit}, as in {shown}"))
+        found.append(("", reported, f"of {entry.of} in {entry.unit}"))
     reference = machine.machine.reference_temperature_degC
     if not math.isclose(
         item.reference_temperature_degC, reference, rel_tol=0, abs_tol=SAME_TEMPERATURE
     ):
-        reported = f"from {item.reference_temperature_degC:g} degC"
-        expected = f"{reference:g}, the reference temperature of {shown}: fit again"
-        found.append((".reference_temperature_degC", "the drift", reported, expected))
+        reported = f"{item.reference_temperature_degC:g} degC"
+        expected = f"{reference:g} degC, its reference temperature: fit again"
+        found.append((".reference_temperature_degC", reported, expected))
     return [
         finding(
-            "contradicts-report",
-            name=what,
-            reported=reported,
+            "contradicts",
+            other=shown,
+            value=reported,
             file=report.source.shown,
             path=f"results.components.{name}{key}",
             expected=expected,
         )
-        for key, what, reported, expected in found
+        for key, reported, expected in found
     ]
 
 

@@ -11,8 +11,8 @@ TEMPERATURE_MARK = ".temperature"
 LEFTOVER_MARK = ".leftover"
 
 
-def told_name(name: str) -> str:
-    """The name of a term as messages tell it: the drift of its component for a thermal one."""
+def term_label(name: str) -> str:
+    """The name of a term as messages have it: the drift of its component for a thermal one."""
     component = name.removesuffix(TEMPERATURE_MARK)
     return name if component == name else f"the drift of {component}"
 

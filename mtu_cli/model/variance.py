@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -68,6 +69,11 @@ class PassSquare(NamedTuple):
         KS = (self.g * weights[:, None]).T @ self.g @ self.S
         square = float((KS * KS.T).sum())
         return max(float(np.trace(KS)) ** 2 / square, 1.0) if square > 0 else 1.0
+
+
+def root(variance: float) -> float:
+    """The standard uncertainty of a variance; nan where a difference of mean squares is below 0."""
+    return math.sqrt(variance) if variance >= 0 else math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,10 +31,10 @@ def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
     """Names and codes (n,) of operations; "" where a file does not tell them."""
     if not points.operations:
         return ("",), np.broadcast_to(np.int64(0), len(points))
-    untold = points.operation < 0
-    if not untold.any():
+    unnamed = points.operation < 0
+    if not unnamed.any():
         return points.operations, points.operation
-    return (*points.operations, ""), np.where(untold, len(points.operations), points.operation)
+    return (*points.operations, ""), np.where(unnamed, len(points.operations), points.operation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,31 +63,46 @@ def visits_of(points: Points) -> Visits:
     features, parts = len(points.features), len(points.parts)
     run = operation.astype(np.int64) * parts + points.part
     repeat = numbered(points.repeat, run * features + points.feature)
-    numbers, code = np.unique(repeat, return_inverse=True)
-    distinct, visit = np.unique(run * len(numbers) + code.reshape(-1), return_inverse=True)
-    visit = visit.reshape(-1)
+    numbers, code = distinct(repeat)
+    runs, visit = distinct(run * len(numbers) + code)
     place = visit * features + points.feature
     if np.bincount(place).max() > 1:
         refuse_doubled(points, place, np.ones(len(points), bool))
-    errors = np.full((len(distinct) * features, 3), np.nan)
+    errors = np.full((len(runs) * features, 3), np.nan)
     errors[place] = points.measured - points.nominal
     nominal = np.full((features, 3), np.nan)
     nominal[points.feature] = points.nominal
-    run_of = distinct // len(numbers)
+    run_of = runs // len(numbers)
     return Visits(
         part=run_of % parts,
         operation=run_of // parts,
-        of_point=visit.astype(np.int64),
-        errors=errors.reshape(len(distinct), features, 3),
+        of_point=visit,
+        errors=errors.reshape(len(runs), features, 3),
         nominal=nominal,
     )
 
 
+def distinct(codes: NDArray[Any]) -> tuple[NDArray[Any], IntArray]:
+    """The different codes (n,) in order, and which of them each one is; small whole numbers are
+    counted, several times quicker than sorted.
+
+    >>> [found.tolist() for found in distinct(np.array([7, 3, 7]))]
+    [[3, 7], [1, 0, 1]]
+    """
+    whole = len(codes) > 0 and codes.dtype.kind in "iu"
+    if not whole or codes.min() < 0 or codes.max() > 4 * len(codes):
+        values, index = np.unique(codes, return_inverse=True)
+        return values, index.reshape(-1).astype(np.int64)
+    seen = np.bincount(codes) > 0
+    index = np.cumsum(seen) - 1
+    return np.flatnonzero(seen), index[codes]
+
+
 def numbered(repeat: IntArray, place: IntArray) -> IntArray:
     """Repeats with a number each; where none is given, counted on from the largest given."""
-    untold, found = repeat < 0, repeat.copy()
-    if untold.any():
-        found[untold] = max(int(repeat.max()), -1) + 1 + occurrence(place[untold])
+    unnamed, found = repeat < 0, repeat.copy()
+    if unnamed.any():
+        found[unnamed] = max(int(repeat.max()), -1) + 1 + occurrence(place[unnamed])
     return found
 
 

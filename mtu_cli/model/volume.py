@@ -107,7 +107,7 @@ def _counts(text: str) -> tuple[int, int, int]:
         counts.append(1)
     if len(counts) != 3 or min(counts) < 1:
         form, expected = "a count an axis", "5 or 7,5,3, say"
-        raise error("option-form", path="--grid", form=form, value=text, expected=expected)
+        raise error("wrong-type", path="--grid", kind=form, value=text, expected=expected)
     if max(counts) > MOST_PLACES:
         expected = f"at most {MOST_PLACES} places in all"
         raise error("out-of-range", path="--grid", value=text, expected=expected)

@@ -60,7 +60,7 @@ def _warnings(found: Mapping[str, _Written]) -> Iterator[Finding]:
             f"{name!r} ({held.words})" for name, held in found.items() if held.nominal == nominal
         ]
         if own:
-            yield finding("covariate-is-error", names=own, what=what)
+            yield finding("not-tested", what="effects", items=own, reason=f"they repeat {what}")
 
 
 class _Written(NamedTuple):

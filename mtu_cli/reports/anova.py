@@ -1,209 +1,347 @@
 """The report of anova: one entry an operation, feature and axis, a length, a right angle.
 
-`axis` is null for lengths and angles, `operation` where the data do not tell one. A figure is
-null where the data cannot give it (no repeats, one part, no variance), and a warning says so.
-`mean_error` is that of all readings, so that a part counts by its repeats, and `u_mean` its
-uncertainty. `interval95_future` is mean -+ t u_future at `dof_future`. `var_both` is the variance
-of parts and CMM together, where nothing was measured twice. `p_familywise` of F and
-`p_mean_familywise` of a mean of zero hold their error rate over all tables of the kind (Holm).
-With --method paper `var_part` is MS_between and u_mean, u_future have the repeat scatter alone
-(Gilsinn & Ling 2004, eqs. (31)-(34)). `var_part_estimate` may be negative with --method anova.
-Limits of `var_part_interval95` below 0 are 0; where both were, `var_part_limits_below_zero` says
-so, and [0, 0] bounds nothing: the parts' means scatter less than the repeats alone make them in
-39 of 40 studies.
+A figure is null where the data cannot give it (no repeats, one part, no variance), and a warning
+says so. With --method paper `var_part` is MS_between, and u_mean and u_future have the repeat
+scatter alone (Gilsinn & Ling 2004, eqs. (31)-(34)). Limits of `var_part_interval95` below 0 are 0;
+where both were, `var_part_limits_below_zero` says so, and [0, 0] bounds nothing: the means of the
+parts scatter less than the repeats alone make them in 39 of 40 studies.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova.parts import FAMILY_RATE, Label, UnusualPart
-from mtu_cli.analyses.anova.totals import Total
-from mtu_cli.reports.document import arcsec, finite, um, um2
-from mtu_cli.units import ARCSEC
+from mtu_cli.analyses.anova.parts import FAMILY_RATE
+from mtu_cli.analyses.anova.tables import Kind
+from mtu_cli.findings import listed
+from mtu_cli.reports.document import Document, Table
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, count, read, record, rows_of
+from mtu_cli.reports.numbers import p_value
 
-Number = Callable[[float | None], float | None]
-
-
-def arcsec2(value: float | None) -> float | None:
-    """rad^2 to arcsec^2."""
-    return None if value is None else finite(value / ARCSEC**2)
-
-
-UNITS: tuple[tuple[str, Number, Number], ...] = (("um", um, um2), ("arcsec", arcsec, arcsec2))
+SHOWN = 24
+"""Tables of a kind that are listed in full; of more the worst are shown."""
+WORST = 10
+MEAN = "mean of all readings: a part counts by its repeats"
+TITLES = {"feature": "Features", "length": "Lengths", "angle": "Right angles"}
 
 
-def document(result: AnovaResult) -> dict[str, Any]:
-    """`results` of the report."""
-    k = result.coverage_factor
-    return {
-        "method": result.method,
-        "datum": result.datum,
-        "features": list(entries(result.features, k)),
-        "lengths": list(entries(result.lengths, k)) if result.lengths else [],
-        "orthogonality": list(entries(result.angles, k)) if result.angles else [],
-        "totals": [_total(item) for item in result.totals],
-        "unusual_parts": None
-        if result.unusual is None
-        else [_unusual(item) for item in result.unusual],
-        "unusual_features": [
-            {
-                **_place(item.where),
-                "p_familywise": item.p,
-                "deviation_um": um(item.deviation),
-                "typical_um": um(item.typical),
-            }
-            for item in result.unusual_features
-        ],
-        "family_wise_rate": FAMILY_RATE,
-        "axis_scatter": [
-            {
-                "operation": item.operation or None,
-                "parts": item.test.rows,
-                "variance_ratio_y_to_x": finite(item.test.ratio),
-                "variance_ratio_interval95": [finite(end) for end in item.interval],
-                "of": "parts" if item.apart else "part means, CMM included",
-                "p": finite(item.test.p),
-                "p_familywise": finite(item.test.p_familywise),
-            }
-            for item in result.axis_scatter
-        ],
-    }
+def place(label: str, name: str = "id") -> Fields:
+    """What a figure is of, by its label (operation, name, axis)."""
 
+    def word(index: int) -> Callable[[Any], str | None]:
+        return lambda item: read(item, label)[index] or None
 
-def entries(found: Analysed, k: float) -> Iterator[dict[str, Any]]:
-    """One entry a table; values in um or arcsec, and its square."""
-    unit, value, square = UNITS[found.kind == "angle"]
-    table, components = found.one_way, found.components
-    name = "feature" if found.kind == "feature" else "id"
-    for i, (operation, label, axis) in enumerate(found.tables.labels):
-        yield {
-            "operation": operation or None,
-            name: label,
-            "axis": axis or None,
-            "parts": int(table.parts[i]),
-            "n": int(table.N[i]),
-            f"mean_error_{unit}": value(table.mean[i]),
-            f"ms_between_{unit}2": square(table.ms_between[i]),
-            f"ms_within_{unit}2": square(table.ms_within[i]),
-            "df_between": int(table.df_between[i]),
-            "df_within": int(table.df_within[i]),
-            "F": finite(table.F[i]),
-            "F_critical_95": finite(table.F_critical_95[i]),
-            "p": finite(table.p[i]),
-            "p_familywise": finite(found.p_parts[i]),
-            "n0": finite(table.n0[i]),
-            f"var_part_{unit}2": square(components.part[i]),
-            f"var_part_estimate_{unit}2": square(components.part_estimate[i]),
-            f"var_repeat_{unit}2": square(components.repeat[i]),
-            f"var_part_interval95_{unit}2": _interval(square, found.interval[i]),
-            "var_part_limits_below_zero": bool(found.below_zero[i]),
-            f"var_both_{unit}2": square(found.both[i]),
-            f"var_both_interval95_{unit}2": _interval(square, found.both_interval[i]),
-            "method": found.method,
-            f"s_pooled_{unit}": value(math.sqrt(table.ms_within[i])),
-            f"u_mean_{unit}": value(found.u_mean[i]),
-            f"u_future_{unit}": value(found.u_future[i]),
-            f"U_future_{unit}": value(k * found.u_future[i]),
-            f"interval95_future_{unit}": _interval(value, found.interval_future[i]),
-            "dof_mean": finite(found.dof_mean[i]),
-            "dof_future": finite(found.dof_future[i]),
-            "p_mean_familywise": finite(found.p_mean[i]),
-            "unusual_parts": list(found.unusual[i]),
-        }
-
-
-def _interval(square: Number, ends: Iterable[float]) -> list[float | None] | None:
-    found = [square(float(end)) for end in ends]
-    return None if None in found else found
-
-
-def _total(item: Total) -> dict[str, Any]:
-    return {
-        "operation": item.operation or None,
-        "axis": item.axis,
-        "features": item.features,
-        "mean_error_um": um(item.mean),
-        "s_mean_errors_um": um(item.spread),
-        "largest_mean_error_um": um(item.largest),
-        "largest_at": item.worst,
-        "mean_var_part_um2": um2(item.part),
-        "mean_var_repeat_um2": um2(item.repeat),
-        "mean_var_both_um2": um2(item.both),
-        "repeat_share": finite(item.repeat_share),
-        "F_above_critical": item.significant,
-        "F_tested": item.tested,
-        "parts_differ": item.differ,
-        "mean_not_zero": item.off,
-    }
-
-
-def _unusual(item: UnusualPart) -> dict[str, Any]:
-    unit, value, _ = UNITS[item.where[2] == "angle"]
-    return {
-        "part": item.part,
-        "p_familywise": finite(item.p),
-        "why": item.why,
-        "where": _place(item.where),
-        f"deviation_{unit}": value(item.deviation),
-        f"typical_{unit}": value(item.typical),
-        "singles": [_place(label) for label in item.singles],
-    }
-
-
-def _place(label: Label) -> dict[str, str | None]:
-    """`axis` is x, y, z, "length" or "angle"; `id` is null for all of the operation's together."""
-    operation, name, axis = label
-    return {"operation": operation or None, "id": name or None, "axis": axis}
-
-
-CSV_COLUMNS = [
-    "kind", "operation", "feature", "axis", "parts", "n", "mean_error_um", "ms_between_um2",
-    "ms_within_um2", "df_between", "df_within", "F", "F_critical_95", "p", "n0", "var_part_um2",
-    "var_part_estimate_um2", "var_repeat_um2", "var_part_low95_um2", "var_part_high95_um2",
-    "method", "s_pooled_um", "u_mean_um", "u_future_um", "U_future_um", "unusual_parts", "id",
-    "p_familywise", "var_both_um2", "var_both_low95_um2", "var_both_high95_um2",
-    "future_low95_um", "future_high95_um", "dof_mean", "dof_future", "p_mean_familywise",
-    "var_part_limits_below_zero",
-]  # fmt: skip
-CSV_COLUMNS += [name.replace("_um", "_arcsec") for name in CSV_COLUMNS if "_um" in name]
-
-
-def csv_rows(result: AnovaResult) -> tuple[list[str], Iterable[list[object]]]:
-    """One row a table, the fields of the report side by side: features, lengths, right angles.
-
-    `kind` is feature, length or orthogonality, `id` the name of either; `feature` and `axis`
-    are those of features alone. Angles are in the columns of arcsec and all else in those of
-    um; the other ones are empty.
-    """
-    kinds = {
-        "feature": result.features,
-        "length": result.lengths,
-        "orthogonality": result.angles,
-    }
-    rows = (
-        _flat(kind, found, UNITS[tables.kind == "angle"][0])
-        for kind, tables in kinds.items()
-        if tables is not None
-        for found in entries(tables, result.coverage_factor)
+    title = name.replace("id", "item")
+    return (
+        Field("operation", word(0), "null: not stated", head="operation", show="text"),
+        Field(name, word(1), "its name; null: all together", head=title, show="text"),
+        Field("axis", word(2), "of outliers length or angle, too", head="axis", show="text"),
     )
-    return CSV_COLUMNS, rows
 
 
-def _flat(kind: str, found: dict[str, Any], unit: str) -> list[object]:
-    row = found | {
-        "kind": kind,
-        "id": found.get("id", found.get("feature")),
-        "unusual_parts": " ".join(found["unusual_parts"]),
-    }
-    for name, interval in (
-        (f"var_part_{{}}95_{unit}2", f"var_part_interval95_{unit}2"),
-        (f"var_both_{{}}95_{unit}2", f"var_both_interval95_{unit}2"),
-        (f"future_{{}}95_{unit}", f"interval95_future_{unit}"),
-    ):
-        low, high = found[interval] or (None, None)
-        row |= {name.format("low"): low, name.format("high"): high}
-    return [row.get(name) for name in CSV_COLUMNS]
+def entry(kind: Kind) -> Fields:
+    """The figures of a feature along an axis, of a length or of a right angle."""
+    unit = "arcsec" if kind == "angle" else "um"
+    all_of, limits = "adjusted for all of the kind (Holm)", "its 95 % interval"
+    return (
+        *place("tables.labels", "feature" if kind == "feature" else "id"),
+        Field("parts", count("one_way.parts"), "number of parts"),
+        Field("n", count("one_way.N"), "number of readings", head="n", show="count"),
+        Field(f"mean_error_{unit}", "one_way.mean", MEAN, head="mean", u="rounding"),
+        *_squares(unit),
+        Field(f"var_part_{unit}2", "components.part", "variance from part to part"),
+        Field("", "s_part", head="s_part", unit=unit),
+        Field("", "s_both", head="s_part+repeat", unit=unit),
+        Field(
+            f"var_part_estimate_{unit}2",
+            "components.part_estimate",
+            "the same, not set to 0 where it is below",
+        ),
+        Field(f"var_repeat_{unit}2", "components.repeat", "variance of repeated measurement"),
+        Field(
+            f"var_part_interval95_{unit}2",
+            "interval",
+            limits,
+            csv=f"var_part_{{}}95_{unit}2",
+            head="s_part^2 95 %",
+            show="interval",
+            u="components.repeat",
+            detail=True,
+        ),
+        Field("method", meaning="of the components: paper, anova or reml"),
+        Field(f"s_pooled_{unit}", "s_pooled", "root of ms_within", head="s_repeat"),
+        Field(f"u_mean_{unit}", "u_mean", "standard uncertainty of the mean", head="u", u="u_mean"),
+        Field(f"u_future_{unit}", "u_future", "standard uncertainty of a future part"),
+        Field(f"U_future_{unit}", "U_future", "k u_future", head="U future"),
+        Field("unusual_parts", "unusual", "outlying parts", head="outlying\nparts", show=_names),
+        Field("", lambda item: item.tables.labels[1], "name of feature, length or angle", csv="id"),
+        Field("p_familywise", "p_parts", f"p of F, {all_of}", head="p (Holm)", show="p"),
+        Field(f"var_both_{unit}2", "both", "variance of parts and CMM, without repeats"),
+        Field(
+            f"var_both_interval95_{unit}2",
+            "both_interval",
+            limits,
+            csv=f"var_both_{{}}95_{unit}2",
+            show="interval",
+        ),
+        Field(
+            f"interval95_future_{unit}",
+            "interval_future",
+            "interval that holds the error of 95 of 100 future parts (Student's t)",
+            csv=f"future_{{}}95_{unit}",
+            head="95 % future",
+            show="interval",
+            u="u_future",
+        ),
+        Field("dof_mean", meaning="degrees of freedom of u_mean"),
+        Field("dof_future", meaning="degrees of freedom of u_future"),
+        Field("p_mean_familywise", "p_mean", f"p of a mean of zero (t test), {all_of}"),
+        Field(
+            "var_part_limits_below_zero",
+            "below_zero",
+            "whether both limits of var_part were below 0: its interval is then [0, 0]",
+        ),
+    )
+
+
+def _squares(unit: str) -> Iterator[Field]:
+    """The table of the analysis of variance."""
+    for name, of in (("between", "parts"), ("within", "repeats")):
+        value, head = f"one_way.ms_{name}", f"MS {name}"
+        yield Field(f"ms_{name}_{unit}2", value, f"mean square of {of}", head=head, detail=True)
+    for name in ("df_between", "df_within"):
+        df, head = count(f"one_way.{name}"), name.replace("_", "\n")
+        yield Field(name, df, "degrees of freedom", head=head, show="count", detail=True)
+    yield Field("F", "one_way.F", "ms_between/ms_within", head="F", detail=True)
+    yield Field("F_critical_95", "one_way.F_critical_95", "F at 5 %", head="F 95 %", detail=True)
+    yield Field("p", "one_way.p", "p of F: the parts do not differ")
+    yield Field("n0", "one_way.n0", "E ms_between = var_repeat + n0 var_part")
+
+
+def _names(names: Sequence[str], u: None, digits: int) -> str:
+    return " ".join(names)
+
+
+def _of_unit(field: Field, unit: str) -> Field:
+    """The field, of items of that unit alone where it has one."""
+    if not field.unit_name:
+        return field
+    return replace(
+        field, value=lambda item: read(item, field.source) if item.unit == unit else None
+    )
+
+
+def listing() -> Fields:
+    """The CSV: angles in the columns of arcsec and all else in those of um."""
+    kinds = {"feature": "feature", "length": "length", "angle": "orthogonality"}
+    um, arcsec = (
+        [field for field in entry(kind) if isinstance(field, Field)]
+        for kind in ("feature", "angle")
+    )
+    name = replace(um[1], value=lambda x: x.tables.labels[1] if x.kind == "feature" else None)
+    return (
+        Field("", lambda item: kinds[item.kind], "feature, length or orthogonality", csv="kind"),
+        um[0],
+        name,
+        *(_of_unit(field, "um") for field in um[2:]),
+        *(_of_unit(field, "arcsec") for field in arcsec if field.unit_name),
+    )
+
+
+def _deviation(unit: str) -> Iterator[Field]:
+    text = "distance from the mean of the others"
+    yield Field(f"deviation_{unit}", "deviation", text, head="deviation", u="typical")
+    yield Field(f"typical_{unit}", "typical", "root mean square of the others", head="others rms")
+
+
+OPERATION = Field(
+    "operation",
+    lambda item: item.operation or None,
+    "null: not stated",
+    head="operation",
+    show="text",
+)
+TOTAL: Fields = (
+    OPERATION,
+    Field("axis", meaning="x, y or z", head="axis", show="text"),
+    Field("features", meaning="number of features", head="features", show="count"),
+    Field("mean_error_um", "mean", "mean of the mean errors", head="mean error", u="rounding"),
+    Field("s_mean_errors_um", "spread", "their standard deviation", head="feature s"),
+    Field("largest_mean_error_um", "largest", "the largest", head="largest", u="rounding"),
+    Field("largest_at", "worst", "of which feature", head="at", show="text"),
+    Field("mean_var_part_um2", "part", "mean variance from part to part"),
+    Field("mean_var_repeat_um2", "repeat", "mean variance of repeated measurement"),
+    Field("mean_var_both_um2", "both", "mean variance of both, without repeats"),
+    Field("", "s_part", head="s_part", unit="um"),
+    Field("", "s_both", head="s_part+repeat", unit="um"),
+    Field("", "s_repeat", head="s_repeat", unit="um"),
+    Field(
+        "repeat_share",
+        meaning="share of the CMM in the variance of one measured point (REML)",
+        head="CMM\n% of s^2",
+        show="percent",
+        detail=True,
+    ),
+    Field("F_above_critical", "significant", "features with F above F_critical_95"),
+    Field("F_tested", "tested", "features with an F"),
+    Field(
+        "parts_differ",
+        "differ",
+        "features in which parts differ, 5 % over all (Holm)",
+        head="parts\ndiffer",
+        u="tested",
+        show=lambda value, u, digits: f"{value} of {u}" if u else "",
+    ),
+    Field("mean_not_zero", "off", "features whose mean is not zero, 5 % over all (Holm)"),
+)
+UNUSUAL_FEATURE: Fields = (
+    *place("where"),
+    Field("p_familywise", "p", "p among all features (Grubbs, Bonferroni)", head="p", show="p"),
+    *_deviation("um"),
+)
+SCATTER: Fields = (
+    OPERATION,
+    Field("parts", "test.rows", "number of parts", head="parts", show="count"),
+    Field("variance_ratio_y_to_x", "test.ratio", "variance in y over that in x"),
+    Field("variance_ratio_interval95", "interval", "its 95 % interval"),
+    Field("", "s_ratio", head="s ratio\ny/x"),
+    Field("", "s_interval", head="95 %", show="interval", u="s_ratio"),
+    Field(
+        "of", lambda item: "parts" if item.apart else "part means, CMM included", "what scatters"
+    ),
+    Field("p", "test.p", "p that both axes scatter alike"),
+    Field("p_familywise", "test.p_familywise", "p (Holm)", head="p (Holm)", show="p"),
+)
+
+
+def unusual_part(*units: str) -> Fields:
+    """The figures of an outlying part, with its largest deviation in these units."""
+    return (
+        Field("part", meaning="its name", head="part", show="text"),
+        Group("where", place(""), csv=False),
+        *(_of_unit(field, unit) for unit in units for field in _deviation(unit)),
+        Field("p_familywise", "p", "p over all parts and tables", head="p", show="p"),
+        Field("why", meaning="of what: mean or distance (rms) of a group, a single table"),
+        Group("singles", place(""), many=True),
+    )
+
+
+def _unusual(result: AnovaResult) -> list[dict[str, Any]] | None:
+    if result.unusual is None:
+        return None
+    return [record(unusual_part(item.unit), item) for item in result.unusual]
+
+
+def _rows(kind: Kind) -> Callable[[AnovaResult], list[RowOf]]:
+    def rows(result: AnovaResult) -> list[RowOf]:
+        return [
+            row
+            for found in result.kinds
+            if found.kind == kind
+            for row in rows_of(found, len(found.tables.labels))
+        ]
+
+    return rows
+
+
+UNUSUAL = (
+    "outlying parts: part, where, deviation and typical (rms of the others) in um or arcsec, "
+    "p_familywise, why (mean or distance of a group, or a single table), singles; null: too few"
+)
+RESULTS: Fields = (
+    Field("method", meaning="of the components of variance"),
+    Field("datum", meaning="best-fit alignment removed from each part"),
+    Group("features", entry("feature"), _rows("feature"), many=True),
+    Group("lengths", entry("length"), _rows("length"), many=True),
+    Group("orthogonality", entry("angle"), _rows("angle"), many=True),
+    Group("totals", TOTAL, many=True),
+    Field("unusual_parts", _unusual, UNUSUAL),
+    Group("unusual_features", UNUSUAL_FEATURE, many=True),
+    Field("family_wise_rate", lambda _: FAMILY_RATE, "false alarm rate of the outliers"),
+    Group("axis_scatter", SCATTER, many=True),
+)
+ROW = listing()
+
+
+def document(result: AnovaResult, digits: int = 2) -> Document:
+    """A row an operation and axis; then outliers, lengths, angles and features."""
+    from mtu_cli.reports.anova_figure import figure
+
+    return Document(
+        title="Measured parts",
+        results=(RESULTS, result),
+        tables=list(_tables(result)),
+        figure=lambda: figure(result),
+        verdict=_verdict(result),
+        digits=digits,
+    )
+
+
+def _tables(result: AnovaResult) -> Iterator[Table]:
+    rows = {found.kind: _rows(found.kind)(result) for found in result.kinds}
+    yield Table(title="", fields=ROW, items=[row for own in rows.values() for row in own], shown=())
+    datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
+    yield Table(
+        title=f"Features by operation and axis{datum}",
+        fields=TOTAL,
+        items=result.totals,
+        footer="s: standard deviations of the features' mean errors, from part to part, of "
+        "repeated measurement (CMM); parts differ: F test, 5 % over all (Holm)",
+    )
+    yield Table(
+        title="Outlying parts",
+        fields=unusual_part("um", "arcsec"),
+        items=result.unusual or (),
+        footer="deviation from the mean of the other parts; false alarms in "
+        f"{100 * FAMILY_RATE:g} % of studies",
+    )
+    yield Table(
+        title="Outlying features",
+        fields=UNUSUAL_FEATURE,
+        items=result.unusual_features,
+        footer="deviation from the mean error of the other features of the operation and axis",
+    )
+    yield Table(title="Scatter in y over x", fields=SCATTER, items=result.axis_scatter, detail=True)
+    for found in (result.lengths, result.angles, result.features):
+        if found is not None:
+            yield _listed(found, rows[found.kind])
+
+
+def _listed(found: Analysed, rows: Sequence[RowOf]) -> Table:
+    """All tables of a kind where they are few, else those of the largest errors."""
+    title, footer, chosen = TITLES[found.kind], "", rows
+    if len(rows) > SHOWN:
+        chosen = [rows[i] for i in found.largest()[:WORST]]
+        title += f": the {WORST} of {len(rows)} with the largest errors"
+    if found.kind == "feature":
+        footer = f"mean and its u; U future = {found.coverage_factor:g} u of a future part"
+        if found.method == "paper":
+            footer += ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
+        footer += "; p of the F test"
+    return Table(title=title, fields=entry(found.kind), items=rows, shown=chosen, footer=footer)
+
+
+def _verdict(result: AnovaResult) -> str:
+    """Whether parts differ, which are outliers, and whether one axis scatters more."""
+    tested = sum(item.tested for item in result.totals)
+    differ = sum(item.differ for item in result.totals)
+    said = []
+    if tested:
+        said.append(
+            f"F test: parts differ significantly in {differ} of {tested} features and axes."
+        )
+    if result.unusual is not None:
+        names = listed(item.part for item in result.unusual)
+        said.append(f"Outlying parts: {names}." if names else "No part is an outlier.")
+    if result.unusual_features:
+        names = listed(" ".join(filter(None, item.where)) for item in result.unusual_features)
+        said.append(f"Outlying features: {names}.")
+    for item in result.axis_scatter:
+        if item.significant:
+            of = f", {item.operation}" if item.operation else ""
+            p = p_value(item.test.p_familywise)
+            said.append(f"Parts scatter more in {item.wider}{of} (p {p}).")
+    return " ".join(said) or "Too few parts or repeats for the F test and for outliers."

@@ -1,282 +1,444 @@
-"""Errors as arrows with uncertainty ellipses in a plane (Gilsinn & Ling 2004, Fig. 6)."""
+"""Errors at the features as arrows on maps: small multiples by operation and height.
+
+Arrows in the plane (Gilsinn & Ling 2004, Fig. 6) above those across it, which are drawn upwards;
+what is compared (predicted and measured, before and after) is drawn over one another, the first
+thicker, with ellipses of k standard uncertainties about the tips where a covariance is known.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.reports import figures, labels
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residual_layout import IntArray
+from mtu_cli.reports import figures
+from mtu_cli.reports.labels import clipped, cut, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
 
-SHOWN_IDS = 80
+MOST, FEW = 9, 4
+"""Levels on one sheet; of more than the second a level needs three features on average."""
+APART = 1e-3
+"""Heights that differ by more of the part's extent are at two levels."""
+NAMED = 80
 """More features than this are drawn without their names."""
-HIGH, BETWEEN = 0.15, 3.0
-"""Height of a name with what is between two lines, inches; characters between two names in one,
-the sign for what is left out among them, which is wide.
-"""
-GAP = 0.07
+LETTER, LINE = 0.066, 0.15
+"""Width of a letter and height of a line of names, inches."""
+SHORTEST, LONGEST = 4, 40
+"""Letters that a name keeps where there is no room for all of it, at least and at most."""
+REACH = 0.95
+"""Length of the longest arrow in the plane over the distance of neighbours."""
+GAP = 0.05
 """Between a feature and its name, inches."""
-FARTHEST = 0.3
-"""From a feature to the middle of a short name, inches, however much room there is."""
+ALIKE = 2.0
+"""Scales in and across the plane that differ by less are made one."""
+LOWEST, TALLEST, ALONE = 1.0, 4.6, 6.2
+"""Heights of a panel, inches; the last of a panel that is alone in its row."""
+ABOVE = 0.85
+"""Inches of title, scale and labels of a row."""
+THIN = 0.035
+"""Half the width of the ellipses of errors across the plane, inches."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plane:
-    """Features in the xy plane: places (n, 2) mm, errors (n, 2) um.
+class Side:
+    """Errors (n, 3) um, nan where not known; ellipses by `covariance` (n, 3, 3) um^2."""
 
-    Ellipses are those of k standard uncertainties by `covariance` (n, 2, 2) um^2, none without.
+    name: str
+    colour: str
+    errors: FloatArray
+    covariance: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Maps:
+    """Features at `places` (n, 3) mm with sides that are drawn over one another, group by group.
+
+    `axes` are those of the errors; k standard uncertainties are drawn.
     """
 
     ids: tuple[str, ...]
     places: FloatArray
-    errors: FloatArray
-    covariance: FloatArray | None = None
+    axes: tuple[str, ...]
+    groups: tuple[tuple[str, tuple[Side, ...]], ...]
     k: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class View:
-    """What planes drawn beside one another share.
+class Level:
+    """The features `rows` at one height, in words `at`; empty where it is not known."""
 
-    `scale` mm of the figure a um of error, `spacing` of neighbouring features in mm, `step` the
-    same or, of features far apart, a part of the whole; limits `low` and `high` (2,) in mm,
-    `inch` the mm in an inch of paper. There is room for names of so many `letters`; of 0 for none.
+    at: str
+    rows: IntArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """The axes of the plane and its `normal`; the levels drawn of `total`."""
+
+    plane: tuple[int, int]
+    normal: int
+    levels: tuple[Level, ...]
+    total: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """Arrows of a group at a level, in the plane or `across` it."""
+
+    group: int
+    level: Level
+    across: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """How maps lie on paper: the panels row by row, in `room` inches of which they take `width`,
+    `panel` inches high, limits (2,) in mm, `inch`
+    mm in an inch, `scales` mm of the figure a um in the plane and across it, `spacing` of
+    neighbours in mm, and room for names of so many `letters`.
     """
 
-    scale: float
-    spacing: float
-    step: float
-    inch: float
-    letters: int
+    maps: Maps
+    cut: Cut
+    rows: list[list[Panel]]
+    columns: int
+    room: float
+    width: float
+    panel: float
     low: FloatArray
     high: FloatArray
+    inch: float
+    scales: tuple[float, float]
+    spacing: float
+    letters: int
 
     @property
-    def named(self) -> bool:
-        """Whether there is room for names."""
-        return self.letters > 0
+    def height(self) -> float:
+        """Inches on the page."""
+        return len(self.rows) * (self.panel + ABOVE) + 0.45
 
     @property
-    def aspect(self) -> float:
-        """Width over height."""
-        width, height = self.high - self.low
-        return float(width / height)
+    def fine(self) -> float:
+        """Lines and marks of features close together are finer."""
+        return min(1.0, max(0.35, self.spacing / self.inch / 0.6))
 
 
-def common_view(
-    planes: Sequence[Plane],
-    paper: tuple[float, float],
-    spacing: float | None = None,
-    limit: float = math.inf,
-) -> View:
-    """The view in which all planes can be compared on `paper` (width, height) inches each.
+def cut_of(places: FloatArray, axes: Collection[str]) -> Cut:
+    """From above, level by level, unless all features lie in a plane that is seen from the side,
+    or there are too many levels for one sheet: then along the axis with the fewest.
 
-    `spacing` of neighbouring features, mm, where they are not neighbours in all planes together;
-    `limit` is the largest scale.
-
-    Neighbours' ellipses about touch at the largest u, and the longest arrow is about as long as
-    features are apart (a little longer without ellipses), never as long as the part.
+    A feature without a height, or errors without one along z, can be seen from above alone.
     """
-    places = np.vstack([plane.places for plane in planes])
-    spacing = spacing_of(places) if spacing is None else spacing
-    extent = float(np.ptp(places, axis=0).max())
-    step = min(spacing, 0.3 * extent) if extent > 0 else spacing
-    scale = min(limit, *(_scale(plane, step) for plane in planes))
-    scale = scale if math.isfinite(scale) else 1.0
-    corners = [corner for plane in planes for corner in _corners(plane, scale)]
-    found = np.vstack([places, *corners])
-    low, high = found.min(axis=0) - 0.5 * step, found.max(axis=0) + 0.5 * step
-    size = np.array(paper)
-    letters = _letters(planes, spacing, float(((high - low) / size).max()))
-    longest = labels.CHARACTER * letters
-    margins = np.array([GAP + longest, 2 * GAP + longest / 2])
-    if letters and (margins < 0.3 * size).all():
-        beside = margins * float((np.ptp(places, axis=0) / (size - 2 * margins)).max())
-        low = np.minimum(low, places.min(axis=0) - beside)
-        high = np.maximum(high, places.max(axis=0) + beside)
-    return View(
-        scale=scale,
-        spacing=spacing,
-        step=step,
-        inch=float(((high - low) / size).max()),
-        letters=letters,
-        low=low,
-        high=high,
+    sideways = set(AXES) <= set(axes) and not np.isnan(places[:, 2]).any()
+    found = [_levels(places, normal) for normal in ((2, 1, 0) if sideways else (2,))]
+    face = next((item for item in found if item.total == 1), None)
+    if face is not None or found[0].total <= MOST:
+        return face or found[0]
+    return min(found, key=lambda item: len(item.levels))
+
+
+def _levels(places: FloatArray, normal: int) -> Cut:
+    heights, n = places[:, normal], len(places)
+    extent = max(float(np.ptp(c[np.isfinite(c)])) for c in places.T if np.isfinite(c).any())
+    order = np.argsort(heights, kind="stable")
+    # Unknown heights come last and are one level.
+    steps = ~(np.diff(heights[order]) <= APART * extent) & ~np.isnan(heights[order][:-1])
+    level = np.zeros(n, dtype=np.int64)
+    level[order] = np.concatenate([[0], np.cumsum(steps)])
+    total = int(level.max()) + 1
+    if total > FEW and 3 * total > n:
+        level[:] = 0
+    rows = [np.flatnonzero(level == i) for i in spread(int(level.max()) + 1, MOST)]
+    plane = [(1, 2), (0, 2), (0, 1)][normal]
+    levels = tuple(Level(at=_words(heights[own], normal), rows=own) for own in rows)
+    return Cut(plane=plane, normal=normal, levels=levels, total=total)
+
+
+def _words(heights: FloatArray, normal: int) -> str:
+    known = heights[np.isfinite(heights)]
+    if not len(known):
+        return ""
+    low, high = f"{known.min() + 0.0:.6g}", f"{known.max() + 0.0:.6g}"
+    if np.ptp(known) <= 1e-3 * max(1.0, abs(float(known.max()))):
+        return f"{AXES[normal]} = {float(np.median(known)) + 0.0:.6g} mm"
+    return f"{AXES[normal]} {low} to {high} mm"
+
+
+def sheet(maps: Maps, width: float | None = None) -> Sheet:
+    """The layout of maps on a page, 12 inches wide, or 8 where one panel is all.
+
+    The longest arrow is about as long as features are apart, and the ellipses of neighbours about
+    touch at the largest u.
+    """
+    found = cut_of(maps.places, maps.axes)
+    kinds = (
+        (False, True) if set(AXES) <= set(maps.axes) and _known(maps, found.normal) else (False,)
     )
+    rows, columns = _rows(maps, found, kinds)
+    room = width or (8.0 if columns == 1 else 12.0)
+    tallest = ALONE if columns == 1 else TALLEST
+    paper = np.array([(room - 0.9) / columns - 0.2, tallest])
+    spacing = _spacing(maps.places, found)
+    extent = float(np.ptp(maps.places[:, found.plane], axis=0).max())
+    step = min(spacing, 0.3 * extent) if extent > 0 else spacing
+    scales = [_scale(maps, found, across, step) for across in kinds]
+    if max(scales) <= ALIKE * min(scales):
+        scales = [min(scales)] * len(scales)
+    scales = [value if math.isfinite(value) else 1.0 for value in scales]
+    corners = [maps.places[:, found.plane]]
+    for across, scale in zip(kinds, scales, strict=True):
+        for panel in (Panel(group=g, level=one, across=across) for g in range(len(maps.groups))
+                      for one in found.levels):  # fmt: skip
+            for places, errors, C in _arrows(maps, found, panel):
+                reach = scale * maps.k * _largest_u(C)[:, None]
+                corners += [places + scale * errors - reach, places + scale * errors + reach]
+    ends = np.vstack(corners)
+    low, high = ends.min(axis=0) - 0.25 * step, ends.max(axis=0) + 0.25 * step
+    letters = _letters(maps, found, float(((high - low) / paper).max()))
+    beside = np.array([2 * GAP + LETTER * letters, 2 * GAP + LINE]) if letters else np.zeros(2)
+    size = np.ptp(corners[0], axis=0) / np.maximum(paper - 2 * beside, 0.4 * paper)
+    low = np.minimum(low, corners[0].min(axis=0) - beside * size.max())
+    high = np.maximum(high, corners[0].max(axis=0) + beside * size.max())
+    inch = float(((high - low) / paper).max())
+    width = max(8.0, min(room, columns * (float(high[0] - low[0]) / inch + 0.2) + 0.9))
+    return Sheet(
+        maps=maps, cut=found, rows=rows, columns=columns, room=room, width=width,
+        panel=min(max(float(high[1] - low[1]) / inch, LOWEST), tallest), low=low, high=high,
+        inch=inch, scales=(scales[0], scales[-1]), spacing=spacing, letters=letters,
+    )  # fmt: skip
 
 
-def _corners(plane: Plane, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Beyond the ends of all arrows and ellipses, (n, 2) each."""
-    tips, radii = _tips(plane, scale), _radii(plane, scale)[:, None]
-    return tips - radii, tips + radii
+def _known(maps: Maps, axis: int) -> bool:
+    """Whether there are errors along an axis, and not exact zeros alone beside others."""
+    sides = [side for _, own in maps.groups for side in own]
+    if not any(np.nansum(np.abs(side.errors)) for side in sides):
+        return any(np.isfinite(side.errors[:, axis]).any() for side in sides)
+    sure = all(side.covariance is None for side in sides)
+    errors = np.concatenate([side.errors[:, axis] for side in sides])
+    return bool(np.nan_to_num(errors).any() if sure else np.isfinite(errors).any())
 
 
-def _letters(planes: Sequence[Plane], spacing: float, inch: float) -> int:
-    """Characters of a name that there is room for, `inch` mm to an inch of paper."""
-    if max(len(plane.ids) for plane in planes) > SHOWN_IDS:
-        return 0
-    names = {name for plane in planes for name in plane.ids}
-    return labels.room(names, [plane.places / inch for plane in planes], spacing / inch)
+def _rows(maps: Maps, found: Cut, kinds: tuple[bool, ...]) -> tuple[list[list[Panel]], int]:
+    """A row a group and direction, a column a level; of one level all in rows one after another."""
+    groups, levels = range(len(maps.groups)), found.levels
+    strips = [
+        [Panel(group=g, level=one, across=across) for one in levels]
+        for g in groups
+        for across in kinds
+    ]
+    if len(levels) == 1:
+        strips = [[panel for strip in strips for panel in strip]]
+    width, height = np.ptp(maps.places[:, found.plane], axis=0)
+    most = 1 if width > 5 * height > 0 else 2 if width > 2.2 * height > 0 else 3
+    columns = 2 if len(levels) == 1 and len(kinds) == 2 and most > 1 else 0
+    columns = columns or figures.columns_of(len(strips[0]), most)
+    rows = [strip[i : i + columns] for strip in strips for i in range(0, len(strip), columns)]
+    return rows, columns
 
 
-def _tips(plane: Plane, scale: float) -> FloatArray:
-    tips: FloatArray = plane.places + scale * plane.errors
-    return tips
+def _arrows(
+    maps: Maps, found: Cut, panel: Panel
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray | None]]:
+    """Places (m, 2) mm, errors (m, 2) um and covariances (m, 2, 2) of the features of a panel whose
+    errors are known, side by side; those across the plane upwards.
+    """
+    chosen = [found.normal] if panel.across else list(found.plane)
+    for side in maps.groups[panel.group][1]:
+        rows = panel.level.rows
+        rows = rows[np.isfinite(side.errors[rows][:, chosen]).all(axis=1)]
+        errors = side.errors[rows][:, chosen]
+        C = None if side.covariance is None else side.covariance[rows][:, chosen][:, :, chosen]
+        if panel.across:
+            errors = np.column_stack([np.zeros(len(rows)), errors])
+            C = None if C is None else np.pad(C, ((0, 0), (1, 0), (1, 0)))
+        yield maps.places[rows][:, found.plane], errors, C
 
 
-def _radii(plane: Plane, scale: float) -> FloatArray:
-    """The larger semi-axes (n,) of the ellipses, mm of the figure."""
-    if plane.covariance is None:
-        return np.zeros(len(plane.ids))
-    largest = np.clip(np.linalg.eigvalsh(plane.covariance)[:, -1], 0.0, None)
-    radii: FloatArray = plane.k * scale * np.sqrt(largest)
-    return radii
+def _largest_u(C: FloatArray | None) -> FloatArray:
+    """The largest standard uncertainty of every arrow; 0 without a covariance."""
+    if C is None or not len(C):
+        return np.zeros(1)
+    u: FloatArray = np.sqrt(np.clip(np.linalg.eigvalsh(C)[:, -1], 0.0, None))
+    return u
 
 
-def spacing_of(places: FloatArray) -> float:
-    """The typical distance of a feature to its nearest neighbour."""
+def _spacing(places: FloatArray, found: Cut) -> float:
+    """The typical distance of a feature to its nearest neighbour at its level; of features in
+    clusters half of what it would be were they spread evenly.
+    """
     from scipy.spatial import KDTree
 
-    apart = np.unique(np.round(places, 6), axis=0)
-    if len(apart) < 2:
-        return 10.0
-    nearest, _ = KDTree(apart).query(apart, k=[2])
-    return float(np.median(np.asarray(nearest)))
+    nearest = []
+    for level in found.levels:
+        own = np.unique(np.round(places[level.rows][:, found.plane], 6), axis=0)
+        if len(own) > 1:
+            median = float(np.median(KDTree(own).query(own, k=[2])[0]))
+            width, height = np.ptp(own, axis=0)
+            even = max(math.sqrt(width * height / len(own)), max(width, height) / len(own))
+            nearest.append(max(median, 0.5 * even))
+    return min(nearest, default=10.0)
 
 
-def _scale(plane: Plane, step: float) -> float:
+def _scale(maps: Maps, found: Cut, across: bool, step: float) -> float:
     """mm of the figure a um of error; infinite where there is nothing to draw."""
-    largest_u = float(_radii(plane, 1.0).max())
-    longest = float(np.linalg.norm(plane.errors, axis=1).max())
-    limits = [0.42 * step / largest_u] if largest_u > 0 else []
-    reach = (1.1 if largest_u > 0 else 1.35) * step
-    limits += [reach / longest] if longest > 0 else []
-    return min(limits, default=math.inf)
+    limits = [math.inf]
+    for g in range(len(maps.groups)):
+        for level in found.levels:
+            for _, errors, C in _arrows(maps, found, Panel(group=g, level=level, across=across)):
+                longest = float(np.linalg.norm(errors, axis=1).max(initial=0.0))
+                radius = maps.k * float(_largest_u(C).max())
+                limits += [(0.8 if across else REACH) * step / longest] if longest > 0 else []
+                limits += [0.42 * step / radius] if radius > 0 else []
+    return min(limits)
 
 
-def draw_plane(panel: Axes, plane: Plane, view: View, colour: str = figures.BLUE) -> None:
-    """Arrows, ellipses, marks and, where there is room, names."""
-    draw_arrows(panel, plane, view, colour)
-    frame(panel, view)
-    draw_marks(panel, plane.places, view)
-    if view.named:
-        write_names(panel, [plane], view)
+def _letters(maps: Maps, found: Cut, inch: float) -> int:
+    """Letters of a name that have room between features in one line; 0 for no names."""
+    longest = max(map(len, maps.ids))
+    room = float(LONGEST)
+    for level in found.levels:
+        places = maps.places[level.rows][:, found.plane] / inch
+        if len(places) > NAMED:
+            return 0
+        dx, dy = np.abs(places[:, None] - places[None])[np.triu_indices(len(places), 1)].T
+        room = min(room, float(dx[dy < LINE].min(initial=np.inf)) / LETTER - 1.0)
+    letters = min(longest, int(room))
+    alike = len({clipped(name, letters) for name in maps.ids}) < len(maps.ids)
+    return 0 if alike or letters < min(longest, SHORTEST) else letters
 
 
-def draw_arrows(
-    panel: Axes, plane: Plane, view: View, colour: str, *, thickness: float = 1.0
-) -> None:
-    """The arrows, and the ellipses about their tips; heads of thicker ones grow less."""
-    tips = _tips(plane, view.scale)
-    if plane.covariance is not None:
-        _ellipses(panel, tips, plane.covariance * (plane.k * view.scale) ** 2)
-    panel.quiver(
-        *plane.places.T,
-        *(tips - plane.places).T,
-        angles="xy",
-        scale_units="xy",
-        scale=1,
-        color=colour,
-        units="inches",
-        width=0.022 * _fine(view) * thickness,
-        headwidth=4.5 / thickness**0.5,
-        headlength=5.5 / thickness**0.5,
-        headaxislength=5 / thickness**0.5,
-        minlength=0.1,
-        zorder=6,
-    )
+def page_of(maps: Maps, title: str) -> Figure:
+    """A page of nothing else."""
+    drawn = sheet(maps)
+    page = figures.blank(drawn.width, drawn.height)
+    draw(page, drawn, title)
+    return page
 
 
-def draw_marks(panel: Axes, places: FloatArray, view: View) -> None:
-    """A dot a feature."""
-    panel.plot(*places.T, "o", color=figures.INK, markersize=3.2 * _fine(view), zorder=5)
+def draw(page: Figure | SubFigure, drawn: Sheet, title: str) -> None:
+    """The panels, a scale at the beginning of each row and direction; title and sides above."""
+    from matplotlib.lines import Line2D
+
+    shown, total = len(drawn.cut.levels), drawn.cut.total
+    figures.title(page, title + (f" ({shown} of {total} levels)" if 1 < shown < total else ""))
+    sides = {side.name: side.colour for _, own in drawn.maps.groups for side in own if side.name}
+    if sides:
+        handles = [Line2D([], [], color=c, linewidth=2.2, label=name) for name, c in sides.items()]
+        page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
+    across, up = (AXES[axis] for axis in drawn.cut.plane)
+    panels = page.subplots(len(drawn.rows), drawn.columns, squeeze=False)
+    for row, own in zip(drawn.rows, panels, strict=True):
+        for panel in own[len(row) :]:
+            panel.set_axis_off()
+        for c, what in enumerate(row):
+            panel = own[c]
+            _draw_panel(panel, drawn, what)
+            panel.set_xlabel(f"{across}, mm")
+            if c == 0:
+                panel.set_ylabel(f"{up}, mm")
+            if c == 0 or what.across != row[c - 1].across:
+                _scale_arrow(panel, drawn, drawn.scales[what.across])
 
 
-def frame(panel: Axes, view: View) -> None:
-    """The limits of the view, a mm of x as long as one of y."""
+def _draw_panel(panel: Axes, drawn: Sheet, what: Panel) -> None:
+    maps, scale, fine = drawn.maps, drawn.scales[what.across], drawn.fine
+    title, sides = maps.groups[what.group]
+    found = list(_arrows(maps, drawn.cut, what))
+    for i, (side, (places, errors, C)) in enumerate(zip(sides, found, strict=True)):
+        tips = places + scale * errors
+        if C is not None:
+            _ellipses(panel, tips, C * (maps.k * scale) ** 2, what.across * THIN * drawn.inch)
+        # The first is wider, to be seen where both are the same.
+        thick = 2.0 if len(sides) > 1 and i == 0 else 1.0
+        panel.quiver(
+            *places.T, *(tips - places).T, angles="xy", scale_units="xy", scale=1,
+            color=side.colour, units="inches", width=0.022 * fine * thick,
+            headwidth=4.5 / thick**0.5, headlength=5.5 / thick**0.5, headaxislength=5 / thick**0.5,
+            minlength=0.1, zorder=4,
+        )  # fmt: skip
+    dots = maps.places[what.level.rows][:, drawn.cut.plane]
+    panel.plot(*dots.T, "o", color=figures.INK, markersize=3.2 * fine, zorder=5)
     panel.set_aspect("equal")
-    panel.set_xlim(view.low[0], view.high[0])
-    panel.set_ylim(view.low[1], view.high[1])
+    panel.set_xlim(drawn.low[0], drawn.high[0])
+    panel.set_ylim(drawn.low[1], drawn.high[1])
+    if drawn.letters:
+        arrows = [(places, places + scale * errors) for places, errors, _ in found]
+        _write_names(panel, drawn, what.level.rows, arrows)
+    plane = " and ".join(f"E{AXES[axis]}" for axis in drawn.cut.plane)
+    kind = f"E{AXES[drawn.cut.normal]} (up is +)" if what.across else plane
+    words = (cut(title, 20), kind, what.level.at)
+    panel.set_title(", ".join(filter(None, words)), pad=20, fontsize=9)
 
 
-def _fine(view: View) -> float:
-    """Lines and marks of features close together are finer."""
-    return min(1.0, max(0.35, view.spacing / view.inch / 0.6))
-
-
-def write_names(panel: Axes, planes: Sequence[Plane], view: View) -> None:
-    """Names of the features of the first plane, clear of the arrows of all."""
-    first, others = planes[0], planes[1:]
-    names = [labels.clipped(name, view.letters) for name in first.ids]
-    longest = labels.CHARACTER * max(map(len, names))
-    near = min(0.26 * view.step, FARTHEST * view.inch)
-    reach = max(near, view.inch * (GAP + longest / 2))
-    placed = labels.around(
-        first.places, _tips(first, view.scale), _radii(first, view.scale), reach,
-        also=[(plane.places, _tips(plane, view.scale)) for plane in others],
-        boxes=(
-            view.inch * labels.CHARACTER * np.array([len(name) + BETWEEN for name in names]),
-            view.inch * HIGH,
-        ),
-    )  # fmt: skip
-    for name, (x, y) in zip(names, placed, strict=True):
-        panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6)
-    for text in panel.texts:
-        text.set_path_effects(labels.halo())
-
-
-def _ellipses(panel: Axes, tips: FloatArray, squares: FloatArray) -> None:
-    """Ellipses e' S^-1 e = 1 about the tips (n, 2); S (n, 2, 2) in mm^2 of the figure."""
+def _ellipses(panel: Axes, tips: FloatArray, squares: FloatArray, least: float) -> None:
+    """Ellipses e' S^-1 e = 1 about the tips (n, 2); S (n, 2, 2) in mm^2 of the figure; none is
+    narrower than `least`, mm.
+    """
     from matplotlib.collections import EllipseCollection
 
     values, vectors = np.linalg.eigh(squares)
-    semi = np.sqrt(np.clip(values, 0.0, None))
-    # One by one, thousands would each be searched for their limits: the view has them all.
+    semi = np.maximum(np.sqrt(np.clip(values, 0.0, None)), least)
+    # One by one, thousands would each be searched for their limits: the sheet has them all.
     found = EllipseCollection(
-        2 * semi[:, 1],
-        2 * semi[:, 0],
-        np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])),
-        units="xy",
-        offsets=tips,
-        offset_transform=panel.transData,
-        facecolors=figures.PALE,
-        edgecolors=figures.BLUE,
-        linewidths=0.8,
-        alpha=0.55,
-        zorder=2,
-    )
+        2 * semi[:, 1], 2 * semi[:, 0],
+        np.degrees(np.arctan2(vectors[:, 1, 1], vectors[:, 0, 1])), units="xy", offsets=tips,
+        offset_transform=panel.transData, facecolors=figures.PALE, edgecolors=figures.BLUE,
+        linewidths=0.8, alpha=0.55, zorder=2,
+    )  # fmt: skip
     panel.add_collection(found, autolim=False)
 
 
-def scale_arrow(
-    panel: Axes, view: View, colour: str, rise: float, remark: str = "", length: float | None = None
+def _write_names(
+    panel: Axes, drawn: Sheet, rows: IntArray, arrows: list[tuple[FloatArray, FloatArray]]
 ) -> None:
-    """An arrow of `length`, or a round number, of um, `rise` points above the panel."""
+    """Names, each in that of eight directions in which it is farthest from arrows and names."""
+    from matplotlib.patheffects import withStroke
+
+    halo = [withStroke(linewidth=2.2, foreground="white")]
+    along = np.linspace(0.0, 1.0, 6)[:, None, None]
+    places = drawn.maps.places[rows][:, drawn.cut.plane]
+    taken = [(start + along * (end - start)).reshape(-1, 2) for start, end in arrows]
+    inked = np.vstack([places, *taken])
+    angle = np.arange(8) * np.pi / 4
+    around = np.column_stack([np.sin(angle), np.cos(angle)])
+    for row, place in zip(rows, places, strict=True):
+        name = clipped(drawn.maps.ids[row], drawn.letters)
+        size = np.array([LETTER * len(name), LINE]) * drawn.inch
+        spots = place + around * (0.5 * size + (GAP + 0.04) * drawn.inch)
+        # To the nearest edge of the name, not to its middle.
+        off = np.maximum(np.abs(inked[None] - spots[:, None]) - 0.5 * size, 0.0)
+        spot = spots[int(np.argmax(np.linalg.norm(off, axis=2).min(axis=1)))]
+        corners = spot + 0.5 * size * np.array([[-1, 0], [-0.5, 0], [0, 0], [0.5, 0], [1, 0]])
+        inked = np.vstack([inked, corners])
+        x, y = spot.tolist()
+        panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6, path_effects=halo)
+
+
+def _scale_arrow(panel: Axes, drawn: Sheet, scale: float) -> None:
+    """An arrow of a round number of um above the panel."""
     from matplotlib.transforms import ScaledTranslation
 
-    lifted = panel.transAxes + ScaledTranslation(0, rise / 72, panel.figure.dpi_scale_trans)
-    width = float(view.high[0] - view.low[0])
-    if length is None:
-        length = nice(max(1.1 * view.step, 0.15 * width) / view.scale)
-    share = length * view.scale / width
-    style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.6, "shrinkA": 0, "shrinkB": 0}
+    inches = panel.figure.dpi_scale_trans
+    lifted = panel.transAxes + ScaledTranslation(0, 11 / 72, inches)
+    width = float(drawn.high[0] - drawn.low[0])
+    length = nice(max(1.1 * min(drawn.spacing, 0.3 * width), 0.15 * width) / scale)
+    share = length * scale / width
+    style = {"arrowstyle": "-|>", "color": figures.INK, "linewidth": 1.6, "shrinkA": 0}
     panel.annotate(
-        "",
-        xy=(share, 1.0),
-        xytext=(0.0, 1.0),
-        xycoords=lifted,
-        annotation_clip=False,
-        arrowprops=style,
-    )
-    beside = lifted + ScaledTranslation(5 / 72, 0, panel.figure.dpi_scale_trans)
-    panel.text(share, 1.0, f"{length:g} um{remark}", transform=beside, va="center", fontsize=8)
+        "", xy=(share, 1.0), xytext=(0.0, 1.0), xycoords=lifted, annotation_clip=False,
+        arrowprops={**style, "shrinkB": 0},
+    )  # fmt: skip
+    beside = lifted + ScaledTranslation(5 / 72, 0, inches)
+    panel.text(share, 1.0, f"{length:g} um", transform=beside, va="center", fontsize=8)
 
 
 def nice(value: float) -> float:

@@ -1,200 +1,249 @@
-"""The report of compare: predicted beside measured, item by item, and the sum of it.
+"""The report of compare: predicted against measured, item by item, and by operation.
 
 `measured.u_um` is of a future part from components of variance; `measured.paper_u_um` takes
 MS_between for the part variance, as Gilsinn & Ling 2004 do. Range widths are 2 (|mean| + k u), as
-in their Table 10.
+in their Table 10. Ratios are measured over predicted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
-from mtu_cli.analyses.compare import AllAtOnce, Compared, CompareResult, Range, Summary, Undecided
-from mtu_cli.reports.compare_figure import figure
-from mtu_cli.reports.compare_table import table
-from mtu_cli.reports.compare_words import (
-    paper_scatter,
-    verdict_text,
-)
-from mtu_cli.reports.document import finite, um, um2
+from mtu_cli.analyses.compare import CompareResult, Range, Summary
+from mtu_cli.reports.document import Document, Table
+from mtu_cli.reports.fields import Field, Fields, Group, count, rows_of
+from mtu_cli.reports.numbers import MISSING, p_value, significant, span
 from mtu_cli.units import UM
 
-__all__ = ["csv_rows", "document", "figure", "table"]
+SHOWN = 40
+"""Features listed one by one; of more the most interesting."""
+HOLM = "adjusted for all tests of the study (Holm)"
 
 
-def document(result: CompareResult) -> dict[str, Any]:
-    """`results` of the report."""
-    k = result.coverage_factor
-    return {
-        "datum": result.datum,
-        "features": list(_items(result.features, k)),
-        "lengths": [] if result.lengths is None else list(_items(result.lengths, k)),
-        "summary": {
-            "features": [_summary(item, "features") for item in result.feature_summaries],
-            "lengths": None
-            if result.lengths is None
-            else [_summary(item, "lengths") for item in result.length_summaries],
-        },
-    }
+def _mean(side: str) -> Iterator[Field]:
+    """Mean, u and U of the predicted or the measured side."""
+    yield Field(
+        f"{side}.mean_um",
+        f"{side}.mean",
+        "mean error, actual minus nominal",
+        head=side,
+        u=f"{side}.u",
+        show="plus-minus",
+    )
+    yield Field(f"{side}.u_um", f"{side}.u", "standard uncertainty of one future part")
+    yield Field(f"{side}.U_um", f"{side}.U", "k u", head=f"U\n{side}", detail=True)
 
 
-def _items(found: Compared, k: float) -> Iterator[dict[str, Any]]:
-    for i, (operation, name, axis) in enumerate(found.labels):
-        yield {
-            "id": name,
-            "axis": axis or None,
-            "operation": operation or None,
-            "predicted": _predicted(found, i, k),
-            "measured": _measured(found, i, k),
-            "bias_um": um(found.bias[i]),
-            "u_bias_um": um(found.u_difference[i]),
-            "E_n": finite(found.E_n[i]),
-            "p_bias_familywise": finite(found.p_bias[i]),
-            "ratio_u": finite(found.ratio_u[i]),
-            "ratio_scatter": finite(found.ratio_scatter[i]),
-            "ratio_ms_between": finite(found.ratio_ms[i]),
-            "p_scatter_familywise": finite(found.p_scatter[i]),
-            "range_width_um": {
-                "predicted": um(found.predicted.width[i]),
-                "measured": um(found.measured.width[i]),
-            },
-            "ratio_range": finite(found.ratio_range[i]),
-            "paper": _paper(found, i),
-            "biased": found.biased[i],
-            "under_predicted": found.under_predicted[i],
-            "over_predicted": found.over_predicted[i],
-            "inconsistent": found.inconsistent[i] is True,
-            "verdict": found.verdicts[i],
-        }
+def _test(name: str, meaning: str) -> Field:
+    text = f"p of the {meaning}, {HOLM}"
+    return Field(f"p_{name}_familywise", f"p_{name}", text, head=f"p\n{name}", show="p")
 
 
-def _predicted(found: Compared, i: int, k: float) -> dict[str, Any]:
-    u, independent = found.predicted.u[i], found.independent.u[i]
-    return {
-        "mean_um": um(found.predicted.mean[i]),
-        "u_um": um(u),
-        "U_um": um(k * u),
-        "independent_u_um": um(independent),
-        "independent_U_um": um(k * independent),
-    }
+def _ratio(path: str, value: str, meaning: str, head: str = "") -> Field:
+    return Field(path, value, meaning, head=head and f"{head}\nratio", detail=head != "scatter")
 
 
-def _measured(found: Compared, i: int, k: float) -> dict[str, Any]:
-    table = found.one_way
-    return {
-        "mean_um": um(table.mean[i]),
-        "u_um": um(found.measured.u[i]),
-        "U_um": um(k * found.measured.u[i]),
-        "parts": int(table.parts[i]),
-        "n": int(table.N[i]),
-        "n0": finite(table.n0[i]),
-        "s_part_um": um(found.s_part[i]),
-        "ms_between_um2": um2(table.ms_between[i]),
-        "sqrt_ms_between_over_s_part": finite(found.ms_share[i]),
-        "paper_u_um": um(found.measured_paper.u[i]),
-    }
+ROW: Fields = (
+    Field("", lambda x: "feature" if x.labels[2] else "length", "of item", csv="kind"),
+    Field("", lambda x: " ".join(filter(None, x.labels)), head="item", show="text"),
+    Field("", "stated", head="verdict", show="text"),
+    Field("id", "labels.1", "name of the feature or length"),
+    Field("axis", lambda x: x.labels[2] or None, "null: a length"),
+    Field("operation", lambda x: x.labels[0] or None, "null: not stated"),
+    *_mean("predicted"),
+    Field("predicted.independent_u_um", "independent.u", "components and points independent"),
+    Field("predicted.independent_U_um", "independent.U", "k times it"),
+    *_mean("measured"),
+    Field("measured.parts", count("one_way.parts"), "number of parts"),
+    Field("measured.n", count("one_way.N"), "number of readings"),
+    Field("measured.n0", "one_way.n0", "E ms_between = s_repeat^2 + n0 s_part^2"),
+    Field("measured.s_part_um", "s_part", "standard deviation from part to part"),
+    Field("measured.ms_between_um2", "one_way.ms_between", "mean square between parts"),
+    Field("measured.sqrt_ms_between_over_s_part", "ms_share", "the paper's scatter over s_part"),
+    Field("measured.paper_u_um", "measured_paper.u", "u with ms_between as the part variance"),
+    Field(
+        "bias_um",
+        "bias",
+        "measured minus predicted mean",
+        head="bias",
+        u="u_difference",
+        show="plus-minus",
+    ),
+    Field("u_bias_um", "u_difference", "its standard uncertainty"),
+    Field("E_n", meaning="bias/(k u_bias)", head="E_n"),
+    _test("bias", "bias"),
+    _ratio("ratio_u", "ratio_u", "of u of one future part", "u"),
+    _ratio("ratio_scatter", "ratio_scatter", "of scatter from part to part", "scatter"),
+    _ratio("ratio_ms_between", "ratio_ms", "of ms_between and its expectation"),
+    _test("scatter", "scatter from part to part"),
+    Field("range_width_um.predicted", "predicted.width", "2 (|mean| + k u)", unit="um"),
+    Field("range_width_um.measured", "measured.width", "2 (|mean| + k u)", unit="um"),
+    _ratio("ratio_range", "ratio_range", "of the range widths", "range"),
+    Field("paper.range_width_um.predicted", "independent.width", "independent", unit="um"),
+    Field("paper.range_width_um.measured", "measured_paper.width", "by paper_u", unit="um"),
+    _ratio("paper.ratio_range", "paper_ratio_range", "of the paper's range widths"),
+    _ratio("paper.ratio_u", "paper_ratio_u", "of paper_u and independent_u"),
+    Field("biased", meaning="whether the mean is off; null: not tested"),
+    Field("under_predicted", meaning="whether the scatter is larger than predicted"),
+    Field("over_predicted", meaning="whether the scatter is smaller than predicted"),
+    Field(
+        "inconsistent",
+        lambda x: x.inconsistent is True,
+        "whether the mean is off, of parts too few to distinguish bias from scatter",
+    ),
+    Field("verdict", "verdicts", "the gravest fault, or consistent; null: not tested"),
+)
 
 
-def _paper(found: Compared, i: int) -> dict[str, Any]:
-    return {
-        "range_width_um": {
-            "predicted": um(found.independent.width[i]),
-            "measured": um(found.measured_paper.width[i]),
-        },
-        "ratio_range": finite(found.paper_ratio_range[i]),
-        "ratio_u": finite(found.paper_ratio_u[i]),
-    }
-
-
-def _summary(item: Summary, kind: str) -> dict[str, Any]:
-    """One entry an operation: verdicts and faults counted, ratios from least to largest."""
-    return {
-        "operation": item.operation or None,
-        "verdict_text": verdict_text(item, kind),
-        "items": item.items,
-        "verdicts": item.verdicts,
-        "not_tested": item.not_tested,
-        "tested": {"bias": item.bias_tested, "scatter": item.scatter_tested},
-        "biased": item.biased,
-        "under_predicted": item.under_predicted,
-        "over_predicted": item.over_predicted,
-        "inconsistent": item.inconsistent,
-        "under_predicted_factor": _ends(item.under_factor) or [],
-        "scatter_undecided": _undecided(item.undecided),
-        **({"all_at_once": _all_at_once(item.at_once)} if kind == "features" else {}),
-        "ratio_u": _ends(item.ratio_u),
-        "ratio_scatter": _ends(item.ratio_scatter),
-        "ratio_range": _ends(item.ratio_range),
-        "median_ratio_u": _median(item.ratio_u),
-        "median_ratio_range": _median(item.ratio_range),
-        "paper_ratio_u": _ends(item.paper_ratio_u),
-        "paper_ratio_range": _ends(item.paper_ratio_range),
-        "median_bias_um": None if item.bias is None else item.bias.median / UM,
-        "n0": _median(item.n0),
-        "sqrt_ms_between_over_s_part": _ends(item.ms_share),
-        "paper_scatter_text": paper_scatter(item),
-    }
-
-
-def _undecided(found: Undecided | None) -> dict[str, Any]:
-    if found is None:
-        return {"items": 0, "factor": []}
-    _, name, axis = found.largest
-    return {
-        "items": found.items,
-        "factor": _ends(found.factor),
-        "largest": {"id": name, "axis": axis or None},
-        "p_familywise": found.p,
-    }
-
-
-def _all_at_once(found: AllAtOnce | None) -> dict[str, Any] | None:
-    """The scatter of all items together, null where it was not tested."""
-    if found is None:
-        return None
-    others = found.others
-    return {
-        "items": found.items,
-        "ratio_scatter": found.ratio,
-        "p_scatter_familywise": found.p,
-        "verdict": found.verdict or "consistent",
-        "others": {"items": 0}
-        if others is None
-        else {
-            "items": others.items,
-            "ratio_scatter": others.ratio,
-            "p_scatter_familywise": others.p,
-        },
-    }
-
-
-def _ends(found: Range | None) -> list[float] | None:
-    return None if found is None else [found.least, found.largest]
-
-
-def _median(found: Range | None) -> float | None:
-    return None if found is None else found.median
-
-
-def csv_rows(result: CompareResult) -> tuple[list[str], Iterable[list[object]]]:
-    """Every item with the fields of the report side by side."""
-    kinds = [("feature", result.features), ("length", result.lengths)]
-    rows = [
-        {"kind": kind, **_flat(item)}
-        for kind, found in kinds
-        if found is not None
-        for item in _items(found, result.coverage_factor)
+def verdict_text(item: Summary) -> str:
+    """Such as "drilled features: under-predicted (48 of 48: scatter 3.1 to 4.7 times predicted)",
+    every fault with its size.
+    """
+    few = "mean off by {} um, too few parts to distinguish bias from scatter"
+    faults = (
+        ("under-predicted", item.under_predicted, item.under_factor, "scatter {} times predicted"),
+        ("biased", item.biased, item.bias_size, "mean off by {} um"),
+        ("inconsistent", item.inconsistent, item.bias_size, few),
+        ("over-predicted", item.over_predicted, item.over_factor, "scatter {} times predicted"),
+    )
+    said = [
+        f"{name} ({number} of {item.items}{_size(size, text)})"
+        for name, number, size, text in faults
+        if number
     ]
-    header = list(rows[0])
-    return header, ([row[name] for name in header] for row in rows)
+    if item.pooled is not None and item.pooled_fault:
+        times, p = significant(item.pooled.ratio), p_value(item.pooled.p)
+        said.append(f"{item.pooled_fault} (pooled scatter {times} times predicted, p {p})")
+    if item.not_tested == item.items:
+        said = ["not tested"]
+    else:
+        said = said or ["consistent"]
+        tested = {"scatter": item.scatter_tested, "bias": item.bias_tested}
+        said += [f"{name} not tested" for name, number in tested.items() if not number]
+    return f"{item.operation} {item.kind}: ".lstrip() + "; ".join(said)
 
 
-def _flat(item: dict[str, Any], prefix: str = "") -> dict[str, object]:
-    flat: dict[str, object] = {}
-    for key, value in item.items():
-        if isinstance(value, dict):
-            flat |= _flat(value, f"{prefix}{key}_")
-        else:
-            flat[f"{prefix}{key}"] = value
-    return flat
+def _size(found: Range | None, text: str) -> str:
+    if found is None:
+        return ""
+    scale = UM if "um" in text else 1.0
+    ends = (significant(end / scale) for end in found.ends)
+    return f": {text.format(span(*ends))}"
+
+
+def _ends(name: str, meaning: str, head: str = "") -> Field:
+    return Field(name, f"{name}.ends", f"least and largest {meaning}", head=head, show=_span)
+
+
+def _span(ends: tuple[float, float], u: None, digits: int) -> str:
+    return span(*(significant(end, digits) for end in ends))
+
+
+def _some(value: int, u: None, digits: int) -> str:
+    return str(value) if value else MISSING
+
+
+def _median(name: str, value: str, meaning: str) -> Field:
+    return Field(name, f"{value}.median", f"median {meaning}")
+
+
+def summary(kind: str) -> Fields:
+    """The figures of an operation; the pooled test is of features."""
+    pooled = Group(
+        "all_at_once",
+        (
+            Field("items", meaning="items whose scatter is pooled"),
+            Field("ratio_scatter", "ratio", "their scatter, measured over predicted"),
+            Field("p_scatter_familywise", "p", f"p of it, {HOLM}", head="p\npooled", show="p"),
+            Field("verdict", lambda x: x.verdict or "consistent", "what the test shows"),
+        ),
+        "pooled",
+    )
+    return (
+        Field("operation", lambda x: x.operation or None, "null: not stated"),
+        Field("", lambda x: f"{x.operation} {x.kind}".strip(), head="measured", show="text"),
+        Field("verdict_text", verdict_text, "the verdict in words"),
+        Field("items", meaning="number of items"),
+        Field("verdicts", meaning="number of items by gravest fault"),
+        Field("not_tested", meaning="items that could not be tested"),
+        Field("tested.bias", "bias_tested", "items tested for bias"),
+        Field("tested.scatter", "scatter_tested", "items tested for scatter"),
+        Field("", lambda x: x.verdicts["consistent"], head="con-\nsistent", show=_some),
+        *(
+            Field(name, meaning="items with that fault", head=name.replace("_", "-\n"), show=_some)
+            for name in ("biased", "under_predicted", "over_predicted", "inconsistent")
+        ),
+        Field(
+            "under_predicted_factor",
+            lambda x: x.under_factor.ends if x.under_factor else [],
+            "least and largest scatter ratio of the under-predicted",
+        ),
+        *([pooled] if kind == "features" else []),
+        _ends("ratio_u", "ratio of u", "u ratio"),
+        _ends("ratio_scatter", "ratio of scatter from part to part", "scatter ratio"),
+        _ends("ratio_range", "ratio of range widths", "range ratio"),
+        _median("median_ratio_u", "ratio_u", "ratio of u"),
+        _median("median_ratio_range", "ratio_range", "ratio of range widths"),
+        _ends("paper_ratio_u", "ratio of u as in the paper"),
+        _ends("paper_ratio_range", "ratio of range widths as in the paper"),
+        _median("median_bias_um", "bias", "bias"),
+        _median("n0", "n0", "n0"),
+        Field(
+            "sqrt_ms_between_over_s_part", "ms_share.ends", "least and largest of the items' figure"
+        ),
+    )
+
+
+def _lengths(result: CompareResult) -> list[Any]:
+    return [] if result.lengths is None else rows_of(result.lengths, len(result.lengths.labels))
+
+
+RESULTS: Fields = (
+    Field("datum", meaning="best-fit alignment removed from each part"),
+    Group("features", ROW, lambda x: rows_of(x.features, len(x.features.labels)), many=True),
+    Group("lengths", ROW, _lengths, many=True),
+    Group("summary.features", summary("features"), "feature_summaries", many=True),
+    Group(
+        "summary.lengths",
+        summary("lengths"),
+        lambda x: None if x.lengths is None else x.length_summaries,
+        many=True,
+    ),
+)
+
+
+def document(result: CompareResult, digits: int = 2) -> Document:
+    """A row an operation and kind, then a row an item, lengths first."""
+    from mtu_cli.reports.compare_figure import figure
+
+    features = rows_of(result.features, len(result.features.labels))
+    lengths, chosen, title = _lengths(result), features, "Lengths and features"
+    if len(features) > SHOWN:
+        chosen = [features[i] for i in result.features.by_interest()[:SHOWN]]
+        title += f": faults first, {SHOWN} of {len(features)} features"
+    summaries = [*result.feature_summaries, *result.length_summaries]
+    return Document(
+        title="Predicted against measured",
+        results=(RESULTS, result),
+        tables=[
+            Table(title="", fields=ROW, items=[*features, *lengths], shown=()),
+            Table(
+                title="Verdicts and ratios",
+                fields=summary("features"),
+                items=summaries,
+                footer="items with each fault (5 % over the study); ratios: measured over "
+                "predicted, least to largest",
+            ),
+            Table(
+                title=title if lengths else title.replace("Lengths and f", "F"),
+                fields=ROW,
+                items=[*lengths, *chosen],
+                footer="± u, of mean errors that of one future part; E_n = bias/"
+                f"({result.coverage_factor:g} u); p: of all items together (Holm)",
+            ),
+        ],
+        figure=lambda: figure(result),
+        verdict="\n".join(f"{verdict_text(item)}." for item in summaries),
+        digits=digits,
+    )

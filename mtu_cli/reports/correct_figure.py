@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import isfinite, isnan
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mtu_cli.analyses.correct.quantity import Size
 from mtu_cli.analyses.correct.result import CorrectResult
-from mtu_cli.analyses.correct.summary import FeatureErrors
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Plane, common_view, draw_plane, scale_arrow
-from mtu_cli.reports.labels import folded
-from mtu_cli.reports.level_maps import Maps, Side, page_of
-from mtu_cli.reports.levels import flat
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.reports.arrows import Maps, Side, page_of
+from mtu_cli.reports.figures import Intervals
 from mtu_cli.units import UM
 
 if TYPE_CHECKING:
@@ -25,140 +20,115 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SHOWN = 40
-"""Sizes or features drawn on one sheet."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Line:
-    """One line of the picture, um: errors before and after, the interval, U of the reference."""
-
-    name: str
-    before: float
-    after: float
-    interval: tuple[float, float]
-    U: float = float("nan")
+"""Rows drawn on one sheet."""
+APART = 24
+"""Of more sizes all parts of one circle or length share a row."""
+SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
+SHIFT = 0.12
+"""Of many parts what is before stands above the middle of a row, what is after below it."""
 
 
 @figures.styled
 def figure(result: CorrectResult) -> Figure:
     """Errors of diameters (or lengths) before and after with 95 % intervals; without either
-    the mean errors of the features as arrows, or line by line where they are not in a plane.
+    the mean errors of the features as arrows, or row by row where they are not in a plane.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
-    for title, items in (
-        ("Diameters", rounds),
-        ("Lengths", list(result.of_kind("length"))),
+    lengths = result.of_kind("length")
+    for kind, items, label in (
+        ("diameters", rounds, "measured minus calibrated diameter, um"),
+        ("lengths", lengths, "measured minus nominal length, um"),
     ):
-        known = [item for item in items if not isnan(item.reference)]
+        known = [item for item in items if not np.isnan(item.reference)]
         if known:
-            label = (
-                f"{'measured minus calibrated' if items is rounds else 'measured minus nominal'}"
-            )
-            return _lines(f"Errors of the {title.lower()}", [_of_size(i) for i in known], label)
+            return _sizes(kind, known, label)
     found = result.by_feature()
     before, after = found.before / UM, found.after / UM
+    title = "Mean errors of the features, measured minus nominal"
     if {"x", "y"} <= set(result.axes) and np.isfinite(before[:, :2]).all():
-        seen = tuple(axis for axis in result.axes if np.isfinite(after[:, AXES.index(axis)]).any())
-        if not flat(found.places, seen):
-            return _by_level(found, seen)
-        return _arrows(found.features, found.places, before[:, :2], after[:, :2])
-    lines = [
-        _Line(
-            name=f"{name} {axis}",
-            before=before[i, AXES.index(axis)],
-            after=after[i, AXES.index(axis)],
-            interval=(float("nan"), float("nan")),
+        axes = tuple(axis for axis in result.axes if np.isfinite(after[:, AXES.index(axis)]).any())
+        sides = tuple(
+            Side(name=name, colour=colour, errors=errors)
+            for (name, colour), errors in zip(SIDES, (before, after), strict=True)
         )
-        for i, name in enumerate(found.features)
-        for axis in result.axes
+        maps = Maps(ids=found.features, places=found.places, axes=axes, groups=(("", sides),))
+        return page_of(maps, title)
+    at = [AXES.index(axis) for axis in result.axes]
+    names = [f"{name} {axis}" for name in found.features for axis in result.axes][:SHOWN]
+    page, panel = _page(title, len(names), len(found.features) * len(at))
+    bars = [
+        Intervals(label=side, colour=colour, value=errors[:, at].ravel()[:SHOWN])
+        for (side, colour), errors in zip(SIDES, (before, after), strict=True)
+    ]  # fmt: skip
+    figures.intervals(panel, names, bars)
+    panel.set_xlabel("measured minus nominal, um")
+    figures.legend(page)
+    return page
+
+
+def _page(title: str, shown: int, total: int) -> tuple[Figure, Axes]:
+    page = figures.blank(8.0, figures.rows_height(shown) + 0.8)
+    figures.title(page, title + (f" (first {shown} of {total})" if shown < total else ""))
+    return page, page.subplots()
+
+
+def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
+    """A row a size; of many a row for all parts of a circle or length, each part a dot beside the
+    mean, whose interval is that of one part. Many lengths stand over the nominal length.
+    """
+    together = len(items) > APART
+    rows: dict[str, list[Size]] = {}
+    for item in items:
+        rows.setdefault(_name(item, together), []).append(item)
+    title = f"Errors of the {kind} before and after the correction"
+    if kind == "lengths" and len(rows) > APART:
+        page = figures.blank(8.0, 5.0)
+        nominal = np.array([own[0].reference for own in rows.values()])
+        bars = _before_after(list(rows.values()), ", mean of the parts", 0.0)
+        figures.over_length(page.subplots(), bars, nominal, label)
+        figures.title(page, title)
+        figures.legend(page)
+        return page
+    shown = list(rows.values())[:SHOWN]
+    page, panel = _page(title, len(shown), len(rows))
+    bars = _before_after(shown, ", mean of the parts (dots: each)" * together, SHIFT * together)
+    if not together:
+        panel.hlines(range(len(shown)), bars[0].value, bars[1].value, color=figures.GREY, lw=0.8)
+    for row, own in enumerate(shown):
+        for i, bar in enumerate(bars if together else ()):
+            every = [x.error[i] / UM for x in own]
+            place = [row + 2.4 * bar.shift] * len(every)
+            panel.plot(every, place, ".", color=bar.colour, alpha=0.5, ms=5, mew=0)
+        U = own[0].U_reference / UM
+        if np.isfinite(U):
+            panel.fill_betweenx(
+                [row - 0.32, row + 0.32], -U, U, color=figures.PALE, linewidth=0, zorder=0,
+                label="± U of the calibration",
+            )  # fmt: skip
+    figures.intervals(panel, list(rows)[:SHOWN], bars)
+    panel.set_xlabel(label)
+    figures.legend(page)
+    return page
+
+
+def _before_after(shown: Sequence[list[Size]], of: str, shift: float) -> list[Intervals]:
+    """Means of each row before and after, with the interval of one part after."""
+    half = np.array([np.ptp(own[0].error_interval95) for own in shown]) / (2 * UM)
+    return [
+        Intervals(
+            label=side + of + (" ± 95 %" if i else ""),
+            colour=colour,
+            value=np.array([np.mean([x.error[i] for x in own]) for own in shown]) / UM,
+            half=half if i else None,
+            shift=(2 * i - 1) * shift,
+        )
+        for i, (side, colour) in enumerate(SIDES)
     ]
-    return _lines("Mean errors of the features", lines, "measured minus nominal")
 
 
-def _by_level(found: FeatureErrors, axes: tuple[str, ...]) -> Figure:
-    sides = (
-        Side(name="before", colour=figures.ORANGE, errors=found.before / UM),
-        Side(name="after", colour=figures.BLUE, errors=found.after / UM),
-    )
-    maps = Maps(ids=found.features, places=found.places, axes=axes, groups=(("", sides),))
-    return page_of(maps, "Mean errors of the features: measured minus nominal")
-
-
-def _of_size(item: Size) -> _Line:
-    low, high = item.error_interval95
-    made = " ".join(word for word in (item.operation, f"part {item.part}") if word)
-    warm = f"{item.temperature:.1f} °C" if isfinite(item.temperature) else ""
-    return _Line(
-        name=", ".join(word for word in (item.id, made, warm) if word),
-        before=item.error[0] / UM,
-        after=item.error[1] / UM,
-        interval=(low / UM, high / UM),
-        U=item.U_reference / UM,
-    )
-
-
-def _lines(title: str, lines: list[_Line], label: str) -> Figure:
-    shown = lines[:SHOWN]
-    page = figures.blank(8.0, max(2.4, 1.5 + 0.34 * len(shown)))
-    panel = page.subplots()
-    panel.axvline(0.0, color=figures.GREY, linewidth=0.9)
-    for row, line in enumerate(shown):
-        _draw(panel, row, line)
-    with_interval = any(isfinite(line.interval[0]) for line in shown)
-    title += " before and after" + (" (with 95 % interval)" if with_interval else "")
-    more = f" (first {SHOWN} of {len(lines)})" if len(lines) > SHOWN else ""
-    panel.set_title(f"{title}{more}")
-    panel.set_yticks(range(len(shown)), [folded(line.name) for line in shown])
-    panel.set_ylim(len(shown) - 0.4, -0.6)
-    panel.set_xlabel(f"{label}, um")
-    panel.grid(axis="y", visible=False)
-    panel.margins(x=0.05)
-    page.legend(loc="outside lower center", ncols=3)
-    return page
-
-
-def _draw(panel: Axes, row: int, line: _Line) -> None:
-    first = row == 0
-    if isfinite(line.U):
-        panel.fill_betweenx(
-            [row - 0.32, row + 0.32], -line.U, line.U,
-            color=figures.PALE, linewidth=0, zorder=0,
-            label="± U of the calibration" if first else None,
-        )  # fmt: skip
-    panel.plot([line.before, line.after], [row, row], color=figures.GREY, linewidth=0.8, zorder=2)
-    panel.plot(
-        line.before, row, "o", color=figures.ORANGE, markersize=5, zorder=3,
-        label="before" if first else None,
-    )  # fmt: skip
-    low, high = line.interval
-    if isfinite(low):
-        panel.errorbar(
-            line.after, row, xerr=[[line.after - low], [high - line.after]], fmt="o",
-            color=figures.BLUE, elinewidth=2.0, capsize=3.5, markersize=5, zorder=4,
-            label="after" if first else None,
-        )  # fmt: skip
-    else:
-        panel.plot(
-            line.after, row, "o", color=figures.BLUE, markersize=5, zorder=4,
-            label="after" if first else None,
-        )  # fmt: skip
-
-
-def _arrows(
-    ids: tuple[str, ...], places: FloatArray, before: FloatArray, after: FloatArray
-) -> Figure:
-    planes = [Plane(ids=ids, places=places[:, :2], errors=errors) for errors in (before, after)]
-    across, along = np.ptp(places[:, :2], axis=0)
-    beside = across <= 2 * along
-    view = common_view(planes, (4.3, 6.0) if beside else (7.6, 4.0))
-    height = float(view.high[1] - view.low[1]) / view.inch
-    page = figures.blank(10.0 if beside else 8.4, (1 if beside else 2) * (height + 0.9) + 0.4)
-    panels = page.subplots(*((1, 2) if beside else (2, 1)))
-    sides = (("before", figures.ORANGE), ("after", figures.BLUE))
-    for panel, plane, (title, colour) in zip(panels, planes, sides, strict=True):
-        draw_plane(panel, plane, view, colour)
-        panel.set_title(f"{title}: mean errors of the features", pad=22)
-        scale_arrow(panel, view, colour, rise=11.0)
-        panel.set_xlabel("x, mm")
-        panel.set_ylabel("y, mm")
-    return page
+def _name(item: Size, together: bool) -> str:
+    if together:
+        return ", ".join(filter(None, (item.id, item.operation)))
+    made = " ".join(filter(None, (item.operation, f"part {item.part}")))
+    warm = f"{item.temperature:.1f} °C" if np.isfinite(item.temperature) else ""
+    return ", ".join(filter(None, (item.id, made, warm)))

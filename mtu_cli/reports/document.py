@@ -1,6 +1,6 @@
-"""The JSON document that every report is: its envelope, and numbers that JSON can hold.
+"""What a command reports, before it is terminal text, JSON, CSV or HTML.
 
-Every number's unit is in its name, in full precision. What cannot be had is null, and a
+Every number's unit is in its name, in full precision. What is undefined is null, and a
 warning says why. Three nulls are values and need none: degrees of freedom that are null are
 infinite, `settings.trials` null means that the Monte Carlo chose the count itself (JCGM 101:2008,
 7.9.4), `settings.coverage_factor` null that there is no one factor: `results` have each.
@@ -9,18 +9,124 @@ infinite, `settings.trials` null means that the Monte Carlo chose the count itse
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
-
-import numpy as np
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
 
 from mtu_cli import __version__
 from mtu_cli.findings import Finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import ARCSEC, UM
+from mtu_cli.reports.fields import Fields, csv_rows, leaves, record
+from mtu_cli.reports.numbers import MISSING
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.text import Text
+
+    from mtu_cli.reports.tables import Sheet
 
 SCHEMA_VERSION = 1
+
+
+def MARK(item: Any) -> str:
+    """The mark of a row with a place beyond the measured range of a component."""
+    return DAGGER if item.outside else ""
+
+
+DAGGER = "\N{DAGGER}"
+OUTSIDE = f"; {DAGGER} outside the measured range of a component"
+"""Its meaning, for a footer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """Fields of items under a title. Below it the `footer` in one line, and with ``--detail`` the
+    `notes`; with `detail` the whole table needs ``--detail``. `shown` and `shown_fields` are the
+    items and fields of the printed table where they are not those of the CSV.
+    """
+
+    title: str
+    fields: Fields
+    items: Sequence[Any]
+    shown: Sequence[Any] | None = None
+    shown_fields: Fields | None = None
+    footer: str = ""
+    notes: Sequence[str] = ()
+    detail: bool = False
+
+    def sheet(self, digits: int, *, detail: bool) -> Sheet:
+        """The cells as people read them, without columns that have nothing in them."""
+        from mtu_cli.reports.tables import Column, Sheet
+
+        items = self.items if self.shown is None else self.shown
+        fields = self.fields if self.shown_fields is None else self.shown_fields
+        shown = [f for f in leaves(fields) if f.head and (detail or not f.detail)]
+        columns, cells = [], []
+        for field in shown:
+            column = [field.cell(item, digits) for item in items]
+            if all(text in (MISSING, "") for text in column):
+                continue
+            if field.show == "mm" and all(text.endswith((".000", MISSING)) for text in column):
+                column = [text.removesuffix(".000") for text in column]
+            cells.append(column)
+            text = field.show == "text"
+            columns.append(
+                Column(
+                    title=field.title,
+                    text=text,
+                    folds=text,
+                    names=field.names,
+                    begins=field.begins,
+                    meaning=field.meaning,
+                )
+            )
+        if all(column.title.endswith("\n") for column in columns):
+            columns = [replace(column, title=column.title.rstrip("\n")) for column in columns]
+        notes = [self.footer] if self.footer else []
+        return Sheet(
+            title=self.title,
+            columns=columns,
+            rows=list(zip(*cells, strict=True)),
+            notes=[*notes, *(self.notes if detail else ())],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Document:
+    """A report: `results` are the fields of the JSON document and what they are read from, `also`
+    those that are read from something else. The first of `tables` is the main one, of which
+    ``--csv`` has every item. `verdict` is what the figures say, in a sentence.
+    """
+
+    title: str
+    results: tuple[Fields, Any]
+    tables: Sequence[Table]
+    figure: Callable[[], Figure]
+    verdict: str = ""
+    digits: int = 2
+    also: Sequence[tuple[Fields, Any]] = ()
+
+    def record(self) -> dict[str, Any]:
+        """`results` of the JSON report."""
+        found = record(*self.results)
+        for fields, item in self.also:
+            found |= record(fields, item)
+        return found
+
+    def rows(self) -> tuple[Sequence[str], Iterable[Sequence[Any]]]:
+        """Header and rows of the CSV."""
+        return csv_rows(self.tables[0].fields, self.tables[0].items)
+
+    def shown(self, *, detail: bool = False) -> Iterator[Text | Sheet]:
+        """The verdict and the tables, for terminals and HTML; with `detail` all of them."""
+        from rich.text import Text
+
+        if self.verdict:
+            yield Text(self.verdict)
+        for table in self.tables:
+            rows = table.items if table.shown is None else table.shown
+            if rows and (detail or not table.detail):
+                yield table.sheet(self.digits, detail=detail)
 
 
 class InputFile(Protocol):
@@ -72,34 +178,3 @@ def finite(value: float | None) -> float | None:
     if value is None or not math.isfinite(value):
         return None
     return float(value)
-
-
-def um(value: float | None) -> float | None:
-    """mm to um."""
-    return None if value is None else finite(value / UM)
-
-
-def um2(value: float | None) -> float | None:
-    """mm^2 to um^2."""
-    return None if value is None else finite(value / UM**2)
-
-
-def arcsec(value: float | None) -> float | None:
-    """rad to arcsec."""
-    return None if value is None else finite(value / ARCSEC)
-
-
-def root(variance: float) -> float:
-    """The standard uncertainty of a variance; nan where a difference of mean squares is below 0."""
-    return math.sqrt(variance) if variance >= 0 else math.nan
-
-
-def matrix(values: FloatArray) -> list[Any]:
-    """An array as nested lists, None where a number is not finite."""
-    array = np.asarray(values, dtype=np.float64)
-    if np.isfinite(array).all():
-        found: list[Any] = array.tolist()
-        return found
-    if array.ndim == 1:
-        return [finite(value) for value in array]
-    return [matrix(row) for row in array]

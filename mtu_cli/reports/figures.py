@@ -1,24 +1,32 @@
-"""The one set-up of all figures: Matplotlib without a display, the same bytes every time."""
+"""What all figures share: the style, the bytes of a file, intervals by row, histograms, legends.
+
+Matplotlib without a display and whatever the user's settings file; the same bytes every time.
+"""
 
 from __future__ import annotations
 
 import io
+import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import wraps
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec
 
-from mtu_cli.findings import error
+import numpy as np
+
+from mtu_cli.reports.labels import folded
+from mtu_cli.stats.distributions import log_density
+from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure, SubFigure
 
 P = ParamSpec("P")
 
-SUFFIXES = ("png", "svg", "pdf")
-ENDINGS = "a name that ends in .png, .svg or .pdf"
 DOTS_PER_INCH = 150
 
 INK = "#1b1f24"
@@ -28,6 +36,12 @@ ORANGE = "#d9772b"
 RED = "#b3261e"
 GREEN = "#3d8b57"
 PALE = "#c9dcf0"
+
+FEW_ROWS = 24
+"""More rows of intervals than this stand closer together."""
+DASHES = (0, (4, 3))
+CLOSE = 1e5
+"""Values that differ by less than this part of them have ticks that show only what differs."""
 
 _STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -108,15 +122,8 @@ def blank(width: float, height: float) -> Figure:
 
 
 def figure_bytes(figure: Figure, suffix: str) -> bytes:
-    """The figure as the bytes of a PNG, SVG or PDF file, without dates.
-
-    Raises InputError for another suffix.
-    """
+    """The figure as the bytes of a PNG, SVG or PDF file, without dates."""
     kind = suffix.lower().removeprefix(".")
-    if kind not in SUFFIXES:
-        raise error(
-            "wrong-ending", option="--plot", kind="a picture", value=suffix, expected=ENDINGS
-        )
     out = io.BytesIO()
     with house_style(), warnings.catch_warnings():
         # Names are the user's: a sign that the font lacks is drawn as a box, without a word.
@@ -137,3 +144,153 @@ def _printed(figure: Figure, kind: str, out: io.BytesIO) -> None:
         # Those of vectors leave the figure with 72 dots an inch.
         figure.set_canvas(canvas)
         figure.dpi = dots
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Intervals:
+    """Values (n,), one a row, with intervals or without, `shift` of a row below its middle."""
+
+    label: str
+    colour: str
+    value: FloatArray
+    half: FloatArray | None = None
+    shift: float = 0.0
+    width: float = 2.0
+
+
+def rows_height(count: int) -> float:
+    """Inches of a panel of `count` rows of intervals."""
+    return (0.36 if count <= FEW_ROWS else 0.25) * count + 0.9
+
+
+def intervals(
+    panel: Axes, names: Sequence[str], shown: Sequence[Intervals], beside: Sequence[str] = ()
+) -> None:
+    """Intervals about their values, a row each from top to bottom; texts `beside` the rows."""
+    rows = np.arange(len(names))
+    small = len(names) > FEW_ROWS
+    panel.axvline(0.0, color=GREY, linewidth=0.9)
+    for item in shown:
+        panel.errorbar(
+            item.value, rows + item.shift, xerr=item.half, fmt="o", color=item.colour,
+            elinewidth=item.width, capsize=2.0 if small else 3.0, markersize=3.5 if small else 4.5,
+            label=item.label,
+        )  # fmt: skip
+    for row, text in enumerate(beside):
+        panel.annotate(
+            text, (1.01, row), xycoords=panel.get_yaxis_transform(), va="center", fontsize=7.5,
+            annotation_clip=False,
+        )  # fmt: skip
+    panel.set_yticks(rows, [folded(name) for name in names])
+    panel.set_ylim(len(names) - 0.4, -0.6)
+    panel.grid(axis="y", visible=False)
+
+
+def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:
+    """A bar a row from top to bottom, negative ones in another colour, its text at its end."""
+    rows = range(len(values))
+    colours = [BLUE if value >= 0 else ORANGE for value in values]
+    drawn = panel.barh(rows, values, color=colours, height=0.66)
+    panel.bar_label(drawn, texts, padding=3, fontsize=7.5)
+    panel.set_yticks(rows, names)
+    panel.set_ylim(max(len(values), 4) - 0.4, -0.6)
+    panel.margins(x=0.16)
+    panel.axvline(0.0, color=GREY, linewidth=0.8)
+    panel.grid(axis="y", visible=False)
+
+
+def over_length(panel: Axes, shown: Sequence[Intervals], nominal: FloatArray, label: str) -> None:
+    """The same over nominal lengths (n,), mm: many rows would hide how errors grow with them."""
+    panel.axhline(0.0, color=GREY, linewidth=0.9)
+    for item in shown:
+        panel.errorbar(
+            nominal, item.value, yerr=item.half, fmt="o", color=item.colour, alpha=0.7,
+            elinewidth=0.7 * item.width, capsize=2.0, markersize=3.5, label=item.label,
+        )  # fmt: skip
+    panel.set_xlabel("nominal length, mm")
+    panel.set_ylabel(label)
+    panel.grid(axis="x", visible=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Monte Carlo trials of one quantity with their interval, beside the result of first order:
+    value, u (0: none), degrees of freedom, interval.
+    """
+
+    samples: FloatArray
+    interval: tuple[float, float]
+    first: tuple[float, float, float]
+    first_interval: tuple[float, float]
+    percent: str = "95 %"
+
+
+def histogram(panel: Axes, item: Spread) -> None:
+    """The density of the trials, the curve of first order, both intervals."""
+    (low, high), (value, u, dof) = item.interval, item.first
+    left, right = _frame(item)
+    bins = np.linspace(left, right, 81)
+    density = np.histogram(item.samples, bins)[0] / (len(item.samples) * np.diff(bins))
+    panel.stairs(density, bins, fill=True, color=PALE, label="Monte Carlo trials")
+    if u > 0.0:
+        grid = np.linspace(left, right, 400)
+        curve = np.exp(log_density((grid - value) / u, dof)) / u
+        panel.plot(grid, curve, color=INK, label="first order")
+        for end in item.first_interval:
+            panel.axvline(
+                end,
+                color=INK,
+                linewidth=1.0,
+                linestyle=DASHES,
+                label=f"{item.percent}, first order",
+            )
+    panel.axvspan(low, high, ymax=0.03, color=BLUE, label=f"{item.percent}, Monte Carlo")
+    panel.set_xlim(left, right)
+    panel.set_ylim(0.0, None)
+    panel.set_yticks([])
+    panel.locator_params(axis="x", nbins=5)
+    offset = max(abs(left), abs(right)) > CLOSE * (right - left)
+    panel.ticklabel_format(axis="x", useOffset=offset, scilimits=(-4, 9))
+
+
+def _frame(item: Spread) -> tuple[float, float]:
+    """All but the far tails and both intervals, and no wider than that."""
+    (low, high), (value, u, _) = item.interval, item.first
+    left, right = (float(end) for end in np.quantile(item.samples, [0.001, 0.999]))
+    left, right = max(left, 2 * low - high), min(right, 2 * high - low)
+    if u > 0.0:
+        reach = 1.1 * max(abs(end - value) for end in item.first_interval)
+        left, right = min(left, value - reach), max(right, value + reach)
+    least = max(1e-12 * max(abs(left), abs(right)), 1e-300)
+    return (left, right) if right - left > least else (left - 1e6 * least, right + 1e6 * least)
+
+
+def columns_of(count: int, most: int = 3) -> int:
+    """Panels in a row: four are two and two."""
+    return 2 if count == 4 and most > 2 else max(1, min(count, most))
+
+
+def panels_of(page: Figure, count: int, columns: int) -> list[Axes]:
+    """`count` panels row by row, and blank ones where the last row has more."""
+    rows = math.ceil(count / columns)
+    every: list[Axes] = list(page.subplots(rows, columns, squeeze=False).ravel())
+    for panel in every[count:]:
+        panel.set_axis_off()
+    return every
+
+
+def legend(page: Figure | SubFigure, columns: int = 4, free: Axes | None = None) -> None:
+    """What stands in the panels, each label once: below them, or in a `free` one."""
+    known: dict[str, Any] = {}
+    for panel in page.axes:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            known.setdefault(str(label), handle)
+    if free is not None:
+        free.legend(list(known.values()), list(known), loc="center")
+    elif known:
+        page.legend(list(known.values()), list(known), loc="outside lower center", ncols=columns)
+
+
+def title(page: Figure | SubFigure, text: str) -> None:
+    """The title of a page, above its panels at the left."""
+    page.suptitle(text, x=0.012, ha="left", fontsize=10.5, fontweight="bold")

@@ -1,282 +1,329 @@
 """The report of fit-components: all that the prediction commands need, and what people ask.
 
-Per component everything is in the component's own `unit` and mm: `coefficients` in unit,
-unit/mm, ..., covariances in products of these. `n_passes` is the number of passes over which
-the between-pass mean square was averaged: null where there is none (one pass, several
-instruments, a component of the machine file); `passes_read` counts the passes of the
-readings. `pass_covariance` is for people, `pass_covariance_moment` for predictions: the same
-before its negative part, if any, was set to zero. `half_difference_mean_square` is the part of
-the between-pass mean square that is of runs there and back, as `pass_covariance` stands, and
-`pass_dof` then counts runs: null where all passes count as independent, and of several
-instruments, of which `run_covariance` is that of the two passes of a run. `runs` lists the passes
-of each run there and back, in time; null where no passes are given. `dof`, `r2` and the tests at
-the top are of the one instrument that read the component; with several they stand in
-`instruments`; `per_pass` counts there and back as one. `pass_dof` and `repeat_dof` null are
-infinite. Null tests are explained in `observability`.
+Per component everything is in the component's own `unit` and mm: `coefficients` in unit, unit/mm,
+..., covariances in products of these. Of several instruments the tests stand in `instruments`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
-import numpy as np
+from mtu_cli.analyses.fit_components import TESTS, FitResult
+from mtu_cli.analyses.observability import NotDetermined
+from mtu_cli.findings import listed
+from mtu_cli.reports.document import Document, Table
+from mtu_cli.reports.fields import Field, Fields, Group
+from mtu_cli.stats.family import FAMILY_RATE
 
-from mtu_cli.findings import Finding, finding
-from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, Estimates, JointPasses
-from mtu_cli.model.estimation import ComponentFit, InstrumentFit
-from mtu_cli.model.fit import MachineFit
-from mtu_cli.reports.document import finite, matrix
-from mtu_cli.reports.fit_figure import figure
-from mtu_cli.reports.fit_table import table
-from mtu_cli.reports.fitted import (
-    half_differences,
-    pass_center,
-    pass_covariance,
-    pass_covariance_moment,
-    passes_read,
-    run_covariance,
-    single_instrument,
-)
-from mtu_cli.reports.observability import not_estimable, observability
-from mtu_cli.reports.runs import runs_fields
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.pass_tests import FTest, Shift
-
-__all__ = ["csv_rows", "document", "figure", "table", "warnings"]
+MM_PER_M = 1000.0
+SHOWN = 12
+"""Names in a note."""
 
 
-def document(
-    machine: str,
-    fit: MachineFit,
-    estimates: Estimates,
-    *,
-    says: Mapping[str, str] | None = None,
-    effects: EffectEstimates | None = None,
-) -> dict[str, Any]:
-    """`results` of the report, which `files.reports_read` reads back.
-
-    `estimates` holds the components of the machine file too; `says` their meaning in words.
-    `effects` are parameters of the machine's effects, which close-loop reports beside them.
-    """
-    results = {
-        "machine": machine,
-        "components": {
-            name: _component(fit.components.get(name), estimate, (says or {}).get(name))
-            for name, estimate in estimates.components.items()
-        },
-        "joint_pass_covariance": [_joint(fit, estimates, group) for group in estimates.joint],
-        "observability": [item.fields() for item in observability(fit, estimates)],
-    }
-    return results if effects is None else results | {"effects": effects_document(effects)}
+def _star(test: Any) -> str:
+    return "*" if test.significant else ""
 
 
-def effects_document(effects: EffectEstimates) -> dict[str, Any]:
-    """`results.effects`: every parameter in its unit, the covariance in products of these."""
-    f = np.array([unit.to_internal for unit in effects.units])
-    return {
-        "parameters": list(effects.names),
-        "units": [unit.name for unit in effects.units],
-        "values": matrix(effects.values / f),
-        "covariance": matrix(effects.covariance / np.outer(f, f)),
-    }
-
-
-def _component(
-    found: ComponentFit | None, estimate: ComponentEstimate, says: str | None
-) -> dict[str, Any]:
-    one = single_instrument(found)
-    instruments = () if found is None else found.instruments
-    f = estimate.unit.to_internal
-    D = pass_covariance(estimate, found) / f**2
-    halves, in_run = half_differences(estimate, found), run_covariance(estimate, found)
-    return {
-        "of": estimate.of,
-        "unit": estimate.unit.name,
-        "says": says,
-        "source": "machine file" if found is None else "readings",
-        "degree": estimate.degree,
-        "n": None if found is None else sum(len(item.error) for item in instruments),
-        "n_passes": estimate.n_passes,
-        "passes_read": _sum_or_none([passes_read(item) for item in instruments]),
-        "runs": runs_fields(found),
-        "coefficients": matrix(estimate.coefficients / f),
-        "covariance": matrix(estimate.covariance / f**2),
-        "covariance_independent": None
-        if estimate.independent_covariance is None
-        else matrix(estimate.independent_covariance / f**2),
-        "s": _in(estimate.independent_s, f),
-        "dof": None if one is None else one.fit.plain.dof,
-        "s_repeat": _in(estimate.s_repeat, f),
-        "pass_covariance": matrix(D),
-        "pass_covariance_moment": matrix(pass_covariance_moment(estimate, found) / f**2),
-        "half_difference_mean_square": None if halves is None else matrix(halves / f**2),
-        "run_covariance": None if in_run is None else matrix(in_run / f**2),
-        "pass_center_mm": pass_center(found),
-        "s_pass": finite(float(np.sqrt(D[0, 0]))),
-        "pass_dof": finite(estimate.pass_dof),
-        "repeat_dof": finite(estimate.repeat_dof),
-        "position_range_mm": estimate.position_range and list(map(float, estimate.position_range)),
-        **_tests(one, f),
-        "instruments": [_instrument(item, f) for item in instruments],
-        "agreement_p": None if found is None else finite(found.agreement_p),
-    }
-
-
-def _instrument(item: InstrumentFit, f: float) -> dict[str, Any]:
-    fit = item.fit
-    return {
-        "role": item.role,
-        "n": len(item.error),
-        "n_passes": fit.n_passes if fit.separated else None,
-        "passes_read": passes_read(item),
-        "coefficients": matrix(fit.plain.coefficients / f),
-        "covariance": matrix(fit.covariance / f**2),
-        "s": _in(float(np.sqrt(fit.plain.s2)), f),
-        "dof": fit.plain.dof,
-        "s_repeat": _in(float(np.sqrt(fit.s2)), f),
-        **_tests(item, f),
-    }
-
-
-def _tests(item: InstrumentFit | None, f: float) -> dict[str, Any]:
-    """The tests of one instrument's readings, all null without it."""
-    if item is None:
-        return dict.fromkeys(("drift", "trend", "lack_of_fit", "reversal", "r2"))
-    return {
-        "drift": _f_test(item.scatter),
-        "trend": _shift(item.trend, f, "per_pass"),
-        "lack_of_fit": _f_test(item.lack_of_fit),
-        "reversal": _shift(item.reversal, f, "mean"),
-        "r2": _r2(item),
-    }
-
-
-def _f_test(test: FTest | None) -> dict[str, Any] | None:
-    if test is None:
-        return None
-    df = [test.df_numerator, test.df_denominator]
-    return {"F": finite(test.F), "p": finite(test.p), "df": df}
-
-
-def _shift(shift: Shift | None, f: float, name: str) -> dict[str, Any] | None:
-    if shift is None:
-        return None
-    return {name: _in(shift.value, f), "u": _in(shift.u, f), "p": finite(shift.p), "dof": shift.dof}
-
-
-def _r2(item: InstrumentFit) -> float | None:
-    """Share of the readings' variance that the polynomial explains; null for a constant."""
-    about_mean = float(((item.error - item.error.mean()) ** 2).sum())
-    if len(item.fit.plain.coefficients) < 2 or about_mean == 0:
-        return None
-    return finite(1.0 - item.fit.plain.rss / about_mean)
-
-
-def _in(value: float | None, f: float) -> float | None:
-    return None if value is None else finite(value / f)
-
-
-def _sum_or_none(counts: list[int | None]) -> int | None:
-    known = [count for count in counts if count is not None]
-    return sum(known) if counts and len(known) == len(counts) else None
-
-
-def _joint(fit: MachineFit, estimates: Estimates, group: JointPasses) -> dict[str, Any]:
-    """`correlation` is that of the passes' own levels and slopes, repeatability included."""
-    scale = np.concatenate(
-        [
-            np.full(width, estimates.components[name].unit.to_internal)
-            for name, width in zip(group.components, group.widths, strict=True)
-        ]
+def _f_test(name: str, title: str, meaning: str, *, begins: bool = False) -> Group:
+    return Group(
+        name,
+        (
+            Field("F", "value", "variance ratio"),
+            Field("p", meaning=meaning, head=f"{title}\np", show="p", mark=_star, begins=begins),
+            Field("df", "dof", "its degrees of freedom", csv=""),
+        ),
+        f"tests.{name}",
     )
-    units = np.outer(scale, scale)
-    names, correlation = _correlation(fit, group)
-    return {
-        "components": list(group.components),
-        "widths": list(group.widths),
-        "coefficient_covariance": matrix(group.covariance / units),
-        "pass_covariance": matrix(group.pass_covariance / units),
-        "half_difference_mean_square": None
-        if group.half_differences is None
-        else matrix(group.half_differences / units),
-        "correlation_of": names,
-        "correlation": matrix(correlation),
-        "pass_dof": finite(group.pass_dof),
-        "n_passes": group.n_passes,
-    }
 
 
-def _correlation(fit: MachineFit, group: JointPasses) -> tuple[list[str], FloatArray]:
-    """Of the deviations of the passes' lines from their mean by direction."""
-    names: list[str] = []
-    columns = []
-    for name in group.components:
-        deviations = fit.components[name].instruments[0].fit.deviations
-        names += [f"{name} {what}" for what in ("level", "slope")[: deviations.shape[1]]]
-        columns.append(deviations)
-    together = np.column_stack(columns)
-    size = np.linalg.norm(together, axis=0)
-    # Passes without any scatter have no correlation; null says so.
-    size[size == 0] = np.nan
-    return names, (together / size).T @ (together / size)
+TREND = Group(
+    "trend",
+    (
+        Field("per_pass", "value", "steady change from pass to pass", size="size"),
+        Field("u", meaning="its standard uncertainty", size="size"),
+        Field("p", meaning="p that there is none", head="trend\np", show="p", mark=_star),
+        Field("dof", meaning="its degrees of freedom", csv=""),
+    ),
+    "tests.trend",
+)
+REVERSAL = Group(
+    "reversal",
+    (
+        Field(
+            "mean",
+            "value",
+            "forward minus reverse",
+            size="size",
+            head="reversal\nunit",
+            show="plus-minus",
+            u="u",
+            mark=_star,
+        ),
+        Field("u", meaning="its standard uncertainty", size="size"),
+        Field("p", meaning="p that there is none"),
+        Field("dof", meaning="its degrees of freedom", csv=""),
+    ),
+    "tests.reversal",
+)
+TESTED: Fields = (
+    _f_test("drift", "drift", "p that passes differ by no more than repeatability", begins=True),
+    TREND,
+    _f_test("lack_of_fit", "misfit", "p that the polynomial fits"),
+    REVERSAL,
+    Field("r2", meaning="share of the variance of the readings that the polynomial explains"),
+)
+INSTRUMENT: Fields = (
+    Field("role", "item.role", "lbb or laser"),
+    Field("n", lambda x: len(x.item.error), "number of readings"),
+    Field("n_passes", meaning="passes in the mean square between passes"),
+    Field("passes_read", meaning="passes of the readings"),
+    Field("coefficients", "item.fit.plain.coefficients", "as of the component", size="size"),
+    Field("covariance", "item.fit.covariance", "their covariance", size="size2"),
+    Field("s", meaning="residual standard deviation, all readings as repeats", size="size"),
+    Field("dof", "item.fit.plain.dof", "its degrees of freedom"),
+    Field("s_repeat", meaning="repeatability of one visit", size="size"),
+    *TESTED,
+)
+RUN: Fields = (
+    Field("role", meaning="lbb or laser"),
+    Group(
+        "passes",
+        (
+            Field("file", "0", "number of the file among those of readings, from 1"),
+            Field("pass", "1", "number of the pass in the file"),
+            Field("direction", "2", "1 forward, -1 reverse, 0 not stated"),
+        ),
+        many=True,
+    ),
+)
 
 
-def warnings(fit: MachineFit, estimates: Estimates) -> list[Finding]:
-    """Why fields of the report are null."""
-    noted = []
-    if found := observability(fit, estimates):
-        noted += not_estimable(found)
-    several = [name for name, item in fit.components.items() if len(item.instruments) > 1]
-    if several:
-        reason = "several instruments: see `instruments`"
-        noted.append(finding("not-estimable", quantity="dof and r2", names=several, reason=reason))
-    return noted + _order_of_files(fit)
+def component(powers: int) -> Fields:
+    """The figures of a component; in tables and CSV those of `powers` coefficients."""
+    scatter = "standard deviation from pass to pass at pass_center_mm"
+    return (
+        Field("", "label", "name", csv="component", head="component", show="text"),
+        Field("of", meaning="its axis; null: a constant", head="of", show="text"),
+        Field("unit", "estimate.unit.name", "of its figures", head="unit", show="text"),
+        Field("says", meaning="its meaning in words, of the machine file", csv=""),
+        Field(
+            "source",
+            meaning="readings or machine file",
+            head="from",
+            show="text",
+            detail=True,
+        ),
+        *(_coefficient(power) for power in range(powers)),
+        Field("degree", "estimate.degree", "degree of the polynomial"),
+        Field("n", meaning="number of readings"),
+        Field("n_passes", "estimate.n_passes", "passes in the mean square between passes"),
+        Field(
+            "passes_read",
+            meaning="passes of the readings",
+            head="passes\nread",
+            show="count",
+            detail=True,
+        ),
+        Field("", "runs_read", "runs", head="runs\nread", show="count", detail=True),
+        Group("runs", RUN, many=True),
+        Field(
+            "coefficients",
+            "estimate.coefficients",
+            "ascending powers of mm",
+            size="size",
+            csv="",
+        ),
+        Field("covariance", "estimate.covariance", "of the coefficients", size="size2", csv=""),
+        Field(
+            "covariance_independent",
+            "estimate.independent_covariance",
+            "s^2 (X'X)^-1, all readings as repeats (Gilsinn & Ling 2004)",
+            size="size2",
+            csv="",
+        ),
+        Field("s", "estimate.independent_s", "residual standard deviation of that", size="size"),
+        Field("dof", meaning="its degrees of freedom"),
+        Field("s_repeat", "estimate.s_repeat", "repeatability of one visit", size="size"),
+        Field("", "scatter.0", head="s_repeat\nunit", size="size"),
+        Field(
+            "pass_covariance",
+            meaning="of intercept at pass_center_mm and slope, between passes",
+            size="size2",
+            csv="",
+        ),
+        Field(
+            "pass_covariance_moment",
+            meaning="the same before a negative part was set to zero, for predictions",
+            size="size2",
+            csv="",
+        ),
+        Field(
+            "half_difference_mean_square",
+            "half_differences",
+            "part of the mean square between passes that is of runs there and back; null: none",
+            size="size2",
+            csv="",
+        ),
+        Field(
+            "run_covariance",
+            meaning="covariance of the two passes of a run, of several instruments",
+            size="size2",
+            csv="",
+        ),
+        # To the last bit the root of pass_covariance as the report states it.
+        Field("s_pass", lambda x: math.sqrt(x.pass_covariance[0, 0] / x.size2), scatter),
+        Field("", "scatter.1", head="s_pass\nunit", size="size"),
+        Field("pass_center_mm", "pass_center", "mean position of the readings"),
+        Field("pass_dof", "estimate.pass_dof", "of pass_covariance; null: infinite"),
+        Field("repeat_dof", "estimate.repeat_dof", "of s_repeat; null: infinite"),
+        Field("position_range_mm", "estimate.position_range", "range of the readings", csv=""),
+        *TESTED,
+        Group("instruments", INSTRUMENT, many=True),
+        Field(
+            "agreement_p",
+            meaning="p that the instruments agree; null: one instrument",
+            head="agree\np",
+            show="p",
+            csv="",
+        ),
+        *(field for power in range(powers) for field in _in_csv(power)),
+    )
 
 
-def _order_of_files(fit: MachineFit) -> list[Finding]:
-    """Of trends through several files without times: the order of the files is their time."""
-    names = [
-        name
-        for name, found in fit.components.items()
-        for item in found.instruments
-        if item.trend is not None and item.trend_of_files
-    ]
-    if not names:
-        return []
-    return [finding("order-of-files", names=list(dict.fromkeys(names)), expected="a column time")]
+def _part(power: int, which: int, scale: float = 1.0) -> Callable[[Any], float | None]:
+    """Coefficient (0) or its u (1)."""
+
+    def value(item: Any) -> float | None:
+        known = item.coefficient(power)
+        number = None if known is None else known[which]
+        return None if number is None else number * scale
+
+    return value
 
 
-CSV_COLUMNS = [
-    "component", "of", "unit", "source", "degree", "n", "n_passes", "passes_read", "s", "dof",
-    "s_repeat", "s_pass", "pass_center_mm", "pass_dof", "repeat_dof", "drift_F", "drift_p",
-    "trend_per_pass", "trend_u", "trend_p", "lack_of_fit_F", "lack_of_fit_p", "reversal_mean",
-    "reversal_u", "reversal_p", "r2",
-]  # fmt: skip
-_NESTED = ("drift", "trend", "lack_of_fit", "reversal")
+def _coefficient(power: int) -> Field:
+    """As people read it, per m^power."""
+    scale = MM_PER_M**power
+    title = ("at 0\nunit", "slope\nunit/m")[power] if power < 2 else f"x^{power}\nunit/m^{power}"
+    u = _part(power, 1, scale)
+    return Field(
+        "",
+        _part(power, 0, scale),
+        head=title,
+        size="size",
+        u=u,
+        show="plus-minus",
+        begins=power > 1,
+    )
 
 
-def csv_rows(fit: MachineFit, estimates: Estimates) -> tuple[list[str], Iterable[list[object]]]:
-    """One row a component, in its own unit; coefficients and their u at the end."""
-    components = document("", fit, estimates)["components"]
-    most = max((len(item["coefficients"]) for item in components.values()), default=0)
-    header = list(CSV_COLUMNS)
-    for i in range(most):
-        header += [f"coefficient_{i}", f"u_coefficient_{i}"]
-    known = estimates.components
-    return header, (_flat(name, item, known[name], most) for name, item in components.items())
+def _in_csv(power: int) -> Iterator[Field]:
+    def u(item: Any) -> float | None:
+        return float(item.u[power]) if power < len(item.u) else None
+
+    yield Field(
+        "", _part(power, 0), f"coefficient of mm^{power}", csv=f"coefficient_{power}", size="size"
+    )
+    meaning = f"standard uncertainty of the coefficient of mm^{power}"
+    yield Field("", u, meaning, csv=f"u_coefficient_{power}", size="size")
 
 
-def _flat(name: str, item: dict[str, Any], estimate: ComponentEstimate, most: int) -> list[object]:
-    row: list[object] = [name]
-    for column in CSV_COLUMNS[1:]:
-        test = next((key for key in _NESTED if column.startswith(f"{key}_")), None)
-        if test is None:
-            row.append(item[column])
-        else:
-            row.append((item[test] or {}).get(column.removeprefix(f"{test}_")))
-    f = estimate.unit.to_internal
-    u = np.sqrt(np.diag(estimate.covariance)) / f
-    for i in range(most):
-        row += [item["coefficients"][i], finite(float(u[i]))] if i < len(u) else [None, None]
-    return row
+JOINT: Fields = (
+    Field("components", "group.components", "components read in the same passes"),
+    Field("widths", "group.widths", "number of coefficients of each"),
+    Field("coefficient_covariance", "group.covariance", "of all coefficients", size="units"),
+    Field("pass_covariance", "group.pass_covariance", "of all between passes", size="units"),
+    Field(
+        "half_difference_mean_square",
+        "group.half_differences",
+        "part of it of runs there and back",
+        size="units",
+    ),
+    Field("correlation_of", meaning="rows of the correlation"),
+    Field("correlation", meaning="of levels and slopes of the passes, repeatability included"),
+    Field("pass_dof", "group.pass_dof", "degrees of freedom between passes"),
+    Field("n_passes", "group.n_passes", "number of passes"),
+)
+NOT_DETERMINED: Fields = (
+    Field("component", meaning="component, or those of a group"),
+    Field("not_determined", meaning="what the readings leave open"),
+    Field("because", meaning="why"),
+    Field("reading_that_would", meaning="readings that would determine it"),
+)
+
+
+def results(fields: Fields) -> Fields:
+    """The figures of the report, of components with these."""
+    return (
+        Field("machine", meaning="name of the machine"),
+        Group("components", fields, many=True, named=True),
+        Group("joint_pass_covariance", JOINT, "joint", many=True),
+        Group("observability", NOT_DETERMINED, many=True),
+    )
+
+
+ROW = component(2)
+RESULTS = results(ROW)
+"""Of components of degree 1."""
+
+
+def document(result: FitResult, digits: int = 2) -> Document:
+    """One row a component, and one for each of several instruments that read it."""
+    from mtu_cli.reports.fit_figure import figure
+
+    components = list(result.components.values())
+    fields = component(max((len(x.estimate.coefficients) for x in components), default=0))
+    table = Table(
+        title=f"Components of {result.machine}",
+        fields=fields,
+        items=components,
+        shown=[each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))],
+        footer="± one standard uncertainty; reversal: forward minus reverse; * significant at "
+        f"{100 * FAMILY_RATE:g} % (Bonferroni)",
+        notes=[
+            "drift: passes differ by more than repeatability; trend: steady from pass to pass; "
+            "misfit: the polynomial does not fit",
+            *_open(result),
+        ],
+    )
+    return Document(
+        title="Components",
+        results=(results(fields), result),
+        tables=[table],
+        figure=lambda: figure(
+            result.fit, result.estimates, result.coverage_factor, says=result.says
+        ),
+        verdict=_verdict(result),
+        digits=digits,
+    )
+
+
+def _verdict(result: FitResult) -> str:
+    words = {"lack_of_fit": "misfit of the polynomial", "drift": "drift between passes"}
+    found = []
+    for name in TESTS:
+        keys = {
+            x.name: None
+            for x in result.components.values()
+            for y in x.instruments
+            if name in y.tests and y.tests[name].significant
+        }
+        if keys:
+            found.append(f"{words.get(name, name)} of {listed(keys)}")
+    if not found:
+        return "No drift, trend, misfit or reversal is significant."
+    return f"Significant: {'; '.join(found)}."
+
+
+def _open(result: FitResult) -> Iterator[str]:
+    """What is not determined, a line for all components that lack the same."""
+    grouped: dict[tuple[str, str, str], list[NotDetermined]] = {}
+    for item in result.observability:
+        if item.component in result.fit.components or "," in item.component:
+            key = (item.not_determined, item.because, item.reading_that_would)
+            grouped.setdefault(key, []).append(item)
+    for (_, because, would), items in grouped.items():
+        names = listed([item.shown for item in items], SHOWN)
+        yield f"not determined: {items[0].of(names)}. Why: {because}. Remedy: {would}"

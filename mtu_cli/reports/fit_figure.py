@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -13,19 +12,14 @@ from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.reports import figures
 from mtu_cli.reports.labels import cut
-from mtu_cli.stats.least_squares import FloatArray, polynomial
+from mtu_cli.stats.least_squares import polynomial
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLUMNS = 3
-NARROW = 4
-"""Columns of the legend below fewer panels."""
 TITLE = 36
 """Characters of a line above a panel."""
-LINE = 0.16
-"""Height of a second line of it, inches."""
 MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
 """By instrument (the machine's first, others) and direction."""
 WORDS = {1: "forward", -1: "reverse", 0: "reading"}
@@ -44,31 +38,30 @@ def figure(
     The band is k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
     components = estimates.components
-    columns = min(COLUMNS, max(1, len(components)))
-    rows = max(1, math.ceil(len(components) / columns))
-    titles = [
-        _title(name, (says or {}).get(name), stated=name not in fit.components)
-        for name in components
-    ]
-    tall = any("\n" in title for title in titles)
-    page = figures.blank(3.4 * max(columns, 2), (2.15 + LINE * tall) * rows + 0.6)
-    panels = page.subplots(rows, columns, squeeze=False).ravel()
+    columns = figures.columns_of(len(components))
+    rows = -(-len(components) // columns)
+    titles = [_title(name, (says or {}).get(name, "")) for name in components]
+    tall = 0.16 * any("\n" in title for title in titles)
+    page = figures.blank(3.4 * max(columns, 2), (2.15 + tall) * rows + 0.6)
+    panels = figures.panels_of(page, len(components), columns)
+    figures.title(page, f"Components: readings, fit and one future reading ± {coverage_factor:g} u")
     ranges = _ranges(components)
     colours, markers = _colours(fit), _markers(fit)
-    for panel, title, name in zip(panels, titles, components, strict=False):
-        estimate = components[name]
+    for panel, title, (name, estimate) in zip(panels, titles, components.items(), strict=False):
         found = fit.components.get(name)
         for item in () if found is None else found.instruments:
             _readings(panel, item, estimate, markers[item.role], colours)
         _band(panel, estimate, found, ranges, coverage_factor)
-        panel.set_title(title)
-        _label(panel, estimate, stated=found is None)
-    for panel in panels[len(components) :]:
-        panel.set_axis_off()
-    handles = _legend(fit, coverage_factor)
+        panel.set_title(title if found else f"{title} (machine file)")
+        panel.set_ylabel(estimate.unit.name)
+        panel.set_xlabel(f"{estimate.of}, mm" if estimate.of else "pass" if found else "")
+        if estimate.of is None:
+            numbers = range(1, 1 + max(map(len, map(_passes, found.instruments))) if found else 1)
+            panel.set_xticks(numbers[:: max(1, len(numbers) // 8)])
     page.legend(
-        handles=handles, loc="outside lower center", ncols=8 if columns == COLUMNS else NARROW
-    )
+        handles=_legend(fit, markers, colours, coverage_factor), loc="outside lower center",
+        ncols=8 if columns == 3 else 4,
+    )  # fmt: skip
     return page
 
 
@@ -82,27 +75,27 @@ def _ranges(components: dict[str, ComponentEstimate]) -> dict[str, tuple[float, 
     return found
 
 
+def _instruments(fit: MachineFit) -> list[InstrumentFit]:
+    return [item for found in fit.components.values() for item in found.instruments]
+
+
+def _passes(item: InstrumentFit) -> list[int]:
+    return sorted({key[1] for key in item.keys_read}) or [1]
+
+
 def _colours(fit: MachineFit) -> dict[int, Any]:
     """A colour a pass number, early ones dark, late ones light: a drift shows as a gradient."""
     from matplotlib import colormaps
 
-    numbers = sorted({1, *(number for item in _instruments(fit) for number in _pass_numbers(item))})
+    numbers = sorted({1, *(number for item in _instruments(fit) for number in _passes(item))})
     last = max(len(numbers) - 1, 1)
     return {n: colormaps["viridis"](0.05 + 0.8 * i / last) for i, n in enumerate(numbers)}
-
-
-def _instruments(fit: MachineFit) -> list[InstrumentFit]:
-    return [item for found in fit.components.values() for item in found.instruments]
 
 
 def _markers(fit: MachineFit) -> dict[str, dict[int, str]]:
     """By role, whatever components it read: one instrument has the same marks in every panel."""
     roles = dict.fromkeys(item.role for item in _instruments(fit))
     return {role: MARKERS[min(i, 1)] for i, role in enumerate(roles)}
-
-
-def _pass_numbers(item: InstrumentFit) -> list[int]:
-    return sorted({key[1] for key in item.keys_read})
 
 
 def _readings(
@@ -113,26 +106,18 @@ def _readings(
     colours: dict[int, Any],
 ) -> None:
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
-    keys = [key[1:] for key in item.keys_read] or [(1, 0)]
-    numbers = sorted({number for number, _ in keys})
-    for g, (number, sign) in enumerate(keys):
-        inside = group == g
-        order = np.argsort(item.position[inside], kind="stable")
-        place = item.position[inside][order]
+    numbers = _passes(item)
+    for g, (number, sign) in enumerate([key[1:] for key in item.keys_read] or [(1, 0)]):
+        inside = np.flatnonzero(group == g)
+        inside = inside[np.argsort(item.position[inside], kind="stable")]
+        place = item.position[inside]
         if estimate.of is None:
-            place = np.full(len(order), float(numbers.index(number) + 1))
+            place = np.full(len(inside), float(numbers.index(number) + 1))
         panel.plot(
-            place,
-            item.error[inside][order] / estimate.unit.to_internal,
-            marker=markers[sign],
-            linestyle="-" if estimate.of else "none",
-            linewidth=0.5,
-            color=colours[number],
-            markersize=4.2,
-            markeredgewidth=0.0,
-            alpha=0.8,
-            zorder=3,
-        )
+            place, item.error[inside] / estimate.unit.to_internal, marker=markers[sign],
+            linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
+            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3,
+        )  # fmt: skip
 
 
 def _band(
@@ -144,74 +129,50 @@ def _band(
 ) -> None:
     f = estimate.unit.to_internal
     if estimate.of is None:
-        counts = [len(_pass_numbers(item)) for item in found.instruments] if found else []
-        place, X = np.array([0.5, max([1, *counts]) + 0.5]), np.ones((2, 1))
+        last = max(map(len, map(_passes, found.instruments))) if found else 1
+        place, X = np.array([0.5, last + 0.5]), np.ones((2, 1))
     else:
         low, high = estimate.position_range or ranges.get(estimate.of, (0.0, 100.0))
         place = np.linspace(low, high, 101) if high > low else np.array([low - 1.0, high + 1.0])
         X = polynomial(place, estimate.degree)
     line = X @ estimate.coefficients / f
-    half = k * np.sqrt(_future(estimate, X)) / f
+    C = estimate.covariance + estimate.pass_covariance
+    variance = np.einsum("ni,ij,nj->n", X, C, X) + estimate.s_repeat**2
+    half = k * np.sqrt(np.clip(variance, 0.0, None)) / f
     panel.fill_between(
         place, line - half, line + half, color=figures.PALE, alpha=0.6, linewidth=0, zorder=1
     )
-    panel.plot(place, line, color=figures.INK, zorder=2)
+    panel.plot(place, line, color=figures.INK, zorder=4)
 
 
-def _future(estimate: ComponentEstimate, X: FloatArray) -> FloatArray:
-    """x'(C + D)x + s_repeat^2 of every row of X."""
-    S = estimate.covariance + estimate.pass_covariance
-    variance: FloatArray = np.einsum("ni,ij,nj->n", X, S, X) + estimate.s_repeat**2
-    return np.clip(variance, 0.0, None)
-
-
-def _title(name: str, says: str | None, *, stated: bool) -> str:
+def _title(name: str, says: str) -> str:
     """A component with its meaning, on a line of its own where one line is too short for both."""
-    words = "  ".join([*([says] if says else []), *(["(machine file)"] if stated else [])])
-    title = f"{name}  {words}".rstrip()
-    if len(title) <= TITLE or not words:
+    title = f"{name}  {says}".rstrip()
+    if len(title) <= TITLE or not says:
         return cut(title, TITLE)
-    return f"{cut(name, TITLE)}\n{cut(words, TITLE)}"
+    return f"{cut(name, TITLE)}\n{cut(says, TITLE)}"
 
 
-def _label(panel: Axes, estimate: ComponentEstimate, *, stated: bool) -> None:
-    from matplotlib.ticker import MaxNLocator
-
-    panel.set_ylabel(estimate.unit.name)
-    if estimate.of is None:
-        panel.set_xlabel("" if stated else "pass")
-        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-        if stated:
-            panel.set_xticks([])
-    else:
-        panel.set_xlabel(f"{estimate.of}, mm")
-
-
-def _legend(fit: MachineFit, k: float) -> list[Any]:
+def _legend(
+    fit: MachineFit, markers: dict[str, dict[int, str]], colours: dict[int, Any], k: float
+) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    markers = _markers(fit)
-    drawn = {
-        (item.role, key[-1]) for item in _instruments(fit) for key in item.keys_read or ((0, 1, 0),)
-    }
-    handles: list[Any] = [
-        Line2D(
-            [], [], marker=marker, linestyle="", color=figures.GREY,
-            label=WORDS[sign] if len(markers) == 1 else f"{role}, {WORDS[sign]}",
-        )
+    drawn = {(x.role, key[-1]) for x in _instruments(fit) for key in x.keys_read or ((0, 1, 0),)}
+    marks = [
+        (marker, WORDS[sign] if len(markers) == 1 else f"{role}, {WORDS[sign]}", figures.GREY)
         for role, own in markers.items()
         for sign, marker in own.items()
         if (role, sign) in drawn
-    ]  # fmt: skip
-    colours = _colours(fit)
+    ]
     if len(colours) > 1:
-        handles += [
-            Line2D([], [], marker="o", linestyle="", color=colours[n], label=f"pass {n}")
-            for n in (min(colours), max(colours))
-        ]
-    handles += [
+        marks += [("o", f"pass {n}", colours[n]) for n in (min(colours), max(colours))]
+    return [
+        *(
+            Line2D([], [], marker=marker, linestyle="", color=colour, label=label)
+            for marker, label, colour in marks
+        ),
         Line2D([], [], color=figures.INK, label="fit"),
         Patch(color=figures.PALE, label=f"one future reading, ± {k:g} u"),
     ]
-    return handles

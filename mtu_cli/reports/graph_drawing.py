@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_layout import INSIDE, RADIUS, Layout, label_width, lay_out
-from mtu_cli.reports.graph_net import Net, Node, share_percent
+from mtu_cli.reports.graph_net import LEAST_SHARE, Net, Node, share_percent
 from mtu_cli.reports.labels import cut
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -32,7 +32,6 @@ FOOT = 0.5
 KEY = 0.95
 """Width of one entry below the picture."""
 BAR = (0.07, 0.30)
-LEAST_SHARE = 0.005
 SMALL = 6.2
 BOLD = 1.15
 """Width of bold letters beside others."""
@@ -61,19 +60,13 @@ def drawing(net: Net) -> Figure:
         _draw_arc(panel, net, arc, route)
     for number, node in enumerate(net.nodes):
         x, y = layout.places[number]
-        (_draw_place if node.place else _draw_bar)(panel, node, float(x), float(y))
+        _draw_node(panel, node, float(x), float(y))
         if net.shares.get(number, 0.0) >= LEAST_SHARE:
             text = f"{share_percent(net.shares[number])} %"
-            panel.text(
-                x - RADIUS - 0.04,
-                y - 0.025 - 0.02 * net.shares[number],
-                text,
-                fontsize=SMALL,
-                ha="right",
-                va="bottom",
-                color=figures.RED,
-            )
-    _write_frame(panel, net, layout, left)
+            left_of, above = x - RADIUS - 0.04, y - 0.025 - 0.02 * net.shares[number]
+            label = panel.text(left_of, above, text, fontsize=SMALL, ha="right", va="bottom")
+            label.set_color(figures.RED)
+    _explain(page, net, width)
     return page
 
 
@@ -112,15 +105,10 @@ def _draw_arc(panel: Axes, net: Net, arc: tuple[int, int], route: FloatArray) ->
     share = max((net.shares.get(number, 0.0) for number in arc), default=0.0)
     panel.add_patch(
         FancyArrowPatch(
-            path=Path(vertices, codes),
-            arrowstyle="-|>,head_length=3.0,head_width=1.5",
-            lw=0.8 + 3.0 * share,
-            color="#4d5661",
-            shrinkA=0.0,
-            shrinkB=0.0,
-            zorder=1,
+            path=Path(vertices, codes), arrowstyle="-|>,head_length=3.0,head_width=1.5",
+            lw=0.8 + 3.0 * share, color="#4d5661", shrinkA=0.0, shrinkB=0.0, zorder=1,
         )
-    )
+    )  # fmt: skip
 
 
 def _slopes(points: FloatArray) -> FloatArray:
@@ -133,81 +121,61 @@ def _slopes(points: FloatArray) -> FloatArray:
     return np.concatenate([[0.0], mean, [0.0]])
 
 
-def _draw_place(panel: Axes, node: Node, x: float, y: float) -> None:
-    from matplotlib.patches import Circle
+def _draw_node(panel: Axes, node: Node, x: float, y: float) -> None:
+    """A circle with its name in it or below, a marker that stands from the start; or a bar."""
+    from matplotlib.patches import Circle, Rectangle
 
-    panel.add_patch(
-        Circle(
-            (x, y),
-            RADIUS,
-            facecolor=COLOURS[node.kind],
-            edgecolor=figures.INK,
-            lw=2.0 if node.reported else 0.9,
-            zorder=3,
-        )
-    )
-    inside = len(node.label) <= INSIDE
-    if node.marked:
-        # The marker that stands from the start.
-        spot = y + 0.085 if inside else y
-        panel.add_patch(Circle((x, spot), 0.03, color=figures.INK, zorder=4))
-    panel.text(
-        x,
-        (y - (0.03 if node.marked else 0.0)) if inside else y + RADIUS + 0.03,
-        node.label,
-        fontsize=LABEL,
-        fontweight="bold" if node.reported else "normal",
-        ha="center",
-        va="center" if inside else "top",
-        zorder=5,
-    )
-
-
-def _draw_bar(panel: Axes, node: Node, x: float, y: float) -> None:
-    from matplotlib.patches import Rectangle
-
-    wide, high = BAR
-    if node.measures:
-        high *= 0.7
+    bold = "bold" if node.reported else "normal"
+    if node.place:
+        look = {"facecolor": COLOURS[node.kind], "edgecolor": figures.INK}
+        panel.add_patch(Circle((x, y), RADIUS, lw=2.0 if node.reported else 0.9, zorder=3, **look))
+        inside = len(node.label) <= INSIDE
+        if node.marked:
+            spot = y + 0.085 if inside else y
+            panel.add_patch(Circle((x, spot), 0.03, color=figures.INK, zorder=4))
+        at = (y - 0.03 * node.marked) if inside else y + RADIUS + 0.03
+        under = "center" if inside else "top"
+        form: dict[str, Any] = {"fontsize": LABEL, "fontweight": bold, "zorder": 5}
+        panel.text(x, at, node.label, ha="center", va=under, **form)
+        return
+    wide, high = BAR[0], BAR[1] * (0.7 if node.measures else 1.0)
     corner = (x - wide / 2, y - high / 2)
     panel.add_patch(
         Rectangle(corner, wide, high, facecolor=figures.INK, edgecolor="none", zorder=3)
     )
-    spot = (x - wide, y) if node.measures else (x, y - high / 2 - 0.02)
-    panel.text(
-        *spot,
-        node.label,
-        fontsize=SMALL,
-        ha="right" if node.measures else "center",
-        va="center" if node.measures else "bottom",
-        zorder=5,
-    )
+    if node.measures:
+        panel.text(x - wide, y, node.label, ha="right", va="center", fontsize=SMALL, zorder=5)
+    else:
+        top = y - high / 2 - 0.02
+        panel.text(x, top, node.label, ha="center", va="bottom", fontsize=SMALL, zorder=5)
 
 
-def _write_frame(panel: Axes, net: Net, layout: Layout, left: float) -> None:
+def _explain(page: Figure, net: Net, width: float) -> None:
     """Title above; below it what is drawn, each kind once."""
-    from matplotlib.patches import Circle, Rectangle
+    from matplotlib.lines import Line2D
 
     of = "" if net.of is None else f": where the variance of {net.of} is from"
-    top = -MARGIN - HEAD + 0.25
-    title = cut(net.title + of, int((layout.width + 2 * left) / TITLE))
-    panel.text(-left + 0.3, top, title, fontsize=10.5, fontweight="bold", va="center")
-    y = layout.height + MARGIN + FOOT - 0.28
-    x = -left + 0.3
-    for kind in _kinds(net):
-        panel.add_patch(
-            Circle((x + 0.08, y), 0.08, facecolor=COLOURS[kind], ec=figures.INK, lw=0.8)
+    title = cut(net.title + of, int(width / TITLE))
+    top = 1.0 - 0.25 / page.get_figheight()
+    page.text(0.3 / width, top, title, fontsize=10.5, fontweight="bold", va="center")
+    signs = [("o", kind, COLOURS[kind], 0.8, 11.0) for kind in _kinds(net)]
+    signs += [
+        sign
+        for sign, there in (
+            (("|", "transition", figures.INK, 3.5, 13.0), not all(n.place for n in net.nodes)),
+            (("o", "marker", figures.INK, 0.0, 4.0), any(node.marked for node in net.nodes)),
+            (("o", "reported", "white", 2.0, 11.0), any(node.reported for node in net.nodes)),
         )
-        panel.text(x + 0.22, y, kind, fontsize=7.5, va="center")
-        x += KEY
-    if not all(node.place for node in net.nodes):
-        panel.add_patch(Rectangle((x + 0.05, y - 0.1), 0.05, 0.2, color=figures.INK))
-        panel.text(x + 0.17, y, "transition", fontsize=7.5, va="center")
-        x += KEY
-    if any(node.marked for node in net.nodes):
-        panel.add_patch(Circle((x + 0.08, y), 0.03, color=figures.INK))
-        panel.text(x + 0.17, y, "marker", fontsize=7.5, va="center")
-        x += 0.8 * KEY
-    if any(node.reported for node in net.nodes):
-        panel.add_patch(Circle((x + 0.08, y), 0.08, facecolor="white", ec=figures.INK, lw=2.0))
-        panel.text(x + 0.22, y, "reported", fontsize=7.5, va="center")
+        if there
+    ]
+    handles = [
+        Line2D(
+            [], [], linestyle="none", marker=marker, label=name, markersize=size,
+            markerfacecolor=colour, markeredgecolor=figures.INK, markeredgewidth=edge,
+        )
+        for marker, name, colour, edge, size in signs
+    ]  # fmt: skip
+    page.legend(
+        handles=handles, loc="lower left", ncols=len(handles), fontsize=7.5, handletextpad=0.2,
+        columnspacing=1.2,
+    )  # fmt: skip

@@ -1,23 +1,31 @@
-"""Where the nodes and arcs of a measurement graph are drawn, in inches."""
+"""Where the nodes and arcs of a measurement graph are drawn, in inches.
+
+Layered drawing (Sugiyama, Tagawa & Toda, IEEE Trans. SMC 11 (1981) 109): arcs lead from left to
+right, an arc over several layers is cut by bends, layers are ordered by the mean position of their
+neighbours, and rows follow their neighbours as near as they may without touching.
+"""
 
 from __future__ import annotations
 
 import itertools
+from bisect import bisect_right, insort
 from collections.abc import Sequence
 from dataclasses import dataclass
+from graphlib import TopologicalSorter
 
 import numpy as np
 
-from mtu_cli.reports.graph_layers import Layers, layered
 from mtu_cli.reports.graph_net import Net, Node
 from mtu_cli.stats.least_squares import FloatArray
+
+Arcs = Sequence[Sequence[int]]
 
 RADIUS = 0.14
 INSIDE = 3
 """Signs of a name that fit into a circle; longer ones stand below it."""
 LETTER = 0.066
 """Width of a letter of a label."""
-PASSES = 80
+SWEEPS, PASSES = 24, 80
 STRAIGHT = 8.0
 """How much more a long arc wants to run straight than a node to stand at its neighbours."""
 
@@ -33,14 +41,19 @@ class Layout:
 
 
 def lay_out(net: Net) -> Layout:
-    """Layers from left to right, rows that follow their neighbours without touching."""
-    layers = layered(len(net.nodes), net.arcs)
-    x = _columns(net.nodes, layers)
-    y = _rows(net.nodes, layers)
-    height = max((value for value in y.values()), default=0.0)
+    """The layout of a net without cycles."""
+    rank = _ranks(len(net.nodes), net.arcs)
+    paths = []
+    for a, b in net.arcs:
+        crossed = range(rank[a] + 1, rank[b])
+        paths.append([a, *range(len(rank), len(rank) + len(crossed)), b])
+        rank += crossed
+    layers = _ordered(rank, paths)
+    x, y = _columns(net.nodes, layers), _rows(net.nodes, layers, paths)
     places = np.array([[x[i], y[i]] for i in range(len(net.nodes))])
-    routes = [np.array([[x[node], y[node]] for node in path]) for path in layers.paths]
-    return Layout(width=max(x.values()), height=height, places=places, routes=routes)
+    routes = [np.array([[x[node], y[node]] for node in path]) for path in paths]
+    width, height = (max(values.values(), default=0.0) for values in (x, y))
+    return Layout(width=width, height=height, places=places, routes=routes)
 
 
 def label_width(node: Node) -> float:
@@ -52,87 +65,134 @@ def label_width(node: Node) -> float:
     return max(2 * RADIUS if node.place else 0.1, LETTER * len(node.label) if outside else 0.0)
 
 
-def _columns(nodes: Sequence[Node], layers: Layers) -> dict[int, float]:
+def _adjacent(count: int, arcs: Arcs) -> tuple[list[list[int]], list[list[int]]]:
+    """The nodes before and after each node."""
+    before: list[list[int]] = [[] for _ in range(count)]
+    after: list[list[int]] = [[] for _ in range(count)]
+    for a, b in arcs:
+        before[b].append(a)
+        after[a].append(b)
+    return before, after
+
+
+def _ranks(count: int, arcs: Arcs) -> list[int]:
+    """Layers by longest path; then every node moves to where its arcs are shortest."""
+    before, after = _adjacent(count, arcs)
+    order = list(TopologicalSorter(dict(enumerate(before))).static_order())
+    rank = [0] * count
+    for node in order:
+        rank[node] = max((rank[other] + 1 for other in before[node]), default=0)
+    for node in reversed(order):
+        # A measured place goes to where it is used, and its measurement with it.
+        measured = len(before[node]) == 1 and not before[before[node][0]]
+        if after[node] and (len(after[node]) > len(before[node]) or measured):
+            rank[node] = min(rank[other] for other in after[node]) - 1
+    least = min(rank, default=0)
+    return [value - least for value in rank]
+
+
+def _ordered(rank: list[int], paths: Arcs) -> list[list[int]]:
+    """The nodes of every layer from top to bottom, of all sweeps to and fro with the fewest
+    crossings; at first as they are met on the way back from the ends.
+    """
+    before, after = _adjacent(
+        len(rank), [pair for path in paths for pair in itertools.pairwise(path)]
+    )
+    layers: list[list[int]] = [[] for _ in range(max(rank, default=0) + 1)]
+    waiting = [node for node in reversed(range(len(rank))) if not after[node]]
+    seen = set()
+    while waiting:
+        node = waiting.pop()
+        if node not in seen:
+            seen.add(node)
+            layers[rank[node]].append(node)
+            waiting.extend(reversed(before[node]))
+    best, fewest = [list(layer) for layer in layers], _crossings(layers, after)
+    for sweep in range(SWEEPS):
+        forward = sweep % 2 == 0
+        near, pairs = (before, layers) if forward else (after, layers[::-1])
+        for fixed, layer in itertools.pairwise(pairs):
+            at = {node: i for i, node in enumerate(fixed)}
+            scale = len(fixed) / len(layer)
+            wanted = {
+                node: sum(at[other] for other in near[node]) / len(near[node])
+                if near[node]
+                else scale * i
+                for i, node in enumerate(layer)
+            }
+            layer.sort(key=wanted.__getitem__)
+        found = _crossings(layers, after)
+        if found < fewest:
+            best, fewest = [list(layer) for layer in layers], found
+    return best
+
+
+def _crossings(layers: list[list[int]], after: list[list[int]]) -> int:
+    total = 0
+    for layer, following in itertools.pairwise(layers):
+        at = {node: i for i, node in enumerate(following)}
+        above: list[int] = []
+        for node in layer:
+            ends = sorted(at[other] for other in after[node])
+            total += sum(len(above) - bisect_right(above, end) for end in ends)
+            for end in ends:
+                insort(above, end)
+    return total
+
+
+def _columns(nodes: Sequence[Node], layers: list[list[int]]) -> dict[int, float]:
     x: dict[int, float] = {}
     at, half = 0.0, 0.0
-    for number, layer in enumerate(layers.order):
-        own = max((label_width(nodes[i]) for i in layer if i < layers.first_bend), default=0.1) / 2
-        busy = len(layer) > 12
-        at += (half + own + (0.42 if busy else 0.3)) if number else 0.0
+    for number, layer in enumerate(layers):
+        own = max((label_width(nodes[i]) for i in layer if i < len(nodes)), default=0.1) / 2
+        at += (half + own + (0.42 if len(layer) > 12 else 0.3)) if number else 0.0
         half = own
         x.update(dict.fromkeys(layer, at))
     return x
 
 
-def _rows(nodes: Sequence[Node], layers: Layers) -> dict[int, float]:
-    """Rows by turns: every layer at the mean rows of its neighbours, kept apart."""
-    neighbours: dict[int, list[tuple[int, float]]] = {}
-    for path in layers.paths:
-        for a, b in itertools.pairwise(path):
-            long = (a >= layers.first_bend) + (b >= layers.first_bend)
-            weight = (1.0, 2.0, STRAIGHT)[long]
-            neighbours.setdefault(a, []).append((b, weight))
-            neighbours.setdefault(b, []).append((a, weight))
-    gaps = [_gaps(nodes, layer, layers.first_bend) for layer in layers.order]
+def _rows(nodes: Sequence[Node], layers: list[list[int]], paths: Arcs) -> dict[int, float]:
+    """Rows by turns: every layer at the mean rows of its neighbours, at least its gaps apart."""
+    near: dict[int, list[tuple[int, float]]] = {}
+    for a, b in (pair for path in paths for pair in itertools.pairwise(path)):
+        weight = (1.0, 2.0, STRAIGHT)[(a >= len(nodes)) + (b >= len(nodes))]
+        near.setdefault(a, []).append((b, weight))
+        near.setdefault(b, []).append((a, weight))
+    offsets = []
+    for layer in layers:
+        rooms = [_room(nodes[i]) if i < len(nodes) else (0.1, 0.1) for i in layer]
+        gaps = [below + above for (_, below), (above, _) in itertools.pairwise(rooms)]
+        offsets.append(np.concatenate([[0.0], np.cumsum(gaps)]))
     y: dict[int, float] = {}
-    for layer, gap in zip(layers.order, gaps, strict=True):
-        start = np.concatenate([[0.0], np.cumsum(gap)]) if layer else np.zeros(0)
-        y.update(zip(layer, start - start.mean() if layer else start, strict=True))
-    number = range(len(layers.order))
+    for layer, offset in zip(layers, offsets, strict=True):
+        y.update(zip(layer, (offset - offset.mean()).tolist(), strict=True))
     for turn in range(PASSES):
-        for index in number if turn % 2 else reversed(number):
-            layer = layers.order[index]
-            wanted: list[float] = []
-            pull: list[float] = []
-            for node in layer:
-                near = neighbours.get(node, [])
-                total = sum(w for _, w in near)
-                wanted.append(sum(w * y[other] for other, w in near) / total if total else y[node])
+        for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
+            wanted, pull = [], []
+            for node in layers[index]:
+                total = sum(weight for _, weight in near.get(node, []))
+                mean = sum(weight * y[other] for other, weight in near.get(node, []))
+                wanted.append(mean / total if total else y[node])
                 pull.append(max(total, 0.1))
-            y.update(zip(layer, _apart(np.array(wanted), np.array(pull), gaps[index]), strict=True))
+            rows = offsets[index] + _monotone(np.array(wanted) - offsets[index], pull)
+            y.update(zip(layers[index], rows.tolist(), strict=True))
     top = min(y.values(), default=0.0)
-    return {node: float(value - top) for node, value in y.items()}
+    return {node: value - top for node, value in y.items()}
 
 
-def _gaps(nodes: Sequence[Node], layer: Sequence[int], first_bend: int) -> FloatArray:
-    """Least distances (n - 1,) of neighbours in a layer."""
-    return np.array(
-        [
-            _below(nodes, a, first_bend) + _above(nodes, b, first_bend)
-            for a, b in itertools.pairwise(layer)
-        ]
-    )
-
-
-def _below(nodes: Sequence[Node], node: int, first_bend: int) -> float:
-    if node >= first_bend:
-        return 0.1
-    item = nodes[node]
-    if item.measures or (item.place and len(item.label) <= INSIDE):
-        return RADIUS + 0.05
-    return 0.34 if item.place else 0.17
-
-
-def _above(nodes: Sequence[Node], node: int, first_bend: int) -> float:
-    if node >= first_bend:
-        return 0.1
-    return RADIUS + 0.05 if nodes[node].place or nodes[node].measures else 0.32
-
-
-def _apart(wanted: FloatArray, weight: FloatArray, gaps: FloatArray) -> FloatArray:
-    """Rows nearest to the wanted ones, weighted least squares, at least `gaps` apart.
-
-    Less the gaps this is monotone regression: pool adjacent violators.
-    """
-    if len(wanted) < 2:
-        return wanted
-    offset = np.concatenate([[0.0], np.cumsum(gaps)])
-    pools: list[list[float]] = []
-    for value, w in zip(wanted - offset, weight, strict=True):
-        pools.append([float(value), float(w), 1.0])
+def _monotone(values: FloatArray, weights: Sequence[float]) -> FloatArray:
+    """The nearest values that do not fall, weighted least squares: pool adjacent violators."""
+    pools: list[tuple[float, float, int]] = []
+    for value, weight in zip(values.tolist(), weights, strict=True):
+        pools.append((value, weight, 1))
         while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
             (v2, w2, n2), (v1, w1, n1) = pools.pop(), pools.pop()
-            pools.append([(v1 * w1 + v2 * w2) / (w1 + w2), w1 + w2, n1 + n2])
-    level = np.concatenate([np.full(int(n), value) for value, _, n in pools])
-    found: FloatArray = level + offset
-    return found
+            pools.append(((v1 * w1 + v2 * w2) / (w1 + w2), w1 + w2, n1 + n2))
+    return np.repeat([value for value, _, _ in pools], [n for _, _, n in pools])
+
+
+def _room(node: Node) -> tuple[float, float]:
+    """Room above the middle of a node and below it."""
+    if node.measures or (node.place and len(node.label) <= INSIDE):
+        return RADIUS + 0.05, RADIUS + 0.05
+    return (RADIUS + 0.05, 0.34) if node.place else (0.32, 0.17)

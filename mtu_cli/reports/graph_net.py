@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from mtu_cli.files.graph_contract import Graph
+from mtu_cli.units import UM
 
 NOISE = 1e-9
 """Percent by which rounding may move a share."""
+SHOWN_SHARES = 3
+"""Sources of variance that are named."""
+LEAST_SHARE = 0.005
+"""A smaller share of the variance is not named."""
+SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendicularity"}
+"""Sources for people; others are places."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,6 +57,23 @@ def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
     text = f"{100 * share + NOISE:.{decimals}f}"
     return text.removeprefix("-") if not text.strip("-0.") else text
+
+
+def small_unit(unit: str) -> tuple[float, str]:
+    """The unit in which deviations of an output are shown, and how many of it make one."""
+    return {"mm": (1.0 / UM, "um"), "rad": (1e6, "urad"), "1": (1e6, "1e-6")}.get(unit, (1.0, unit))
+
+
+def shares_text(shares: Mapping[str, float]) -> str:
+    """ "probe 50, axis 49": percents of the sources of variance, the largest first."""
+    known = [(name, share) for name, share in shares.items() if abs(share) >= LEAST_SHARE]
+    known.sort(key=lambda pair: -abs(pair[1]))
+    shown = [
+        f"{SOURCES.get(name, name)} {share_percent(share, 0)}"
+        for name, share in known[:SHOWN_SHARES]
+        if math.isfinite(share)
+    ]
+    return ", ".join(shown) or "-"
 
 
 def net_of(

@@ -19,8 +19,6 @@ from mtu_cli.reports.tables import Sheet, plain_text
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ENDINGS = (".html", ".htm", ".pdf")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page:
@@ -49,13 +47,12 @@ def report_bytes(page: Page, suffix: str) -> bytes:
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
     figure = None if page.figure is None else Markup(_svg(page.figure))
-    told = [each for each in page.warnings if each.severity != "note"]
     text = environment.from_string(source).render(
         title=page.title,
         subject=page.subject,
         blocks=list(_blocks(page.tables)),
         figure=figure,
-        warnings=list({each.message: each for each in told}.values()),
+        warnings=list({each.message: each for each in page.warnings}.values()),
         inputs=page.inputs,
         settings=page.settings,
         version=__version__,
@@ -93,6 +90,7 @@ def _pdf(text: str) -> bytes:
         from weasyprint import HTML  # type: ignore[import-not-found,unused-ignore]  # an extra
     except (ImportError, OSError):
         expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
-        raise error("extra-missing", path="--report", what="a PDF", expected=expected) from None
+        reason = "this installation writes no PDF"
+        raise error("output-form", path="--report", reason=reason, expected=expected) from None
     found: bytes = HTML(string=text).write_pdf()
     return found

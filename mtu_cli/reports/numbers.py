@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 
 MISSING = "-"
+UNSEEN = 3.0
+"""Hits expected, below which there may be none: e^-3 is 1 in 20."""
 PLAIN_DIGITS = 6
 """Significant digits of a value that is known exactly."""
 
@@ -34,7 +36,7 @@ def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, 
 def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
     """ "-0.3 ± 8.1", or the value alone where u is not known."""
     first, second = with_u(value, u, digits)
-    return first if second == MISSING else f"{first} ± {second}"
+    return first if MISSING in (first, second) else f"{first} ± {second}"
 
 
 def interval(low: float | None, high: float | None, u: float | None, digits: int = 2) -> str:
@@ -101,6 +103,16 @@ def chance(probability: float, se: float) -> str:
     if probability - se <= 0:
         return "<" + percent(probability + 3 * se).removeprefix("<")
     return plus_minus(100 * probability, 100 * se, 1)
+
+
+def chance_text(probability: float, se: float, trials: int) -> str:
+    """ "0.796 ± 0.016", or the bound that is left where none or all of the trials of what varies
+    hit: with a chance of 3/n, n trials hit nothing one time in 20, (1 - p)^n is about e^(-n p).
+    """
+    if se == 0.0 or 0.0 < probability < 1.0:
+        return plus_minus(probability, se)
+    bound = min(UNSEEN / trials, 1.0)
+    return f"< {significant(bound)}" if probability == 0.0 else f"> {with_u(1.0 - bound, bound)[0]}"
 
 
 def degrees_of_freedom(dof: float) -> str:

@@ -1,185 +1,186 @@
-"""The report of predict-points: the error of every feature, with uncertainty.
-
-`z_mm` is null where the part gives no z: the machine then fixes it, or no equation needs it.
-`shares` (of u^2, by axis) are null under the papers' independence and where u is 0.
-"""
+"""The report of predict-points: the error of every feature, with uncertainty."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
-import numpy as np
-
 from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.findings import Finding
-from mtu_cli.reports.document import finite, matrix, root, um, um2
-from mtu_cli.reports.numbers import MISSING, fixed, interval, with_u
-from mtu_cli.reports.outside import components_beyond, mark_notes, marked
-from mtu_cli.reports.points_figure import figure
-from mtu_cli.reports.shares import shares_fields, shares_sheets
-from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, rows_of, shares
+from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
-SHOWN_SHARES = 24
-"""Errors whose u is taken apart in the table; of more only so many:"""
-LARGEST_SHARES = 12
-
-__all__ = ["csv_rows", "document", "figure", "table", "warnings"]
-
-
-def document(result: PointsResult, *, with_covariance: bool = False) -> dict[str, Any]:
-    """`results` of the report; the covariance between all points and axes only if asked for."""
-    prediction = result.prediction
-    beyond = components_beyond(prediction)
-    results: dict[str, Any] = {
-        "axes": list(prediction.axes),
-        "points": [
-            {**_point(result, i), "outside_measured_range": beyond.get(name, [])}
-            for i, name in enumerate(prediction.ids)
-        ],
-    }
-    if with_covariance:
-        results["covariance_rows"] = [f"{i}.{a}" for i in prediction.ids for a in prediction.axes]
-        results["covariance_um2"] = matrix(result.covariance / UM**2)
-    return results
+NATURES = {
+    "coefficients": "of what the readings leave open",
+    "passes": "of the drift between passes",
+    "repeatability": "of each visit",
+}
 
 
-def _point(result: PointsResult, i: int) -> dict[str, Any]:
-    prediction = result.prediction
-    place = dict(zip(("x_mm", "y_mm", "z_mm"), map(finite, result.points[i]), strict=True))
-    point: dict[str, Any] = {"id": prediction.ids[i], **place}
-    for j, axis in enumerate(prediction.axes):
-        point |= _axis(result, i * len(prediction.axes) + j, axis)
-    apart: dict[str, Any] = {}
-    for j, axis in enumerate(prediction.axes):
-        variance = float(prediction.independent_variance[i * len(prediction.axes) + j])
-        apart |= _scatter(axis, variance, result.coverage_factor)
-    point["independent"] = apart
-    rows = {axis: i * len(prediction.axes) + j for j, axis in enumerate(prediction.axes)}
-    point["shares"] = {axis: shares_fields(result.shares(row)) for axis, row in rows.items()}
-    if not result.independent:
-        for j, axis in enumerate(prediction.axes):
-            row = i * len(prediction.axes) + j
-            point[f"variance_{axis}_um2"] = {
-                "coefficients": um2(result.split.coefficients[row]),
-                "passes": um2(result.split.passes[row]),
-                "repeatability": um2(result.split.repeatability[row]),
-            }
-    return point
+def point(axes: tuple[str, ...], *, independent: bool = False) -> Fields:
+    """The figures of one feature; of every axis its error with uncertainty."""
+    return (
+        Field(
+            "id", "prediction.ids", "name of the feature", head="feature", show="text", mark=MARK
+        ),
+        *(
+            Field(
+                f"{name}_mm", f"points.{i}", "nominal place; null: not given", head=name, show="mm"
+            )
+            for i, name in enumerate("xyz")
+        ),
+        *(
+            field
+            for j, axis in enumerate(axes)
+            for field in _of_axis(axis, j, len(axes), independent=independent)
+        ),
+        Field(
+            "outside_measured_range",
+            "outside",
+            "components whose measured range the feature leaves",
+            csv="",
+        ),
+    )
 
 
-def _axis(result: PointsResult, row: int, axis: str) -> dict[str, Any]:
-    low, high = result.interval95[row]
-    return {
-        f"E{axis}_um": um(result.prediction.mean[row]),
-        **_scatter(axis, float(result.variance[row]), result.coverage_factor),
-        f"dof_effective_{axis}": finite(result.dof[row]),
-        f"interval95_{axis}_um": [um(low), um(high)],
-    }
+def _of_axis(axis: str, j: int, count: int, *, independent: bool) -> Iterator[Field | Group]:
+    def row(values: Callable[[PointsResult], Any]) -> Callable[[Any], Any]:
+        """What belongs to the feature and the axis; rows are (feature, axis)."""
+        return lambda item: values(item.table)[item.index * count + j]
+
+    u, u_apart = row(lambda result: result.u), row(lambda result: result.independent_u)
+    yield Field(
+        f"E{axis}_um",
+        row(lambda result: result.prediction.mean),
+        f"error along {axis}: actual minus nominal",
+        head=f"E{axis}",
+        u=u,
+        begins=True,
+    )
+    yield Field(f"u_{axis}_um", u, "standard uncertainty of one future part", head="u", u=u)
+    yield Field(f"U_{axis}_um", row(lambda r: r.U), "expanded uncertainty k u", head="U", u=u)
+    yield Field(f"var_{axis}_um2", row(lambda r: r.variance), "variance, u squared")
+    yield Field(
+        f"dof_effective_{axis}",
+        row(lambda result: result.dof),
+        "effective degrees of freedom (Welch-Satterthwaite); null: infinite",
+    )
+    yield Field(
+        f"interval95_{axis}_um",
+        row(lambda result: tuple(result.interval95)),
+        "interval that holds the error of 95 of 100 future parts (Student's t)",
+        head="95 %",
+        show="interval",
+        u=u,
+    )
+    yield Field(
+        f"independent.u_{axis}_um",
+        u_apart,
+        "standard uncertainty with components and points independent (Gilsinn & Ling 2004)",
+        head="u indep.",
+        detail=True,
+    )
+    yield Field(
+        f"independent.var_{axis}_um2",
+        row(lambda result: result.prediction.independent_variance),
+        "its square",
+        csv="",
+    )
+    yield Field(f"independent.U_{axis}_um", row(lambda r: r.independent_U), "k times it", csv="")
+    yield shares(f"shares.{axis}", lambda item: item.table.shares(item.index * count + j))
+    for name, meaning in () if independent else NATURES.items():
+        yield Field(
+            f"variance_{axis}_um2.{name}",
+            row(partial(_of_split, name)),
+            f"variance {meaning}",
+            unit="um2",
+            csv="",
+        )
 
 
-def _scatter(axis: str, variance: float, k: float) -> dict[str, Any]:
-    u = root(variance)
-    return {f"var_{axis}_um2": um2(variance), f"u_{axis}_um": um(u), f"U_{axis}_um": um(k * u)}
+def _of_split(name: str, result: PointsResult) -> FloatArray:
+    values: FloatArray = getattr(result.split, name)
+    return values
 
 
-def warnings(result: PointsResult) -> list[Finding]:
-    """The result's own warnings."""
-    return list(result.warnings)
+def _rows(result: PointsResult) -> list[RowOf]:
+    return rows_of(result, len(result.prediction.ids))
 
 
-def table(result: PointsResult, digits: int = 2) -> list[Sheet]:
-    """One row a feature: position, and E, u, U and 95 % by axis; um, u to `digits`.
+def results(fields: Fields) -> Fields:
+    """The figures of the report, of points with these."""
+    return (
+        Field("axes", "prediction.axes", "axes that the machine has an equation for"),
+        Group("points", fields, _rows, many=True),
+    )
 
-    Three axes leave no room for the ends of the intervals, then half their width is shown; where
-    not even that has room, the axes stand below each other, with the ends.
+
+def _covariance_rows(result: PointsResult) -> list[str]:
+    return [f"{name}.{axis}" for name in result.prediction.ids for axis in result.prediction.axes]
+
+
+COVARIANCE: Fields = (
+    Field("covariance_rows", _covariance_rows, "feature and axis of every row (--covariance)"),
+    Field("covariance_um2", "covariance", "covariance of all errors of one part (--covariance)"),
+)
+ROW = point(("x", "y", "z"))
+RESULTS: Fields = (*results(ROW), *COVARIANCE)
+"""Of a machine with equations for all axes."""
+
+
+def document(
+    result: PointsResult, digits: int = 2, *, grid: bool = False, with_covariance: bool = False
+) -> Document:
+    """One row a feature; of a `grid` the figure shows levels. The covariance between all features
+    and axes only where it is asked for.
     """
-    whole, short = (_sheet(result, digits, ends=ends) for ends in (True, False))
-    sheet = short if short.fits() and not whole.fits() else whole
-    return [sheet, *_shares(result, digits)]
-
-
-def _shares(result: PointsResult, digits: int) -> list[Sheet]:
-    """What u consists of; of many errors of those alone that are known worst."""
-    prediction = result.prediction
-    names = [f"{name}.{axis}" for name in prediction.ids for axis in prediction.axes]
-    rows, more = list(range(len(names))), []
-    if len(rows) > SHOWN_SHARES:
-        # Equal uncertainties in the order of the table, whatever the last digit says.
-        rows.sort(key=lambda row: -float(f"{result.variance[row]:.9g}"))
-        rows = rows[:LARGEST_SHARES]
-        more = [f"the {len(rows)} largest u of {len(names)}; all are in the report (-o FILE)"]
-    items = [
-        (names[row], root(float(result.variance[row])) / UM, result.shares(row)) for row in rows
-    ]
-    return shares_sheets("u", "um", items, digits, more)
-
-
-def _sheet(result: PointsResult, digits: int, *, ends: bool) -> Sheet:
-    """The errors with the `ends` of their 95 % intervals or half the width."""
     axes = result.prediction.axes
-    placed = [a for a in range(3) if np.isfinite(result.points[:, a]).any()]
-    columns = [Column(title="feature\n", text=True, folds=True)]
-    columns += [Column(title=f"{'xyz'[a]}\nmm") for a in placed]
-    for axis in axes:
-        columns.append(Column(title=f"E{axis}\num", begins=True))
-        columns += [Column(title=f"{name}\num") for name in ("u", "U")]
-        columns.append(Column(title="95 %\num" if ends else "95 %\n± um"))
-    rows = []
-    beyond = components_beyond(result.prediction)
-    places = [_places(result.points[:, a]) for a in placed]
-    for i, name in enumerate(result.prediction.ids):
-        cells = [marked(name, [name], beyond), *(column[i] for column in places)]
-        for k in range(len(axes)):
-            cells += _cells(result, i * len(axes) + k, digits, ends=ends)
-        rows.append(cells)
-    notes = [f"U = {result.coverage_factor:g} u; error = actual minus nominal; {_kind(result)}"]
-    if not ends:
-        notes.append("95 %: E ± so much holds 95 of 100 future parts (Student's t)")
-    notes += mark_notes(result.prediction)
-    return Sheet(title="Errors of the features", columns=columns, rows=rows, notes=notes)
+    fields = point(axes, independent=result.independent)
+    rows = _rows(result)
+    kind = "components and points independent" if result.independent else "covariance included"
+    outside = OUTSIDE * bool(result.prediction.outside)
+    table = Table(
+        title="Errors of the features",
+        fields=fields,
+        items=rows,
+        footer=f"U = {result.coverage_factor:g} u; error = actual minus nominal; {kind}{outside}",
+        notes=[
+            "shares of u^2: coefficients are the same for all parts, passes common to the points "
+            "of one part, repeatability of each visit; u indep.: components and points "
+            "independent (Gilsinn & Ling 2004)"
+        ],
+    )
+    return Document(
+        title="Errors of the features",
+        results=(results(fields), result),
+        also=[(COVARIANCE, result)] * with_covariance,
+        tables=[table],
+        figure=lambda: _figure(result, grid=grid),
+        verdict=_verdict(result, digits),
+        digits=digits,
+    )
 
 
-def _places(column: FloatArray) -> list[str]:
-    """Coordinates in mm, with decimals only where the column has any."""
-    whole = bool(np.all(np.isnan(column) | (column == np.round(column))))
-    return [
-        MISSING if np.isnan(value) else fixed(float(value), 0 if whole else 3) for value in column
-    ]
+def _figure(result: PointsResult, *, grid: bool) -> Any:
+    from mtu_cli.reports import points_figure, volume_map
+
+    return volume_map.figure(result) if grid else points_figure.figure(result)
 
 
-def _kind(result: PointsResult) -> str:
-    if result.independent:
-        return "components and points taken as independent (Gilsinn & Ling 2004)"
-    return "covariance of shared passes and coefficients included"
+def _verdict(result: PointsResult, digits: int) -> str:
+    def name(values: FloatArray) -> tuple[int, str]:
+        # Equal figures in the order of the table, whatever the last digit says.
+        row = max(range(len(values)), key=lambda i: float(f"{values[i]:.9g}"))
+        feature, axis = divmod(row, len(result.prediction.axes))
+        return row, f"E{result.prediction.axes[axis]} of {result.prediction.ids[feature]}"
 
-
-def _cells(result: PointsResult, row: int, digits: int, *, ends: bool) -> list[str]:
-    error, u = result.prediction.mean[row] / UM, root(float(result.variance[row])) / UM
-    low, high = result.interval95[row] / UM
-    U = with_u(result.coverage_factor * u, u, digits)[0]
-    last = interval(low, high, u, digits) if ends else with_u((high - low) / 2, u, digits)[0]
-    return [*with_u(error, u, digits), U, last]
-
-
-def csv_rows(result: PointsResult) -> tuple[list[str], Iterable[list[object]]]:
-    """One row a feature, the fields of `results.points` side by side."""
-    axes = result.prediction.axes
-    header = ["id", "x_mm", "y_mm", "z_mm"]
-    for a in axes:
-        header += [f"E{a}_um", f"u_{a}_um", f"U_{a}_um", f"var_{a}_um2", f"dof_effective_{a}"]
-        header += [f"interval95_{a}_low_um", f"interval95_{a}_high_um"]
-        header += [f"independent_u_{a}_um"]
-    points = document(result)["points"]
-    return header, ([_flat(point, column) for column in header] for point in points)
-
-
-def _flat(point: dict[str, Any], column: str) -> object:
-    if column.startswith("independent_"):
-        return point["independent"][column.removeprefix("independent_")]
-    for end, index in (("_low_um", 0), ("_high_um", 1)):
-        if column.endswith(end):
-            return point[column.removesuffix(end) + "_um"][index]
-    return point[column]
+    row, largest = name(abs(result.prediction.mean))
+    error = plus_minus(result.prediction.mean[row] / UM, result.U[row] / UM, digits)
+    worst, least_known = name(result.U)
+    return (
+        f"The largest predicted error is {largest}, {error} um; the largest expanded uncertainty "
+        f"{significant(result.U[worst] / UM, digits)} um, of {least_known}."
+    )

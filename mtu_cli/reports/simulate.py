@@ -1,81 +1,87 @@
-"""Simulated readings, points and drift readings as CSV files of the contract."""
+"""Simulated readings, points and drift readings as CSV files of the contract.
+
+One entry a column: its name, and its cells as texts of the digits that an instrument would show.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from mtu_cli.model.simulate import SimulatedPoints
-from mtu_cli.model.simulate_drift import SimulatedDrift
+from mtu_cli.model.simulate_drift import Sensors, SimulatedDrift
 from mtu_cli.model.simulate_readings import SimulatedReadings
-from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.fields import csv_text
+from mtu_cli.stats.least_squares import FloatArray
 
-DIRECTIONS = {1: "forward", -1: "reverse", 0: ""}
+DIRECTIONS = {1: "forward", -1: "reverse", 0: "forward"}
+FINE = ("um", "nm", "arcsec", "urad", "um/m")
+"""Units of which a thousandth is fine enough; larger ones have seven digits."""
 
 
 def readings_csv(found: SimulatedReadings, heading: str) -> str:
     """A readings file; errors to seven digits."""
     two_way = bool((found.direction != 0).any())
-    header = ["component", "position_mm", "pass", *(["direction"] if two_way else []), "error"]
-    rows: list[Sequence[object]] = []
-    for i, name in enumerate(found.component):
-        sign = int(found.direction[i])
-        direction = [DIRECTIONS[sign] or "forward"] if two_way else []
-        position = f"{found.position[i]:.6g}"
-        error = f"{found.error[i]:.7g}"
-        rows.append([name, position, int(found.pass_number[i]), *direction, error, found.unit[i]])
-    return heading + csv_text([*header, "unit"], rows)
+    columns: dict[str, Iterable[object]] = {
+        "component": found.component,
+        "position_mm": _texts(found.position, "{:.6g}"),
+        "pass": map(int, found.pass_number),
+        "direction": (DIRECTIONS[int(sign)] for sign in found.direction),
+        "error": _texts(found.error, "{:.7g}"),
+        "unit": found.unit,
+    }
+    return heading + _csv({k: v for k, v in columns.items() if two_way or k != "direction"})
 
 
 def points_csv(found: SimulatedPoints, heading: str) -> str:
-    """A points file; coordinates to 1 nm."""
-    header = [
-        "part",
-        "feature",
-        "repeat",
-        *([] if found.operation is None else ["operation"]),
-        *(f"{axis}_mm" for axis in found.axes),
-        *found.covariates,
-    ]
-    rows = [
-        [
-            found.part[i],
-            found.feature[i],
-            int(found.repeat[i]),
-            *([] if found.operation is None else [found.operation]),
-            *(f"{value:.6f}" for value in found.measured[i]),
-            *(_plain(values[i]) for values in found.covariates.values()),
-        ]
-        for i in range(len(found.part))
-    ]
-    return heading + csv_text(header, rows)
+    """A points file; coordinates to 1 nm, covariates to nine digits."""
+    measured = zip(found.axes, found.measured.T, strict=True)
+    columns: dict[str, Iterable[object]] = {
+        "part": found.part,
+        "feature": found.feature,
+        "repeat": map(int, found.repeat),
+        **({} if found.operation is None else {"operation": [found.operation] * len(found.part)}),
+        **{f"{axis}_mm": _texts(values, "{:.6f}") for axis, values in measured},
+        **{name: _texts(values, "{:.9g}") for name, values in found.covariates.items()},
+    }
+    return heading + _csv(columns)
 
 
 def drift_csv(found: SimulatedDrift, heading: str) -> str:
     """A drift file; temperatures to 1 mK, errors to 1 nm or a thousandth of the unit."""
-    header = ["component", "position_mm", "cycle", "time_min", "error", "unit", *found.temperatures]
-    columns = [[f"{value:.3f}" for value in values] for values in found.temperatures.values()]
-    rows = [
-        [
-            name,
-            "" if np.isnan(found.position[i]) else f"{found.position[i]:.6g}",
-            int(found.cycle[i]),
-            f"{found.time[i]:.9g}",
-            _error(found.error[i], found.unit[i]),
-            found.unit[i],
-            *(column[i] for column in columns),
-        ]
-        for i, name in enumerate(found.component)
+    errors = zip(found.error, found.unit, strict=True)
+    columns: dict[str, Iterable[object]] = {
+        "component": found.component,
+        "position_mm": _texts(found.position, "{:.6g}"),
+        "cycle": map(int, found.cycle),
+        "time_min": _texts(found.time, "{:.9g}"),
+        "error": (f"{x:.3f}" if unit in FINE else f"{x:.7g}" for x, unit in errors),
+        "unit": found.unit,
+        **{name: _texts(values, "{:.3f}") for name, values in found.temperatures.items()},
+    }
+    return heading + _sensors_heading(found.sensors) + _csv(columns)
+
+
+def _sensors_heading(sensors: Sensors) -> str:
+    """Comment lines that say how the sensors follow the room."""
+    each = [
+        f"{name} {share:.3f} {lag:.1f}"
+        for name, share, lag in zip(sensors.names, sensors.shares, sensors.lags, strict=True)
     ]
-    return heading + csv_text(header, rows)
+    lines = [", ".join(each[i : i + 4]) for i in range(0, len(each), 4)]
+    return (
+        "# Readings are the drift alone, zeroed at the reference temperature; odd cycles warm up,\n"
+        "# even ones cool down. Sensors, share of the room's rise and lag in min; the shares are\n"
+        "# moved from the drawn ones as little as the drifts of the settled room ask for:\n"
+        + "".join(f"#   {line}\n" for line in lines)
+    )
 
 
-def _error(value: float, unit: str) -> str:
-    """Large units need more places than a thousandth."""
-    return f"{value:.3f}" if unit in ("um", "nm", "arcsec", "urad", "um/m") else f"{value:.7g}"
+def _texts(values: FloatArray, form: str) -> Iterable[str]:
+    """An empty cell where there is no value."""
+    return ("" if np.isnan(value) else form.format(value) for value in values)
 
 
-def _plain(value: float) -> str:
-    """Covariates to nine digits; whole numbers (sequence, directions) without a point."""
-    return f"{value:.9g}"
+def _csv(columns: Mapping[str, Iterable[object]]) -> str:
+    return csv_text(list(columns), zip(*columns.values(), strict=True))

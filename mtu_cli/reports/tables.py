@@ -1,27 +1,28 @@
-"""Tables for people: boxed and coloured on a terminal, aligned plain text in a pipe."""
+"""Tables for people: coloured on a terminal, aligned plain text in a pipe, at most 100 columns.
+
+Columns that have no room beside the others stand below them, behind the names of the rows again,
+as pandas prints a wide frame.
+"""
 
 from __future__ import annotations
 
 import io
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import IO
 
-from rich import box
 from rich.cells import cell_len, chop_cells
 from rich.console import Console, ConsoleOptions, RenderResult
-from rich.measure import Measurement
-from rich.table import Table
 from rich.text import Text
-
-from mtu_cli.reports.table_groups import Extent, Group, groups
 
 WIDTH = 100
 """Columns that a table may take."""
 FOLDED = 12
 """Of these a column that folds can do with."""
+GAPS = (2, 1)
+"""Blanks between two columns, the second where there is no room for the first."""
 JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
 """Pieces of a name, each with the sign that a line may end with."""
 
@@ -30,9 +31,9 @@ JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
 class Column:
     """A column: its heading (a second line for the unit), and whether it holds text.
 
-    A `folds` column may break its cells over lines where the table is too wide. Where it is too
-    wide even then columns stand below each other in groups: behind the text in front of the
-    first number, and whatever else `names` the row, in each; a group rather `begins` here.
+    A `folds` column may break its cells over lines. Where the table is too wide even then, the
+    columns of text in front and what else `names` the row begin every group of columns; a group
+    rather `begins` here than elsewhere. `meaning` is for HTML.
     """
 
     title: str
@@ -40,99 +41,103 @@ class Column:
     folds: bool = False
     names: bool = False
     begins: bool = False
+    meaning: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """A table with a title above and notes below; a cell that ends in `*` is emphasised.
-
-    `widest` bounds the columns taken, on terminals too.
-    """
+    """A table with a title above and notes below; a cell that ends in `*` is emphasised."""
 
     title: str
     columns: Sequence[Column]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = field(default=())
-    widest: int = WIDTH
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield Text(self.title, style="bold")
-        found = groups(self._extents(), min(self.widest, options.max_width))
-        for i, group in enumerate(found):
+        most = min(WIDTH, options.max_width)
+        for i, group in enumerate(self._groups(most)):
             if i > 0:
                 yield Text("")
-            # A terminal too narrow for a name and a number breaks the line itself: rich would cut.
-            width = max(group.width, options.max_width)
-            for line in console.render_lines(
-                self._table(group, boxed=console.is_terminal),
-                options.update(width=width),
-                pad=False,
-                new_lines=True,
-            ):
-                yield from line
+            # A terminal too narrow for a name and a number breaks the line itself.
+            yield from self._lines(group, most, ruled=console.is_terminal)
         for note in self.notes:
             yield Text(note, style="dim", overflow="fold")
 
-    def _table(self, group: Group, *, boxed: bool) -> Table:
-        """A group of the columns; the lines of a box take one blank of the gap."""
-        table = Table(
-            box=box.SIMPLE_HEAD if boxed else None,
-            show_edge=False,
-            pad_edge=False,
-            padding=(0, group.gap - 1 if boxed else group.gap, 0, 0),
-            header_style="bold",
-            collapse_padding=True,
-        )
-        chosen = [self.columns[i] for i in group.columns]
-        for column, width in zip(chosen, group.widths, strict=True):
-            table.add_column(
-                Text(column.title),
-                justify="left" if column.text else "right",
-                no_wrap=not column.folds,
-                overflow="fold",
-                width=width,
-            )
+    def _wanted(self, i: int) -> int:
+        cells = max((cell_len(row[i]) for row in self.rows), default=0)
+        return max(cells, *map(cell_len, self.columns[i].title.split("\n")))
+
+    def _least(self, i: int) -> int:
+        """A heading breaks between its words only."""
+        words = max(map(cell_len, self.columns[i].title.split()), default=0)
+        wanted = self._wanted(i)
+        return min(wanted, max(FOLDED, words)) if self.columns[i].folds else wanted
+
+    def _groups(self, width: int) -> list[list[int]]:
+        """The columns that stand side by side, by their places in the table."""
+        every = range(len(self.columns))
+        front = max(1, next((i for i in every if not self.columns[i].text), 1))
+        names = [i for i in every if i < front or self.columns[i].names]
+        least = [self._least(i) + GAPS[-1] for i in every]
+        room = width + GAPS[-1] - sum(least[i] for i in names)
+        groups: list[list[int]] = []
+        mine: list[int] = []
+        for i in (i for i in every if i not in names):
+            while mine and sum(least[j] for j in [*mine, i]) > room:
+                starts = [n for n, j in enumerate([*mine, i]) if n and self.columns[j].begins]
+                end = starts[-1] if starts else len(mine)
+                groups.append([*names, *mine[:end]])
+                mine = mine[end:]
+            mine.append(i)
+        return [*groups, [*names, *mine]]
+
+    def _widths(self, group: Sequence[int], width: int) -> tuple[list[int], int]:
+        """Columns as wide as they want where that has room, else the widest narrower first; and
+        the gap between them.
+        """
+        wanted = [self._wanted(i) for i in group]
+        for gap in GAPS:
+            if sum(wanted) + gap * (len(group) - 1) <= width:
+                return wanted, gap
+        room = width - GAPS[-1] * (len(group) - 1)
+        least = widths = [self._least(i) for i in group]
+        # From the least up, letter by letter: the narrow have all they want before the wide.
+        for cap in range(min(least), width + 1):
+            wider = [min(w, max(n, cap)) for w, n in zip(wanted, least, strict=True)]
+            if sum(wider) > room:
+                break
+            widths = wider
+        return widths, GAPS[-1]
+
+    def _lines(self, group: Sequence[int], width: int, *, ruled: bool) -> Iterator[Text]:
+        widths, gap = self._widths(group, width)
+        columns = [self.columns[i] for i in group]
+
+        def aligned(cells: Sequence[Sequence[str]], styles: Sequence[str]) -> Iterator[Text]:
+            for n in range(max(map(len, cells))):
+                line = Text(no_wrap=True, overflow="ignore")
+                for i, (column, room) in enumerate(zip(columns, widths, strict=True)):
+                    text = cells[i][n] if n < len(cells[i]) else ""
+                    blank = " " * max(room - cell_len(text), 0)
+                    line.append(" " * gap if i else "")
+                    line.append(text + blank if column.text else blank + text, styles[i])
+                line.rstrip()
+                yield line
+
+        heads = [
+            [line for part in column.title.split("\n") for line in broken(part, room)]
+            for column, room in zip(columns, widths, strict=True)
+        ]
+        yield from aligned(heads, ["bold"] * len(group))
+        if ruled:
+            yield Text("\N{BOX DRAWINGS LIGHT HORIZONTAL}" * (sum(widths) + gap * len(group) - gap))
         for row in self.rows:
-            cells = [row[i] for i in group.columns]
-            table.add_row(
-                *[
-                    Name(value) if column.folds else _cell(value)
-                    for value, column in zip(cells, chosen, strict=True)
-                ]
-            )
-        return table
-
-    def fits(self) -> bool:
-        """Whether all columns stand side by side; one that folds then does so."""
-        first, *others = groups(self._extents(), self.widest)
-        return not others and first.width <= self.widest
-
-    def _extents(self) -> list[Extent]:
-        """Widths of heading and cells; a heading breaks between its words only."""
-        front = max(1, next((i for i, c in enumerate(self.columns) if not c.text), 1))
-        found = []
-        for i, column in enumerate(self.columns):
-            cells = max((cell_len(row[i]) for row in self.rows), default=0)
-            wanted = max([cells, *map(cell_len, column.title.split("\n"))])
-            words = max(map(cell_len, column.title.split()), default=0)
-            least = min(wanted, max(FOLDED, words)) if column.folds else wanted
-            names = column.names or i < front
-            found.append(Extent(wanted=wanted, least=least, names=names, begins=column.begins))
-        return found
-
-
-@dataclass(frozen=True, slots=True)
-class Name:
-    """A cell that breaks where a name has its joints: after a blank, `_`, `-` or `/`."""
-
-    text: str
-
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        yield _cell("\n".join(broken(self.text, options.max_width)))
-
-    def __rich_measure__(self, console: Console, options: ConsoleOptions) -> Measurement:
-        pieces = [cell_len(piece.rstrip()) for piece in JOINTS.findall(self.text)]
-        return Measurement(max(pieces, default=0), cell_len(self.text))
+            cells = [
+                broken(row[i], room) if self.columns[i].folds else [row[i]]
+                for i, room in zip(group, widths, strict=True)
+            ]
+            yield from aligned(cells, ["bold" if row[i].endswith("*") else "" for i in group])
 
 
 def broken(name: str, width: int) -> list[str]:
@@ -146,10 +151,6 @@ def broken(name: str, width: int) -> list[str]:
         else:
             lines += chop_cells(piece, max(width, 1))
     return [line.rstrip() for line in lines if line] or [""]
-
-
-def _cell(value: str) -> Text:
-    return Text(value, style="bold" if value.endswith("*") else "")
 
 
 def console(file: IO[str] | None = None) -> Console:

@@ -8,7 +8,9 @@ import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.findings import error
-from mtu_cli.reports.figures import INK, blank, styled
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.reports import figures
+from mtu_cli.reports.labels import spread
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
@@ -18,10 +20,10 @@ if TYPE_CHECKING:
 MOST_LEVELS = 3
 PANEL = (3.3, 2.7)
 DARKEST = 0.6
-"""Share of the colour map that is used: lines and numbers are lost on what is darker."""
+"""Share of the colour map that is used."""
 
 
-@styled
+@figures.styled
 def figure(result: PointsResult) -> Figure:
     """U of every axis as colour with its values, and the error as contour lines.
 
@@ -30,32 +32,27 @@ def figure(result: PointsResult) -> Figure:
     Raises InputError for a grid that is no plane.
     """
     across, up, level = _roles(result.points)
-    levels = _levels(result.points[:, level])
+    places = np.unique(result.points[:, level])
+    levels = [float(places[i]) for i in spread(len(places), MOST_LEVELS)]
     axes = result.prediction.axes
-    page = blank(PANEL[0] * len(levels) + 0.9, PANEL[1] * len(axes) + 0.3)
+    page = figures.blank(PANEL[0] * len(levels) + 1.6, PANEL[1] * len(axes) + 0.4)
     panels: Any = page.subplots(len(axes), len(levels), squeeze=False, sharex=True, sharey=True)
-    for j, axis in enumerate(axes):
+    for row, axis in zip(panels, axes, strict=True):
         U = result.of_axis(result.U, axis) / UM
         E = result.of_axis(result.prediction.mean, axis) / UM
-        low, high = float(U.min()), float(U.max())
-        high = high if high > low else low + 1e-9
-        for c, value in enumerate(levels):
+        limits = float(U.min()), max(float(U.max()), float(U.min()) + 1e-9)
+        for panel, value in zip(row, levels, strict=True):
             inside = np.isclose(result.points[:, level], value, equal_nan=True)
-            drawn = _panel(
-                panels[j][c], result.points[inside][:, [across, up]], U[inside], E[inside],
-                (low, high),
-            )  # fmt: skip
-            title = "" if np.isnan(value) else f" at {'xyz'[level]} = {value:g} mm"
-            panels[j][c].set_title(f"E{axis}{title}")
-        page.colorbar(drawn, ax=list(panels[j]), label=f"U of E{axis}, um", shrink=0.9)
-        panels[j][0].set_ylabel(f"{'xyz'[up]}, mm")
+            at = result.points[inside][:, [across, up]]
+            colours = _panel(panel, at, U[inside], E[inside], limits)
+            where = "" if np.isnan(value) else f" at {AXES[level]} = {value:g} mm"
+            panel.set_title(f"E{axis}{where}")
+        page.colorbar(colours, ax=list(row), label=f"U of E{axis}, um", shrink=0.9)
+        row[0].set_ylabel(f"{AXES[up]}, mm")
     for panel in panels[-1]:
-        panel.set_xlabel(f"{'xyz'[across]}, mm")
-    page.suptitle(
-        f"Colour: U = {result.coverage_factor:g} u; lines: error (actual minus nominal), um",
-        fontsize=9,
-        color=INK,
-    )
+        panel.set_xlabel(f"{AXES[across]}, mm")
+    lines = "Predicted error (lines, um)" + (", actual minus nominal," if len(levels) > 1 else "")
+    figures.title(page, f"{lines} and U = {result.coverage_factor:g} u (colour)")
     return page
 
 
@@ -63,47 +60,36 @@ def _roles(points: FloatArray) -> tuple[int, int, int]:
     """(across, up, level): the two axes with the most places in their order, and the third."""
     counts = [len(np.unique(points[:, a][np.isfinite(points[:, a])])) for a in range(3)]
     if sorted(counts)[1] < 2:
-        used = [axis for axis, count in zip("xyz", counts, strict=True) if count]
-        places = [f"{axis} {counts['xyz'.index(axis)]}" for axis in used]
+        places = [f"{axis} {n}" for axis, n in zip(AXES, counts, strict=True) if n]
         raise error(
-            "grid-without-map",
+            "not-applicable",
+            reason="no map can be drawn of this grid",
             value=", ".join(places) or "no axis in the equations",
             expected="two axes of the equations with two places or more",
         )
-    level = int(np.argmin(counts[::-1]))
-    level = 2 - level
+    level = 2 - int(np.argmin(counts[::-1]))
     across, up = (a for a in range(3) if a != level)
     return across, up, level
-
-
-def _levels(column: FloatArray) -> list[float]:
-    """Lowest, middle and highest of the levels."""
-    values = np.unique(column)
-    if len(values) > MOST_LEVELS:
-        values = values[[0, len(values) // 2, -1]]
-    return [float(value) for value in values]
 
 
 def _panel(
     panel: Any, places: FloatArray, U: FloatArray, E: FloatArray, limits: tuple[float, float]
 ) -> Any:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
     x, y = np.unique(places[:, 0]), np.unique(places[:, 1])
     order = np.lexsort((places[:, 0], places[:, 1]))
     grid, error = U[order].reshape(len(y), len(x)), E[order].reshape(len(y), len(x))
+    # Lines and numbers are lost on the darkest colours.
+    light = ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))
     drawn = panel.pcolormesh(
-        x, y, grid, shading="gouraud", cmap=_colours(), vmin=limits[0], vmax=limits[1]
+        x, y, grid, shading="gouraud", cmap=light, vmin=limits[0], vmax=limits[1]
     )
     if np.ptp(error) > 0:
-        lines = panel.contour(x, y, error, levels=6, colors=INK, linewidths=0.7)
+        lines = panel.contour(x, y, error, levels=6, colors=figures.INK, linewidths=0.7)
         panel.clabel(lines, fontsize=7, fmt="%g")
     panel.set_xlim(x[0], x[-1])
     panel.set_ylim(y[0], y[-1])
     panel.grid(visible=False)
     return drawn
-
-
-def _colours() -> Any:
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))

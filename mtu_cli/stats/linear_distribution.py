@@ -68,7 +68,7 @@ class LinearDistribution:
 
 
 def linear_distribution(terms: Sequence[Term]) -> LinearDistribution | None:
-    """The distribution of the sum of independent `terms`; None where it cannot be had.
+    """The distribution of the sum of independent `terms`; None where it is undefined.
 
     That is where a term is Student's t with fewer than 3 degrees of freedom, nothing varies, or
     the sum has corners that its series does not follow, as an arcsine distribution with little

@@ -70,64 +70,97 @@ def display_u(values: FloatArray) -> float:
 
 DISPLAYED = 10_000
 """Values that are enough to see what all were rounded to."""
+SAMPLED = 100_000
+"""Values that are enough for a median and a deviation to half a percent."""
 OUTLYING_P = 1e-4
 """Chance that any value of a sound normal sample is beyond the limit of `outlying`."""
+FACTOR = 2.0
+"""Outliers are so many times farther off than all that are none."""
 MAD_EFFICIENCY = 0.37
 """Of a median absolute deviation as a deviation of normal values (Rousseeuw & Croux,
 J. Am. Stat. Assoc. 88 (1993) 1273): so many of its degrees of freedom count."""
 
 
-def outlying(
-    values: FloatArray,
-    groups: IntArray,
-    *,
-    fitted: int = 0,
-    factor: float = 2.0,
-    floor: float = 0.0,
-) -> tuple[BoolArray, float]:
-    """Outliers among values (n,) that are alike within their `groups` (n,), and the deviation s.
+def medians(table: FloatArray, axis: int) -> FloatArray:
+    """Medians of the finite values of a table along an axis, which stays; nan where none is.
 
-    r is the distance from the median of the group, s = 1.4826 median |r| / sqrt(1 - g/n) of
-    groups that have three values or more, g of them and of parameters `fitted` before, at least
-    `floor` and what the display tells. An outlier is beyond GROSS s, beyond s times Student's t at
-    OUTLYING_P/n (Bonferroni), and beyond `factor` times the farthest of the rest: no tail of a
-    distribution, nor the turn of a curve. More than a fifth are none.
+    >>> medians(np.array([[1.0, np.nan], [2.0, 5.0], [4.0, 7.0]]), 0).tolist()
+    [[2.0, 6.0]]
+    """
+    count = np.isfinite(table).sum(axis=axis, keepdims=True)
+    if (count == table.shape[axis]).all():
+        return np.asarray(np.median(table, axis=axis, keepdims=True))
+    ordered = np.sort(table, axis=axis)  # nan last
+    low = np.take_along_axis(ordered, np.maximum(count - 1, 0) // 2, axis)
+    high = np.take_along_axis(ordered, np.minimum(count // 2, table.shape[axis] - 1), axis)
+    return np.asarray((low + high) / 2)
+
+
+def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
+    """A table (rows, columns) less the medians of its columns, of its rows, and of its columns
+    again (the median polish of Tukey, 1977); of rows at `x` (columns,) also less their slope, the
+    median of those of all pairs (Theil 1950, Sen 1968), as a slip must not turn it.
+
+    Rows of FEWEST values or fewer keep their level.
+    """
+    left = table - medians(table, 0)
+    if x is not None:
+        i, j = np.triu_indices(len(x), 1)
+        i, j = i[x[j] > x[i]], j[x[j] > x[i]]
+        left = left - medians((left[:, j] - left[:, i]) / (x[j] - x[i]), 1) * (x - np.median(x))
+    several = np.isfinite(table).sum(axis=1, keepdims=True) > FEWEST
+    left = left - np.where(several, medians(left, 1), 0.0)
+    found: FloatArray = left - medians(left, 0)
+    return found
+
+
+def outlying(values: FloatArray, fitted: int = 0) -> tuple[BoolArray, float]:
+    """Outliers among values of any shape that are one sample, and its deviation s; nan is none.
+
+    r is the distance from the median, s = 1.4826 median r / sqrt(1 - g/n) of n values and g
+    parameters, this median and those `fitted` before, and no less than the display hides. An
+    outlier is beyond GROSS s, beyond s times Student's t at OUTLYING_P/n (Bonferroni), and beyond
+    FACTOR times the farthest of the rest: no tail of a distribution, nor the turn of a curve. More
+    than a fifth are none.
 
     >>> values = np.append(np.sin(np.arange(30.0)), 40.0)
-    >>> mask, s = outlying(values, np.zeros(31, int))
+    >>> mask, s = outlying(values)
     >>> mask.nonzero()[0].tolist(), round(s, 2)
     ([30], 1.05)
     """
     from scipy.special import stdtrit
 
-    found = np.zeros(len(values), bool)
-    group = numbered(groups)
-    counts = np.bincount(group)
-    usable = (counts >= FEWEST)[group] & np.isfinite(values)
-    n, taken = int(usable.sum()), int((counts >= FEWEST).sum()) + fitted
-    if n - taken < FEWEST:
+    found = np.zeros(values.shape, bool)
+    usable = np.isfinite(values)
+    known = values[usable]
+    n, dof = len(known), len(known) - fitted - 1
+    if dof < FEWEST:
         return found, 0.0
-    rest = np.abs(values - group_medians(values, group))[usable]
-    s = NORMAL_MAD * float(np.median(rest)) / math.sqrt(max(1 - taken / n, LEAST_DOF))
-    s = max(s, floor, display_u(values[usable][:DISPLAYED]))
-    dof = max(MAD_EFFICIENCY * (n - taken), 1.0)
-    limit = max(GROSS, -float(stdtrit(dof, OUTLYING_P / (2 * n)))) * s
-    order = np.sort(rest)
+    middle = np.median(known[:: n // SAMPLED + 1])
+    rest = np.abs(known - middle)
+    s = NORMAL_MAD * float(np.median(rest[:: n // SAMPLED + 1]))
+    s = s / math.sqrt(max(dof / n, LEAST_DOF))
+    s = max(s, display_u(known[:DISPLAYED]))
+    t = -float(stdtrit(max(MAD_EFFICIENCY * dof, 1.0), OUTLYING_P / (2 * n)))
+    beyond = rest > max(GROSS, t) * s
+    far = np.sort(rest[beyond])
     # The outermost gap that is wide enough parts the outliers from the rest.
-    first = np.arange(max(math.ceil((1 - MOST) * n), 1), n)
-    wide = (order[first] > limit) & (order[first] > factor * order[first - 1])
+    wide = far > FACTOR * np.append(rest[~beyond].max(initial=0.0), far[:-1])[: len(far)]
+    wide[: max(len(far) - int(MOST * n), 0)] = False
     if wide.any():
-        found[usable] = rest >= order[first[wide][0]]
+        found[usable] = rest >= far[wide][0]
     return found, s
 
 
-def spikes(values: FloatArray) -> tuple[BoolArray, float]:
-    """Outliers among evenly taken values (n,) of a curve, and the deviation s, as `outlying`.
+def spikes(values: FloatArray, least: float = 0.0) -> tuple[BoolArray, float]:
+    """Outliers among evenly taken values (n,) of a curve that are off by `least` or more, and the
+    deviation s, as `outlying`.
 
     A value is compared with the lines through the two before, the two after and those on both
     sides, and its smallest deviation counts: beside a kink one of them is sound. Those that are
     off farthest are taken out and the rest is judged again, as spikes hide beside each other; s
-    is that of deviations from the mean of both neighbours. The ends are not judged.
+    is that of deviations from the mean of both neighbours. The ends are not judged;
+    nan is skipped.
 
     >>> curve = np.exp(-np.arange(20.0) / 5) + 0.01 * np.cos(np.arange(20.0) ** 2)
     >>> curve[7] += 3
@@ -136,14 +169,14 @@ def spikes(values: FloatArray) -> tuple[BoolArray, float]:
     """
     from scipy.special import stdtrit
 
-    found, s = np.zeros(len(values), bool), 0.0
-    while len(rest := np.flatnonzero(~found)) >= 2 * FEWEST:
+    found, s, usable = np.zeros(len(values), bool), 0.0, np.isfinite(values)
+    while len(rest := np.flatnonzero(usable & ~found)) >= 2 * FEWEST:
         away, scatter = _off_neighbours(values[rest])
         known = scatter[np.isfinite(scatter)]
         s = max(NORMAL_MAD * float(np.median(np.abs(known))), display_u(values[rest]))
         dof = max(MAD_EFFICIENCY * len(known), 1.0)
         limit = max(GROSS, -float(stdtrit(dof, OUTLYING_P / (2 * len(known)))))
-        off = np.where(away > limit * s, away, 0.0)
+        off = np.where(away > max(limit * s, least), away, 0.0)
         padded = np.pad(off, 2)
         top = np.max([padded[i : i + len(off)] for i in range(5)], axis=0)
         worst = (off > 0) & (off == top)
@@ -166,29 +199,3 @@ def _off_neighbours(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     judged = np.isfinite(off).sum(axis=0) >= 2
     away = np.where(judged, np.min(np.where(np.isnan(off), np.inf, off), axis=0), 0.0)
     return away, both
-
-
-def numbered(groups: IntArray) -> IntArray:
-    """Groups (n,) of whole numbers as 0, 1, ... in the order of these.
-
-    >>> numbered(np.array([7, 3, 7])).tolist()
-    [1, 0, 1]
-    """
-    if not len(groups) or groups.min() < 0 or groups.max() > 4 * len(groups):
-        return np.unique(groups, return_inverse=True)[1].reshape(-1).astype(np.int64)
-    seen = np.bincount(groups) > 0
-    found: IntArray = (np.cumsum(seen) - 1)[groups]
-    return found
-
-
-def group_medians(values: FloatArray, group: IntArray) -> FloatArray:
-    """The median (n,) of the group of each value; `group` (n,) counts from 0."""
-    order = np.argsort(values)
-    # Small numbers are sorted by counting them, several times quicker.
-    small = group.astype(np.uint16) if len(group) and group.max() < 1 << 16 else group
-    order = order[np.argsort(small[order], kind="stable")]
-    counts = np.bincount(group)
-    starts = np.cumsum(counts) - counts
-    low, high = starts + (counts - 1) // 2, starts + counts // 2
-    found: FloatArray = ((values[order[low]] + values[order[high]]) / 2)[group]
-    return found

@@ -140,10 +140,10 @@ class BlockRunner:
         if np.any(not_finite):
             raise InputError(
                 finding(
-                    "trials-not-finite",
+                    "no-finite-value",
                     output=name,
-                    count=int(bad),
-                    trials=self.trials,
+                    what=repr(name),
+                    where=f" in {bad} of the first {self.trials} Monte Carlo trials",
                     expected="a model that is defined for all values its inputs may take",
                 )
                 for name, bad in zip(self._model.names, not_finite, strict=True)

@@ -23,7 +23,7 @@ def scatter_p(
     predicted_dof: float,
     least: FloatArray,
 ) -> tuple[float, float]:
-    """p of `column-variance` and `part-variance` (1 where they cannot be had) of y (N,).
+    """p of `column-variance` and `part-variance` (1 where they are undefined) of y (N,).
 
     Tested is that single columns, or parts, have effects of their own that scatter more than
     `LARGEST` times what one entry does: less than that is ordinary (fixed errors of single

@@ -31,19 +31,22 @@ def only(table: Points, datum: Datum = "none") -> Finding:
 
 
 UNITS = [
-    (lambda xyz: xyz / 25.4, "inches"),
-    (lambda xyz: xyz / [25.4, 1, 1], "x alone in inches"),
-    (lambda xyz: xyz / [1, 25.4, 1], "y alone in inches"),
-    (lambda xyz: xyz * [1000, 1, 1], "x alone in um"),
-    (lambda xyz: xyz * 1000, "um"),
-    (lambda xyz: xyz / 1000, "metres"),
+    (lambda xyz: xyz / 25.4, "x and y in inches"),
+    (lambda xyz: xyz / [25.4, 1, 1], "x in inches"),
+    (lambda xyz: xyz / [1, 25.4, 1], "y in inches"),
+    (lambda xyz: xyz * [1000, 1, 1], "x in um"),
+    (lambda xyz: xyz * 1000, "x and y in um"),
+    (lambda xyz: xyz / 1000, "x and y in metres"),
 ]
 OTHERS = [
     (lambda xyz: xyz[:, [1, 0, 2]], "x and y swapped"),
-    (lambda xyz: -xyz, "the sign of x and y the other way round"),
-    (lambda xyz: xyz * [-1, 1, 1], "the sign of x the other way round"),
-    (lambda xyz: xyz * [1, -1, 1], "the sign of y the other way round"),
-    (lambda xyz: xyz + np.array([3.0, -70.0, 0.0]), "another origin, off by"),
+    (lambda xyz: -xyz, "x and y with the other sign"),
+    (lambda xyz: xyz * [-1, 1, 1], "x with the other sign"),
+    (lambda xyz: xyz * [1, -1, 1], "y with the other sign"),
+    (
+        lambda xyz: xyz + np.array([3.0, -70.0, 0.0]),
+        "x from an origin 3 mm off, y from an origin -70 mm off",
+    ),
     (lambda xyz: xyz**2, "no unit, sign, order or origin"),
 ]
 Change = Callable[[np.ndarray], np.ndarray]
@@ -51,6 +54,13 @@ Change = Callable[[np.ndarray], np.ndarray]
 
 def test_a_sound_study_is_not_suspected() -> None:
     assert found_of(study(21, 2, 3)) == []
+
+
+def test_names_alike_are_those_of_the_later_name() -> None:
+    table = study(6, 2, 3)
+    finding = only(replace(table, parts=("a", "B", "A ", *table.parts[3:])))
+    assert (finding.code, finding.column) == ("alike", "part")
+    assert finding.row == table.row[np.flatnonzero(table.part == 2)[0]]
 
 
 @pytest.mark.parametrize(("change", "words"), UNITS)
@@ -77,7 +87,7 @@ def test_some_parts_are_named_with_their_rows(change: Change, words: str) -> Non
     wrong = np.where(own[:, None], change(sound.measured), sound.measured)
     finding = only(with_measured(sound, wrong))
     assert (finding.code, finding.severity) == ("far-from-nominal", "warning")
-    assert finding.facts["what"] == "parts 'P2', 'P4'"
+    assert finding.facts["what"] == "part 'P2', 'P4'"
     assert finding.facts["looks"].startswith(words)
     assert finding.facts["rows"] == tuple(sound.row[own].tolist())
 
@@ -115,7 +125,7 @@ def test_a_feature_off_in_every_part_is_a_nominal_mistyped() -> None:
     measured = sound.measured.copy()
     measured[sound.feature == 1, 1] += 10.0
     finding = only(with_measured(sound, measured))
-    assert finding.facts["what"] == f"feature {sound.features[1]!r} in every part"
+    assert finding.facts["what"] == f"the nominal place of {sound.features[1]!r}"
     assert finding.facts["off"] == pytest.approx(10.0, abs=0.1)
 
 
@@ -129,7 +139,7 @@ def test_a_moved_nominal() -> None:
 
 def test_names_that_look_alike() -> None:
     alike = replace(study(3, 1, 1), parts=("sn001", "SN001", "sn 002"), features=("a", "A ", "c"))
-    found = [each for each in found_of(alike) if each.code == "names-alike"]
+    found = [each for each in found_of(alike) if each.code == "alike"]
     assert [each.column for each in found] == ["part", "feature"]
     assert found[0].facts["names"] == ["'sn001' and 'SN001'"]
 
@@ -140,7 +150,7 @@ def test_a_single_reading_off_the_other_parts() -> None:
     measured = sound.measured.copy()
     measured[5, 1] += 30 * scatter
     finding = only(with_measured(sound, measured))
-    assert (finding.code, finding.row, finding.column) == ("outlying-point", 7, "y_mm")
+    assert (finding.code, finding.row, finding.column) == ("outlying-value", 7, "y_mm")
     assert finding.facts["off"] == pytest.approx(30e3 * scatter, rel=0.2)
 
 
@@ -159,7 +169,7 @@ def test_a_repeat_off_the_other_within_the_scatter_of_the_parts() -> None:
     measured = sound.measured.copy()
     measured[11, 0] += 0.01
     finding = only(with_measured(sound, measured))
-    assert (finding.code, finding.facts["beside"]) == ("outlying-point", "its other repeats")
+    assert (finding.code, finding.facts["beside"]) == ("outlying-value", "its other repeats")
     assert finding.row in (12, 13)
 
 
@@ -173,7 +183,7 @@ def test_a_part_under_two_names_is_a_copy_in_whatever_order() -> None:
     shuffled = replace(copied, **{name: getattr(copied, name)[order] for name in names})
     for table in (copied, shuffled):
         finding = only(table)
-        assert finding.code == "copied-points"
+        assert finding.code == "copied-values"
         assert finding.facts["names"] in (["part 'P4' as part 'P1'"], ["part 'P1' as part 'P4'"])
     measured[np.flatnonzero(sound.part == 4), 0] += 1e-5
     assert found_of(with_measured(sound, measured)) == []
@@ -190,7 +200,7 @@ def test_a_repeat_pasted_again_is_a_copy() -> None:
 def test_perfect_parts_to_a_coarse_digit_are_no_copies() -> None:
     """Each axis is on its nominal; that parts agree is no more than that."""
     rows = [(f"P{p}", name, 1, 0.0, 0.0) for p in range(3) for name in PLACES]
-    assert codes(points(rows)) == ["on-nominal"] * 2
+    assert codes(points(rows)) == ["copied-values"] * 2
 
 
 @pytest.mark.parametrize(
@@ -215,7 +225,7 @@ def test_sound_parts_of_a_coarse_digit_are_rarely_copies(
                     noise = rng.normal(scale=scatter / 10, size=2)
                     rows.append((f"P{p}", name, repeat, *(hole + noise)))
         fine = points(rows)
-        alarms += "copied-points" in codes(with_measured(fine, np.round(fine.measured, digits)))
+        alarms += "copied-values" in codes(with_measured(fine, np.round(fine.measured, digits)))
     assert alarms <= 2, alarms
 
 
@@ -224,7 +234,7 @@ def test_a_part_of_the_drawing_among_others() -> None:
     own = (sound.part == 2)[:, None]
     drawn = with_measured(sound, np.where(own, sound.nominal, sound.measured))
     finding = only(drawn)
-    assert (finding.code, finding.facts["what"]) == ("on-nominal", "part 'P2'")
+    assert (finding.code, finding.facts["names"]) == ("copied-values", ["part 'P2' as the drawing"])
 
 
 def test_implausible_sizes_of_a_part(tmp_path: Path) -> None:
@@ -238,7 +248,7 @@ lengths:
     data = checks.DocumentData(load_part(path), {"x": (0.0, 10.0)})
     found = checks.run("part", data)
     assert [(each.code, each.line, each.path) for each in found] == [
-        ("features-alike", 3, "features.c"),
+        ("alike", 3, "features.c"),
         ("position-beyond-travel", 3, "features.a.x_mm"),
         ("implausible-size", 5, "lengths.0.tolerance_um"),
     ]

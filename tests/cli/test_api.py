@@ -44,6 +44,13 @@ def test_what_was_read_takes_the_place_of_its_file() -> None:
     assert parts == mtu_cli.anova(UNDECLARED, datum="offset").to_dict()
 
 
+def test_names_of_files_are_texts_or_paths() -> None:
+    names = {key: UNDECLARED / f"{key}.yaml" for key in ("machine", "part")}
+    texts = {key: str(path) for key, path in names.items()}
+    of_texts = mtu_cli.anova(**texts, cmm=str(CMM))
+    assert of_texts.to_dict() == mtu_cli.anova(**names, cmm=CMM).to_dict()
+
+
 def test_check_warns_of_what_looks_wrong(tmp_path: Path) -> None:
     assert mtu_cli.check(UNDECLARED) == []
     table = pd.read_csv(CMM, comment="#")
@@ -62,8 +69,11 @@ def test_faults_are_raised() -> None:
         mtu_cli.read_machine("nowhere.yaml")
     with pytest.raises(TypeError, match="lengths has no option sead"):
         mtu_cli.lengths(UNDECLARED, sead=1)
+    for name in ("out", "csv", "plot", "report", "detail", "quiet"):
+        with pytest.raises(TypeError, match=f"lengths has no option {name}"):
+            mtu_cli.lengths(UNDECLARED, **{name: "x"})
     with pytest.raises(TypeError, match="lengths takes no int"):
         mtu_cli.lengths(5)
     with pytest.raises(AttributeError):
         _ = mtu_cli.no_such_command
-    assert [name for name in api.COMMANDS if not api.function_of(name).__doc__] == []
+    assert [name for name in api.FUNCTIONS if not api.function_of(name).__doc__] == []

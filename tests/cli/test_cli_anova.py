@@ -76,7 +76,7 @@ def test_an_unusual_part_meets_the_gate(measured: Path, tmp_path: Path) -> None:
     found = mtu("anova", "--cmm", write(tmp_path / "cmm.csv", rows), "-p", PART, "--fail-if",
                 "unusual")  # fmt: skip
     assert found.returncode == 3
-    assert "Part 9 stands out" in found.stdout
+    assert "Outlying parts: 9." in found.stdout
     assert found.stderr.endswith("mtu: gate unusual: outliers among the parts: 9\n")
 
 
@@ -91,7 +91,7 @@ def test_a_datum_takes_the_set_up_out(measured: Path, tmp_path: Path) -> None:
     assert [total["mean_error_um"] for total in report["totals"]] == pytest.approx([0, 0], abs=1e-9)
     wrong = mtu("anova", "--cmm", measured, "-p", PART, "--datum", "offset,rotatoin")
     assert wrong.returncode == 2
-    assert "unknown datum: 'offset,rotatoin'; did you mean 'offset,rotation'?" in wrong.stderr
+    assert "--datum: out of range: 'offset,rotatoin'; expected 'none', 'offset' or" in wrong.stderr
 
 
 def test_a_copied_file_is_noticed(measured: Path, tmp_path: Path) -> None:
@@ -99,8 +99,8 @@ def test_a_copied_file_is_noticed(measured: Path, tmp_path: Path) -> None:
     rows = [{k: v for k, v in row.items() if k != "repeat"} for row in rows_of(measured)]
     found = mtu("anova", "--cmm", measured, "--cmm", write(tmp_path / "copy.csv", rows), "-p", PART)
     assert found.returncode == 0, found.stderr
-    assert "[copied-points]" in found.stderr
-    assert "[copied-points]" not in mtu("anova", "--cmm", measured, "-p", PART).stderr
+    assert "[copied-values]" in found.stderr
+    assert "[copied-values]" not in mtu("anova", "--cmm", measured, "-p", PART).stderr
 
 
 def test_a_study_names_its_files(measured: Path, tmp_path: Path) -> None:
@@ -120,7 +120,9 @@ def test_a_study_names_its_files(measured: Path, tmp_path: Path) -> None:
 def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_path: Path) -> None:
     one = mtu("anova", "--cmm", measured)
     assert one.returncode == 2
-    assert "row 4, column 'feature': no nominal place is known of 1, 2, 3 and 21 more" in one.stderr
+    assert (
+        "row 4, column 'feature': the nominal place of 1, 2, 3 and 21 more is missing" in one.stderr
+    )
     plate = tmp_path / "plate.csv"
     plate.write_text(
         "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,diameter_mm\n"
@@ -128,7 +130,7 @@ def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_
     )
     found = mtu("anova", "--cmm", plate, "-o", tmp_path / "o.json", "--plot", tmp_path / "o.svg")
     assert found.returncode == 0, found.stderr
-    assert "[one-part]" in found.stderr
+    assert "[few-parts]" in found.stderr
     entry = results(tmp_path / "o.json")["features"][0]
     assert entry["mean_error_um"] == pytest.approx(4)
     assert entry["F"] is None
@@ -166,7 +168,7 @@ def faulty(rows: Rows, kind: str) -> Rows:
     ("kind", "code", "words"),
     [
         ("unknown feature", 2, "row 5, column 'feature': unknown feature: '77'"),
-        ("copied part", 0, "part 'twin' as part '5' (rows 1298 to 1345) [copied-points]"),
+        ("copied part", 0, "part 'twin' as part '5' (rows 1298 to 1345) [copied-values]"),
         (
             "doubled repeat",
             2,
@@ -197,7 +199,7 @@ def test_bad_input(measured: Path, tmp_path: Path, kind: str, code: int, words: 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ((), "no cmm file is given"),
+        ((), "the cmm file is missing"),
         (("--cmm", "CMM", "-p", PART, "--method", "rem"), "unknown method: 'rem'; did you mean"),
         (("--cmm", "CMM", "-p", PART, "--fail-if", "biased"), "unknown gate: 'biased'"),
     ],

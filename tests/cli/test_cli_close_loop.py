@@ -174,7 +174,7 @@ def test_other_commands_take_the_extended_machine(first: Run) -> None:
             assert new["Ey_um"] == old["Ey_um"]
             assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(effect["u"] ** 2, rel=1e-6)
     message = done(mtu(*call, "-m", first.machine), 2).stderr
-    assert "needs dir_x; expected --at dir_x=VALUE" in message
+    assert "is missing; expected --at dir_x=VALUE" in message
 
 
 def test_without_the_block_the_old_machine_is_back(first: Run, tmp_path: Path) -> None:

@@ -194,8 +194,8 @@ def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("every", "words", "named"),
     [
-        (50, "T_spindle_degC: 31 of 1512 rows left out", True),
-        (10, "T_spindle_degC (152 of 1512 rows): no effect of such a column can be tested", False),
+        (50, "T_spindle_degC): 31 of 1512 rows left out", True),
+        (10, "T_spindle_degC (152 of 1512 rows)): no effect of such a column can be tested", False),
     ],
 )
 def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Path) -> None:
@@ -207,8 +207,8 @@ def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Pa
         row[column] = ""
     (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
     result = done(mtu("close-loop", *args, cwd=tmp_path))
-    assert f"empty cells in {words}" in result.stderr
-    assert result.stderr.count("[covariate-gaps]") == 1
+    assert f"cells missing ({words}" in result.stderr
+    assert result.stderr.count("[missing-values]") == 1
     assert ("thermal-drift-x" in result.stdout) is named
 
 

@@ -60,7 +60,7 @@ def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_pa
     assert "not tested: backlash-x, wear-approach-x, backlash-step-x: no column dir_x" in said
     assert "dir_y does not change" in said
     assert "T_copy_degC is a copy of T_spindle_degC" in said
-    assert "empty cells in T_part_degC (24 of 192 rows)" in result.stderr
+    assert "cells missing (T_part_degC (24 of 192 rows)" in result.stderr
     assert "backlash-x" not in [effect["name"] for effect in found["results"]["effects"]]
     assert picture.read_bytes().startswith(b"%PDF")
 
@@ -92,7 +92,7 @@ def test_two_parts(rows: list[dict[str, str]], tmp_path: Path) -> None:
 def test_one_part_with_one_hole(rows: list[dict[str, str]], tmp_path: Path) -> None:
     found, result = few(tmp_path, rows[:1])
     assert found is None
-    assert done(result, 2).stderr.startswith("mtu: too little to judge by: 1 by 1")
+    assert done(result, 2).stderr.startswith("mtu: too little data: 1 by 1")
     assert len(result.stderr.splitlines()) == 1
 
 

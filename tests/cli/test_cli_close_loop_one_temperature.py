@@ -76,7 +76,7 @@ def test_what_parts_of_one_temperature_show_is_that_of_it(lacks: str, tmp_path: 
     assert code == "outside-effect-range"
     assert f"({effect['name']}) have T_room_degC at 26: extrapolated to 20" in words
     ((code, words),) = warned(tmp_path, *last)
-    assert code == "effect-range-unknown"
+    assert code == "outside-effect-range"
     assert "have T_room_degC at 26: no value is given" in words
 
 
@@ -146,11 +146,11 @@ def test_points_tell_by_their_own_column_where_an_effect_holds(tmp_path: Path) -
     # One value for all stands in for the column of compare; of the others the column counts.
     codes = warned_of("20.00", "compare", "--at", "T_room_degC=26")
     assert "outside-effect-range" not in codes
-    assert "covariate-overruled" in codes
+    assert "not-used" in codes
     for name in ("correct", "close-loop"):
         few = NO_WAVES if name == "close-loop" else ()
         codes = warned_of("20.00", name, "--at", "T_room_degC=26", *few)
-        assert {"covariate-of-the-points", "outside-effect-range"} <= set(codes), name
+        assert {"not-used", "outside-effect-range"} <= set(codes), name
     (tmp_path / "c.json").unlink()
     for name in ("compare", "correct", "close-loop"):
         (tmp_path / "other.csv").write_text(text.replace(",26.00", ",-999", 1), "utf-8")

@@ -97,7 +97,7 @@ def test_what_was_found_in_readings_is_no_scatter_of_them_any_more(tmp_path: Pat
     (tmp_path / "laser.csv").write_text("\n".join(bare) + "\n", "utf-8")
     done(mtu("fit-components", "-m", "m.yaml", *laser, "-o", "bare.json", cwd=tmp_path))
     report = json.loads((tmp_path / "bare.json").read_text("utf-8"))
-    (told,) = [w["message"] for w in report["warnings"] if w["code"] == "effect-not-removed"]
+    (told,) = [w["message"] for w in report["warnings"] if w["code"] == "not-used"]
     assert "they have no column T_x_degC" in told
 
 

@@ -148,29 +148,26 @@ def test_a_sentence_for_each_operation_and_kind(shipped: Listing, document: Item
     entries = [
         (kind, entry) for kind in ("features", "lengths") for entry in results["summary"][kind]
     ]
-    sentences = [entry["verdict_text"] for _, entry in entries]
-    assert text.startswith(" ".join(["Predicted against measured", *sentences]))
+    assert text.startswith(" ".join(f"{entry['verdict_text']}." for _, entry in entries))
     for kind, entry in entries:
         own = [item for item in results[kind] if item["operation"] == entry["operation"]]
-        assert entry["verdict_text"].startswith(f"{entry['operation']} {kind}: under-predicted: ")
         factors = [item["ratio_scatter"] for item in own if item["under_predicted"]]
         assert entry["under_predicted_factor"] == [min(factors), max(factors)]
-        assert f"({len(factors)} of {len(own)})" in entry["verdict_text"]
+        assert entry["verdict_text"].startswith(
+            f"{entry['operation']} {kind}: under-predicted ({len(factors)} of {len(own)}: "
+        )
         assert f"{min(factors):.1f}" in entry["verdict_text"]
         assert entry["n0"] == pytest.approx(2.544, abs=0.0005)
-        assert "sqrt(n0) = 1.595" in entry["paper_scatter_text"]
-    assert "sqrt(n0) = 1.595" in text
 
 
 def test_table_and_picture(shipped: Listing, document: Item) -> None:
     table = (shipped[""] or b"").decode()
-    assert table.startswith("Predicted against measured\n")
     assert max(map(len, table.splitlines())) <= 100
     for item in document["results"]["lengths"]:
         name = f"{item['operation']} {item['id']} "
         (line,) = [line for line in table.splitlines() if line.startswith(name)]
         shown = [word for key, word in FAULTS.items() if item[key]] or [item["verdict"]]
-        assert line.endswith(" " + ", ".join(shown))
+        assert line.removeprefix(name).strip().startswith(", ".join(shown) + " ")
     assert (shipped["out.png"] or b"").startswith(b"\x89PNG\r\n\x1a\n")
     assert len(shipped["out.png"] or b"") > 5000
 
@@ -230,4 +227,4 @@ def test_the_gates_on_the_shipped_parts() -> None:
     assert scatter.stderr.startswith("mtu: gate under-predicted: drilled 1 x, ")
     assert " more\n" in scatter.stderr
     both = done(mtu("compare", STUDY, "--fail-if", "biased,under-predicted", "-q"), 3)
-    assert both.stderr.startswith("mtu: gate biased,under-predicted: drilled 15 x, ")
+    assert both.stderr == biased.stderr + scatter.stderr

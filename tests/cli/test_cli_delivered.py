@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import done, listing, mtu, prepared, shell
+from cli_runner import done, listing, prepared, shell
 from support import CONFIGS
 
 from mtu_cli.cli import simulate
-from mtu_cli.cli.execute import deliver, execute, warning_lines
-from mtu_cli.cli.fit_components import analyse as fitting
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.emit import deliver, execute, warning_lines
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.readings import fit_components as fitting
 from mtu_cli.findings import Finding, InputError, finding
 
 DEFAULTS: dict[str, Any] = {
@@ -63,7 +63,7 @@ def test_files_come_after_what_is_told(work: Path, capsys: pytest.CaptureFixture
 
     before = listing(work)
     with pytest.raises(OSError, match="No space"):
-        deliver(files, inputs, lambda: fails(OSError(28, "No space left on device")))
+        deliver(files, inputs, lambda: fails(OSError(28, "No space left on device")), [])
     assert listing(work) == before
     deliver(files, inputs, lambda: None, ["warning: a"])
     assert capsys.readouterr().err == "warning: a\n"
@@ -78,7 +78,7 @@ def _report(folder: Path) -> Path:
 
 def _told(values: Mapping[str, Any]) -> tuple[list[Finding], list[str]]:
     found = modelled(Inputs(Options("lengths", dict(values)))).warnings
-    own = [item for item in found if item.code.startswith("readings-")]
+    own = [item for item in found if item.code in ("readings-of-report", "not-used")]
     return own, warning_lines(own)
 
 
@@ -91,14 +91,14 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
     (work / "new.csv").write_bytes((work / "lbb.csv").read_bytes() + b"# once more\n")
     for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
         (item,), (line,) = _told({"components": [fitted], "lbb": [Path(name) for name in lbb]})
-        assert item.facts["files"] == ["new.csv"]
-        assert line.endswith("[readings-not-used]")
+        assert item.facts["names"] == ["new.csv"]
+        assert line.endswith("[not-used]")
     with pytest.raises(InputError, match=r"lbb\.cvs: no such file; did you mean 'lbb\.csv'"):
         _told({"components": [fitted], "lbb": [Path("lbb.cvs")]})
     document = json.loads(fitted.read_text())
     document["inputs"].append({"role": "laser", "path": "l.csv", "sha256": "0", "rows": 3})
     fitted.write_text(json.dumps(document))
-    assert "[readings-not-used]" in _told({"components": [fitted]})[1][0]
+    assert "[not-used]" in _told({"components": [fitted]})[1][0]
     fitted.write_text(json.dumps(document | {"inputs": None}))
     assert _told({"components": [fitted]})[1]
 
@@ -107,7 +107,7 @@ def test_a_covariate_that_is_needed_by_another_name(work: Path) -> None:
     text = (work / "machine.yaml").read_text()
     (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
     found = modelled(Inputs(Options("lengths", {"at": ["dirx=1"]}))).warnings
-    assert [x.meant for x in found if x.code == "covariate-not-needed"] == [("dir_x",)]
+    assert [x.meant for x in found if x.code == "option-not-used"] == [("dir_x",)]
 
 
 VALDES = CONFIGS / "valdes-cmm" / "mtu.yaml"
@@ -126,35 +126,27 @@ VALDES = CONFIGS / "valdes-cmm" / "mtu.yaml"
 )
 def test_only_a_temperature_that_would_be_taken_is_offered(given: list[str], hint: str) -> None:
     found = modelled(Inputs(Options("predict-points", {"study": VALDES, "at": given}))).warnings
-    (told,) = [item for item in found if item.code == "covariate-not-needed"]
+    (told,) = [item for item in found if item.code == "option-not-used"]
     assert told.facts["name"] == given[-1].partition("=")[0]
     assert told.meant == ((hint,) if hint else ())
 
 
-def test_no_column_of_the_points_is_offered(work: Path) -> None:
-    """A value of it would not be used: the points' own comes first."""
-    text = (work / "machine.yaml").read_text()
-    (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
-    rows = "part,feature,x_mm,y_mm,dir_x\n1,A,0.001,0.001,1\n1,B,100.001,0.002,-1\n"
-    (work / "points.csv").write_text(rows)
-    values = {"at": ["dirx=1"], "cmm": [Path("points.csv")]}
-    found = modelled(Inputs(Options("compare", values))).warnings
-    assert "no equation needs --at dirx" in [item.message for item in found]
-
-
 def _simulated(**values: Any) -> None:
-    given = frozenset(values) - {"write_lbb", "write_cmm", "write_drift"}
-    simulate.run(Options("simulate", DEFAULTS | values, given))
+    given = [name for name in values if not name.startswith("write_")]
+    execute(Options("simulate", DEFAULTS | values, tuple(given)), simulate.simulate)
 
 
 @pytest.mark.parametrize(
     ("values", "words"),
     [
-        ({"effect": ["Ex: 0.004*dir_x"]}, "--effect: changes nothing .*: 'Ex: 0.004.*--write-cmm"),
-        ({"twin": ["nonsense"]}, "--twin: changes nothing in what is written: 'nonsense'"),
-        ({"room": "warm"}, "--room: changes .*'warm'; expected --write-drift FILE, or --write-cmm"),
-        ({"cycles": 1}, "--cycles: changes nothing in what is written: '1'; expected --write-dr"),
-        ({"cmm_wobble_degc": 0.1}, "--cmm-wobble-degC: changes .* --cmm-room DEGC beside it"),
+        (
+            {"effect": ["Ex: 0.004*dir_x"]},
+            "--effect: changes nothing in what is written; .*--write-cmm",
+        ),
+        ({"twin": ["nonsense"]}, "--twin: changes nothing in what is written"),
+        ({"room": "warm"}, "--room: changes .*; expected --write-drift FILE, or --write-cmm"),
+        ({"cycles": 1}, "--cycles: changes nothing in what is written; expected --write-dr"),
+        ({"cmm_wobble_degc": 0.1}, "--cmm-wobble-degC: changes .* expected --write-cmm FILE"),
     ],
 )
 def test_options_that_would_act_on_nothing(values: dict[str, Any], words: str, work: Path) -> None:
@@ -168,17 +160,17 @@ def test_counts_that_act_on_nothing_are_told(
     work: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     _simulated(write_lbb=work / "l.csv", passes=1, parts=2)
-    told = "warning: --parts: changes nothing in what is written: '2'; expected --write-cmm FILE"
+    told = "warning: --parts: changes nothing in what is written; expected --write-cmm FILE"
     first, cut = capsys.readouterr().err.splitlines()
-    assert first == f"{told} beside it [option-not-used]"
+    assert first == f"{told} [option-not-used]"
     # Of the study's own two passes, which differ by little.
-    assert cut.startswith("warning: the passes of dx_x and ez_x and dy_y together differ by less ")
-    assert cut.endswith(" [passes-cut]")
+    assert "variance is estimated below zero (dx_x and ez_x and dy_y together): " in cut
+    assert cut.endswith(" [negative-variance]")
     _simulated(write_cmm=work / "c.csv", one_way=True, positions="0:100:5")
     of_readings = capsys.readouterr().err.splitlines()[:2]
     for line, option in zip(of_readings, ("--one-way", "--positions"), strict=True):
         assert line.startswith(f"warning: {option}: changes nothing in what is written")
-        assert line.endswith("--write-lbb FILE beside it [option-not-used]")
+        assert line.endswith("--write-lbb FILE [option-not-used]")
 
 
 def test_what_the_report_alone_says() -> None:
@@ -196,24 +188,6 @@ def test_many_warnings_of_one_kind_are_summed_up() -> None:
     last = "warning: no formula: m19; and 3980 more such, all in the report (-o) [no-formula]"
     assert lines[19:] == [last, "warning: n [reported]"]
     assert warning_lines(many[:20])[-1] == "warning: no formula: m19 [no-formula]"
-
-
-def test_quiet_runs_name_what_they_warn_of(work: Path) -> None:
-    """What runs side by side leave in one log is to be told apart."""
-    given, read = work / "mtu.yaml", ("--lbb", "lbb.csv")
-    for call, of in (
-        (("lengths", work), f"{given}: "),
-        (("lengths", "-m", "machine.yaml", "-p", "part.yaml", *read), "machine.yaml: "),
-        (("lengths", work, "-m", "machine.yaml"), f"{given}: "),
-        (("lengths",), ""),
-    ):
-        plain = done(mtu(*call, "--at", "T_a_degC=1", cwd=work)).stderr.splitlines()
-        quiet = done(mtu(*call, "--at", "T_a_degC=1", "-q", cwd=work)).stderr.splitlines()
-        assert plain
-        assert quiet == [line.replace("warning: ", f"warning: {of}", 1) for line in plain]
-    assert warning_lines([finding("reported", file="m.yaml", line=3, message="x")], "m.yaml") == [
-        "warning: m.yaml:3: x [reported]"
-    ]
 
 
 @pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])
@@ -259,6 +233,8 @@ def test_rows_are_told_once_they_are_written(
 def test_of_drift_readings_no_passes_are_told(
     work: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(simulate, "_drift", lambda *_: "a\n1\n")
+    monkeypatch.setattr(simulate, "_drift_test", lambda *_: ((), None))
+    monkeypatch.setattr(simulate, "simulate_drift", lambda *_: None)
+    monkeypatch.setattr(simulate, "drift_csv", lambda *_: "a\n1\n")
     _simulated(write_drift=work / "d.csv")
-    assert "passes-cut" not in capsys.readouterr().err
+    assert "negative-variance" not in capsys.readouterr().err

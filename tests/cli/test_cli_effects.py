@@ -13,18 +13,17 @@ import pytest
 from cli_runner import prepared
 from model_examples import run_command
 from numpy.typing import NDArray
+from support import read_components
 
-from mtu_cli.cli.execute import Outcome, execute
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.emit import Outcome, check_outputs, execute
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.cli.outputs import check_outputs
 from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.close_loop_sealed.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import load_machine
-from mtu_cli.files.reports_read import read_components
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
@@ -83,7 +82,8 @@ def test_predictions_need_the_covariates(
     code, _, told = run_command(monkeypatch, work, command)
     assert code == 2
     for name in ("dir_x", "tool_parts"):
-        assert f"needs {name}; expected --at {name}=VALUE" in told
+        assert f"a value of {name} for the machine " in told
+        assert f" is missing; expected --at {name}=VALUE" in told
     code, report, told = run_command(monkeypatch, work, command, *AT)
     assert code == 0
     assert report["settings"]["at"] == {"dir_x": 1.0, "tool_parts": 5.0}
@@ -147,8 +147,8 @@ def untold(work: Path) -> str:
     (work / "machine.yaml").write_bytes(content)
     line = 1 + content.decode().splitlines().index("  - name: cyclic-x")
     return (
-        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) is one of 4 that fit alike at "
-        "its places: it holds at those places alone"
+        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) not separable from 3 others that "
+        "fit alike at its places: it holds at those places alone"
     )
 
 
@@ -161,7 +161,7 @@ def test_a_pitch_that_was_not_told_is_told_of(
     code, report, told = run_command(monkeypatch, work, command, *call)
     assert code == 0, told
     found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
-    assert [(item["code"], item["message"]) for item in found] == [("searched-not-told", untold)]
+    assert [(item["code"], item["message"]) for item in found] == [("not-separable", untold)]
     assert told.count("that fit alike") == 1
     last = 5 if command in PREDICTIONS else 4
     (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
@@ -193,8 +193,8 @@ def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
     for call in calls:
         code, report, told = run_command(monkeypatch, work, command, *call)
         assert code == 0, told
-        assert "covariate-not-needed" not in told
-        codes = ("outside-effect-range", "effect-range-unknown")
+        assert "option-not-used" not in told
+        codes = ("outside-effect-range",)
         found.append([w["message"] for w in report["warnings"] if w["code"] in codes])
     assert found[0] == [
         "machine.yaml: the data of effects[0] (trend-y) have T_room_degC from 25.6 to 26.4: no "
@@ -228,7 +228,7 @@ def test_a_position_given_by_at_takes_no_place_of_the_points(
         assert code == 0, told
         codes = [w["code"] for w in report["warnings"]]
         assert "outside-effect-range" in codes
-        assert ("covariate-not-needed" in codes) == bool(at)
+        assert ("option-not-used" in codes) == bool(at)
 
 
 @dataclass(frozen=True)
@@ -307,7 +307,7 @@ def test_a_loop_tells_of_a_pitch_that_was_not_told(
         given["lbb"] = ["lbb.csv"]
     inputs = inputs_of(work, monkeypatch, **given)
     _, _, warnings = tables_of(inputs, read_choices(inputs))
-    assert [item.message for item in warnings if item.code == "searched-not-told"] == [untold]
+    assert [item.message for item in warnings if item.code == "not-separable"] == [untold]
     beyond = [item.message for item in warnings if item.code == "outside-effect-range"]
     assert ["effects[0] (trend-y)" in text for text in beyond] == [True] * (judged == "cmm")
 
@@ -456,14 +456,14 @@ def test_no_input_is_overwritten(
     work = prepared(tmp_path / "work")
     (work / "x").mkdir()
     inputs = inputs_of(work, monkeypatch, study="mtu.yaml", write_machine=name)
-    with pytest.raises(InputError, match=r"is an input of (this run|the study) and is not ov"):
+    with pytest.raises(InputError, match="not overwritten, as it is an input"):
         check_outputs(inputs)
 
 
 def outcome(**changes: Any) -> Outcome:
     return Outcome(
         results=lambda: {"a": 1},
-        tables=list,
+        tables=lambda detail: [],
         rows=lambda: (["a"], [[1]]),
         figure=lambda: None,  # type: ignore[arg-type, return-value]  # never drawn
         **changes,
@@ -534,11 +534,7 @@ def test_choices_of_the_study_and_of_the_call(
     given: dict[str, Any] = {"alpha": 0.1, "max_effects": 1, "datum": "offset,rotation"}
     assert chosen(**given) == (0.1, 1, "offset,rotation")
     with pytest.raises(InputError) as caught:
-        chosen(alpha=1.0, max_effects=0, fail_if="found,foud")
-    assert [item.path or item.text for item in caught.value.findings] == [
-        "--alpha",
-        "--max-effects",
-        "unknown gate",
-    ]
+        chosen(alpha=1.0, max_effects=0)
+    assert [item.path for item in caught.value.findings] == ["--alpha", "--max-effects"]
     with pytest.raises(InputError, match="--alpha: out of range"):
         chosen(alpha=float("nan"))

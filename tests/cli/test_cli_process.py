@@ -214,7 +214,7 @@ def test_interrupt(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["mtu_cli.cli.process", "typer", "mtu_cli.cli.lengths", "numpy", "scipy"]
+    "module", ["mtu_cli.cli.usage", "typer", "mtu_cli.cli.predictions", "numpy", "scipy"]
 )
 def test_interrupt_while_it_imports(module: str, tmp_path: Path) -> None:
     process = start(

@@ -11,9 +11,8 @@ from pathlib import Path
 import pytest
 from cli_runner import done, mtu, prepared
 
-from mtu_cli.cli import progress
 from mtu_cli.cli.commands import app
-from mtu_cli.cli.progress import LateBar
+from mtu_cli.cli.emit import LateBar
 from mtu_cli.close_loop_sealed.stats import side_by_side
 
 
@@ -33,8 +32,8 @@ def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
 
 def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    monkeypatch.setattr(progress, "DELAY_S", 0.0)
-    monkeypatch.setattr(progress, "EVERY_S", 0.0)
+    monkeypatch.setattr(LateBar, "delay_s", 0.0)
+    monkeypatch.setattr(LateBar, "every_s", 0.0)
     # Libraries that a test before loaded may have threads of their own.
     before = threading.active_count()
     with LateBar("close-loop") as bar:
@@ -44,14 +43,14 @@ def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch)
         bar(7, 10)
         assert "70%" in terminal.getvalue()
     assert "close-loop" in terminal.getvalue()
-    # The cursor is shown again.
-    assert terminal.getvalue().rindex("\x1b[?25h") > terminal.getvalue().rindex("\x1b[?25l")
+    # The line is left empty.
+    assert terminal.getvalue().endswith("\r\x1b[K")
 
 
 def test_it_does_not_draw_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    monkeypatch.setattr(progress, "DELAY_S", 0.0)
-    monkeypatch.setattr(progress, "EVERY_S", 3600.0)
+    monkeypatch.setattr(LateBar, "delay_s", 0.0)
+    monkeypatch.setattr(LateBar, "every_s", 3600.0)
     with LateBar("close-loop") as bar:
         bar(1, 10)
         before = terminal.getvalue()
@@ -67,7 +66,7 @@ def test_what_is_done_at_once_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_nothing_is_written_where_no_one_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(progress, "DELAY_S", 0.0)
+    monkeypatch.setattr(LateBar, "delay_s", 0.0)
     pipe = io.StringIO()
     monkeypatch.setattr(sys, "stderr", pipe)
     with LateBar("budget") as bar:
@@ -88,8 +87,8 @@ def closed(folder: Path, threads: int, monkeypatch: pytest.MonkeyPatch) -> bytes
 def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether folds are searched in a second process or not, and with the same report."""
     done(mtu("simulate", "--parts", "5", "--write-cmm", "cmm.csv", cwd=prepared(tmp_path)))
-    monkeypatch.setattr(progress, "DELAY_S", 0.0)
-    monkeypatch.setattr(progress, "EVERY_S", 0.0)
+    monkeypatch.setattr(LateBar, "delay_s", 0.0)
+    monkeypatch.setattr(LateBar, "every_s", 0.0)
     reports = set()
     for threads in (1, 2):
         terminal = terminal_of(monkeypatch)

@@ -11,6 +11,8 @@ import pytest
 from cli_runner import done, mtu
 from support import CONFIGS
 
+from mtu_cli.cli.commands import COMMANDS
+
 UNDECLARED = CONFIGS / "undeclared"
 CALLS = {
     "fit-components": (UNDECLARED,),
@@ -40,8 +42,10 @@ def sound(path: Path) -> str:
 def test_every_command_writes_one_sound_file(name: str, tmp_path: Path) -> None:
     done(mtu(name, *CALLS[name], "-q", "--report", tmp_path / "r.html"))
     text = sound(tmp_path / "r.html")
-    for words in ("<table>", "<svg", "SHA-256", "seed", "mtu 0."):
+    for words in ("<table>", "<svg", "SHA-256", "<h2>Settings</h2>", "mtu 0."):
         assert words in text
+    used = text.split("<h2>Settings</h2>")[1]
+    assert ("seed " in used) == ("seed" in COMMANDS[name].options.split())
     done(mtu(name, *CALLS[name], "-q", "--report", tmp_path / "again.html"))
     assert (tmp_path / "again.html").read_bytes() == (tmp_path / "r.html").read_bytes()
 
@@ -64,9 +68,9 @@ def test_names_are_text_and_a_date_is_given(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["-o", "a.html"], "-o writes JSON; expected a name that ends in .json"),
-        (["--report", "a.txt"], "--report writes HTML or PDF; expected a name that ends in .html"),
-        (["--csv", "a.html"], "--csv writes CSV"),
+        (["-o", "a.html"], "-o does not write .html; expected a name that ends in .json"),
+        (["--report", "a.txt"], "--report does not write .txt; expected a name that ends in .html"),
+        (["--csv", "a.html"], "--csv does not write .html"),
     ],
 )
 def test_wrong_endings_are_refused(options: list[str], words: str, tmp_path: Path) -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.cli.simulate_options import named_equation
 from mtu_cli.findings import InputError
+from mtu_cli.model.simulate_equations import named_equation
 
 
 @pytest.mark.parametrize(
@@ -43,12 +43,12 @@ def test_columns_that_may_be_right(text: str) -> None:
         ("Ex: 0.001 + x*(T_a_degC - 20)", False, r"mm\*K, not a length \(mm\) at column 13"),
         ("Ex: T_a_degC - 20", False, r"this term is a temperature \(degC\), not a l"),
         ("Ex: time_min", False, r"this term is a time \(min\), not a length"),
-        ("Ex: 0.01*sin(x)", False, r"sin of a length \(mm\) at column 14"),
-        ("Ex: 0.01*(x + time_min)", False, "are added at column 13"),
-        ("Ex: 0.01*step(sequence - x)", False, "are added at column 24"),
+        ("Ex: 0.01*sin(x)", False, r"sin is a length \(mm\), not a plain number at column 14"),
+        ("Ex: 0.01*(x + time_min)", False, "what is added is a time .* at column 13"),
+        ("Ex: 0.01*step(sequence - x)", False, "what is added is a length .* at column 24"),
         ("T_a_degC: x", True, r"this term is a length \(mm\), not a temperature"),
-        ("load: exp(time_min)", True, r"exp of a time \(min\)"),
-        ("load: x + T_a_degC", True, "are added"),
+        ("load: exp(time_min)", True, r"exp is a time \(min\)"),
+        ("load: x + T_a_degC", True, "what is added"),
         ("T_table: 20 + sequence", True, "not the name of a temperature.*T_table_degC"),
     ],
 )

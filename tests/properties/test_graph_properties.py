@@ -95,13 +95,12 @@ def test_turned_and_moved(do: str, variant: str, count: int, seed: int) -> None:
     step = Step(index=0, do=do, variant=variant, inputs=names, outputs=("out",))
     outputs = construction(step, [item[..., :1] for item in inputs])(*inputs)
     others = construction(step, [item[..., :1] for item in turned])(*turned)
-    out = entry.outputs
-    for kind, before, after in zip(out, outputs, others, strict=False):
+    for slot, before, after in zip(entry.outputs, outputs, others, strict=False):
         if do == "transform":
             # What is seen from a frame that moves along does not move.
             assert after == pytest.approx(before, rel=1e-7, abs=1e-7)
             continue
-        wanted = moved(kind, before, R, t)
+        wanted = moved(slot.kinds[0], before, R, t)
         scale = max(1.0, float(np.abs(wanted).max()))
         assert after == pytest.approx(wanted, rel=1e-7, abs=1e-9 * scale)
 

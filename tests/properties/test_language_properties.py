@@ -12,20 +12,20 @@ from hypothesis import strategies as st
 
 from mtu_cli.findings import InputError
 from mtu_cli.language import Node, evaluate, linear_form, names, parse, to_text
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Number, Operator, walk
+from mtu_cli.language.tree import PRECEDENCE, Call, Name, Number, walk
 
 VALUES = {"x": 1.3, "y": -0.7, "z": 2.9}
 COMPONENTS = {"a": 0.31, "b": -1.7, "c": 2.3}
 STEADY = settings(derandomize=True, deadline=None, database=None, max_examples=300)
 
 numbers = st.floats(-9.0, 9.0).map(lambda value: Number(round(value, 2), 0))
-operators: st.SearchStrategy[Operator] = st.sampled_from(["+", "-", "*", "/", "**"])
+operators = st.sampled_from(list(PRECEDENCE))
 
 
 def grown(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
     return st.one_of(
-        st.builds(Binary, operators, inner, inner, st.just(0)),
-        st.builds(Negative, inner, st.just(0)),
+        st.builds(Call, operators, st.tuples(inner, inner), st.just(0)),
+        st.builds(Call, st.just("neg"), st.tuples(inner), st.just(0)),
         st.builds(
             lambda name, item: Call(name, (item,), 0),
             st.sampled_from(["sin", "cos", "exp", "log", "sqrt", "abs", "step"]),
@@ -45,10 +45,10 @@ def bracketed(node: Node) -> str:
             return f"F({value!r})"
         case Name(name):
             return name
-        case Negative(operand):
+        case Call("neg", (operand,)):
             return f"(-{bracketed(operand)})"
-        case Binary(operator, left, right):
-            return f"({bracketed(left)}{operator}{bracketed(right)})"
+        case Call(sign, (left, right)):
+            return f"({bracketed(left)}{sign}{bracketed(right)})"
         case Call(function, (argument,)):
             return f"{function}({bracketed(argument)})"
     raise AssertionError(node)
@@ -134,10 +134,10 @@ factors = st.one_of(leaves, st.builds(lambda item: Call("cos", (item,), 0), leav
 
 def linear_grown(inner: st.SearchStrategy[Node]) -> st.SearchStrategy[Node]:
     return st.one_of(
-        st.builds(lambda op, p, q: Binary(op, p, q, 0), st.sampled_from("+-"), inner, inner),
-        st.builds(Negative, inner, st.just(0)),
-        st.builds(lambda factor, item: Binary("*", factor, item, 0), factors, inner),
-        st.builds(lambda op, f, p: Binary(op, p, f, 0), st.sampled_from("*/"), factors, inner),
+        st.builds(Call, st.sampled_from("+-"), st.tuples(inner, inner), st.just(0)),
+        st.builds(Call, st.just("neg"), st.tuples(inner), st.just(0)),
+        st.builds(Call, st.just("*"), st.tuples(factors, inner), st.just(0)),
+        st.builds(Call, st.sampled_from("*/"), st.tuples(inner, factors), st.just(0)),
     )
 
 
@@ -171,7 +171,7 @@ def test_a_linear_form_reassembles_to_its_equation(tree: Node) -> None:
 def test_an_equation_is_refused_exactly_where_it_is_not_linear(tree: Node) -> None:
     """Squaring a linear equation that holds a component makes a product of components."""
     held = set(COMPONENTS) & set(names(tree))
-    square = Binary("*", tree, tree, 77)
+    square = Call("*", (tree, tree), 77)
     if held:
         with pytest.raises(InputError, match="product") as caught:
             linear_form(square, COMPONENTS)

@@ -16,7 +16,10 @@ NEW = {"a.json": b"new a\n" * 40_000, "b.csv": b"new b\n" * 40_000, "c.svg": b"n
 WRITING = """
 import os, sys
 from pathlib import Path
-from mtu_cli.files import write
+from mtu_cli.files.write import made_ready
+def write_files(contents):
+    with made_ready(contents) as put_in_place:
+        put_in_place()
 folder = Path(sys.argv[1])
 new = {folder / name: (name[0].join(("new ", "\\n")) * count).encode()
        for name, count in (("a.json", 40_000), ("b.csv", 40_000), ("c.svg", 1))}
@@ -37,7 +40,7 @@ def killed_at(last):
         return step
     for name in WATCHED:
         setattr(os, name, counted(getattr(os, name)))
-    write.write_files(new)
+    write_files(new)
     os._exit(0)
 for line in sys.stdin:
     child = os.fork()
@@ -52,8 +55,8 @@ WITHOUT_END = (
 old = {path: b"old " + path.name[:1].encode() + b"\\n" for path in new}
 print("ready", flush=True)
 while True:
-    write.write_files(new)
-    write.write_files({path: text * 100 for path, text in old.items()})
+    write_files(new)
+    write_files({path: text * 100 for path, text in old.items()})
 """
 )
 

@@ -150,7 +150,7 @@ def test_comparison_loss_uncorrelated(
     assert run.shortest_low[0] == pytest.approx(low, abs=0.5 + 0.03 * u)
     assert run.shortest_high[0] == pytest.approx(high, abs=0.5 + 0.03 * u)
     if x1 == 0.0:
-        assert "first-order-zero" in codes(result)
+        assert "second-order" in codes(result)
         assert output.validation.passed is False
 
 

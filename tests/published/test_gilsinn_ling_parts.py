@@ -7,7 +7,7 @@ import pytest
 
 from mtu_cli.analyses.compare.evidence import (
     Evidence,
-    Foretold,
+    PredictedItems,
     evidence,
     paper_length_variance,
 )
@@ -77,12 +77,12 @@ def table_10(kind: str) -> Evidence:
     )
     own_mean, own_u = np.array([TABLE_10["predicted"][name][:2] for name in LENGTHS]).T
     zero = np.zeros(len(LENGTHS))
-    foretold = Foretold(
+    predicted = PredictedItems(
         mean=own_mean, total=own_u**2, coefficients=zero, scatter=own_u**2,
         independent=own_u**2, holes=np.full(len(LENGTHS), np.nan), of_mean=zero[None],
         of_part=own_u[None] ** 2, dof=np.array([np.inf]), joint={},
     )  # fmt: skip
-    return evidence(tables, foretold, 2.0)
+    return evidence(tables, predicted, 2.0)
 
 
 @pytest.mark.parametrize("kind", ["drilled", "milled"])

@@ -6,7 +6,7 @@ import pytest
 from close_loop_examples import ambiguous, effect, left_over, named, nothing, on_table, result
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
-from mtu_cli.close_loop_sealed.cli.close_loop_choices import GATES, Choices
+from mtu_cli.close_loop_sealed.cli.close_loop import gates_of
 
 
 def hint() -> CloseLoopResult:
@@ -25,10 +25,6 @@ def hint() -> CloseLoopResult:
     ],
 )
 def test_a_gate_is_met_by_what_is_more_than_a_hint(found: CloseLoopResult, met: set[str]) -> None:
-    def asked_for(*gates: str) -> Choices:
-        return Choices(alpha=0.05, max_effects=4, datum="none", exclude=(), gates=gates)
-
-    for gate in GATES:
-        assert asked_for(gate).are_met_by(found) == (gate in met)
-    assert asked_for(*GATES).are_met_by(found) == bool(met)
-    assert not asked_for().are_met_by(found)
+    gates = gates_of(found)
+    assert set(gates) == {"found", "unexplained"}
+    assert {name for name, gate in gates.items() if gate(0.0)} == met

@@ -47,7 +47,7 @@ def test_an_arcsec_over_a_metre_is_4_848_um() -> None:
 
 @pytest.mark.parametrize(
     ("dimension", "words"),
-    [(LENGTH, "a length (mm)"), (ANGLE, "an angle or ratio (rad)"), (2, "mm^2"), (-1, "1/mm")],
+    [(LENGTH, "a length (mm)"), (ANGLE, "an angle or ratio (rad)"), (2, "mm^2"), (-1, "mm^-1")],
 )
 def test_dimension_names(dimension: int, words: str) -> None:
     assert dimension_name(dimension) == words

@@ -30,8 +30,8 @@ from mtu_cli.analyses.anova.tables import METHODS, Analysed, Base, Kind, Method,
 from mtu_cli.analyses.anova.totals import Total, totals_of
 from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, finding
-from mtu_cli.model.datum import Datum, freed
+from mtu_cli.findings import Finding
+from mtu_cli.model.datum import Datum, freed, incomplete_datum
 from mtu_cli.model.loose_features import loose_of_tables
 from mtu_cli.model.measured import (
     MeasuredTables,
@@ -59,8 +59,8 @@ class AnovaResult:
 
     `unusual` is None where there are too few parts to tell; `axis_scatter` has one test an
     operation, y over x; `shown` are (operation, feature) in the order of their interest: where a
-    part stands out, those that stand out themselves, the largest errors to come. `maps` are the
-    mean errors in the plane.
+    part is an outlier, those that are outliers themselves, the largest errors to come. `maps` are
+    the mean errors in the plane.
     """
 
     method: Method
@@ -108,7 +108,8 @@ def analyse_variance(
     bases, warnings = _bases(points, part, datum)
     tables = (parts_table(b.tables, b.kind, b.one_way, b.reml) for b in bases)
     family, unusual = unusual_parts(side_by_side(*tables), settings.seed)
-    kinds = {base.kind: _analysed(base, method, _by_label(unusual)) for base in bases}
+    k, singles = settings.coverage_factor, _by_label(unusual)
+    kinds = {base.kind: _analysed(base, method, k, singles) for base in bases}
     features = kinds["feature"]
     standing = unusual_features(features.tables, features.one_way)
     planes = maps(features.tables, features.one_way, _places(points))
@@ -124,15 +125,15 @@ def analyse_variance(
         unusual_features=standing,
         axis_scatter=axis_scatter(features.tables, features.one_way),
         totals=totals_of(features),
-        shown=_shown(features, standing, settings.coverage_factor),
+        shown=_shown(features, standing),
         maps=planes,
-        coverage_factor=settings.coverage_factor,
+        coverage_factor=k,
         warnings=(*warnings, *anova_warnings(list(kinds.values()), method)),
     )
 
 
 def _by_label(unusual: Sequence[UnusualPart]) -> dict[Label, list[str]]:
-    """The parts that stand out in a table of their own, by table."""
+    """The outlying parts of single tables, by table."""
     found: dict[Label, list[str]] = {}
     for item in unusual:
         for label in item.singles:
@@ -147,9 +148,9 @@ def _bases(
     loose, complete = freed(points, axes_of(points), datum)
     features = feature_tables(loose)
     kinds: dict[Kind, MeasuredTables | None] = {"feature": features}
-    warnings = [*points.notes, *left_out(points), *loose_of_tables(features, points)]
+    warnings = [*left_out(points), *loose_of_tables(features, points)]
     if not complete:
-        warnings.append(finding("incomplete-datum"))
+        warnings.append(incomplete_datum())
     if part is not None:
         kinds |= _of_part(points, part)
         warnings += missing_entries(part, kinds["length"], kinds["angle"])
@@ -172,9 +173,9 @@ def _of_part(points: Points, part: LoadedPart) -> dict[Kind, MeasuredTables | No
     }
 
 
-def _analysed(base: Base, method: Method, singles: dict[Label, list[str]]) -> Analysed:
+def _analysed(base: Base, method: Method, k: float, singles: dict[Label, list[str]]) -> Analysed:
     labels = full_labels(base.tables, base.kind)
-    return analysed(base, method, tuple(tuple(singles.get(label, ())) for label in labels))
+    return analysed(base, method, k, tuple(tuple(singles.get(label, ())) for label in labels))
 
 
 def _places(points: Points) -> dict[str, FloatArray]:
@@ -183,11 +184,9 @@ def _places(points: Points) -> dict[str, FloatArray]:
     return dict(zip(points.features, places, strict=True))
 
 
-def _shown(
-    features: Analysed, standing: tuple[UnusualFeature, ...], k: float
-) -> tuple[tuple[str, str], ...]:
+def _shown(features: Analysed, standing: tuple[UnusualFeature, ...]) -> tuple[tuple[str, str], ...]:
     labels = features.tables.labels
     with_parts = [labels[i][:2] for i, parts in enumerate(features.unusual) if parts]
     themselves = [item.where[:2] for item in standing]
-    largest = [labels[i][:2] for i in features.largest(k)]
+    largest = [labels[i][:2] for i in features.largest()]
     return tuple(dict.fromkeys((*with_parts, *themselves, *largest)))

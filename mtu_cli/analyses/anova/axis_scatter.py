@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.analyses.anova.parts import FAMILY_RATE
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import BoolArray, OneWay
 from mtu_cli.stats.scatter_ratio import (
@@ -33,6 +34,27 @@ class AxisScatter:
     test: ScatterRatio
     interval: tuple[float, float]
     apart: bool
+
+    @property
+    def significant(self) -> bool:
+        """Whether one axis scatters more, at the family-wise rate."""
+        return self.test.p_familywise <= FAMILY_RATE
+
+    @property
+    def wider(self) -> str:
+        """The axis that scatters more."""
+        return "x" if self.test.ratio < 1 else "y"
+
+    @property
+    def s_ratio(self) -> float:
+        """Ratio of the standard deviations."""
+        return float(np.sqrt(self.test.ratio))
+
+    @property
+    def s_interval(self) -> tuple[float, float]:
+        """Its 95 % interval."""
+        low, high = self.interval
+        return float(np.sqrt(low)), float(np.sqrt(high))
 
 
 def axis_scatter(tables: MeasuredTables, table: OneWay) -> tuple[AxisScatter, ...]:

@@ -1,4 +1,4 @@
-"""Features whose mean error stands out, and how much of the mean errors is set-up."""
+"""Features whose mean error is an outlier, and how much of the mean errors is set-up."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import deviation_p
 
 FEWEST_FEATURES = 5
-"""Among fewer features none can be said to stand out."""
+"""Among fewer features none can be called an outlier."""
 FEWEST_LEFT = 6
 """With fewer errors left over than this, a rigid motion explains much by chance."""
 MOST = 0.5

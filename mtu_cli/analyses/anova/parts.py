@@ -1,4 +1,4 @@
-"""Parts that stand out."""
+"""Outlying parts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
 
 FAMILY_RATE = RATE
 FEWEST_PARTS = 4
-"""Fewer parts than this say nothing about which of them stands out."""
+"""Among fewer parts none can be called an outlier."""
 
 Label = tuple[str, str, str]
 Why = Literal["distance", "mean", "single"]
@@ -23,14 +23,14 @@ Why = Literal["distance", "mean", "single"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnusualPart:
-    """A part that stands out at the family-wise rate, and by what most of all.
+    """An outlying part at the family-wise rate, and by what most of all.
 
     `why`: its mean over a group of tables (an axis of an operation, the lengths), its distance
     there (root mean square), or a `single` table. `where` is that table (operation, id, axis)
     or the group (id ""), "length" and "angle" standing for an axis; `deviation` how far the
     part lies from the mean of the others there and `typical` how far these do (root mean
-    square), in the unit of the tables: neither is pulled by the part. `singles` all tables that
-    stand out by themselves.
+    square), in the unit of the tables: neither is pulled by the part. `singles` all tables
+    in which it is an outlier by itself.
     """
 
     part: str
@@ -40,6 +40,11 @@ class UnusualPart:
     deviation: float
     typical: float
     singles: tuple[Label, ...]
+
+    @property
+    def unit(self) -> str:
+        """Of its figures in a report."""
+        return "arcsec" if self.where[2] == "angle" else "um"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +121,7 @@ def side_by_side(first: PartsTable, *others: PartsTable) -> PartsTable:
 
 
 def unusual_parts(table: PartsTable, seed: int) -> tuple[Family, list[UnusualPart]]:
-    """Parts that stand out with a family-wise error rate of 5 % over all parts and tables."""
+    """Outlying parts with a family-wise error rate of 5 % over all parts and tables."""
     if len(table.parts) < FEWEST_PARTS:
         return Family(table=table, found=None), []
     kinds = {label: code for code, label in enumerate(dict.fromkeys(table.group))}
@@ -134,7 +139,7 @@ def unusual_parts(table: PartsTable, seed: int) -> tuple[Family, list[UnusualPar
 def _unusual(
     table: PartsTable, groups: np.ndarray, kinds: list[Label], found: Outstanding, i: int
 ) -> UnusualPart:
-    """Part `i` with the table or group in which it stands out most."""
+    """Part `i` with the table or group of its largest deviation."""
     p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
     singles = np.flatnonzero(found.by_cell[i] <= FAMILY_RATE)
     if p_row <= p_single:
@@ -158,7 +163,7 @@ def _unusual(
 def _of_groups(
     table: PartsTable, groups: np.ndarray, kinds: list[Label], i: int, why: Why
 ) -> tuple[Label, float, float]:
-    """The group in which part `i` stands out most: its deviation and the others'."""
+    """The group in which part `i` deviates most: its deviation and the others'."""
     best: tuple[float, Label, float, float] | None = None
     raw = _off_the_others(table.raw, i)
     for code, label in enumerate(kinds):
@@ -192,7 +197,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def part_limits(family: Family, column: int) -> FloatArray:
-    """The values (2, parts) of part means beyond which a part stands out of one table by itself,
+    """The values (2, parts) of part means beyond which a part is an outlier of one table by itself,
     about the table's mean; nan where none can.
 
     They are those of the test that names the parts, over all tables of the study.

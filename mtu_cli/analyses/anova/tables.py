@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, assert_never
 
 import numpy as np
@@ -27,7 +28,7 @@ METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
 Kind = Literal["feature", "length", "angle"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Analysed:
     """Tables of one kind with their analysis; arrays (tables,) in mm or rad, squared.
 
@@ -37,12 +38,13 @@ class Analysed:
     part's and the CMM's variance together, else nan. `u_mean` of the grand mean, in which every
     reading counts alike, and `u_future` of a future part, with `dof_mean` and `dof_future`;
     `interval_future` (tables, 2) is mean -+ t u_future. `p_parts` of F and `p_mean` of a mean of
-    zero (t test) are adjusted for all tables of the kind (Holm). `unusual` are the parts that
-    stand out of each table by itself.
+    zero (t test) are adjusted for all tables of the kind (Holm). `unusual` are the
+    outlying parts of each table by itself.
     """
 
     kind: Kind
     method: Method
+    coverage_factor: float
     tables: MeasuredTables
     one_way: OneWay
     components: Components
@@ -59,7 +61,7 @@ class Analysed:
     p_mean: FloatArray
     unusual: tuple[tuple[str, ...], ...]
 
-    @property
+    @cached_property
     def below_zero(self) -> BoolArray:
         """Tables (tables,) of which both limits for the part variance were below 0 (see
         `part_interval`): [0, 0] is no bound on it.
@@ -67,9 +69,39 @@ class Analysed:
         known: BoolArray = (self.one_way.ms_within > 0) & (self.interval == 0).all(axis=1)
         return known
 
-    def largest(self, k: float) -> list[int]:
+    @property
+    def unit(self) -> str:
+        """Of its figures in a report."""
+        return "arcsec" if self.kind == "angle" else "um"
+
+    @cached_property
+    def s_pooled(self) -> FloatArray:
+        """Standard deviation (tables,) of repeats, pooled over the parts."""
+        return np.sqrt(self.one_way.ms_within)
+
+    @cached_property
+    def rounding(self) -> FloatArray:
+        """What a mean is rounded to (tables,): its u, of one part the scatter of its repeats."""
+        return np.where(self.u_mean > 0, self.u_mean, self.s_pooled)
+
+    @cached_property
+    def s_part(self) -> FloatArray:
+        """Standard deviation (tables,) from part to part."""
+        return np.sqrt(self.components.part)
+
+    @cached_property
+    def s_both(self) -> FloatArray:
+        """Standard deviation (tables,) of parts measured once, the CMM's included."""
+        return np.sqrt(self.both)
+
+    @cached_property
+    def U_future(self) -> FloatArray:
+        """k u_future (tables,)."""
+        return self.coverage_factor * self.u_future
+
+    def largest(self) -> list[int]:
         """Tables in the order of |mean| + k u_future, the largest first."""
-        size = np.abs(self.one_way.mean) + k * np.nan_to_num(self.u_future)
+        size = np.abs(self.one_way.mean) + np.nan_to_num(self.U_future)
         order: list[int] = np.argsort(-size, kind="stable").tolist()
         return order
 
@@ -95,7 +127,9 @@ class Base:
         self.reml = reml(tables.cells)
 
 
-def analysed(base: Base, method: Method, unusual: tuple[tuple[str, ...], ...]) -> Analysed:
+def analysed(
+    base: Base, method: Method, coverage_factor: float, unusual: tuple[tuple[str, ...], ...]
+) -> Analysed:
     """The analysis of one kind by one method."""
     table, components = base.one_way, _components(base, method)
     (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(base, components, method)
@@ -106,6 +140,7 @@ def analysed(base: Base, method: Method, unusual: tuple[tuple[str, ...], ...]) -
     return Analysed(
         kind=base.kind,
         method=method,
+        coverage_factor=coverage_factor,
         tables=base.tables,
         one_way=table,
         components=components,

@@ -13,11 +13,11 @@ from mtu_cli.stats.least_squares import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Total:
-    """All features of an operation along an axis; mm and mm^2, nan where it cannot be had.
+    """All features of an operation along an axis; mm and mm^2, nan where undefined.
 
     `mean` of the features' mean errors, their standard deviation `spread` and the `largest` of
     them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
-    method, `both` where they cannot be told apart; `repeat_share` is the CMM's share of the
+    method, `both` where they are not separable; `repeat_share` is the CMM's share of the
     variance of one measured point (REML, whatever the method). Of `tested` features
     `significant` have F above its critical value and `differ` from part to part with the error
     rate held over all features; the mean errors of `off` are not zero, likewise. `rounding` is
@@ -40,6 +40,21 @@ class Total:
     off: int
     tested: int
     rounding: float
+
+    @property
+    def s_part(self) -> float:
+        """Root of the mean variance from part to part."""
+        return float(np.sqrt(self.part))
+
+    @property
+    def s_both(self) -> float:
+        """Root of the mean variance of parts measured once."""
+        return float(np.sqrt(self.both))
+
+    @property
+    def s_repeat(self) -> float:
+        """Root of the mean variance of repeats."""
+        return float(np.sqrt(self.repeat))
 
 
 def totals_of(found: Analysed) -> tuple[Total, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from mtu_cli.analyses.anova.parts import FEWEST_PARTS
 from mtu_cli.analyses.anova.tables import Analysed, Method
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.features import FEW_DOF
+from mtu_cli.model.features import BELOW_THREE, FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import BoolArray
 
@@ -22,9 +22,12 @@ KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right an
 
 Condition = Callable[[Analysed], BoolArray]
 CONDITIONS: dict[str, tuple[Condition, dict[str, Any]]] = {
-    "one-part": (
+    "few-parts": (
         lambda found: found.one_way.df_between < 1,
-        {"consequence": "no scatter from part to part, nor of a future part, can be estimated"},
+        {
+            "parts": 1,
+            "consequence": "no scatter from part to part, nor of a future part, can be known",
+        },
     ),
     "no-repeats": (
         lambda found: found.one_way.df_within < 1,
@@ -36,9 +39,9 @@ CONDITIONS: dict[str, tuple[Condition, dict[str, Any]]] = {
     ),
     "negative-variance": (
         lambda found: (found.components.part_estimate < 0) & (found.method == "anova"),
-        {},
+        {"what": "part-to-part", "consequence": "0 is used for uncertainties"},
     ),
-    "few-degrees-of-freedom": (lambda found: found.dof_future < FEW_DOF, {}),
+    "few-degrees-of-freedom": (lambda found: found.dof_future < FEW_DOF, {"how": BELOW_THREE}),
 }
 
 
@@ -78,10 +81,10 @@ def _empty(item: Analysed) -> list[Finding]:
     what = "measurements" if item.kind == "feature" else KINDS[item.kind]
     return [
         finding(
-            "empty-cells",
-            count=int(empty.sum()),
-            total=empty.size,
-            items=f"{what} by part",
+            "missing-values",
+            what=f"{int(empty.sum())} of {empty.size} {what} by part",
+            names=[f"first: part {tables.parts[part]!r} at {name}"],
+            consequence="the rest is analysed with unequal counts",
             part=tables.parts[part],
             label=name,
         )
@@ -91,8 +94,9 @@ def _empty(item: Analysed) -> list[Finding]:
 def _few(tables: MeasuredTables) -> list[Finding]:
     if len(tables.parts) >= FEWEST_PARTS or len(tables.parts) < 2:
         return []
-    purpose = "find outliers among them"
-    return [finding("few-parts", parts=len(tables.parts), purpose=purpose, needed=FEWEST_PARTS)]
+    consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
+    count = len(tables.parts)
+    return [finding("few-parts", parts=count, items="all", consequence=consequence)]
 
 
 def missing_entries(

@@ -15,12 +15,11 @@ from mtu_cli.analyses.budget.copulas import copula_correlations
 from mtu_cli.analyses.budget.correlation import correlation_of, input_covariance
 from mtu_cli.analyses.budget.first_order import FirstOrder, OutputBudget, first_order
 from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
-from mtu_cli.analyses.budget.rare_jumps import rare_jumps
 from mtu_cli.analyses.budget.sources import Source, independent_sources
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.analyses.budget.warnings import budget_warnings
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.block_plan import is_one_block
 from mtu_cli.stats.coverage import numerical_tolerance
@@ -75,9 +74,9 @@ def evaluate_budget(
     trials = BudgetTrials(
         loaded.trees, inputs, sources, first, rho, not is_one_block(settings.trials, probability)
     )
-    judge = _Judge(first, loaded.units, k, probability, settings.digits)
+    judge = _Judge(first, inputs, loaded.units, k, probability, settings.digits)
     run, converged = _run(loaded, trials, judge, settings)
-    outputs = judge.outputs(run)
+    outputs = judge.outputs(run, converged)
     joint = _joint(first, covariance)
     return BudgetResult(
         name=loaded.budget.name,
@@ -91,36 +90,8 @@ def evaluate_budget(
         probability=probability,
         run=run,
         converged=converged,
-        warnings=(
-            *budget_warnings(loaded, inputs, sources, outputs, run, converged),
-            *(_rare(loaded, inputs, sources, first, run, settings.digits) if converged else ()),
-        ),
+        warnings=budget_warnings(loaded, inputs, sources, outputs, run, converged),
     )
-
-
-def _rare(
-    loaded: LoadedBudget,
-    inputs: Sequence[InputQuantity],
-    sources: Sequence[Source],
-    first: Sequence[FirstOrder],
-    run: MonteCarloResult,
-    digits: int,
-) -> list[Finding]:
-    """Of outputs that converged; without that they have a warning."""
-    found = rare_jumps(loaded.trees, inputs, sources, first, run.u, run.trials, digits)
-    return [
-        finding(
-            "rare-jump",
-            output=first[jump.output].name,
-            along=jump.along,
-            radius=jump.radius,
-            change=jump.change / float(run.u[jump.output]),
-            trials=run.trials,
-            one_in=int(float(f"{1.0 / jump.chance:.1e}")),
-            times=jump.u / float(run.u[jump.output]),
-        )
-        for jump in found
-    ]
 
 
 def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:
@@ -144,7 +115,7 @@ def _probability(loaded: LoadedBudget, k: float | None, called: bool) -> float:
         if not called:
             line = loaded.line_of("coverage", "k")
             place = {"file": loaded.source.shown, "line": line, "path": "coverage.k"}
-        raise error("covers-nothing", value=f"{k:g}", expected="a factor such as 2", **place)
+        raise error("out-of-range", value=f"{k:g}", expected="a factor such as 2", **place)
     return probability
 
 
@@ -153,18 +124,21 @@ class _Judge:
     """First order against a Monte Carlo; `k` None where the coverage probability gives it."""
 
     first: tuple[FirstOrder, ...]
+    inputs: tuple[InputQuantity, ...]
     units: Mapping[str, str]
     k: float | None
     probability: float
     digits: int
 
-    def outputs(self, run: MonteCarloResult) -> tuple[OutputBudget, ...]:
-        return tuple(self._output(item, run, index) for index, item in enumerate(self.first))
+    def outputs(self, run: MonteCarloResult, converged: bool) -> tuple[OutputBudget, ...]:
+        return tuple(self._output(i, run, converged) for i in range(len(self.first)))
 
     def unsettled(self, run: MonteCarloResult) -> bool:
-        return any(not item.validation.settled and item.first.u > 0.0 for item in self.outputs(run))
+        outputs = self.outputs(run, run.converged)
+        return any(not item.validation.settled and item.first.u > 0.0 for item in outputs)
 
-    def _output(self, first: FirstOrder, run: MonteCarloResult, index: int) -> OutputBudget:
+    def _output(self, index: int, run: MonteCarloResult, converged: bool) -> OutputBudget:
+        first = self.first[index]
         factor = math.nan
         if not math.isnan(first.dof):
             factor = student_quantile(0.5 * (1.0 + self.probability), first.dof)
@@ -181,6 +155,10 @@ class _Judge:
             k=factor if self.k is None else self.k,
             k_probability=factor,
             validation=verdict,
+            inputs=self.inputs,
+            run=run,
+            index=index,
+            converged=converged,
         )
 
 

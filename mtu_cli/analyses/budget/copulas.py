@@ -7,11 +7,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mtu_cli.analyses.budget.correlation import ROUNDING
+from mtu_cli.analyses.budget.correlation import ROUNDING, uncorrelatable
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import Finding, InputError
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -20,7 +20,7 @@ def copula_correlations(
 ) -> tuple[FloatArray | None, ...]:
     """For each source that is a copula the correlation matrix of its normals, else None.
 
-    Raises InputError where the stated coefficients cannot be had with these distributions.
+    Raises InputError where the stated coefficients are impossible with these distributions.
     """
     problems: list[Finding] = []
     found = [
@@ -42,8 +42,6 @@ def _matrix(
 
     members = [marginal(item) for item in source.members]
     rho = np.eye(len(members))
-    line = loaded.line_of("correlations")
-    shown = loaded.source.shown
     for a in range(len(members)):
         for b in range(a):
             wanted = float(source.covariance[a, b])
@@ -59,30 +57,15 @@ def _matrix(
             rho[a, b] = rho[b, a] = r
     least = float(np.linalg.eigvalsh(rho)[0])
     if least < -ROUNDING * len(rho) and not problems:
-        problems.append(
-            finding(
-                "no-such-correlation",
-                names=[inputs[row].name for row in source.rows],
-                reason=f"the smallest eigenvalue of their Gaussian copula is {least:.4g}",
-                file=shown,
-                line=line,
-                path="correlations",
-                expected="smaller coefficients, or normal distributions",
-            )
-        )
+        why = f"the smallest eigenvalue of their Gaussian copula is {least:.4g}"
+        expected = "smaller coefficients, or normal distributions"
+        names = [inputs[row].name for row in source.rows]
+        problems.append(uncorrelatable(loaded, names, why, expected))
     return rho
 
 
 def _too_strong(loaded: LoadedBudget, pair: tuple[str, str], wanted: float, most: float) -> Finding:
     # Rounded towards 0, so that what it says can be had.
     shown = math.floor(1e6 * most) / 1e6
-    return finding(
-        "no-such-correlation",
-        names=pair,
-        reason="their distributions allow no coefficient so large",
-        file=loaded.source.shown,
-        line=loaded.line_of("correlations"),
-        path="correlations",
-        value=f"{wanted:.9g}",
-        expected=f"-{shown:g} to {shown:g}",
-    )
+    why = "their distributions allow no coefficient so large"
+    return uncorrelatable(loaded, pair, why, f"-{shown:g} to {shown:g}", f"{wanted:.9g}")

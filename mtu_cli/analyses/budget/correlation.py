@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import InputError, finding
+from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.stats.least_squares import FloatArray
 
 ROUNDING = 1e-9
@@ -73,19 +73,21 @@ def _check(loaded: LoadedBudget, inputs: Sequence[InputQuantity], covariance: Fl
         ]
         worst = sorted(pull)[:SHOWN_PAIRS]
         pairs = [f"{inputs[j].name}-{inputs[i].name} {r[i, j]:.6g}" for _, i, j in worst]
-        problems.append(
-            finding(
-                "no-such-correlation",
-                names=pairs,
-                reason=f"the smallest eigenvalue of the correlation matrix is {values[0]:.4g}",
-                file=loaded.source.shown,
-                line=loaded.line_of("correlations"),
-                path="correlations",
-                expected="a matrix without negative eigenvalues",
-            )
-        )
+        why = f"the smallest eigenvalue of the correlation matrix is {values[0]:.4g}"
+        expected = "a matrix without negative eigenvalues"
+        problems.append(uncorrelatable(loaded, pairs, why, expected))
     if problems:
         raise InputError(problems)
+
+
+def uncorrelatable(
+    loaded: LoadedBudget, names: Sequence[str], why: str, expected: str, value: str | None = None
+) -> Finding:
+    """That inputs cannot be correlated as the file states."""
+    reason = f"{listed(names)} cannot be correlated like this: {why}"
+    line, file = loaded.line_of("correlations"), loaded.source.shown
+    place = {"file": file, "line": line, "path": "correlations", "value": value}
+    return finding("wrong-correlation", reason=reason, expected=expected, **place)
 
 
 def clusters(linked: FloatArray) -> list[list[int]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,12 +19,16 @@ from mtu_cli.language import Node, names
 from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 
 EXTREME = 1e50
 """From here on, and below its reciprocal, an output is divided before it is squared."""
 ROUNDED = 1e-16
 LEAST_EXPONENT = -300
+SHORTEST = 1.05
+"""More than its own scatter may make the shortest interval longer than the symmetric one."""
+Interval = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,9 +57,39 @@ class FirstOrder:
     scale: float = 1.0
 
 
+class Line(NamedTuple):
+    """An input of an output's budget: c, |c| u and its share of the variance; nan of the share
+    where that is 0.
+    """
+
+    output: str
+    input: InputQuantity
+    sensitivity: float
+    contribution: float
+    share: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """An output by one method; `ends_u` is the u that the ends of the intervals are rounded to."""
+
+    output: str
+    unit: str
+    method: str
+    value: float
+    u: float
+    dof: float | None = None
+    k: float | None = None
+    U: float | None = None
+    interval: Interval | None = None
+    shortest: Interval | None = None
+    ends_u: float = math.nan
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutputBudget:
-    """One output: first order, its expanded uncertainty U = k u, and clause 8's verdict.
+    """One output: first order, its expanded uncertainty U = k u, and clause 8's verdict on it by
+    the trials, row `index` of a `run`, which is `converged` or not.
 
     `k_probability`: the factor for the coverage probability at the output's effective degrees
     of freedom; k itself is that, unless a factor is given.
@@ -65,6 +100,10 @@ class OutputBudget:
     k: float
     k_probability: float
     validation: Validation
+    inputs: tuple[InputQuantity, ...]
+    run: MonteCarloResult
+    index: int
+    converged: bool
 
     @property
     def expanded(self) -> float:
@@ -72,10 +111,93 @@ class OutputBudget:
         return self.k * self.first.u
 
     @property
-    def interval(self) -> tuple[float, float]:
+    def interval(self) -> Interval:
         """First-order interval y -+ k u for the coverage probability."""
         half = self.k_probability * self.first.u
         return self.first.value - half, self.first.value + half
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        """Every input's part in it."""
+        columns = (self.first.sensitivity, self.first.contribution, self.first.share)
+        rows = zip(self.inputs, *(map(float, column) for column in columns), strict=True)
+        return tuple(Line(self.first.name, *row) for row in rows)
+
+    def of_run(self, name: str) -> float:
+        """A statistic of the trials, such as "mean" or "se_u"."""
+        return float(getattr(self.run, name)[self.index])
+
+    @property
+    def mean(self) -> float:
+        """Of the trials; nan without a variance: the mean does not settle then."""
+        return self.of_run("mean") if math.isfinite(self.of_run("u")) else math.nan
+
+    @property
+    def symmetric(self) -> Interval:
+        """Of the trials, with equal chances beyond either end; one value where none varies."""
+        if self.of_run("u") == 0.0:
+            # Weights of ordered values leave their rounding on equal ones.
+            return self.of_run("mean"), self.of_run("mean")
+        return self.of_run("low"), self.of_run("high")
+
+    @property
+    def has_shortest(self) -> bool:
+        """Whether the shortest interval is that: trials too far apart leave one that is longer."""
+        width = self.of_run("shortest_high") - self.of_run("shortest_low")
+        longest = SHORTEST * (self.of_run("high") - self.of_run("low"))
+        return self.of_run("u") == 0.0 or 0.0 <= width <= longest
+
+    @property
+    def shortest(self) -> Interval:
+        """Of the trials; nan where there is none."""
+        if self.of_run("u") == 0.0 or not self.has_shortest:
+            return self.symmetric if self.has_shortest else (math.nan, math.nan)
+        return self.of_run("shortest_low"), self.of_run("shortest_high")
+
+    @property
+    def estimates(self) -> tuple[Estimate, ...]:
+        """By first order, second order and Monte Carlo."""
+        first, trials_u = self.first, self.of_run("u")
+        name, unit = first.name, self.unit
+        return (
+            Estimate(
+                output=name,
+                unit=unit,
+                method="first order",
+                value=first.value,
+                u=first.u,
+                dof=None if math.isnan(first.dof) else first.dof,
+                k=self.k,
+                U=self.expanded,
+                interval=self.interval,
+                ends_u=_ends_u(first.u, self.interval),
+            ),
+            Estimate(
+                output=name,
+                unit=unit,
+                method="second order",
+                value=first.second_value,
+                u=first.second_u,
+            ),
+            Estimate(
+                output=name,
+                unit=unit,
+                method="Monte Carlo",
+                value=self.mean,
+                u=trials_u,
+                interval=self.symmetric,
+                shortest=self.shortest,
+                ends_u=_ends_u(trials_u, self.symmetric),
+            ),
+        )
+
+
+def _ends_u(u: float, interval: Interval) -> float:
+    """A few trials far out give a u to which an interval of 95 % is nothing: then a quarter of the
+    interval's width, which is about u for a normal distribution.
+    """
+    width = interval[1] - interval[0]
+    return u if u <= width or width == 0.0 else 0.25 * width
 
 
 def first_order(
@@ -109,9 +231,9 @@ def _no_value(loaded: LoadedBudget, name: str, slopes: Derivatives) -> Finding:
     if slopes.faults:
         return slopes.faults[0].at(file=loaded.source.shown, line=line, path=where)
     return finding(
-        "no-value-here",
-        operation="the equation",
-        at="the estimates of its inputs",
+        "no-finite-value",
+        what="the equation",
+        where=" at the estimates of its inputs",
         file=loaded.source.shown,
         line=line,
         path=where,
@@ -226,6 +348,6 @@ def _third(
     F = factor_of(covariance)
     directions = np.stack([np.repeat(along[:, None], F.shape[1], axis=1), F])
     values = {item.name: item.value for item in inputs}
-    ordered = [item.name for item in inputs]
-    coefficients, _ = taylor(tree, values, ordered, directions)
+    moved = {item.name: directions[:, i] for i, item in enumerate(inputs)}
+    coefficients, _ = taylor(tree, values, moved.get, F.shape[1])
     return 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))

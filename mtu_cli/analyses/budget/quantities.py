@@ -33,7 +33,7 @@ class Part:
     says: str = ""
     place: str = ""
 
-    def told(self, name: str) -> str:
+    def label(self, name: str) -> str:
         """What it is called beside others of the input `name`."""
         own = self.place or "width"
         said = f" '{self.says}'" if self.says and self.says != own else ""
@@ -117,8 +117,8 @@ def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
         parts.append(
             Part(distribution=scatter, type_a=True, group=group, says="readings", place="readings")
         )
-    elif item.low is not None and item.high is not None and value is None:
-        value = 0.5 * (item.low + item.high)
+    elif value is None:
+        value = item.middle
     for index, stated in enumerate((item, *item.contributions)):
         found = distribution(stated)
         if found is not None:
@@ -139,12 +139,7 @@ def distribution(item: Contribution) -> Distribution | None:
     """The distribution that an entry of a budget file states; None where it states no width."""
     dof = math.inf if item.dof is None else item.dof
     kind: Kind = item.distribution or "normal"
-    u = item.u
-    if item.U is not None and item.k is not None:
-        u = item.U / item.k
-    half = item.half_width
-    if item.low is not None and item.high is not None:
-        half = 0.5 * (item.high - item.low)
+    u, half = item.standard, item.half
     if kind in ("normal", "t"):
         return None if u is None else Distribution(kind=kind, u=u, dof=dof)
     if u is None and half is None:

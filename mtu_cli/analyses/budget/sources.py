@@ -23,10 +23,10 @@ from typing import Literal
 
 import numpy as np
 
-from mtu_cli.analyses.budget.correlation import clusters
+from mtu_cli.analyses.budget.correlation import clusters, uncorrelatable
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import Finding, InputError
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -203,16 +203,10 @@ def _alone(inputs: Sequence[InputQuantity], joined: set[int]) -> list[Source]:
 
 
 def _several(loaded: LoadedBudget, members: Sequence[InputQuantity]) -> list[Finding]:
+    why = "it has several contributions, not all normal"
+    expected = "two inputs, their sum in the equation, and the correlation of one of them"
     return [
-        finding(
-            "no-such-correlation",
-            names=[item.name],
-            reason="it has several contributions, not all normal",
-            file=loaded.source.shown,
-            line=loaded.line_of("inputs", item.name),
-            path=f"inputs.{item.name}",
-            expected="two inputs, their sum in the equation, and the correlation of one of them",
-        )
+        uncorrelatable(loaded, [item.name], why, expected)
         for item in members
         if not item.normal and len(item.parts) > 1
     ]

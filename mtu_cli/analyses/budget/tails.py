@@ -100,7 +100,7 @@ def unsettled(
     )
 
 
-def told_source(source: Source, inputs: Sequence[InputQuantity]) -> list[str]:
+def names_of_source(source: Source, inputs: Sequence[InputQuantity]) -> list[str]:
     """What is drawn together by the names of its inputs; one of several contributions to an input
     by its own place in the file, too.
     """
@@ -109,5 +109,5 @@ def told_source(source: Source, inputs: Sequence[InputQuantity]) -> list[str]:
         item = inputs[row]
         part = next((part for part in item.parts if part.distribution is member), None)
         several = part is not None and len(item.parts) > 1
-        found.append(part.told(item.name) if part is not None and several else item.name)
+        found.append(part.label(item.name) if part is not None and several else item.name)
     return found

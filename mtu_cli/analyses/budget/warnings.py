@@ -10,9 +10,10 @@ import numpy as np
 from mtu_cli.analyses.budget.first_order import OutputBudget
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
-from mtu_cli.analyses.budget.tails import told_source, unsettled
+from mtu_cli.analyses.budget.tails import names_of_source, unsettled
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.model.features import NO_U
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
 
 NO_WEAKER = 0.9995
@@ -22,8 +23,6 @@ ROUNDING = 1e-9
 FEW, MANY = 0.2, 10_000
 """Share of u that its standard error is where a few of many trials make it: that of normal ones is
 1/sqrt(2 M)."""
-SHORTEST = 1.05
-"""More than its own scatter may make the shortest interval longer than the symmetric one."""
 
 
 def budget_warnings(
@@ -44,7 +43,7 @@ def budget_warnings(
         percent = 100 * run.probability
         found.append(finding("coverage-beyond-check", k=max(beyond), percent=percent))
     found += _unsettled(outputs, run)
-    found += _shortest(outputs, run)
+    found += _shortest(outputs)
     if not converged:
         goal = "the digits of u asked for (JCGM 101, 7.9.4)"
         found.append(finding("not-converged", trials=run.trials, goal=goal))
@@ -70,18 +69,8 @@ def _unsettled(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[F
     ]
 
 
-def has_shortest(run: MonteCarloResult, index: int) -> bool:
-    """Whether the shortest interval is that: trials too far apart leave one that is longer."""
-    width = float(run.shortest_high[index] - run.shortest_low[index])
-    return 0.0 <= width <= SHORTEST * float(run.high[index] - run.low[index])
-
-
-def _shortest(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Finding]:
-    named = [
-        item.first.name
-        for index, item in enumerate(outputs)
-        if run.u[index] != 0.0 and not has_shortest(run, index)
-    ]
+def _shortest(outputs: Sequence[OutputBudget]) -> list[Finding]:
+    named = [item.first.name for item in outputs if not item.has_shortest]
     if not named:
         return []
     reason = "the trials are too far apart"
@@ -91,21 +80,26 @@ def _shortest(outputs: Sequence[OutputBudget], run: MonteCarloResult) -> list[Fi
 def _inputs(inputs: Sequence[InputQuantity], sources: Sequence[Source]) -> list[Finding]:
     found = []
     short = [
-        part.told(item.name) if len(item.parts) > 1 else item.name
+        part.label(item.name) if len(item.parts) > 1 else item.name
         for item in inputs
         for part in item.parts
         if not part.distribution.bounded and part.distribution.dof <= 2
     ]
     if short:
-        found.append(finding("no-standard-uncertainty", names=short))
+        found.append(finding("few-degrees-of-freedom", names=short, how=NO_U))
     for source in sources:
         names = [inputs[row].name for row in source.rows]
         weaker = _weaker(source, inputs)
         if source.how == "copula":
-            found.append(finding("gaussian-copula", names=names, weaker=weaker))
+            how, assumed = "all normal", "the Monte Carlo takes a Gaussian copula"
+            facts = {"names": names, "how": how, "assumed": assumed, "weaker": weaker}
+            found.append(finding("correlated-inputs", **facts))
         if source.how != "alone" and not source.common_dof:
             weaker = weaker if source.how == "normal" else ""
-            found.append(finding("correlated-dof", names=names, weaker=weaker))
+            how = "of the same degrees of freedom"
+            assumed = "Welch-Satterthwaite takes the smallest for all of them"
+            facts = {"names": names, "how": how, "assumed": assumed, "weaker": weaker}
+            found.append(finding("correlated-inputs", **facts))
     return found
 
 
@@ -147,7 +141,7 @@ def _first_order(
     far = unsettled(first.tails, tolerance, run.trials, controlled=run.blocks > 1)
     if far:
         more = not unsettled(first.tails, tolerance, run.trials, controlled=True)
-        named = [text for tail in far for text in told_source(sources[tail.source], inputs)]
+        named = [text for tail in far for text in names_of_source(sources[tail.source], inputs)]
         found.append(
             finding(
                 "heavy-tails",
@@ -167,7 +161,9 @@ def _second_order(item: OutputBudget) -> list[Finding]:
         return []
     known = math.isfinite(first.second_u)
     u = f"u {first.second_u:.4g}" if known else "the variance below 0, so that u is undefined"
-    return [finding("second-order", output=first.name, second_value=first.second_value, u=u)]
+    reason = "the equation is not linear over the uncertainties of its inputs"
+    second = f"the value is {first.second_value:.10g} and {u}"
+    return [finding("second-order", output=first.name, reason=reason, second=second, u=u)]
 
 
 def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Finding:
@@ -175,8 +171,9 @@ def _without_u(item: OutputBudget, inputs: Sequence[InputQuantity]) -> Finding:
     if all(other.u == 0.0 for other in inputs):
         return finding("no-uncertainty", names=[f"the inputs of {first.name}"])
     cancel = any(c * other.u != 0.0 for c, other in zip(first.sensitivity, inputs, strict=True))
-    reason = "the contributions cancel" if cancel else "every sensitivity is 0 at the estimates"
-    return finding("first-order-zero", output=first.name, reason=reason, second_u=first.second_u)
+    why = "the contributions cancel" if cancel else "every sensitivity is 0 at the estimates"
+    reason, second = f"the first-order u is 0 ({why})", f"u is {first.second_u:.4g}"
+    return finding("second-order", output=first.name, reason=reason, second=second)
 
 
 def _validation(item: OutputBudget, run: MonteCarloResult, index: int) -> list[Finding]:

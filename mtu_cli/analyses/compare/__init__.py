@@ -15,16 +15,14 @@ from mtu_cli.analyses.compare.evidence import (
     paper_length_variance,
 )
 from mtu_cli.analyses.compare.operations import (
-    Foreseen,
-    foretold_features,
-    foretold_lengths,
+    OperationPredictions,
     predict_operations,
+    predicted_features,
+    predicted_lengths,
 )
-from mtu_cli.analyses.compare.summary import Range, Summary, Undecided, summarised
+from mtu_cli.analyses.compare.summary import Range, Summary, summarised
 from mtu_cli.analyses.compare.verdicts import (
-    FAMILY_RATE,
     VERDICTS,
-    AllAtOnce,
     Compared,
     Verdict,
     judged,
@@ -32,26 +30,31 @@ from mtu_cli.analyses.compare.verdicts import (
 from mtu_cli.analyses.compare.warnings import compare_warnings
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.datum import Datum, freed
+from mtu_cli.findings import Finding
+from mtu_cli.model.datum import Datum, freed, incomplete_datum
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import MeasuredTables, feature_tables, left_out, length_tables
+from mtu_cli.model.measured import (
+    MeasuredTables,
+    feature_tables,
+    left_out,
+    length_tables,
+    no_shared_axis,
+)
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import axes_of, visits_of
+from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = [
     "FAMILY_RATE",
     "VERDICTS",
-    "AllAtOnce",
     "CompareResult",
     "Compared",
     "Evidence",
     "Range",
     "Side",
     "Summary",
-    "Undecided",
     "Verdict",
     "compare",
     "judged",
@@ -95,31 +98,34 @@ def compare(
     Raises InputError for points that share no axis with the machine, and for a missing covariate
     or one with gaps.
     """
-    warnings, axes = [*points.notes, *left_out(points)], _shared_axes(model, points)
-    foreseen = predict_operations(model, points, covariates or {})
-    points = foreseen.points
-    task = _Task(foreseen=foreseen, axes=axes, datum=datum, part=part, k=settings.coverage_factor)
+    warnings, axes = left_out(points), _shared_axes(model, points)
+    predicted = predict_operations(model, points, covariates or {})
+    points = predicted.points
+    task = _Task(predicted=predicted, axes=axes, datum=datum, part=part, k=settings.coverage_factor)
     sides = _sides(task, points)
-    found, others = judged(sides.features, sides.lengths)
-    warnings = [*warnings, *sides.warnings, *foreseen.warnings]
+    features, lengths = judged(sides.features, sides.lengths)
+    warnings = [*warnings, *sides.warnings, *predicted.warnings]
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
         places=visits_of(points).nominal[seen],
-        features=found,
-        lengths=others,
-        feature_summaries=summarised(found),
-        length_summaries=() if others is None else summarised(others),
+        features=features,
+        lengths=lengths,
+        feature_summaries=summarised(features),
+        length_summaries=() if lengths is None else summarised(lengths, "lengths"),
         datum=datum,
         coverage_factor=task.k,
-        warnings=(*warnings, *compare_warnings(model, part, points, sides.tables, found, others)),
+        warnings=(
+            *warnings,
+            *compare_warnings(model, part, points, sides.tables, features, lengths),
+        ),
     )
 
 
 class _Task(NamedTuple):
     """What is compared, whatever the readings."""
 
-    foreseen: Foreseen
+    predicted: OperationPredictions
     axes: tuple[int, ...]
     datum: Datum
     part: LoadedPart
@@ -137,9 +143,9 @@ class _Sides(NamedTuple):
 
 
 def _sides(task: _Task, points: Points) -> _Sides:
-    predictions, datum, k = task.foreseen.predictions, task.datum, task.k
+    predictions, datum, k = task.predicted.predictions, task.datum, task.k
     tables, warned = _freed_tables(points, task.axes, datum)
-    features = evidence(tables, foretold_features(predictions, tables.labels, task.axes, datum), k)
+    features = evidence(tables, predicted_features(predictions, tables.labels, task.axes, datum), k)
     long = length_tables(points, visits_of(points), task.part)
     lengths = _lengths(predictions, task.part, long, None if datum != "none" else features, k)
     return _Sides(features, lengths, tables, long, warned)
@@ -151,7 +157,7 @@ def _freed_tables(
     """The tables of axes that the machine has an equation for, less the datum's freedoms."""
     loose, complete = freed(points, axes, datum)
     tables, names = feature_tables(loose), {AXES[k] for k in axes}
-    warned = [] if complete else [finding("incomplete-datum")]
+    warned = [] if complete else [incomplete_datum()]
     return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names]), warned
 
 
@@ -164,7 +170,7 @@ def _lengths(
 ) -> Evidence | None:
     if tables is None:
         return None
-    return evidence(tables, foretold_lengths(predictions, tables.labels, part, holes), k)
+    return evidence(tables, predicted_lengths(predictions, tables.labels, part, holes), k)
 
 
 def _shared_axes(model: MachineModel, points: Points) -> tuple[int, ...]:
@@ -172,13 +178,5 @@ def _shared_axes(model: MachineModel, points: Points) -> tuple[int, ...]:
     measured = axes_of(points)
     axes = tuple(i for i in measured if AXES[i] in model.axes)
     if not axes:
-        wanted = " or ".join(f"{axis}_mm" for axis in model.axes)
-        raise error(
-            "no-shared-axis",
-            machine=model.name,
-            axes=model.axes,
-            columns=[f"{AXES[i]}_mm" for i in measured],
-            file=", ".join(source.shown for source in points.sources),
-            expected=f"{wanted} with a nominal at every point",
-        )
+        raise no_shared_axis(model, points, measured)
     return axes

@@ -1,4 +1,4 @@
-"""What speaks for and against the prediction, item by item, before any verdict."""
+"""The tests of bias and scatter, item by item, before any verdict."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from math import inf
 
 import numpy as np
 
-from mtu_cli.analyses.compare.together import Joint, Together, together
+from mtu_cli.analyses.compare.pooled import Joint, PooledItems, pooled_items
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import OneWay, one_way
 from mtu_cli.stats.least_squares import FloatArray
@@ -17,7 +17,7 @@ from mtu_cli.stats.uncertain_variance import f_tails, t_tail, uncertain_variance
 
 FEWEST_PARTS = 5
 """With fewer, the scatter of the parts has three degrees of freedom or less: Student's t has
-hardly a variance then, and a mean that is off cannot be told from parts that scatter."""
+hardly a variance then, and a mean that is off is not separable from parts that scatter."""
 HOPELESS = 10.0
 """A scatter test that would not see scatter of so many times the predicted is withheld."""
 ROUNDING = 1e-9
@@ -25,15 +25,15 @@ ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foretold:
+class PredictedItems:
     """The predicted items, each (items,); mm and mm^2.
 
     `mean`; variance of one future part, `total` = `coefficients` (shared by all parts) +
     `scatter` (from part to part: passes and visits), and under the papers' independence,
     `independent`. `of_mean` and `of_part` (K, items) are the mean squares of `dof` (K,) behind
     coefficients and scatter (see `variance.MeanSquares`). `holes` is g'V g of the measured
-    hole variances V, for lengths; nan where there are none. `joint` tells of the
-    items of each operation, in their order, how they scatter together.
+    hole variances V, for lengths; nan where there are none. `joint` has the
+    common scatter of the items of each operation, in their order.
     """
 
     mean: FloatArray
@@ -51,12 +51,13 @@ class Foretold:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Side:
     """One side of the comparison, each (items,), mm: the mean error (actual minus nominal), the
-    standard uncertainty u of one part's error about it, and the range width 2 (|mean| + k u)
-    of Gilsinn & Ling 2004, Table 10.
+    standard uncertainty u of one part's error about it, U = k u, and the range width
+    2 (|mean| + U) of Gilsinn & Ling 2004, Table 10.
     """
 
     mean: FloatArray
     u: FloatArray
+    U: FloatArray
     width: FloatArray
 
 
@@ -86,8 +87,8 @@ class Evidence:
     Ratios are measured over predicted, nan where nothing is predicted: `ratio_u` and
     `ratio_range` of `u` and `width`, `paper_ratio_u` and `paper_ratio_range` of the paper's
     own two sides, `ratio_scatter` of s_part and the root of (D + visit). `ms_share` =
-    sqrt(MS_between)/s_part says how much of the paper's scatter is not the parts'. `together` is
-    what tests the scatter of all items of an operation at once.
+    sqrt(MS_between)/s_part says how much of the paper's scatter is not the parts'. `pooled_items`
+    are those whose scatter is tested as one, an operation each.
     """
 
     labels: tuple[tuple[str, str, str], ...]
@@ -111,7 +112,7 @@ class Evidence:
     paper_ratio_u: FloatArray
     paper_ratio_range: FloatArray
     ms_share: FloatArray
-    together: tuple[Together, ...]
+    pooled_items: tuple[PooledItems, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,8 +134,8 @@ class _Scatter:
     p_hopeless: FloatArray
 
 
-def evidence(tables: MeasuredTables, foretold: Foretold, k: float) -> Evidence:
-    """Sets the items of `tables` beside what was foretold of them; k the coverage factor."""
+def evidence(tables: MeasuredTables, items: PredictedItems, k: float) -> Evidence:
+    """The items of `tables` against their prediction; k the coverage factor."""
     table, components = one_way(tables.cells), reml(tables.cells)
     spread = (tables.cells.n**2).sum(axis=1) / table.N**2
     apart = np.isfinite(components.part)
@@ -142,12 +143,12 @@ def evidence(tables: MeasuredTables, foretold: Foretold, k: float) -> Evidence:
     part = np.where(apart, components.part, table.ms_between)
     repeat = np.where(np.isfinite(components.repeat), components.repeat, 0.0)
     of_mean = part * spread + repeat / table.N
-    means = _bias(table, repeat, spread, of_mean, foretold)
-    scatter = _scatter(table, foretold)
-    predicted = _side(foretold.mean, foretold.total, k)
-    independent = _side(foretold.mean, foretold.independent, k)
+    means = _bias(table, repeat, spread, of_mean, items)
+    scatter = _scatter(table, items)
+    predicted = _side(items.mean, items.total, k)
+    independent = _side(items.mean, items.independent, k)
     measured = _side(table.mean, part + of_mean, k)
-    paper = _paper_side(table, foretold.holes, k)
+    paper = _paper_side(table, items.holes, k)
     s_part = np.sqrt(np.where(apart, components.part, np.nan))
     return Evidence(
         labels=tables.labels,
@@ -167,17 +168,17 @@ def evidence(tables: MeasuredTables, foretold: Foretold, k: float) -> Evidence:
         p_hopeless=scatter.p_hopeless,
         ratio_u=ratio(measured.u, predicted.u),
         ratio_range=ratio(measured.width, predicted.width),
-        ratio_scatter=ratio(np.sqrt(part), np.sqrt(foretold.scatter)),
+        ratio_scatter=ratio(np.sqrt(part), np.sqrt(items.scatter)),
         paper_ratio_u=ratio(paper.u, independent.u),
         paper_ratio_range=ratio(paper.width, independent.width),
         ms_share=ratio(np.sqrt(table.ms_between), s_part),
-        together=tuple(_together(tables.labels, table, foretold, scatter)),
+        pooled_items=tuple(_pooled(tables.labels, table, items, scatter)),
     )
 
 
 def _side(mean: FloatArray, variance: FloatArray, k: float) -> Side:
     u = np.sqrt(variance)
-    return Side(mean=mean, u=u, width=2 * (np.abs(mean) + k * u))
+    return Side(mean=mean, u=u, U=k * u, width=2 * (np.abs(mean) + k * u))
 
 
 def _paper_side(table: OneWay, holes: FloatArray, k: float) -> Side:
@@ -198,33 +199,33 @@ def _bias(
     repeat: FloatArray,
     spread: FloatArray,
     seen: FloatArray,
-    foretold: Foretold,
+    items: PredictedItems,
 ) -> _Bias:
     """Measured minus predicted mean against C and the scatter of the mean; `seen` (items,) is
     the measured variance of the mean.
     """
-    foreseen = foretold.scatter * spread + repeat / table.N
-    by_parts = (table.parts >= FEWEST_PARTS) & (seen >= foreseen)
+    predicted = items.scatter * spread + repeat / table.N
+    by_parts = (table.parts >= FEWEST_PARTS) & (seen >= predicted)
     own, own_dof = _by_dof(np.where(by_parts, seen, 0.0), table.df_between)
     cmm, cmm_dof = _by_dof(np.where(by_parts, 0.0, repeat / table.N), table.df_within)
-    squares = foretold.of_mean + np.where(by_parts, 0.0, spread) * foretold.of_part
+    squares = items.of_mean + np.where(by_parts, 0.0, spread) * items.of_part
     variance = uncertain_variance(
-        np.concatenate([squares, own, cmm]), np.concatenate([foretold.dof, own_dof, cmm_dof])
+        np.concatenate([squares, own, cmm]), np.concatenate([items.dof, own_dof, cmm_dof])
     )
-    bias = table.mean - foretold.mean
-    of_mean = np.where(by_parts, seen, foreseen)
-    return _Bias(bias=bias, u=np.sqrt(foretold.coefficients + of_mean), p=t_tail(bias, variance))
+    bias = table.mean - items.mean
+    of_mean = np.where(by_parts, seen, predicted)
+    return _Bias(bias=bias, u=np.sqrt(items.coefficients + of_mean), p=t_tail(bias, variance))
 
 
-def _scatter(table: OneWay, foretold: Foretold) -> _Scatter:
+def _scatter(table: OneWay, items: PredictedItems) -> _Scatter:
     """MS_between against MS_within + n0 (D + visit), of which it is the expectation."""
     within = np.where(table.df_within > 0, table.ms_within, 0.0)
     n0 = np.where(table.df_between > 0, table.n0, 0.0)
     cmm, cmm_dof = _by_dof(within, table.df_within)
     variance = uncertain_variance(
-        np.concatenate([n0 * foretold.of_part, cmm]), np.concatenate([foretold.dof, cmm_dof])
+        np.concatenate([n0 * items.of_part, cmm]), np.concatenate([items.dof, cmm_dof])
     )
-    expected = within + n0 * foretold.scatter
+    expected = within + n0 * items.scatter
     high, low = f_tails(table.ms_between, table.df_between, variance)
     hopeless, _ = f_tails(HOPELESS**2 * expected, table.df_between, variance)
     found = ratio(table.ms_between, expected)
@@ -238,19 +239,19 @@ def _scatter(table: OneWay, foretold: Foretold) -> _Scatter:
     )
 
 
-def _together(
-    labels: Sequence[tuple[str, str, str]], table: OneWay, foretold: Foretold, scatter: _Scatter
-) -> Iterator[Together]:
+def _pooled(
+    labels: Sequence[tuple[str, str, str]], table: OneWay, items: PredictedItems, scatter: _Scatter
+) -> Iterator[PooledItems]:
     """The items of every operation, those with a predicted scatter and a measured one."""
-    for operation, joint in foretold.joint.items():
+    for operation, joint in items.joint.items():
         place = np.array([i for i, label in enumerate(labels) if label[0] == operation])
         # A datum leaves no more of some features than rounding.
-        of_parts = table.n0[place] * foretold.scatter[place]
+        of_parts = table.n0[place] * items.scatter[place]
         kept = np.isfinite(scatter.p[place]) & (of_parts > ROUNDING * scatter.expected[place])
         # Without repeats MS_between holds the CMM's scatter: too little to be seen at one item.
         kept &= table.df_within[place] > 0
         own = place[kept]
-        yield together(operation, own, scatter.expected[own], table, joint.only(kept), HOPELESS)
+        yield pooled_items(operation, own, scatter.expected[own], table, joint.only(kept), HOPELESS)
 
 
 def _by_dof(values: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:

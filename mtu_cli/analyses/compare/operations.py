@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.analyses.compare.evidence import Evidence, Foretold, paper_length_variance
-from mtu_cli.analyses.compare.together import Joint
+from mtu_cli.analyses.compare.evidence import Evidence, PredictedItems, paper_length_variance
+from mtu_cli.analyses.compare.pooled import Joint
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
@@ -33,7 +33,7 @@ Rows = Callable[[Prediction, Sequence[Label]], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Foreseen:
+class OperationPredictions:
     """The prediction of every operation, and `points` less what their own covariates change in
     the modelled error, so that all readings of a feature are of one state of the machine.
     """
@@ -43,7 +43,9 @@ class Foreseen:
     warnings: tuple[Finding, ...]
 
 
-def predict_operations(model: MachineModel, points: Points, given: Mapping[str, float]) -> Foreseen:
+def predict_operations(
+    model: MachineModel, points: Points, given: Mapping[str, float]
+) -> OperationPredictions:
     """The prediction of every operation, at its features.
 
     A covariate is what `given` says, else the points' own. Means are over the readings of an
@@ -82,7 +84,7 @@ def predict_operations(model: MachineModel, points: Points, given: Mapping[str, 
             found[name] = replace(found[name], mean=found[name].mean + shift.ravel())
     warnings += _averaged(sorted(moving))
     moved = replace(points, measured=measured) if moving else points
-    return Foreseen(predictions=found, points=moved, warnings=tuple(warnings))
+    return OperationPredictions(predictions=found, points=moved, warnings=tuple(warnings))
 
 
 def _places(points: Points) -> FloatArray:
@@ -143,7 +145,8 @@ def _moves(value: FloatArray | float, rows: np.ndarray, place: np.ndarray) -> bo
 
 def _overruled(names: list[str]) -> list[Finding]:
     """Columns of the points that --at stands in for: what they say of each part is lost."""
-    return [finding("covariate-overruled", names=names)] if names else []
+    reason = "--at gives one value for all points"
+    return [finding("not-used", what="columns", names=names, reason=reason)] if names else []
 
 
 def _averaged(names: list[str]) -> list[Finding]:
@@ -151,12 +154,12 @@ def _averaged(names: list[str]) -> list[Finding]:
     return [finding("covariate-averaged", names=names)] if names else []
 
 
-def foretold_features(
+def predicted_features(
     predictions: Mapping[str, Prediction],
     labels: Sequence[Label],
     axes: tuple[int, ...],
     datum: Datum,
-) -> Foretold:
+) -> PredictedItems:
     """The errors of features less the freedoms of the datum, in the order of `labels`."""
 
     def rows(prediction: Prediction, own: Sequence[Label]) -> FloatArray:
@@ -173,12 +176,12 @@ def foretold_features(
     return _gathered(predictions, labels, rows, None)
 
 
-def foretold_lengths(
+def predicted_lengths(
     predictions: Mapping[str, Prediction],
     labels: Sequence[Label],
     part: LoadedPart,
     holes: Evidence | None,
-) -> Foretold:
+) -> PredictedItems:
     """Length errors to first order, eq. (22); with what the paper's hole variances give."""
     entries = {entry.id: entry for entry in part.part.lengths}
 
@@ -197,7 +200,7 @@ def _gathered(
     labels: Sequence[Label],
     rows: Rows,
     holes: Evidence | None,
-) -> Foretold:
+) -> PredictedItems:
     """The items of all operations, each from the prediction of its own."""
     m = len(labels)
     columns = {name: np.zeros(m) for name in ("mean", "total", "coefficients", "scatter")}
@@ -222,7 +225,7 @@ def _gathered(
         if holes is not None:
             V = _of_holes(prediction, holes, operation)
             hole_variance[own] = [paper_length_variance(g, V) for g in A]
-    return Foretold(
+    return PredictedItems(
         **columns,
         independent=independent,
         holes=hole_variance,

@@ -6,11 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.compare.verdicts import VERDICTS, AllAtOnce, Answers, Compared, Verdict
+from mtu_cli.analyses.compare.verdicts import VERDICTS, Answers, Compared, Pooled, Verdict
 from mtu_cli.stats.least_squares import FloatArray
-
-LARGE = 2.0
-"""A ratio of scatter that matters though no test finds it, where chance alone is `unlikely`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,35 +18,28 @@ class Range:
     median: float
     largest: float
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Undecided:
-    """Items of which the parts scatter LARGE times as much as predicted or more, without a finding.
-
-    Their number, `factor` (`ratio_scatter`), the label of the largest, and the least family-wise
-    `p`.
-    """
-
-    items: int
-    factor: Range
-    largest: tuple[str, str, str]
-    p: float
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest."""
+        return self.least, self.largest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """The items of one operation: how many have which verdict and fault, and their figures.
+    """The items of one operation, features or lengths (`kind`): how many have which verdict and
+    fault, and their figures.
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
     `over_predicted` and `inconsistent` count every fault. `bias_tested` and
     `scatter_tested` items could be judged at all, `not_tested` ones in neither. Ratios are
     measured over predicted; `under_factor` and `over_factor` are `ratio_scatter` of the items
-    under- and over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent;
-    `undecided` is what may be under-predicted, too. `n0` and `ms_share` say what the paper's
+    under- and over-predicted, `bias_size` |bias| (mm) of the biased or inconsistent.
+    `n0` and `ms_share` say what the paper's
     scatter, from MS_between, is of the parts' own: sqrt(n0) times, or somewhat more.
-    `at_once` is what all items together show, None where that was not tested.
+    `pooled` is the test of their pooled scatter, None where it was not made.
     """
 
+    kind: str
     operation: str
     items: int
     verdicts: dict[Verdict, int]
@@ -69,19 +59,25 @@ class Summary:
     bias_size: Range | None
     under_factor: Range | None
     over_factor: Range | None
-    undecided: Undecided | None
     n0: Range | None
     ms_share: Range | None
-    at_once: AllAtOnce | None
+    pooled: Pooled | None
+
+    @property
+    def pooled_fault(self) -> Verdict | None:
+        """What the pooled test shows and no item by itself."""
+        alone = {"under-predicted": self.under_predicted, "over-predicted": self.over_predicted}
+        verdict = None if self.pooled is None else self.pooled.verdict
+        return None if verdict is None or alone[verdict] else verdict
 
 
-def summarised(found: Compared) -> tuple[Summary, ...]:
+def summarised(found: Compared, kind: str = "features") -> tuple[Summary, ...]:
     """One entry an operation, in the order in which they come."""
     operations = dict.fromkeys(label[0] for label in found.labels)
-    return tuple(_summary(found, operation) for operation in operations)
+    return tuple(_summary(found, kind, operation) for operation in operations)
 
 
-def _summary(found: Compared, operation: str) -> Summary:
+def _summary(found: Compared, kind: str, operation: str) -> Summary:
     own = np.array([label[0] == operation for label in found.labels])
     verdicts = [v for v, inside in zip(found.verdicts, own, strict=True) if inside]
     off = _yes(found.biased) | _yes(found.inconsistent)
@@ -91,6 +87,7 @@ def _summary(found: Compared, operation: str) -> Summary:
         return int((flags & own).sum())
 
     return Summary(
+        kind=kind,
         operation=operation,
         items=len(verdicts),
         verdicts={name: verdicts.count(name) for name in VERDICTS},
@@ -110,26 +107,9 @@ def _summary(found: Compared, operation: str) -> Summary:
         bias_size=_range(np.abs(found.bias[own & off])),
         under_factor=_range(found.ratio_scatter[own & _yes(found.under_predicted)]),
         over_factor=_range(found.ratio_scatter[own & _yes(found.over_predicted)]),
-        undecided=_undecided(found, own),
         n0=_range(found.one_way.n0[own]),
         ms_share=_range(found.ms_share[own]),
-        at_once=next((item for item in found.at_once if item.operation == operation), None),
-    )
-
-
-def _undecided(found: Compared, own: np.ndarray) -> Undecided | None:
-    """What the tests leave open."""
-    p, ratio = found.p_scatter, found.ratio_scatter
-    large = own & (ratio >= LARGE) & np.array(found.unlikely)
-    large &= ~_yes(found.under_predicted)
-    factor = _range(ratio[large])
-    if factor is None:
-        return None
-    return Undecided(
-        items=int(large.sum()),
-        factor=factor,
-        largest=found.labels[int(np.argmax(np.where(large, ratio, 0.0)))],
-        p=float(p[large].min()),
+        pooled=next((item for item in found.pooled if item.operation == operation), None),
     )
 
 

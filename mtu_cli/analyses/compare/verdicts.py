@@ -3,33 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, Evidence
-from mtu_cli.analyses.compare.together import Jointly, Together
-from mtu_cli.stats.family import holm
+from mtu_cli.analyses.compare.pooled import PooledTest
+from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["consistent", "biased", "under-predicted", "over-predicted", "inconsistent"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
-FAMILY_RATE = 0.05
 JOINT_SHARE = 0.2
-"""Of that rate what the tests of all features of an operation at once may take."""
+"""Of that rate what the pooled tests of all features of an operation may take."""
 
 Answers = tuple[bool | None, ...]
 """One an item; None where it was not tested."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AllAtOnce:
-    """The scatter of the `items` of an operation together: `ratio`, measured over predicted, and
-    `p`, adjusted over the study. `verdict` is None where it is as predicted.
-
-    `others` is what the same test says of those that show no fault by themselves, None where these
-    do not scatter that way or are fewer than two.
+class Pooled:
+    """The pooled scatter of the `items` of an operation: `ratio`, measured over predicted, and `p`,
+    adjusted over the study. `verdict` is None where it is as predicted.
     """
 
     operation: str
@@ -37,22 +33,20 @@ class AllAtOnce:
     ratio: float
     p: float
     verdict: Verdict | None
-    others: Jointly | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Compared(Evidence):
     """The evidence with its verdicts; `p_bias` and `p_scatter` are adjusted over the study.
 
     `biased`, `under_predicted`, `over_predicted` are tested each on its own, and `inconsistent`
-    takes the place of `biased` where parts are too few to tell a bias from their scatter. The
+    takes the place of `biased` where parts are too few to distinguish a bias from scatter. The
     verdict names the gravest: under-predicted (no statement of uncertainty holds), biased (a
     correction would mend it), inconsistent (one of the two), over-predicted (more was feared
     than came), consistent; None where nothing was tested. `withheld` items are those whose
     scatter was measured, but against predictions of so few degrees of freedom that no scatter
-    would be found too large. `unlikely` is scatter of which chance makes as much at less than one
-    item of a clean study, by Bonferroni. `at_once` has an entry for every operation whose features
-    could be tested together; lengths, which are made of features, have none.
+    would be found too large. `pooled` has an entry for every operation whose features could be
+    tested as one; lengths, which are made of features, have none.
     """
 
     biased: Answers
@@ -60,16 +54,38 @@ class Compared(Evidence):
     over_predicted: Answers
     inconsistent: Answers
     withheld: tuple[bool, ...]
-    unlikely: tuple[bool, ...]
     verdicts: tuple[Verdict | None, ...]
-    at_once: tuple[AllAtOnce, ...] = ()
+    pooled: tuple[Pooled, ...] = ()
+
+    @cached_property
+    def stated(self) -> tuple[str, ...]:
+        """Every fault of an item (items,), or the verdict where it has none."""
+        names = ("biased", "under-predicted", "over-predicted", "inconsistent")
+        answers = zip(
+            self.biased, self.under_predicted, self.over_predicted, self.inconsistent, strict=True
+        )
+        faults = [[name for name, yes in zip(names, own, strict=True) if yes] for own in answers]
+        return tuple(
+            ", ".join(own) or verdict or "not tested"
+            for own, verdict in zip(faults, self.verdicts, strict=True)
+        )
+
+    def by_interest(self) -> list[int]:
+        """Items with a fault, the clearest first, then those of the largest |E_n|: parts that
+        scatter too much may lie where they should in the mean.
+        """
+        faulty = np.array([verdict not in (None, "consistent") for verdict in self.verdicts], bool)
+        p = np.nan_to_num(np.fmin(self.p_bias, self.p_scatter), nan=1.0)
+        size = np.abs(np.nan_to_num(self.E_n))
+        order: list[int] = np.lexsort((-size, np.where(faulty, p, 2.0))).tolist()
+        return order
 
 
 def judged(features: Evidence, lengths: Evidence | None) -> tuple[Compared, Compared | None]:
     """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
 
     Scatter tests without a chance of finding anything, whatever is measured, are no part of
-    the family. Those of all features of an operation at once have JOINT_SHARE of the rate to
+    the family. The pooled ones of all features of an operation have JOINT_SHARE of the rate to
     themselves (weighted Bonferroni): among a hundred others they would see no more than these.
     """
     kinds = [features] if lengths is None else [features, lengths]
@@ -79,24 +95,19 @@ def judged(features: Evidence, lengths: Evidence | None) -> tuple[Compared, Comp
     tests = np.isfinite(p_bias).sum() + np.isfinite(p_scatter).sum()
     withheld = np.isfinite(p_scatter) & (hopeless > FAMILY_RATE / max(tests, 1))
     p_scatter = np.where(withheld, np.nan, p_scatter)
-    share = JOINT_SHARE if _tests_at_once(features) else 0.0
+    share = JOINT_SHARE if _pooled_tests(features) else 0.0
     adjusted = holm(np.concatenate([p_bias, p_scatter]))
-    unlikely = adjusted[len(p_bias) :] < 1.0
     bias, scatter = np.split(np.minimum(adjusted / (1 - share), 1.0), 2)
     n = len(features.labels)
-    found = _judged(features, bias[:n], scatter[:n], withheld[:n], unlikely[:n])
-    found = replace(found, at_once=_at_once(found))
+    found = _judged(features, bias[:n], scatter[:n], withheld[:n])
+    found = replace(found, pooled=_pooled(found))
     if lengths is None:
         return found, None
-    return found, _judged(lengths, bias[n:], scatter[n:], withheld[n:], unlikely[n:])
+    return found, _judged(lengths, bias[n:], scatter[n:], withheld[n:])
 
 
 def _judged(
-    kind: Evidence,
-    p_bias: FloatArray,
-    p_scatter: FloatArray,
-    withheld: np.ndarray,
-    unlikely: np.ndarray,
+    kind: Evidence, p_bias: FloatArray, p_scatter: FloatArray, withheld: np.ndarray
 ) -> Compared:
     few = kind.one_way.parts < FEWEST_PARTS
     off = [_answer(p) for p in p_bias]
@@ -118,57 +129,35 @@ def _judged(
         over_predicted=tuple(over),
         inconsistent=tuple(unclear),
         withheld=tuple(withheld.tolist()),
-        unlikely=tuple(unlikely.tolist()),
         verdicts=tuple(map(_gravest, biased, under, over, unclear)),
     )
 
 
-def _tests_at_once(kind: Evidence) -> dict[str, Jointly]:
+def _pooled_tests(kind: Evidence) -> dict[str, PooledTest]:
     """Of all items of each operation, those tests that have a chance of finding anything."""
-    every = {own.operation: own.of_all for own in kind.together}
+    every = {own.operation: own.test for own in kind.pooled_items}
     known = {operation: own for operation, own in every.items() if own is not None}
     least = JOINT_SHARE * FAMILY_RATE / max(len(known), 1)
     return {operation: own for operation, own in known.items() if own.p_hopeless <= least}
 
 
-def _at_once(found: Compared) -> tuple[AllAtOnce, ...]:
-    tests = _tests_at_once(found)
+def _pooled(found: Compared) -> tuple[Pooled, ...]:
+    tests = _pooled_tests(found)
     adjusted = np.minimum(holm(np.array([own.p for own in tests.values()])) / JOINT_SHARE, 1.0)
-    entries = []
-    for (operation, test), p in zip(tests.items(), adjusted, strict=True):
-        own = next(item for item in found.together if item.operation == operation)
-        verdict = _way(test) if p <= FAMILY_RATE else None
-        others = None if verdict is None else _of_others(own, _faultless(found)[own.own])
-        if others is not None:
-            # To leave out what was found makes the rest less: no more is claimed than is there.
-            others = replace(others, p=min(others.p * len(tests) / JOINT_SHARE, 1.0))
-            if others.p > FAMILY_RATE or _way(others) != verdict:
-                others = None
-        entries.append(
-            AllAtOnce(
-                operation=operation,
-                items=test.items,
-                ratio=test.ratio,
-                p=float(p),
-                verdict=verdict,
-                others=others,
-            )
+    return tuple(
+        Pooled(
+            operation=operation,
+            items=test.items,
+            ratio=test.ratio,
+            p=float(p),
+            verdict=_way(test) if p <= FAMILY_RATE else None,
         )
-    return tuple(entries)
+        for (operation, test), p in zip(tests.items(), adjusted, strict=True)
+    )
 
 
-def _of_others(own: Together, chosen: NDArray[np.bool_]) -> Jointly | None:
-    return own.of_all if chosen.all() else own.test(chosen)
-
-
-def _way(test: Jointly) -> Verdict:
+def _way(test: PooledTest) -> Verdict:
     return "under-predicted" if test.ratio > 1 else "over-predicted"
-
-
-def _faultless(found: Compared) -> NDArray[np.bool_]:
-    """Items (items,) whose scatter shows no fault by itself."""
-    faults = zip(found.under_predicted, found.over_predicted, strict=True)
-    return np.array([not any(own) for own in faults], bool)
 
 
 def _answer(p: float) -> bool | None:

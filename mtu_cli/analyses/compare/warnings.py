@@ -1,4 +1,4 @@
-"""What a comparison cannot tell, and why: every figure that is missing has its reason here."""
+"""What a comparison leaves open, and why: every missing figure has its reason here."""
 
 from __future__ import annotations
 
@@ -108,10 +108,10 @@ def _empty(tables: MeasuredTables) -> list[Finding]:
     name = " ".join(word for word in tables.labels[table] if word)
     return [
         finding(
-            "empty-cells",
-            count=int(empty.sum()),
-            total=empty.size,
-            items="measurements by part",
+            "missing-values",
+            what=f"{int(empty.sum())} of {empty.size} measurements by part",
+            names=[f"first: part {tables.parts[part]!r} at {name}"],
+            consequence="the rest is analysed with unequal counts",
             part=tables.parts[part],
             label=name,
         )
@@ -126,12 +126,12 @@ def _parts(kinds: list[Compared]) -> list[Finding]:
     found = []
     if one.any():
         consequence = "a bias is judged by the predicted scatter"
-        found.append(finding("one-part", items=_some(one), consequence=consequence))
+        found.append(finding("few-parts", parts=1, items=_some(one), consequence=consequence))
     if few.any():
-        purpose = "measure the scatter: means are judged by the predicted one"
-        found.append(
-            finding("few-parts", parts=int(parts[few].min()), purpose=purpose, needed=FEWEST_PARTS)
-        )
+        least, items = int(parts[few].min()), _some(few)
+        consequence = f"{FEWEST_PARTS} are needed to measure the scatter: means are judged by the "
+        consequence += "predicted one"
+        found.append(finding("few-parts", parts=least, items=items, consequence=consequence))
     if unrepeated.any():
         consequence = "MS_between contains the scatter of the CMM, which is not predicted"
         found.append(finding("no-repeats", items=_some(unrepeated), consequence=consequence))

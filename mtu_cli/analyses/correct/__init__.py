@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,10 +17,11 @@ from mtu_cli.analyses.correct.sizes import Rings, sizes_of
 from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, error, finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.measured import no_shared_axis
 from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
@@ -44,14 +46,15 @@ def correct(
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim or that no equation is for, or a circle that its points do not determine.
     """
-    checked = _checked(model, points)
+    _check(model, points)
     rows, noted = _rows(model, points, covariates or {}, independent=settings.independent)
     error, u, dof, sensors = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
-    by_machine, rings, told = _sizes(part, rows, corrected, covariates or {})
+    by_machine, rings, warned = _sizes(part, rows, corrected, covariates or {})
     scatter = point_scatter(points, corrected, sensors, rings.squares)
-    sizes = [with_scatter(size, scatter) for size in by_machine]
-    warned = [*checked, *noted, *outside_warnings(rows.all_outside()), *told]
+    k = settings.coverage_factor
+    sizes = [replace(with_scatter(size, scatter), k=k) for size in by_machine]
+    notes = [*noted, *outside_warnings(rows.all_outside()), *warned]
     return CorrectResult(
         points=points,
         axes=tuple(a for i, a in enumerate(AXES) if np.isfinite(error[:, i]).any()),
@@ -63,9 +66,8 @@ def correct(
         sizes=tuple(sizes),
         ovals=ovals(rings.shapes.values(), scatter),
         leaning=leaning(rings.shapes.values(), by_machine),
-        coverage_factor=settings.coverage_factor,
         independent=settings.independent,
-        warnings=(*warned, *_size_warnings(sizes, scatter)),
+        notes=(*notes, *_size_warnings(sizes, scatter)),
     )
 
 
@@ -93,7 +95,9 @@ def _sizes(
     what is to be said of them.
     """
     if part is None:
-        return [], Rings(), [finding("no-part")]
+        consequence = "points are corrected, no circle or length is known"
+        facts = {"what": "the part file", "names": ["-p"], "consequence": consequence}
+        return [], Rings(), [finding("missing-values", **facts)]
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
     sizes, rings = sizes_of(tasks, rows, corrected)
@@ -110,25 +114,19 @@ def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Find
     names = [f"{size.id} of {size.part}" for size in sizes]
     found = dof_warnings(names, np.array([size.dof for size in sizes]))
     if scatter is None:
-        found = [*found, finding("no-point-scatter", dof=FEWEST)]
+        consequence = "u holds the machine model only; that takes repeats of "
+        consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
+        facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
+        found = [*found, finding("no-scatter-known", **facts)]
     return found
 
 
-def _checked(model: MachineModel, points: Points) -> list[Finding]:
-    """Notes of the points; refuses those that nothing can be corrected of."""
+def _check(model: MachineModel, points: Points) -> None:
+    """Refuses points that nothing can be corrected of."""
     columns = [AXES.index(axis) for axis in model.axes]
     measured = [i for i in range(3) if np.isfinite(points.measured[:, i]).any()]
     if set(measured).isdisjoint(columns):
-        raise error(
-            "no-shared-axis",
-            machine=model.name,
-            axes=model.axes,
-            columns=[f"{AXES[i]}_mm" for i in measured],
-            file=points.sources[0].shown,
-            column=f"{model.axes[0]}_mm",
-            expected=f"a column {model.axes[0]}_mm, or an equation Ex or Ey",
-        )
-    return list(points.notes)
+        raise no_shared_axis(model, points, measured)
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> list[Finding]:

@@ -66,12 +66,14 @@ class Calibration:
     def _unknown(self) -> list[Finding]:
         if not self.missing:
             return []
+        span = f" of {self.degrees[0]:g} degC" if self.ranged else ""
         return [
             finding(
-                "calibrated-temperature-unknown",
-                name=self.name,
-                temperature=self.missing,
-                span=f" of {self.degrees[0]:g} degC" if self.ranged else "",
+                "missing-values",
+                what=f"the temperature of {self.name}",
+                names=[repr(self.missing)],
+                consequence="neither a column of the points nor given by --at, so that the "
+                f"calibrated diameter{span} is taken as it is",
                 meant=self.near,
             )
         ]

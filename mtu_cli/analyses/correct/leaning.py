@@ -46,6 +46,11 @@ class Leaning:
     angle: float
     larger: float
 
+    @property
+    def label(self) -> str:
+        """Its name, with that of the operation."""
+        return f"{self.operation} {self.id}".strip()
+
 
 def askew(normal: FloatArray, drawn: FloatArray) -> FloatArray:
     """Strain (6,) of a round bore along `drawn` in a plane across `normal`, unit vectors (3,): it

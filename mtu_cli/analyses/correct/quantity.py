@@ -25,7 +25,8 @@ class Size:
     uncertainty `U_reference` (k = 2, nan: not given), `form` the range of the radial residuals
     (nan for lengths). `u`, `dof` are those of the corrected size. `repeat` is None in a mean
     over repeats, whose scatter `s_repeats` (after, nan for one) has. `points` is their
-    number, `sensitivity` the sum of the squared gradients of the size in their coordinates.
+    number, `sensitivity` the sum of the squared gradients of the size in their coordinates; `k` the
+    coverage factor of `U`.
     """
 
     kind: Kind
@@ -43,6 +44,7 @@ class Size:
     points: int
     sensitivity: float
     s_repeats: float = float("nan")
+    k: float = 2.0
     repeats: tuple[Size, ...] = ()
 
     @property
@@ -78,15 +80,17 @@ class Size:
         half = coverage_factor(PROBABILITY, self.dof_error) * self.u_error
         return self.error[1] - half, self.error[1] + half
 
-    def U(self, k: float) -> float:
+    @property
+    def U(self) -> float:
         """Expanded uncertainty k u of the corrected size, mm (JCGM 100, eq. (18))."""
-        return k * self.u
+        return self.k * self.u
 
-    def E_n(self, k: float) -> float:  # ISO 13528
+    @property
+    def E_n(self) -> float:  # ISO 13528
         """The error after over its expanded uncertainty, k u and that of the calibration; nan
         where neither is known (ISO 13528, 9.7).
         """
-        expanded = float(np.hypot(self.U(k), np.nan_to_num(self.U_reference)))
+        expanded = float(np.hypot(self.U, np.nan_to_num(self.U_reference)))
         return self.error[1] / expanded if expanded > 0 else float("nan")
 
     @property
@@ -94,6 +98,11 @@ class Size:
         """100 (1 - |after|/|before|) (Valdes et al., Tables 1 and 2); nan without an error."""
         before, after = self.error
         return 100 * (1 - abs(after) / abs(before)) if before else float("nan")
+
+    @property
+    def reduction_shown(self) -> float | None:
+        """The reduction; None where the error before is within the uncertainty of that after."""
+        return self.reduction_percent if abs(self.error[0]) > self.u_error else None
 
 
 def mean_size(repeats: Sequence[Size]) -> Size:

@@ -32,6 +32,7 @@ from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.joint_test import hotelling_p, p_of_square, squared_distance
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import PARAMETER_UNITS, Unit
 
 TOLD = 0.2
 """Share of a difference of diameters that a ring may not show where it is named."""
@@ -112,6 +113,40 @@ class Oval:
     longer: float
     u: float
     size: float
+
+    @property
+    def label(self) -> str:
+        """Its name, with that of the operation."""
+        return " ".join(filter(None, [self.operation, self.id]))
+
+    @property
+    def directions(self) -> tuple[str, str] | None:
+        """Along the first it is longer than along the second."""
+        if self.axes is None or not self.shear:
+            return self.axes
+        a, b = self.axes
+        plus, minus = f"{a} + {b}", f"{a} - {b}"
+        return (plus, minus) if self.size > 0 else (minus, plus)
+
+    @property
+    def effect(self) -> str | None:
+        """What the model may lack."""
+        return None if self.axes is None else "squareness" if self.shear else "scale"
+
+    @property
+    def sorted_axes(self) -> tuple[str, ...]:
+        """The axes that the effect is of."""
+        return tuple(sorted(self.axes or ()))
+
+    @property
+    def unit(self) -> Unit:
+        """Of the effect."""
+        return PARAMETER_UNITS["arcsec" if self.shear else "um/m"]
+
+    @property
+    def u_size(self) -> float:
+        """Standard uncertainty of `size`, the same share of it as of `longer`."""
+        return abs(self.size) * self.u / self.longer if self.longer else 0.0
 
 
 def ovals(shapes: Iterable[Shape], scatter: PointScatter | None) -> tuple[Oval, ...]:

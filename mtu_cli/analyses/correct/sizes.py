@@ -76,17 +76,14 @@ def sizes_of(
 
 
 def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Finding:
-    points, first = rows.points, int(task.rows[0])
+    points, first, own = rows.points, int(task.rows[0]), task.wanted
     return finding(
-        "undetermined",
-        kind=task.wanted.kind,
-        points="the points",
-        name=f"{task.wanted.id!r}, part {task.part!r}",
-        reason=str(error),
+        "too-little-data",
+        what=f"no {own.kind} goes through the points of {own.id!r}, part {task.part!r}: {error}",
         file=points.sources[points.file_index[first]].shown,
         row=int(points.row[first]),
         expected="points of its features all around it"
-        if task.wanted.kind != "length"
+        if own.kind != "length"
         else "two ends apart from each other",
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,7 @@ class FeatureErrors:
 class AxisCorrections:
     """The corrections of `points` coordinates along an axis, mm: what is added to the measured."""
 
+    axis: str
     points: int
     least: float
     mean: float
@@ -129,11 +130,23 @@ def feature_errors(points: Points, corrected: FloatArray) -> FeatureErrors:
     )
 
 
-def axis_corrections(error: FloatArray, u: FloatArray) -> AxisCorrections:
+def rms_errors(sizes: Sequence[Size], kinds: Collection[str]) -> tuple[float, float] | None:
+    """Root mean square of the errors of all sizes of some kinds before and after; None where none
+    has a reference.
+    """
+    errors = [item.error for item in sizes if item.kind in kinds and math.isfinite(item.reference)]
+    if not errors:
+        return None
+    before, after = np.sqrt(np.mean(np.square(errors), axis=0))
+    return float(before), float(after)
+
+
+def axis_corrections(axis: str, error: FloatArray, u: FloatArray) -> AxisCorrections:
     """Of modelled errors (n,) mm with their u (n,); nan where the axis was not measured."""
     known = np.isfinite(error)
     correction, own = -error[known], u[known]
     return AxisCorrections(
+        axis=axis,
         points=len(own),
         least=float(correction.min()),
         mean=float(correction.mean()),

@@ -106,11 +106,8 @@ def _drawn(
         reason = "it stands upright, and its points were measured without z"
         expected = "a column z_mm with all of its points"
     yield finding(
-        "undetermined",
-        kind=kind,
-        points="the drawn places",
-        name=repr(item.id),
-        reason=reason,
+        "too-little-data",
+        what=f"no {kind} goes through the nominal places of {item.id!r}: {reason}",
         file=part.source.shown,
         line=part.line_of(f"{kind}s", index),
         path=f"{kind}s[{index}].features",

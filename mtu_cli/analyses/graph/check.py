@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mtu_cli.files.graph import Step
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fired:
+    """A transition: the round in which it fires, what it does, and the places around it."""
+
+    round: int
+    do: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,9 +25,19 @@ class GraphCheck:
 
     name: str
     kinds: dict[str, int]
-    rounds: tuple[tuple[Step, ...], ...]
+    rounds: tuple[tuple[Fired, ...], ...]
     probings: int
     reported: tuple[str, ...]
+
+    @property
+    def places(self) -> int:
+        """Number of places."""
+        return sum(self.kinds.values())
+
+    @property
+    def transitions(self) -> tuple[Fired, ...]:
+        """All transitions in the order in which they fire."""
+        return tuple(step for fired in self.rounds for step in fired)
 
 
 def check_graph(graph: MeasurementGraph) -> GraphCheck:
@@ -30,7 +49,13 @@ def check_graph(graph: MeasurementGraph) -> GraphCheck:
     return GraphCheck(
         name=graph.graph.name,
         kinds=kinds,
-        rounds=graph.loaded.rounds,
+        rounds=tuple(
+            tuple(
+                Fired(round=i, do=x.do, inputs=tuple(x.inputs), outputs=tuple(x.outputs))
+                for x in fired
+            )
+            for i, fired in enumerate(graph.loaded.rounds, 1)
+        ),
         probings=sum(item.repeats or graph.graph.repeats for item in measured),
         reported=graph.loaded.reported,
     )

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.stats.coverage import few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray
@@ -91,6 +92,12 @@ def chance_trials(chance: float, digits: int, *, ends: bool) -> float:
     if not ends:
         return wanted
     return max(wanted, 4.0 * variance / gap**2) if gap > 0.0 else math.inf
+
+
+def not_converged(trials: int, digits: int, what: str) -> Finding:
+    """The warning of so many trials; `what`: of which places, or how far they have come."""
+    goal = f"{counted(digits, 'significant digit')} of u (JCGM 101, 7.9.4), {what}"
+    return finding("not-converged", trials=trials, goal=goal)
 
 
 def wanted_trials(trials: int, ratio: float, fraction: float) -> float:

@@ -18,12 +18,13 @@ def shares_by_place(graph: MeasurementGraph, of: str) -> dict[str, float]:
     """
     outputs = graph.outputs([of])
     if len({item.unit for item in outputs}) > 1:
-        names = ", ".join(str(item) for item in outputs)
-        raise error("several-coordinates", value=of, expected=f"one of: {names}")
+        names, reason = ", ".join(map(str, outputs)), "the place has several coordinates"
+        raise error("not-applicable", reason=reason, value=of, expected=f"one of: {names}")
     linear = first_order(evaluation(graph, outputs))
     total = float(np.sum(linear.u**2))
     if total == 0:
-        raise error("no-variance", value=of, expected="another place or coordinate")
+        reason = "the first-order uncertainty is 0: no shares of variance"
+        raise error("not-applicable", reason=reason, value=of, expected="another place")
     return {
         name: float(np.nansum(values * linear.u**2) / total)
         for name, values in linear.by_place.items()

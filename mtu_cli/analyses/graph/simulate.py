@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.analyses.graph.convergence import not_converged
 from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns
 from mtu_cli.analyses.graph.trials import Errors, Trials
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.model.graph.first_order import FirstOrder, first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
 from mtu_cli.model.graph.outputs import Output
-from mtu_cli.model.settings import Settings
+from mtu_cli.model.settings import Settings, validation_warnings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.validation import Validation
+from mtu_cli.units import UM
 
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
 """Share of the dimensions that rounding may make of a nominal of 0."""
@@ -29,6 +32,7 @@ class SimulatedCoordinate:
     (nan where that is 0). `rounding`: of the nominal. `fixed`: it does not vary. `chance`: it is 0
     or 1, and its `mean` the chance of 1. `converged`: to the digits of u asked for. `validation`
     None where it is fixed, a chance, or its first-order form is nil. `samples`: the first trials.
+    `k`: coverage factor.
     """
 
     output: Output
@@ -47,6 +51,22 @@ class SimulatedCoordinate:
     chance: bool
     validation: Validation | None
     samples: FloatArray
+    k: float
+
+    @property
+    def U(self) -> float:
+        """Expanded uncertainty k u."""
+        return self.k * self.u
+
+    @property
+    def deviation(self) -> float:
+        """Mean less nominal."""
+        return self.mean - self.nominal
+
+    @property
+    def deviations(self) -> tuple[float, float]:
+        """The interval less the nominal."""
+        return self.interval[0] - self.nominal, self.interval[1] - self.nominal
 
     @property
     def se_u(self) -> float:
@@ -72,6 +92,19 @@ class GraphSimulation:
     converged: bool
     warnings: tuple[Finding, ...]
 
+    @property
+    def places(self) -> dict[str, dict[str, SimulatedCoordinate]]:
+        """The coordinates by name of the place and of the coordinate."""
+        found: dict[str, dict[str, SimulatedCoordinate]] = {}
+        for item in self.coordinates:
+            found.setdefault(item.output.place, {})[item.output.coordinate] = item
+        return found
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """All sources of variance."""
+        return tuple(dict.fromkeys(name for item in self.coordinates for name in item.shares))
+
 
 def simulate_graph(
     graph: MeasurementGraph, settings: Settings, of: Sequence[str] = ()
@@ -86,7 +119,9 @@ def simulate_graph(
     runs = TrialRuns(graph, whole, linear, settings, SIMULATED)
     found = runs.run()
     coordinates = tuple(
-        _coordinate(item, linear, i, runs, found[i]) if i in found else _fixed(item, linear, i)
+        _coordinate(item, linear, i, runs, found[i])
+        if i in found
+        else _fixed(item, linear, i, settings.coverage_factor)
         for i, item in enumerate(outputs)
     )
     return GraphSimulation(
@@ -95,7 +130,7 @@ def simulate_graph(
         trials=max((item.trials for item in coordinates), default=0),
         digits=settings.digits,
         converged=all(item.converged for item in coordinates),
-        warnings=tuple(_warnings(coordinates)),
+        warnings=tuple(_warnings(coordinates, settings.digits)),
     )
 
 
@@ -103,7 +138,7 @@ def _shares(linear: FirstOrder, index: int) -> dict[str, float]:
     return {source: float(values[index]) for source, values in linear.shares.items()}
 
 
-def _fixed(output: Output, linear: FirstOrder, index: int) -> SimulatedCoordinate:
+def _fixed(output: Output, linear: FirstOrder, index: int, k: float) -> SimulatedCoordinate:
     value = float(linear.nominal[index])
     return SimulatedCoordinate(
         output=output,
@@ -122,6 +157,7 @@ def _fixed(output: Output, linear: FirstOrder, index: int) -> SimulatedCoordinat
         chance=False,
         validation=None,
         samples=np.full(1, value),
+        k=k,
     )
 
 
@@ -146,10 +182,11 @@ def _coordinate(
         chance=own.chance,
         validation=runs.verdict(index) if u > 0 and not own.chance else None,
         samples=own.run.samples[own.at],
+        k=runs.settings.coverage_factor,
     )
 
 
-def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Finding]:
+def _warnings(coordinates: Sequence[SimulatedCoordinate], digits: int) -> list[Finding]:
     nil = [
         str(item.output)
         for item in coordinates
@@ -157,10 +194,48 @@ def _warnings(coordinates: Sequence[SimulatedCoordinate]) -> list[Finding]:
     ]
     warnings = []
     if coordinates and all(item.fixed for item in coordinates):
-        warnings.append(finding("nothing-varies"))
+        warnings.append(finding("unrelated", output="the result", names=["anything uncertain"]))
     if nil:
         reason = "the first-order uncertainty is 0, u is of second order"
         warnings.append(
             finding("not-estimable", quantity="shares by source", names=nil, reason=reason)
         )
-    return warnings
+    return [*warnings, *_judged(coordinates), *_not_converged(coordinates, digits)]
+
+
+def _judged(coordinates: Sequence[SimulatedCoordinate]) -> list[Finding]:
+    """What clause 8 rejects or cannot judge: of lengths, of angles, and of all else."""
+    units = {"mm": ("um", UM), "rad": ("rad", 1.0)}
+    by_unit: dict[tuple[str, float], list[tuple[str, Validation]]] = {}
+    for item in coordinates:
+        if item.validation is not None:
+            shown = units.get(item.output.unit, ("", 1.0))
+            by_unit.setdefault(shown, []).append((str(item.output), item.validation))
+    return [
+        each
+        for (unit, size), judged in by_unit.items()
+        for each in validation_warnings([x for x, _ in judged], [x for _, x in judged], unit, size)
+    ]
+
+
+def _not_converged(coordinates: Sequence[SimulatedCoordinate], digits: int) -> list[Finding]:
+    """Outputs that ended, as asked or at their largest count, before they had their digits."""
+    short = [item for item in coordinates if not item.converged]
+    return [
+        not_converged(
+            count,
+            digits,
+            f"for {listed(_known_to(item) for item in short if item.trials == count)}",
+        )
+        for count in dict.fromkeys(item.trials for item in short)
+    ]
+
+
+def _known_to(item: SimulatedCoordinate) -> str:
+    """What there is instead: ``d2 (standard error of u 1.5 %)``."""
+    if item.chance:
+        return f"{item.output} (chance {item.mean:.2g}, standard error {item.errors.mean:.2g})"
+    if not math.isfinite(item.errors.u):
+        return f"{item.output} (no trial made it jump, and none rules out that it may)"
+    percent = 100 * item.errors.u / item.u if item.u > 0 else math.nan
+    return f"{item.output} (standard error of u {percent:.2g} %)"

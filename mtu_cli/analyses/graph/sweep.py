@@ -9,11 +9,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.analyses.graph.convergence import not_converged
 from mtu_cli.analyses.graph.surface import Formula, fit_formula
 from mtu_cli.analyses.graph.trial_runs import SWEPT, TrialRuns
 from mtu_cli.analyses.graph.varied import REPEATS, probed_with, unrelated
 from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
-from mtu_cli.findings import error
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.graph.chances import chance_places
 from mtu_cli.model.graph.first_order import first_order
 from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
@@ -22,6 +23,8 @@ from mtu_cli.model.settings import Settings
 
 PARAMETERS = ("axis_um", "probe_um", "perpendicular_um", REPEATS)
 LARGEST_GRID = 10_000
+UNLIKELY = 0.01
+"""Below this probability the formula's errors are not the Monte Carlo's alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +80,38 @@ class Sweep:
             return max((item.se_mean for item in short), default=math.nan)
         return max((item.se_u / item.u for item in short if item.u > 0.0), default=math.nan)
 
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """What is varied for nothing; grid points that have not converged; no formula, one that
+        the Monte Carlo contradicts, one whose error is not estimable.
+        """
+        found, noted = self.formula, []
+        if self.without and (found is not None or self.chance):
+            noted.append(finding("unrelated", output=str(self.output), names=self.without))
+        short = [item for item in self.grid if not item.converged]
+        if short:
+            where = f"at {len(short)} of {len(self.grid)} points of the grid"
+            most = max(item.trials for item in short)
+            noted.append(not_converged(most, self.digits, f"{self._known_to()}; {where}"))
+        if found is None and not self.chance:
+            noted.append(finding("no-formula", reason=self.no_formula))
+        if found is not None and found.p < UNLIKELY and found.max_error_percent > 1.0:
+            reason = f"the one reported is up to {found.max_error_percent:.2g} % off, more than "
+            reason += f"the scatter of the Monte Carlo explains (p {found.p:.2g})"
+            noted.append(finding("no-formula", reason=reason))
+        if found is not None and math.isnan(found.own_max_percent):
+            reason = "the first-order uncertainty is 0, or a small part of u"
+            what = {"quantity": "the error of the formula", "names": [str(self.output)]}
+            noted.append(finding("not-estimable", **what, reason=reason))
+        return tuple(noted)
+
+    def _known_to(self) -> str:
+        if self.chance:
+            return f"the standard error of a chance is up to {self.largest_error:.2g}"
+        if math.isnan(self.largest_error):
+            return "no trial made it jump, and none rules out that it may"
+        return f"the standard error of u is up to {100 * self.largest_error:.2g} %"
+
 
 def sweep_graph(
     graph: MeasurementGraph,
@@ -121,8 +156,8 @@ def sweep_graph(
 def _one_output(graph: MeasurementGraph, of: str) -> Output:
     outputs = graph.outputs([of])
     if len(outputs) != 1:
-        names = ", ".join(str(item) for item in outputs)
-        raise error("several-coordinates", value=of, expected=f"one of: {names}")
+        names, reason = ", ".join(map(str, outputs)), "the place has several coordinates"
+        raise error("not-applicable", reason=reason, value=of, expected=f"one of: {names}")
     return outputs[0]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -18,10 +18,12 @@ from mtu_cli.analyses.thermal_fit.evidence import (
     position_test,
 )
 from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, fit, sum_of_squares
-from mtu_cli.analyses.thermal_fit.reading import columns_beside, noting, read_series
+from mtu_cli.analyses.thermal_fit.reading import columns_beside, read_series
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
+    Gradients,
+    Intercept,
     PositionTest,
     Residuals,
     ThermalFit,
@@ -47,10 +49,6 @@ from mtu_cli.units import LENGTH, UNITS
 if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
-Check = Callable[[str, tuple[str, ...]], None]
-"""Takes a component and the sensors of its model, before it is held out; raises where they will
-not do.
-"""
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 ROUNDING = 1e-9
 MOST_POINTS = 400
@@ -63,20 +61,19 @@ def thermal_fit(
     *,
     reference: float,
     method: str = "auto",
-    check: Check | None = None,
 ) -> ThermalFit:
     """Thermal models of all components that drift readings were given for.
 
     `components` are (axis, unit) of the machine's, None without a machine: then positions are
     taken as they stand, and readings of lengths are told in um, of angles in arcsec. `reference`
     in degC; `method` one of METHODS. Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles
-    are held out. `check` hears of the sensors of each component as soon as they are chosen.
+    are held out.
 
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
     """
     shares, warnings = [1.0], list[Finding]()
-    others, every = columns_beside(noting(blocks, warnings))
+    others, every = columns_beside(blocks)
     series, sensors = read_series(every, reference)
     found: dict[str, ComponentDrift] = {}
     for name, own in series.items():
@@ -84,11 +81,11 @@ def thermal_fit(
         of, unit = (None, told) if components is None else components[name]
         lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"))
         conventions = Conventions(of=of, unit=UNITS[unit], sensors=sensors, reference=reference)
-        drift, rest = _component(own, lib, conventions, method, check)
+        drift, rest = _component(own, lib, conventions, method)
         found[name] = drift
         shares.append(sensor_noise_share(lib, rest, drift.estimate))
         warnings += component_warnings(own, lib, drift, method)
-        warnings += sensor_warnings(own, lib, sensors, rest, drift)
+        warnings += sensor_warnings(own, sensors, rest, drift)
     return ThermalFit(
         components={name: _with_noise(item, min(shares)) for name, item in found.items()},
         sensors=sensors,
@@ -106,7 +103,7 @@ def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
 
 
 def _component(
-    series: Series, lib: Library, conventions: Conventions, method: str, check: Check | None
+    series: Series, lib: Library, conventions: Conventions, method: str
 ) -> tuple[ComponentDrift, Rest]:
     check_least(series)
     rows = lib.rows(range(len(lib.cycles)))
@@ -115,8 +112,6 @@ def _component(
     check_fitted(series, spec, found)
     rest = residuals(series, lib, spec, found, conventions.reference)
     model = estimate(series, lib, spec, found, rows, rest, conventions)
-    if check is not None:
-        check(series.name, model.sensors)
     evidence, candidates = held_out(lib, method)
     r2, rms_before, rms_after = _explained(series, lib, rows, spec, found)
     condition, vif = _collinearity(lib, rows, spec, found)
@@ -140,7 +135,7 @@ def _component(
         residuals=_normality(series, rest, autocorrelation(lib, rows, spec, found)),
         shares=_shares(lib, rows, spec, found),
         at_positions=_gradients(lib, model),
-        intercepts=tuple((lib.positions[p], a) for p, a in found.intercepts.items()),
+        intercepts=tuple(Intercept(lib.positions[p], a) for p, a in found.intercepts.items()),
         curves=_curves(lib, rest),
         without_lag=method == "lagged" and lags_sought(lib) and not any(spec.lags),
     )
@@ -202,9 +197,7 @@ def _shares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> dict[str, fl
     return {lib.groups[j][0]: float(np.sqrt(squares[j])) for j in order if squares[j] > 0}
 
 
-def _gradients(
-    lib: Library, model: ThermalEstimate
-) -> tuple[tuple[float | None, dict[str, float]], ...]:
+def _gradients(lib: Library, model: ThermalEstimate) -> tuple[Gradients, ...]:
     places = lib.places
     values = np.polynomial.polynomial.polyval(places, model.coefficients).reshape(
         len(model.sensors), len(places)
@@ -212,7 +205,7 @@ def _gradients(
     # A sensor that is not used at a position comes out as a residue of rounding.
     values[np.abs(values) < ROUNDING * np.abs(values).max(initial=0.0)] = 0.0
     return tuple(
-        (position, dict(zip(model.sensors, values[:, i].tolist(), strict=True)))
+        Gradients(position, dict(zip(model.sensors, values[:, i].tolist(), strict=True)))
         for i, position in enumerate(lib.positions)
     )
 

@@ -16,7 +16,7 @@ from mtu_cli.analyses.thermal_fit.models import (
     sum_of_squares,
     weights,
 )
-from mtu_cli.analyses.thermal_fit.result import Candidate, HeldOut, PositionTest
+from mtu_cli.analyses.thermal_fit.result import Candidate, CycleRms, HeldOut, PositionTest
 from mtu_cli.stats import autocorrelation as following
 from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.compressed import Compressed
@@ -52,7 +52,7 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
     if len(lib.blocks) < FEWEST_NESTED or not lib.groups:
         return None, ()
     before, after, least = 0.0, 0.0, 0.0
-    by_cycle: list[tuple[str, float, float]] = []
+    by_cycle: list[CycleRms] = []
     tried: dict[tuple[str, int], list[float]] = {}
     n = 0
     for block in lib.blocks:
@@ -69,7 +69,7 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
             piece = lib.rows([cycle])
             count = sum(item.n for item in piece.values())
             losses = [sum_of_squares(lib, piece, best.spec, found) for found in (without, own)]
-            by_cycle.append((lib.cycles[cycle], _root(losses[0], count), _root(losses[1], count)))
+            by_cycle.append(CycleRms(lib.cycles[cycle], *(_root(x, count) for x in losses)))
             before, after, n = before + losses[0], after + losses[1], n + count
     found = HeldOut(
         before=_root(before, n),

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
-from mtu_cli.files.covariates import HOTTEST_DEGC, TEMPERATURE_EXPECTED, is_temperature
+from mtu_cli.files.covariates import TEMPERATURE_EXPECTED, is_temperature, no_temperature
 from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.stats.compressed import compress, together
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import dimension_name
 
 if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
@@ -43,7 +44,7 @@ def read_series(
         for rows in _groups(block):
             own = _series_of(series, block, rows)
             span = _span(Z[rows]) + reference
-            if not np.abs(span).max() <= HOTTEST_DEGC:
+            if no_temperature(span).any():
                 _refuse(block, sensors)
             _add(own, block, rows, Z[rows], span)
             # Every component keeps some, however late it comes.
@@ -53,15 +54,8 @@ def read_series(
             else:
                 own.complete = False
     if sensors is None:
-        raise error("no-input", role="file of drift readings", expected="--drift FILE")
+        raise error("missing-input", what="the file of drift readings", expected="--drift FILE")
     return series, sensors
-
-
-def noting(blocks: Iterable[Readings], warnings: list[Finding]) -> Iterator[Readings]:
-    """The blocks as they are; their notes are put among the `warnings`."""
-    for block in blocks:
-        warnings += block.notes
-        yield block
 
 
 def columns_beside(blocks: Iterable[Readings]) -> tuple[tuple[str, ...], Iterator[Readings]]:
@@ -91,8 +85,9 @@ def _series_of(series: dict[str, Series], block: Readings, rows: slice | np.ndar
     }
     if len(faulty):
         expected = "lengths or angles in all files"
-        code = "wrong-kind-of-unit"
-        raise error(code, component=name, column="unit", expected=expected, **place)
+        unit, wanted = dimension_name(int(kinds[faulty[0]])), dimension_name(own.dimension)
+        facts = {"of": f"the unit of {name!r}", "unit": unit, "wanted": wanted}
+        raise error("wrong-unit", **facts, column="unit", expected=expected, **place)
     rest = f"the other readings of {name!r}"
     expected = "a position in all files, or in none"
     raise error("contradicts", other=rest, column="position_mm", expected=expected, **place)
@@ -104,7 +99,7 @@ def _sensors(block: Readings) -> tuple[str, ...]:
         names = ", ".join(block.covariates) or "none"
         raise error(
             "missing-column",
-            name="T_<sensor>_degC",
+            column="T_<sensor>_degC",
             file=block.sources[0].shown,
             expected=f"columns such as T_01_degC (columns beside the readings': {names})",
         )
@@ -144,8 +139,8 @@ def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Fin
         column = block.covariates.get(name)
         if column is None or column.dtype == object:
             shown = block.sources[-1].shown if block.sources else None
-            expected = "numbers in every file"
-            problems.append(finding("not-a-number", file=shown, column=name, expected=expected))
+            facts = {"kind": "a number", "expected": "numbers in every file"}
+            problems.append(finding("wrong-type", file=shown, column=name, **facts))
             continue
         problems += _cell_problems(block, name, column.astype(np.float64))
     return problems
@@ -153,14 +148,14 @@ def _temperature_problems(block: Readings, sensors: tuple[str, ...]) -> list[Fin
 
 def _cell_problems(block: Readings, name: str, values: FloatArray) -> list[Finding]:
     """Cells of a sensor that are empty or no temperature; of a file without any, one problem."""
-    faulty = np.flatnonzero(~(np.abs(values) <= HOTTEST_DEGC))
+    faulty = np.flatnonzero(no_temperature(values))
     of_file = np.asarray(block.file_index)
     problems = []
     for file in np.unique(of_file[faulty]).tolist():
         shown = block.sources[file].shown
         if np.isnan(values[of_file == file]).all():
             expected = "the column in every file, or in none"
-            problems.append(finding("missing-column", name=name, file=shown, expected=expected))
+            problems.append(finding("missing-column", column=name, file=shown, expected=expected))
             continue
         problems += [
             finding(

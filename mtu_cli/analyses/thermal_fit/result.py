@@ -1,13 +1,44 @@
-"""What `thermal-fit` finds, in internal units (mm or rad; degC, min)."""
+"""The result of `thermal-fit`, in internal units (mm or rad; degC, min)."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mtu_cli.findings import Finding
 from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import Unit
+from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
+
+
+class CycleRms(NamedTuple):
+    """Root mean squares over the readings of a held-out cycle, without and with the model."""
+
+    cycle: str
+    before: float
+    after: float
+
+
+class Gradients(NamedTuple):
+    """The model at an observed position, by sensor, mm or rad per degC."""
+
+    position: float | None
+    gradients: dict[str, float]
+
+
+class Intercept(NamedTuple):
+    """What the readings show at the reference temperature."""
+
+    position: float | None
+    value: float
+
+
+class Share(NamedTuple):
+    """Root mean square of a sensor's part of the modelled drift; None where its twin has it."""
+
+    sensor: str
+    rms: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,21 +46,26 @@ class HeldOut:
     """Root mean squares over readings of cycles that took no part in fit or choice.
 
     `before` without temperature, `after` with the model, `ordinary` with ordinary least
-    squares on all sensors; `r2` = 1 - after^2/before^2. `cycles` holds (cycle, before, after);
-    they were held out in so many `blocks`.
+    squares on all sensors; `r2` = 1 - after^2/before^2. The `cycles` were held out in so
+    many `blocks`.
     """
 
     before: float
     after: float
     ordinary: float
     r2: float
-    cycles: tuple[tuple[str, float, float], ...]
+    cycles: tuple[CycleRms, ...]
     blocks: int
+
+    @property
+    def reduction(self) -> float:
+        """1 - after/before; nan where the readings do not differ."""
+        return 1.0 - self.after / self.before if self.before > 0 else float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A model that was tried: its held-out root mean square, None where it cannot be had."""
+    """A model that was tried: its held-out root mean square, None where it is undefined."""
 
     model: str
     degree: int
@@ -73,10 +109,9 @@ class Curve:
 class ComponentDrift:
     """The thermal model of one component and the evidence for it.
 
-    `groups` are sensors that cannot be told apart (|r| >= 0.999), the first of each standing
+    `groups` are sensors that move alike (|r| >= 0.999), the first of each standing
     for all; `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of
-    the model; `shares` (by sensor) the root mean square of its part of the modelled drift;
-    `at_positions` (position, {sensor: mm or rad per degC}) the model at observed positions.
+    the model; `shares` (by sensor) the root mean square of its part of the modelled drift.
     `without_lag`: lags were asked for and sought, and none was worth it; the `model` is ridge.
     """
 
@@ -98,15 +133,104 @@ class ComponentDrift:
     vif: dict[str, float | None]
     residuals: Residuals
     shares: dict[str, float]
-    at_positions: tuple[tuple[float | None, dict[str, float]], ...]
-    intercepts: tuple[tuple[float | None, float], ...]
+    at_positions: tuple[Gradients, ...]
+    intercepts: tuple[Intercept, ...]
     curves: tuple[Curve, ...]
     without_lag: bool = False
+
+    @property
+    def size(self) -> float:
+        """Of the unit."""
+        return self.unit.to_internal
+
+    @property
+    def size2(self) -> float:
+        """Its square."""
+        return self.unit.to_internal**2
+
+    @property
+    def rms_unit(self) -> str:
+        """Of reported root mean squares: um of a length, arcsec of an angle."""
+        return "um" if self.unit.dimension == LENGTH else "arcsec"
+
+    @property
+    def rms_size(self) -> float:
+        """mm or rad in one of it."""
+        return UM if self.unit.dimension == LENGTH else ARCSEC
+
+    @property
+    def by_share(self) -> tuple[Share, ...]:
+        """The sensors of the model, the one with the largest part of the drift first."""
+        shares = [Share(name, self.shares.get(name)) for name in self.estimate.sensors]
+        return tuple(sorted(shares, key=lambda share: -(share.rms or 0.0)))
+
+    def twins(self, sensor: str) -> tuple[str, ...]:
+        """The other sensors that `sensor` stands for."""
+        return next((group[1:] for group in self.groups if group[:1] == (sensor,)), ())
+
+    def chosen(self, candidate: Candidate) -> bool:
+        """Whether a candidate is the model; without a lag a lagged model is ridge."""
+        kind = "lagged" if self.without_lag else self.model
+        return (kind, self.estimate.degree) == (candidate.model, candidate.degree)
+
+    @property
+    def gradients(self) -> Iterator[SensorGradient]:
+        """Of every position and sensor; one without a sensor where the model has none."""
+        if not self.estimate.sensors:
+            yield SensorGradient(self)
+        for position, gradients in self.at_positions:
+            for index, sensor in enumerate(self.estimate.sensors):
+                yield SensorGradient(self, position, sensor, index, gradients.get(sensor))
 
     def shown(self, value: float) -> str:
         """A length or angle of two digits in the component's unit."""
         size = value / self.unit.to_internal
         return f"{float(f'{size:.2g}'):g} {self.unit.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class SensorGradient:
+    """What a sensor does at an observed position of a component; all None without a `sensor`."""
+
+    drift: ComponentDrift
+    position: float | None = None
+    sensor: str | None = None
+    index: int = 0
+    value: float | None = None
+
+    @property
+    def stands_for(self) -> tuple[str, ...] | None:
+        """Sensors that are indistinguishable from it."""
+        return None if self.sensor is None else self.drift.twins(self.sensor)
+
+    @property
+    def u(self) -> float | None:
+        """Standard uncertainty of the gradient."""
+        if self.sensor is None:
+            return None
+        return self.drift.estimate.gradient_u(self.index, self.position or 0.0)
+
+    @property
+    def share(self) -> float | None:
+        """Root mean square of its part of the modelled drift."""
+        return self.drift.shares.get(self.sensor or "")
+
+    @property
+    def lag(self) -> float | None:
+        """Time constant, min; 0: none."""
+        constants = self.drift.estimate.time_constants
+        return None if self.sensor is None else float(constants[self.index])
+
+    @property
+    def vif(self) -> float | None:
+        """Variance inflation factor; None: infinite."""
+        return self.drift.vif.get(self.sensor or "")
+
+    @property
+    def temperatures(self) -> FloatArray | None:
+        """Range that the sensor read, degC."""
+        ranges = self.drift.estimate.temperature_range
+        return None if ranges is None or self.sensor is None else ranges[self.index]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,6 +28,7 @@ AT_ONE_SHARE, LEVELS_APART = 0.1, 0.5
 """Cycles that begin within this share of what the sensors move begin at one temperature; readings
 there are apart from this share of what they move in a cycle on.
 """
+NOTHING = "no-effect-of-temperature"
 
 
 def component_warnings(
@@ -37,16 +38,27 @@ def component_warnings(
     name = drift.name
     found = [*_of_held_out(lib, drift)]
     if drift.condition > COLLINEAR:
-        found.append(finding("collinear", component=name, condition=drift.condition))
+        found.append(
+            finding(
+                "not-separable",
+                component=name,
+                what=f"{name}: the sensors are",
+                others=["each other"],
+                consequence=f"single coefficients mean nothing (condition {drift.condition:.0f})",
+            )
+        )
     found += _of_lags(series, lib, drift, method)
     if len(drift.positions) == 1 and (axis := drift.estimate.of) is not None:
         at = drift.positions[0]
-        found.append(finding("one-position", component=name, position_mm=at, axis=axis))
+        reason = f"it was read at {at:g} mm only, and is taken as the same"
+        what = f"the drift along {axis}"
+        found.append(finding("not-tested", what=what, items=name, component=name, reason=reason))
     found += _of_reference(drift)
     found += _of_files(series, name)
     if not drift.estimate.sensors:
-        reason = " (the readings do not differ, so that r2 is undefined)" if series.still else ""
-        found.append(finding("no-sensor", component=name, reason=reason))
+        reason = "none explains the drift"
+        reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""
+        found.append(finding(NOTHING, component=name, what="sensor", reason=reason))
     if drift.residuals.normality_p is None:
         number = drift.residuals.effective
         few = f"{number:.3g} of them count as independent"
@@ -59,15 +71,19 @@ def component_warnings(
 def _of_files(series: Series, name: str) -> Iterator[Finding]:
     """Rows whose order or cycle is not what the files say at first sight."""
     if series.shuffled and not series.complete:
-        yield finding("rows-out-of-order", component=name)
+        reason = "readings of one cycle are not in the order of their times, and too many to be "
+        reason += "sorted: their autocorrelation is that of the file"
+        yield finding("order-of-cycles", component=name, reason=reason)
     several = {cycle: names for (_, cycle), names in series.files.items() if len(names) > 1}
     if several:
         cycle, names = next(iter(several.items()))
+        own = f"cycle {cycle!r}" if cycle else "one cycle without a name"
+        files = " and ".join(sorted(names))
         yield finding(
-            "cycle-in-two-files",
+            "order-of-cycles",
             component=name,
-            cycle=f"cycle {cycle!r}" if cycle else "one cycle without a name",
-            files=" and ".join(sorted(names)),
+            reason=f"{own} is in {files} and counts as one warm-up or cool-down",
+            files=files,
             expected="another name for each warm-up in the column 'cycle'",
         )
 
@@ -75,13 +91,13 @@ def _of_files(series: Series, name: str) -> Iterator[Finding]:
 def _of_lags(series: Series, lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
     """Why a model has no lags where they were asked for."""
     if method in ("auto", "lagged") and len(lib.time_constants) < 2:
-        yield finding("no-lags", component=drift.name, reason=_no_lags(series))
+        yield finding(NOTHING, component=drift.name, what="lags", reason=_no_lags(series))
     elif method == "lagged" and len(lib.cycles) < 2:
         reason = "lags are chosen on held-out cycles, and there is one; the model is ridge"
-        yield finding("no-lags", component=drift.name, reason=reason)
+        yield finding(NOTHING, component=drift.name, what="lags", reason=reason)
     if drift.without_lag:
         reason = "no time constant lowers the held-out error enough; the model is ridge"
-        yield finding("no-lags", component=drift.name, reason=reason)
+        yield finding(NOTHING, component=drift.name, what="lags", reason=reason)
 
 
 def _no_lags(series: Series) -> str:
@@ -100,11 +116,13 @@ def _of_reference(drift: ComponentDrift) -> Iterator[Finding]:
     beyond = (span[:, 0] > reference + FAR) | (span[:, 1] < reference - FAR)
     if beyond.mean() > 0.5:
         yield finding(
-            "reference-not-read",
+            "outside-measured-range",
             component=drift.name,
+            what=f"the reference of {reference:g} degC",
+            names=[f"the sensors of {drift.name}"],
             low=float(span[:, 0].min()),
             high=float(span[:, 1].max()),
-            reference=reference,
+            unit="degC",
         )
 
 
@@ -146,7 +164,7 @@ def _consistent(held: HeldOut) -> bool:
 
 
 def sensor_warnings(
-    series: Series, lib: Library, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
+    series: Series, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
 ) -> list[Finding]:
     """Sensors that do not move, and readings whose cycles begin apart."""
     span = series.range()
@@ -174,5 +192,11 @@ def _levels(rest: Rest, drift: ComponentDrift) -> list[Finding]:
         if same.all() and apart > LEVELS_APART * within:
             where = "" if position is None else f" at {position:g} mm"
             shown = drift.shown(float(apart))
-            return [finding("cycles-begin-apart", component=drift.name, where=where, apart=shown)]
+            reason = f"the cycles begin up to {shown} apart{where} at the same temperatures: was "
+            reason += "the probe set anew? count the readings of each cycle from its first"
+            return [
+                finding(
+                    "order-of-cycles", component=drift.name, reason=reason, apart=shown, where=where
+                )
+            ]
     return []

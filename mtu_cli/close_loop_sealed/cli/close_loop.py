@@ -6,17 +6,16 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from mtu_cli.cli.execute import Outcome, execute
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.modelling import drift_estimates, modelled
-from mtu_cli.cli.options import Options
+from mtu_cli.cli.emit import Gate, Outcome
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import drift_estimates, modelled
 from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import UNEXPLAINED, Choices, read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.close_loop_sealed.model.seen_ranges import column_ranges, seen_ranges
-from mtu_cli.findings import Finding, error, listed
-from mtu_cli.model.effect_parameters import effect_warnings, not_told_warnings
+from mtu_cli.findings import Finding, listed
+from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.fit import (
     estimates_from_fit,
     estimates_from_report,
@@ -34,13 +33,9 @@ OF_READINGS = {"parts": "passes", "columns": "positions"}
 """What rows and columns are called in a machine that was found from readings."""
 
 
-def run(options: Options) -> None:
+def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
     """Asks measured data what the model lacks, and adds it to the machine."""
-    execute(options, analyse)
-
-
-def analyse(inputs: Inputs, settings: Settings) -> Outcome:
-    from mtu_cli.close_loop_sealed.analyses.loop import close_loop
+    from mtu_cli.close_loop_sealed.analyses.loop import close_loop as closed
     from mtu_cli.close_loop_sealed.model.effect_library import effect_library
     from mtu_cli.close_loop_sealed.reports import close_loop as report
 
@@ -50,7 +45,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     travel = inputs.machine.machine.travels
     tables = tuple(replace(table, travel=travel) for table in tables)
     inputs.sources.extend(library.sources)
-    result = close_loop(
+    result = closed(
         tables,
         library,
         alpha=choices.alpha,
@@ -66,7 +61,7 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
     )
     return Outcome(
         results=lambda: results,
-        tables=lambda: report.table(result),
+        tables=lambda detail: report.table(result),
         rows=lambda: report.csv_rows(result),
         figure=lambda: report.figure(result),
         warnings=[
@@ -75,9 +70,21 @@ def analyse(inputs: Inputs, settings: Settings) -> Outcome:
             *files.warnings,
             *_doubts(result, bool(files.files)),
         ],
-        gate=report.gate_text(result) if choices.are_met_by(result) else None,
+        gates=gates_of(result),
         files=lambda: files.files,
     )
+
+
+def gates_of(result: CloseLoopResult) -> dict[str, Gate]:
+    """Undeclared effects, named or not, meet `found`, but for what is no more than a hint; a
+    remainder without a name meets both.
+    """
+    from mtu_cli.close_loop_sealed.reports.close_loop import gate_text
+
+    return {
+        "found": lambda _: gate_text(result) if result.is_found else None,
+        UNEXPLAINED: lambda _: gate_text(result) if result.verdict == UNEXPLAINED else None,
+    }
 
 
 def _found_on(result: CloseLoopResult) -> list[FoundOn]:
@@ -150,15 +157,10 @@ def _tables(
         return (table,), Known(estimates=found.estimates, fit=found.fit), [*found.warnings, *more]
     readings = inputs.readings
     if readings is None:
-        raise error(
-            "no-input",
-            role="cmm, lbb or laser file",
-            expected="--cmm FILE, or --lbb or --laser FILE, or a study that names one "
-            f"({inputs.without('cmm', 'lbb', 'laser')})",
-        )
+        raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
     machine = inputs.machine
-    warnings = [*not_told_warnings(machine), *readings.notes]
-    report = inputs.components
+    warnings = searched_warnings(machine)
+    report = inputs.reports.components
     if report is not None:
         before = estimates_from_report(machine, report)
         warnings += effect_warnings(machine, before.effects, report.source.shown)

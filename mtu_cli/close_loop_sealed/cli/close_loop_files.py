@@ -10,8 +10,8 @@ from typing import Any, Protocol
 import numpy as np
 
 from mtu_cli import __version__
-from mtu_cli.cli.inputs import Inputs
-from mtu_cli.cli.outputs import written_files
+from mtu_cli.cli.emit import written_files
+from mtu_cli.cli.load import Inputs
 from mtu_cli.close_loop_sealed.bridge import as_listed, loop_warning
 from mtu_cli.close_loop_sealed.files.extend_machine import (
     ExtendedMachine,
@@ -243,15 +243,21 @@ def _components(
 ) -> bytes:
     """The fit-components report of the call's components, with the effects of the machine."""
     from mtu_cli.files.json_file import report_bytes
-    from mtu_cli.reports import fit_components as report
     from mtu_cli.reports.document import envelope
+    from mtu_cli.reports.fields import plain
 
     earlier = known.estimates.effects
     known = _less_effects(inputs, known, extended)
     effects = all_together(extended.machine, earlier, extended.parameters, joint)
     results, warnings = _results(inputs, known)
     if effects is not None:
-        results["effects"] = report.effects_document(effects)
+        f = np.array([unit.to_internal for unit in effects.units])
+        results["effects"] = {
+            "parameters": list(effects.names),
+            "units": [unit.name for unit in effects.units],
+            "values": plain(effects.values / f),
+            "covariance": plain(effects.covariance / np.outer(f, f)),
+        }
     return report_bytes(
         envelope(
             "fit-components",
@@ -274,16 +280,17 @@ def _less_effects(inputs: Inputs, known: Known, extended: ExtendedMachine) -> Kn
 
 def _results(inputs: Inputs, known: Known) -> tuple[dict[str, Any], list[Finding]]:
     """`results` and warnings as fit-components has them, or as the report of -c had them."""
-    from mtu_cli.reports import fit_components as report
+    from mtu_cli.analyses.fit_components import fit_result
+    from mtu_cli.reports.fit_components import document
 
     machine = inputs.machine
-    if inputs.components is not None:
-        given = inputs.components.document
+    if inputs.reports.components is not None:
+        given = inputs.reports.components.document
         earlier = [as_listed(item) for item in given.get("warnings", ()) if isinstance(item, dict)]
         rest = {key: value for key, value in given["results"].items() if key != "effects"}
         return rest, earlier
     fit = known.fit or MachineFit(components={}, joint=())
     estimates = estimates_from_fit(machine, fit)
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
-    results = report.document(machine.machine.name, fit, estimates, says=says)
-    return results, report.warnings(fit, estimates)
+    result = fit_result(machine.machine.name, fit, estimates, says=says)
+    return document(result).record(), list(result.warnings)

@@ -33,13 +33,14 @@ from mtu_cli.findings import Finding, InputError, error, finding, nearest
 from mtu_cli.language import LinearForm, Node, check_dimension, linear_form, names, parse, to_text
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.parser import BRACED
-from mtu_cli.language.tree import Binary, Call, Name, Negative, Number, first_column, shown, walk
+from mtu_cli.language.tree import Call, Name, Number, first_column, shown, walk
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, Powers, internal
 
 AXIS_MARKS = ("a", "b", "n", "each")
 COLUMN_MARKS = ("T", "c", "v")
 NUMBER_ENDS = ("_low", "0", "3")
 CHOSEN = "chosen"
+UNUSED = "it is in no equation"
 SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
 """Effects on the scatter are no equations: close-loop knows these."""
 COLUMNS = "a parameter, a position, a column that `needs` names, or {a} {b} {T} {c} {v}"
@@ -128,17 +129,16 @@ def _with_schema(document: YamlDocument) -> YamlDocument:
     if not isinstance(document.data, list):
         return document
     lines = {("effects", *path): line for path, line in document.lines.items()}
-    odd = {("effects", *path): item for path, item in document.odd_numbers.items()}
     data = {"schema": "mtu/effects/1", "effects": document.data}
     lines = {(): document.line_of() or 1, **lines}
-    return replace(document, data=data, lines=lines, odd_numbers=odd)
+    return replace(document, data=data, lines=lines)
 
 
 def _braces_hint(fault: Finding, path: Path) -> Finding:
     """YAML takes braces for keys within [...] and {...}."""
-    if fault.line is None or fault.code != "not-yaml":
+    if fault.line is None or fault.code != "not-readable":
         return fault
-    text = path.read_text("utf-8-sig").splitlines()[fault.line - 1 : fault.line]
+    text = path.read_text("utf-8-sig", "replace").splitlines()[fault.line - 1 : fault.line]
     if not marks(" ".join(text)):
         return fault
     example = "['dir_{a}']" if "[" in text[0] else "{'E{a}': k*x}"
@@ -191,11 +191,11 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily | No
     _check_shape(family, path, faults)
     for mark in sorted(marks(name) - {"a", "b", "n"}):
         where = "equations, a name has {a}, {b} or {n}"
-        faults.add((*path, "name"), "key-elsewhere", key=f"{{{mark}}}", where=where, value=name)
+        faults.add((*path, "name"), "misplaced", key=f"{{{mark}}}", where=where, value=name)
     for key in ("says", "separates", "separates_readings"):
         for mark in sorted(marks(getattr(family, key) or "") - marks(name)):
             other = f"it in the name '{name}'"
-            faults.add((*path, key), "key-needs", key=f"{{{mark}}}", other=other)
+            faults.add((*path, key), "incomplete", what=f"`{{{mark}}}`", other=other)
     templates = [_template(form, family, (*path, *inner), faults) for form, inner in _forms(family)]
     if len(faults.findings) > before:
         return None
@@ -209,9 +209,9 @@ def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily | No
     for mark, others in (("b", {"a"}), ("n", {"a", "b"})):
         if mark in found and not others <= found:
             other = " and ".join(f"{{{each}}}" for each in sorted(others))
-            faults.add(path, "key-needs", key=f"{{{mark}}}", other=other)
+            faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
     if "each" in found and found & set(AXIS_MARKS) != {"each"}:
-        faults.add(path, "key-elsewhere", key="{each}", where="a family without {a} and {b}")
+        faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
     return loaded
 
 
@@ -225,9 +225,9 @@ def _check_shape(family: Family, path: YamlPath, faults: Faults) -> None:
             faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
         for key in [*own, "members"]:
             if key in keys:
-                faults.add((*path, key), "key-elsewhere", key=key, where="effects on the mean")
+                faults.add((*path, key), "misplaced", key=key, where="effects on the mean")
     elif "members" in keys and own:
-        faults.add((*path, own[0]), "key-elsewhere", key=own[0], where="each of `members`")
+        faults.add((*path, own[0]), "misplaced", key=own[0], where="each of `members`")
     elif "members" not in keys:
         for key in ("parameters", "equations"):
             if key not in keys:
@@ -255,7 +255,7 @@ def _template(
             expected = "Ex, Ey, Ez, E{a}, E{b}, E{n} or E{each}"
             faults.add(here, "wrong-value", value=key, expected=expected)
         elif key == "E{each}" and len(form.equations) > 1:
-            faults.add(here, "key-elsewhere", key=key, where="an effect with no other equation")
+            faults.add(here, "misplaced", key=key, where="an effect with no other equation")
         with faults.collected(here):
             trees[key] = parse(text, name=BRACED)
             forms[key] = _linear(trees[key], key, known)
@@ -265,9 +265,9 @@ def _template(
         places += [("search", name) for name in form.search]
         for key, name in places:
             if name not in used:
-                faults.add((*path, key, name), "not-in-equations", value=name)
+                faults.add((*path, key, name), "not-applicable", reason=UNUSED, value=name)
         if family.over is not None and CHOSEN not in used:
-            faults.add((*path, "equations"), "not-in-equations", value=CHOSEN)
+            faults.add((*path, "equations"), "not-applicable", reason=UNUSED, value=CHOSEN)
     if len(faults.findings) > before:
         return None
     own = {*form.parameters, searched, CHOSEN}
@@ -289,7 +289,8 @@ def _check_names(form: MemberTemplate, path: YamlPath, faults: Faults) -> None:
     for key, name in places:
         if not is_identifier(name.replace("{each}", "_")):
             expected = "letters, digits and _, no digit first; {each} in a parameter's"
-            faults.add((*path, key, name), "not-a-name", value=name, expected=expected)
+            facts = {"kind": "a name that equations can use", "expected": expected}
+            faults.add((*path, key, name), "wrong-type", value=name, **facts)
         elif name in taken or (name in form.parameters and name in form.search):
             owner = "part of the equation language" if name in taken else "a parameter"
             faults.add((*path, key, name), "name-taken", value=name, taken=owner)
@@ -344,13 +345,15 @@ def _linear(tree: Node, key: str, known: _Known) -> LinearForm:
                         expected=COLUMNS)
             )  # fmt: skip
         elif "each" in marks(name) and key != "E{each}":
-            unknown.append(finding("key-elsewhere", key=name, where="E{each}", column=column))
+            unknown.append(finding("misplaced", key=name, where="E{each}", column=column))
     if unknown:
         raise InputError(unknown)
     form = linear_form(tree, known.units, known.units)
     _check_units(tree, known)
     if form.remainder is not None:
-        raise error("term-without-parameter", column=1, expected="parameters in every term")
+        reason = "a term without a parameter"
+        expected = "parameters in every term"
+        raise error("not-applicable", reason=reason, column=1, expected=expected)
     return form
 
 
@@ -443,18 +446,16 @@ def filled_tree(node: Node, filling: Mapping[str, float | str]) -> Node:
         case Name(name, column):
             new = filling.get(name, name)
             return Name(new, column) if isinstance(new, str) else Number(new, column)
-        case Negative(operand, column):
-            return Negative(filled_tree(operand, filling), column)
-        case Call(function, arguments, column):
-            return Call(function, tuple(filled_tree(item, filling) for item in arguments), column)
-        case Binary(operator, left, right, column):
+        case Call("+" | "-" as sign, (left, right), column):
             new_left, new_right = filled_tree(left, filling), filled_tree(right, filling)
-            if operator in "+-" and isinstance(new_right, Number):
+            if isinstance(new_right, Number):
                 if new_right.value == 0.0:
                     return new_left
                 if new_right.value < 0.0:
                     # x - -5 and x + 5 are the same number, bit by bit.
                     turned = Number(-new_right.value, new_right.column)
-                    return Binary("+" if operator == "-" else "-", new_left, turned, column)
-            return Binary(operator, new_left, new_right, column)
+                    return Call("+" if sign == "-" else "-", (new_left, turned), column)
+            return Call(sign, (new_left, new_right), column)
+        case Call(function, arguments, column):
+            return Call(function, tuple(filled_tree(item, filling) for item in arguments), column)
     return node

@@ -33,12 +33,11 @@ from mtu_cli.close_loop_sealed.model.effect_grid import (
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember, check_column
 from mtu_cli.close_loop_sealed.model.effect_slopes import slopes
 from mtu_cli.files.effects import Family
-from mtu_cli.files.machine import units_per_minute
 from mtu_cli.language import Node, evaluate, names
-from mtu_cli.language.tree import Binary, Name
+from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.design import LARGEST
-from mtu_cli.units import PARAMETER_UNITS, internal
+from mtu_cli.units import PARAMETER_UNITS, internal, parameter_units_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,13 +196,13 @@ class BoundTemplate:
         counts = {own: internal(minute=own == "{c}") for own in held}
         written = {own for own in held if number_of(own) is not None}
         literal = dict.fromkeys(written | held & {self.template.searched}, 1.0)
-        algebra = Algebra(units=counts, whole=True)
+        algebra = Algebra(units=counts)
         timed = [algebra.of(filled_tree(item, literal)).minute == 1 for item in levers]
         if algebra.faults:
             raise NoMember(f"time_min in place of {{c}}: {algebra.faults[0].text}")
         if not all(timed):
             return unit
-        per = units_per_minute(PARAMETER_UNITS[unit])
+        per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
         if not per or PARAMETER_UNITS[unit].per is not None:
             raise NoMember(f"{unit} of {parameter} has no unit per minute")
         return per[0]
@@ -285,8 +284,8 @@ class BoundTemplate:
         tree: Node | None = None
         for name, lever in self.template.forms[key].coefficients.items():
             if self.parameter(name, bound) in only:
-                term = Binary("*", Name(name, 0), lever, 0)
-                tree = term if tree is None else Binary("+", tree, term, 0)
+                term = Call("*", (Name(name, 0), lever), 0)
+                tree = term if tree is None else Call("+", (tree, term), 0)
         return tree
 
     def covariate(self, used: tuple[str, ...]) -> str | None:

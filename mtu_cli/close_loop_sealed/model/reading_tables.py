@@ -11,7 +11,7 @@ from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
 from mtu_cli.model.basis import TIME, ThermalBasis
-from mtu_cli.model.covariate_texts import texts_told
+from mtu_cli.model.covariate_texts import text_warnings
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
 from mtu_cli.model.fit import from_machine_file
 from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
@@ -60,7 +60,7 @@ def reading_tables(
     reverse of a pass share what the fit found them to share of D, the rest each draws anew.
     """
     estimates = _estimates(machine, known)
-    tables, warned = [], texts_told(readings)
+    tables, warned = [], text_warnings(readings)
     for code, name in enumerate(readings.components):
         rows = np.flatnonzero(readings.code == code)
         if not len(rows):

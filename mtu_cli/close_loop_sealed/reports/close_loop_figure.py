@@ -17,13 +17,12 @@ from mtu_cli.close_loop_sealed.analyses.loop.result import (
     TableResult,
 )
 from mtu_cli.close_loop_sealed.analyses.loop.shown import own_verdict, things
-from mtu_cli.close_loop_sealed.reports.close_loop_arrows import SIDES, counted, draw_arrows, view_of
 from mtu_cli.close_loop_sealed.reports.close_loop_curves import MOST, Curve, by_column, curves
 from mtu_cli.close_loop_sealed.reports.close_loop_levels import (
-    in_plane,
+    SIDES,
+    counted,
     maps_of,
     mean_errors,
-    short_names,
 )
 from mtu_cli.close_loop_sealed.reports.close_loop_panels import NAME, draw_curve
 from mtu_cli.close_loop_sealed.reports.close_loop_shown import (
@@ -37,9 +36,8 @@ from mtu_cli.close_loop_sealed.reports.close_loop_shown import (
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residual_layout import IntArray
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Plane
+from mtu_cli.reports.arrows import draw, sheet
 from mtu_cli.reports.labels import cut
-from mtu_cli.reports.level_maps import Maps, draw, legend, sheet, write_title
 from mtu_cli.reports.numbers import p_value
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -73,42 +71,26 @@ def figure(result: CloseLoopResult) -> Figure:
     Of several components the one that gave the verdict is drawn.
     """
     item = first_table(result)
-    levels = maps_of(item)
-    if levels is not None:
-        return _with_levels(result, item, levels)
-    planes = _planes(item)
-    view = view_of(planes, (5.0, 4.6)) if planes else None
-    above = 3.4 if view is None else float(view.high[1] - view.low[1]) / view.inch + 1.1
-    shown = curves(item)
-    changed = bool(item.effects)
+    shown = curves(item) if item.effects else [*curves(item), by_column(item)]
+    maps = maps_of(item)
+    drawn = None if maps is None else sheet(maps, WIDTH)
+    if drawn is not None and not item.effects and drawn.columns == len(drawn.rows) == 1:
+        drawn = sheet(drawn.maps, WIDTH / 2)
+    above = 3.4 if drawn is None else drawn.height
     page = figures.blank(WIDTH, above + 4.3)
     grid = page.add_gridspec(2, 1, height_ratios=[above, 4.1])
     top, bottom = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
-    if view is None:
+    if drawn is None:
         _columns(top, item)
+    elif drawn.room < WIDTH:
+        # One map alone leaves room for what is to be seen beside it.
+        left, right = top.subfigures(1, 2, squeeze=False)[0]
+        draw(left, drawn, f"Mean errors of {counted(len(drawn.maps.ids))}")
+        draw_curve(right.subplots(), shown.pop(0))
     else:
-        panels = top.subplots(1, 2, squeeze=False)[0]
-        draw_arrows(panels if changed else panels[:1], planes, view)
-        if not changed:
-            draw_curve(panels[1], shown[0])
-            shown = [by_column(item)]
+        draw(top, drawn, f"Mean errors of {counted(len(drawn.maps.ids))}")
     _lower(bottom, item, shown, result.alpha / len(result.tables))
-    page.suptitle(_title(result, item), x=0.012, ha="left", fontsize=10.5, fontweight="bold")
-    return page
-
-
-def _with_levels(result: CloseLoopResult, item: TableResult, levels: Maps) -> Figure:
-    """Maps level by level in place of the arrows of one plane."""
-    drawn = sheet(levels, WIDTH)
-    shown = curves(item) if item.effects else [*curves(item), by_column(item)]
-    page = figures.blank(WIDTH, drawn.height + 4.3)
-    grid = page.add_gridspec(2, 1, height_ratios=[drawn.height, 4.1])
-    top, bottom = page.add_subfigure(grid[0]), page.add_subfigure(grid[1])
-    draw(top, drawn)
-    legend(top, drawn)
-    write_title(top, f"Mean errors of {counted(len(levels.ids))}", drawn)
-    _lower(bottom, item, shown, result.alpha / len(result.tables))
-    page.suptitle(_title(result, item), x=0.012, ha="left", fontsize=10.5, fontweight="bold")
+    figures.title(page, _title(result, item))
     return page
 
 
@@ -139,19 +121,6 @@ def _unexplained(item: TableResult) -> str:
     hints = "; ".join(_name(e) for e in item.effects if own_verdict(e, item) != "named")
     rest = f"unexplained{'; as a hint: ' if hints else ''}{hints}"
     return "; ".join([*map(_name, sure), rest])
-
-
-def _planes(item: TableResult) -> list[Plane]:
-    """Errors before and after in the xy plane, empty where there is none."""
-    if not in_plane(item):
-        return []
-    table = item.table
-    axes = [table.axes.index("x"), table.axes.index("y")]
-    places = table.places[:, :, :2].mean(axis=0)
-    return [
-        Plane(ids=short_names(item), places=places, errors=mean[:, axes])
-        for mean in mean_errors(item)
-    ]
 
 
 def _columns(page: SubFigure, item: TableResult) -> None:

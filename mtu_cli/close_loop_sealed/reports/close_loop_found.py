@@ -14,7 +14,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.result import (
 from mtu_cli.close_loop_sealed.analyses.loop.shown import effect_rms, own_verdict
 from mtu_cli.close_loop_sealed.reports.close_loop_scatter import scatter_document
 from mtu_cli.close_loop_sealed.reports.close_loop_shown import in_shown_unit, parameters_of, size_of
-from mtu_cli.reports.document import finite, um
+from mtu_cli.reports.document import finite
+from mtu_cli.units import UM
 
 
 def effect_of(effect: FoundEffect, item: TableResult) -> dict[str, Any]:
@@ -130,8 +131,8 @@ def left_mean_of(mean: LeftMean) -> dict[str, Any]:
     """A mean error beside the effects of an axis, which is no finding."""
     return {
         "axis": mean.axis,
-        "value_um": um(mean.value),
-        "u_um": um(mean.u),
+        "value_um": finite(mean.value / UM),
+        "u_um": finite(mean.u / UM),
         "p": finite(mean.p),
     }
 

@@ -2,27 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import TableResult
-from mtu_cli.close_loop_sealed.reports.close_loop_arrows import SIDES
 from mtu_cli.close_loop_sealed.reports.close_loop_shown import unit_of
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.level_maps import Maps, Side
-from mtu_cli.reports.levels import flat
+from mtu_cli.reports import figures
+from mtu_cli.reports.arrows import Maps, Side, cut_of
 from mtu_cli.stats.least_squares import FloatArray
 
+SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
 OPERATIONS = 5
 """Operations drawn."""
 
 
 def maps_of(item: TableResult) -> Maps | None:
-    """Errors before and after by level, those of several operations at the same features in groups
-    of their own; None where one plane shows everything, or there is none.
+    """Errors before and after, those of several operations at the same features in groups of
+    their own, and in one plane before beside after; None where there is no plane.
     """
     table = item.table
     places, ids = table.places.mean(axis=0), short_names(item)
-    if not in_plane(item) or (flat(places, table.axes) and len(set(ids)) == len(ids)):
+    if not in_plane(item):
         return None
     rows = {name: i for i, name in reversed(list(enumerate(ids)))}
     names = tuple(sorted(rows, key=rows.__getitem__))
@@ -40,7 +42,14 @@ def maps_of(item: TableResult) -> Maps | None:
             sides.append(Side(name=name if item.effects else "", colour=colour, errors=errors))
         groups.append((operation, tuple(sides)))
     drawn = places[[rows[name] for name in names]]
+    if len(groups) == 1 and "z" not in table.axes and len(cut_of(drawn, table.axes).levels) == 1:
+        groups = [(side.name, (replace(side, name=""),)) for side in groups[0][1]]
     return Maps(ids=names, places=drawn, axes=table.axes, groups=tuple(groups))
+
+
+def counted(features: int) -> str:
+    """How many features, in words."""
+    return "1 feature" if features == 1 else f"{features} features"
 
 
 def mean_errors(item: TableResult) -> tuple[FloatArray, FloatArray]:

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 BINS = 24
 """Means that residuals are drawn as where they lie at more places."""
 SERIES = (figures.BLUE, figures.RED, figures.GREEN)
-FEW = 4
-"""Of so few distinct places cells are spread out beside one another."""
+FEW = 16
+"""Where places are no nearer than this part of all cells are dashes, which show where many lie."""
 NAME, NAMED = 26, 44
 """Characters of a name beside a panel, and above one."""
 CHARACTERS = 40
@@ -82,26 +82,20 @@ def _legend_above(panel: Axes, lines: Sequence[tuple[str, str]]) -> None:
 def _draw_series(
     panel: Axes, series: Series, colour: str, *, labelled: bool, example: bool
 ) -> None:
-    panel.plot(
-        _spread(series.x), series.y, ".", color=colour, alpha=0.18, markersize=4, markeredgewidth=0
-    )
+    few = float(np.ptp(series.x)) <= FEW * float(np.diff(np.unique(series.x)).min(initial=np.inf))
+    mark, size = ("_", 14) if few else (".", 4)
+    panel.plot(series.x, series.y, mark, color=colour, alpha=0.2, markersize=size)
     x, y, fitted = _binned(series)
-    panel.plot(x, y, "o", color=colour, markersize=4.5, label=series.name if labelled else None)
-    if series.fine is not None:
-        line = {"linewidth": 0.9, "linestyle": "--"} if example else {"linewidth": 1.8}
-        panel.plot(*series.fine, color=figures.ORANGE, zorder=4, **line)
+    name = series.name if labelled else None
+    panel.plot(x, y, "o", color=colour, markersize=5.5, mec="white", zorder=5, label=name)
+    panel.margins(x=0.1 if few else 0.05)
+    if example and fitted is not None:
+        # Between the places one such wave is as good as another.
+        panel.plot(x, fitted, "o", color=figures.ORANGE, ms=7, mfc="none", zorder=4)
+    elif series.fine is not None:
+        panel.plot(*series.fine, color=figures.ORANGE, linewidth=1.8, zorder=4)
     elif fitted is not None:
         panel.plot(x, fitted, color=colour if labelled else figures.ORANGE, linewidth=1.8, zorder=4)
-
-
-def _spread(x: FloatArray) -> FloatArray:
-    """Cells of a few places side by side in their order, which says nothing else."""
-    places = np.unique(x)
-    if not 1 < len(places) <= FEW:
-        return x
-    beside = np.linspace(-0.5, 0.5, len(x)) * 0.25 * float(np.diff(places).min())
-    found: FloatArray = x + beside
-    return found
 
 
 def _binned(series: Series) -> tuple[FloatArray, FloatArray, FloatArray | None]:

@@ -12,6 +12,7 @@ from mtu_cli.model.graph.nominal import correlation_matrix, nominal_values
 from mtu_cli.model.graph.units import not_lengths, place_units
 from mtu_cli.stats.least_squares import FloatArray
 
+CONTRADICT = "the correlations contradict each other: their matrix is not positive semi-definite"
 ROUNDING = 1e-9
 """An eigenvalue of n correlations below -n times this is no rounding of 0, as in budgets."""
 
@@ -21,22 +22,17 @@ def examine(graph: Graph, rounds: Rounds, faults: Faults) -> None:
     disagree, and correlations that contradict each other (`files.graph.load_graph`).
     """
     _, _, degenerate = nominal_values(graph.places, rounds)
-    for index, reason in degenerate:
-        faults.add(("transitions", index), "degenerate", reason=reason)
+    for index, own in degenerate:
+        faults.extend(("transitions", index), [own])
     steps = [step for fired in rounds for step in fired]
     disagreeing: list[tuple[Step, InputError]] = []
     place_units(graph, steps, disagreeing)
     for step, error in disagreeing:
         faults.extend(("transitions", step.index, "formula"), error)
     for step, at, unit in not_lengths(graph, steps):
-        faults.add(
-            ("transitions", step.index, "in", at),
-            "not-a-length",
-            do=step.do,
-            unit=unit,
-            value=step.inputs[at],
-            expected="a length in mm",
-        )
+        path, kind = ("transitions", step.index, "in", at), f"a length, as {step.do} takes here"
+        given = {"value": step.inputs[at], "expected": f"a place in mm, not in {unit}"}
+        faults.add(path, "wrong-type", kind=kind, **given)
     _check_correlations(graph, faults)
 
 
@@ -55,10 +51,10 @@ def _check_correlations(graph: Graph, faults: Faults) -> None:
         if found is not None:
             expected = f"{found[0]:g} to {found[1]:g}, as the others are"
             value = f"{first}, {second}, {r:g}"
-            path = ("correlations", index)
-            faults.add(path, "correlations-contradict", value=value, expected=expected)
+            given = {"reason": CONTRADICT, "value": value, "expected": expected}
+            faults.add(("correlations", index), "wrong-correlation", **given)
             return
-    faults.add(("correlations",), "correlations-contradict")
+    faults.add(("correlations",), "wrong-correlation", reason=CONTRADICT)
 
 
 def _has_distribution(matrix: FloatArray) -> bool:

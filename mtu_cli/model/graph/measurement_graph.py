@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.graph import LoadedGraph
 from mtu_cli.files.graph_contract import Graph
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import Finding, InputError, finding, listed
 from mtu_cli.model.graph.inputs import Inputs
 from mtu_cli.model.graph.nominal import (
     Computed,
@@ -104,13 +104,9 @@ class Evaluation:
             at = named_scalars(step.formula, values, int(np.argmax(bad)))
             why = f": {not_finite(step.formula, at)}"
         return finding(
-            "not-finite-in-trials",
-            do=step.do,
-            places=step.outputs,
-            largest=LARGEST,
-            count=count,
-            trials=len(bad),
-            reason=why,
+            "no-finite-value",
+            what=f"{step.do} of {listed(step.outputs)}",
+            where=f" below {LARGEST:g} in {count} of {len(bad)} Monte Carlo trials{why}",
             expected="a step that is defined for all values its inputs may take: bounded "
             "distributions or smaller uncertainties where it needs them",
             **place_of_step(self.loaded, step.index),
@@ -121,10 +117,7 @@ def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
     """Raises InputError for constructions that are degenerate at nominal."""
     nominal, computed, faults = nominal_values(loaded.graph.places, loaded.rounds)
     if faults:
-        raise InputError(
-            finding("degenerate", reason=reason, **place_of_step(loaded, index))
-            for index, reason in faults
-        )
+        raise InputError(own.at(**place_of_step(loaded, index)) for index, own in faults)
     return MeasurementGraph(
         loaded=loaded,
         graph=loaded.graph,

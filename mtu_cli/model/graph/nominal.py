@@ -11,8 +11,9 @@ import numpy as np
 from mtu_cli.files.graph import Rounds, Step, place_of
 from mtu_cli.files.graph_contract import Graph, Place
 from mtu_cli.files.graph_kinds import COORDINATES, NAMED_BY_COORDINATE
+from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.language import Node, evaluate, names, to_text
-from mtu_cli.language.tree import Binary, Call, children, walk
+from mtu_cli.language.tree import Call, children, walk
 from mtu_cli.model.graph import fits
 from mtu_cli.model.graph.constructions import CONSTRUCTIONS, Construction, Outputs
 from mtu_cli.model.graph.degenerate import degenerate
@@ -45,14 +46,14 @@ def start_value(place: Place) -> FloatArray:
 
 def nominal_values(
     places: Mapping[str, Place], rounds: Rounds
-) -> tuple[Values, list[Computed], list[tuple[int, str]]]:
+) -> tuple[Values, list[Computed], list[tuple[int, Finding]]]:
     """Values of all places at nominal (m = 1), the computing transitions in firing order, and
     the faults found: (index of the transition, what is wrong). What depends on a fault is
     left out.
     """
     values = {name: start_value(place) for name, place in places.items() if place.marked}
     computed: list[Computed] = []
-    faults: list[tuple[int, str]] = []
+    faults: list[tuple[int, Finding]] = []
     for step in (step for fired in rounds for step in fired):
         if step.do == "meas":
             place = places[step.outputs[0]]
@@ -66,7 +67,9 @@ def nominal_values(
             continue
         wrong = _prepare(step, values, computed)
         if wrong is not None:
-            faults.append((step.index, wrong))
+            what = f"{step.do} of {listed(step.outputs)}"
+            own = finding("no-finite-value", what=what, where=f" at nominal: {wrong}")
+            faults.append((step.index, own))
     return values, computed, faults
 
 
@@ -164,9 +167,9 @@ def _value(node: Node, values: Mapping[str, float]) -> float:
 
 def _fault(node: Node, values: Mapping[str, float]) -> str:
     match node:
-        case Binary("/", _, right) if _value(right, values) == 0:
+        case Call("/", (_, right)) if _value(right, values) == 0:
             return f"division by zero: {to_text(right)} is 0"
-        case Binary("**", left, right) if _value(left, values) == 0 and _value(right, values) < 0:
+        case Call("**", (left, right)) if _value(left, values) == 0 and _value(right, values) < 0:
             return f"division by zero: {to_text(left)} is 0 in {to_text(node)}"
         case Call(function, (argument,)):
             given = _value(argument, values)

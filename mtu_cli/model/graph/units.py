@@ -9,8 +9,8 @@ from mtu_cli.files.graph_contract import Graph
 from mtu_cli.findings import InputError
 from mtu_cli.language import Node, names
 from mtu_cli.language.tree import Call
-from mtu_cli.language.unit_algebra import Algebra, plain_number
-from mtu_cli.units import internal
+from mtu_cli.language.unit_algebra import Algebra
+from mtu_cli.units import PLAIN, internal
 
 INVERSE = ("asin", "acos", "atan", "atan2")
 LENGTHS = {
@@ -110,7 +110,7 @@ def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
     """
     known = {name: _exponent(unit) for name, unit in units.items()}
     lengths = {name: internal(own) for name, own in known.items() if own is not None}
-    algebra = Algebra(units=lengths, factor=plain_number, whole=True)
+    algebra = Algebra(units=lengths, factor=PLAIN)
     found = algebra.of(node)
     if algebra.faults:
         raise InputError(algebra.faults)

@@ -289,11 +289,11 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     np.testing.assert_allclose(one.both_interval[:, 1], 7 * one.both / 1.690, rtol=1e-3)
     assert no_repeats.totals[0].both == pytest.approx(one.both[:3].mean())
     one_part = analysed(study(1, 3, 1))
-    assert codes(one_part) == ["one-part"]
+    assert codes(one_part) == ["few-parts"]
     assert np.isnan(one_part.features.u_mean).all()
     assert np.isfinite(one_part.features.components.repeat).all()
     assert one_part.unusual is None
-    assert codes(analysed(study(1, 1, 1))) == ["one-part", "no-repeats"]
+    assert codes(analysed(study(1, 1, 1))) == ["few-parts", "no-repeats"]
     three = analysed(study(3, 2, 1))
     assert codes(three) == ["few-degrees-of-freedom", "few-parts"]
     assert three.unusual is None
@@ -303,7 +303,7 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     np.testing.assert_allclose(half, 4.303 * features.u_future, rtol=1e-4)
     found = study(8, 2, 1)
     gaps = analysed(_rows(found, ~((found.part == 2) & (found.feature == 1))))
-    assert codes(gaps) == ["empty-cells"]
+    assert codes(gaps) == ["missing-values"]
     assert (gaps.warnings[0].facts["part"], gaps.warnings[0].facts["label"]) == ("P2", "b x")
     assert gaps.features.one_way.parts.tolist().count(7) == 2
 

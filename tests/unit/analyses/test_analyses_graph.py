@@ -143,7 +143,7 @@ transitions:
 def test_a_graph_of_which_nothing_has_an_uncertainty(tmp_path: Path) -> None:
     result = simulate_graph(graph_of(tmp_path, SQUARE.replace(", u: 3", "")), Settings())
     assert all(item.fixed for item in result.coordinates)
-    assert [warning.code for warning in result.warnings] == ["nothing-varies"]
+    assert [warning.code for warning in result.warnings] == ["unrelated"]
 
 
 def test_a_square_at_zero(tmp_path: Path) -> None:

@@ -184,7 +184,7 @@ def test_joint_conformance_against_counted_parts(tmp_path: Path) -> None:
     ab = np.hypot(x[:, 1] - x[:, 0], y[:, 1] - y[:, 0]) - 100
     ca = np.hypot(x[:, 2] - x[:, 0], y[:, 2] - y[:, 0]) - np.hypot(70, 90)
     good = (np.abs(ab) <= 9e-3) & (np.abs(ca) <= 4e-3)
-    probability, error = found.joint_conformance
+    _, probability, error = found.joint_conformance
     assert probability == pytest.approx(good.mean(), abs=4.5 * np.hypot(error, 0.5 / np.sqrt(n)))
     alone = [item.conformance.probability for item in found.lengths if item.conformance]
     assert alone == pytest.approx(
@@ -201,7 +201,7 @@ def test_a_whole_part_is_no_surer_than_its_least_sure_length(tmp_path: Path) -> 
     for seed in range(12):
         found = predict_lengths(machine(), part, replace(FAST, seed=seed))
         assert found.joint_conformance is not None
-        probability, error = found.joint_conformance
+        _, probability, error = found.joint_conformance
         least = min(item.conformance.probability for item in found.lengths if item.conformance)
         assert least - 4.5 * error < probability <= least
         bound += probability == least
@@ -279,7 +279,7 @@ def test_a_length_along_an_axis_without_equation(tmp_path: Path) -> None:
     found = predict_lengths(machine(), part_of(tmp_path, text), FAST)
     assert found.lengths[0].nominal == 50
     assert found.lengths[0].variance == 0
-    assert [item.code for item in found.warnings] == ["axis-without-equation"]
+    assert "axis-without-equation" in {item.code for item in found.warnings}
 
 
 def test_a_z_that_only_one_end_has_is_refused(tmp_path: Path) -> None:

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, sensor_names
 
-from mtu_cli.analyses import thermal_fit as module
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import InputError, finding
+from mtu_cli.findings import InputError
 from mtu_cli.stats.least_squares import FloatArray
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
@@ -142,7 +141,7 @@ def test_no_sensor_moves() -> None:
     assert drift.estimate.sensors == ()
     assert drift.estimate.coefficients.shape == (1, 0)
     assert drift.rms_after == pytest.approx(drift.rms_before, rel=ROUNDING)
-    assert {"no-sensor", "sensor-still"} <= set(codes(found))
+    assert {"no-effect-of-temperature", "sensor-still"} <= set(codes(found))
 
 
 @pytest.mark.parametrize("positions", [(None,), (0.0, 200.0)])
@@ -153,15 +152,15 @@ def test_cycles_that_begin_apart_are_told(positions: tuple[float | None, ...]) -
     for cycle in true:
         cycle -= cycle[0] - 20.0
     runs = plan.runs(np.random.default_rng(9), true)
-    assert "cycles-begin-apart" not in codes(fitted(readings(runs)))
+    assert "order-of-cycles" not in codes(fitted(readings(runs)))
     for run in runs:
         run.error[:] += 40 * UM * int(str(run.cycle)[1:])
-    (warned,) = [w for w in fitted(readings(runs)).warnings if w.code == "cycles-begin-apart"]
+    (warned,) = [w for w in fitted(readings(runs)).warnings if w.code == "order-of-cycles"]
     assert warned.facts["apart"] == "120 um"
     # Where they begin at other temperatures, readings may as well be other.
     for run, start in zip(runs, (0.0, 3.0, 6.0, 9.0) * len(positions), strict=False):
         run.temperature[:] += start
-    assert "cycles-begin-apart" not in codes(fitted(readings(runs)))
+    assert "order-of-cycles" not in codes(fitted(readings(runs)))
 
 
 def test_a_sensor_that_differs_between_positions_alone() -> None:
@@ -295,34 +294,3 @@ def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) ->
         with pytest.raises(InputError) as error:
             fitted(found, method)
         assert f"expected at least {levels + 2}: one more" in str(error.value)
-
-
-def test_sensors_are_told_before_anything_is_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Who lacks one of them need not wait for the rest."""
-    plan = Plan(gradients=LINE, positions=PLACES, noise=0.0, n=30)
-    given = plan.read(np.random.default_rng(1))
-    told: list[tuple[str, tuple[str, ...]]] = []
-
-    def check(name: str, sensors: tuple[str, ...]) -> None:
-        told.append((name, sensors))
-        raise InputError([])
-
-    def too_late(*_: object) -> None:
-        raise AssertionError("held out")
-
-    monkeypatch.setattr(module, "held_out", too_late)
-    with pytest.raises(InputError):
-        thermal_fit(
-            [given], {"p": ("x", "um")}, reference=REFERENCE, method="stepwise", check=check
-        )
-    assert told == [("p", ("T_01_degC", "T_02_degC", "T_04_degC"))]
-
-
-def test_notes_of_the_readings_are_warnings_once() -> None:
-    """Also where several blocks say the same."""
-    given = Plan(gradients=LINE, positions=PLACES, noise=0.1, n=30).read(np.random.default_rng(1))
-    noted = replace(given, notes=(finding("not-tested", what="it", items="all", reason="odd"),))
-    found = thermal_fit(
-        [noted, noted], {"p": ("x", "um")}, reference=REFERENCE, method="stepwise"
-    ).warnings
-    assert [item.facts["reason"] for item in found if item.code == "not-tested"] == ["odd"]

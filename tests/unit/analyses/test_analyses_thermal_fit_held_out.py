@@ -238,7 +238,9 @@ def test_who_asks_for_lags_is_told_that_none_is_found(
     result = thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
     drift = result.components["p"]
     assert drift.without_lag is told
-    reasons = [item.facts["reason"] for item in result.warnings if item.code == "no-lags"]
+    reasons = [
+        item.facts["reason"] for item in result.warnings if item.code == "no-effect-of-temperature"
+    ]
     assert sum("no time constant" in reason for reason in reasons) == told
     assert drift.model == ("lagged" if lag else drift.model)
 
@@ -264,5 +266,5 @@ def test_lags_need_times() -> None:
     found = lagged_plan((32.0,), 37)
     untimed = replace(found, time_min=np.full(len(found), np.nan))
     result = thermal_fit([untimed], {"p": ("x", "um")}, reference=REFERENCE, method="auto")
-    assert "no-lags" in [warned.code for warned in result.warnings]
+    assert "no-effect-of-temperature" in [warned.code for warned in result.warnings]
     assert (result.components["p"].estimate.time_constants == 0).all()

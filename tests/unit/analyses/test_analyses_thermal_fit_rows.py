@@ -12,7 +12,7 @@ from mtu_cli.analyses.thermal_fit import reading, thermal_fit
 from mtu_cli.analyses.thermal_fit.columns import library
 from mtu_cli.analyses.thermal_fit.models import Spec, fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.files.covariates import HOTTEST_DEGC
+from mtu_cli.files.covariates import SENSOR_DEGC
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.stats.lag import first_order_lag
@@ -100,7 +100,7 @@ def test_temperatures_that_are_missing() -> None:
         fitted(found)
     (problem,) = raised.value.findings
     assert (problem.row, problem.column) == (7, "T_02_degC")
-    with pytest.raises(InputError, match="'T_<sensor>_degC' is missing"):
+    with pytest.raises(InputError, match="column 'T_<sensor>_degC': the column is missing"):
         fitted(replace(found, covariates={"room": np.zeros(len(found))}))
 
 
@@ -123,7 +123,7 @@ def test_temperatures_that_no_sensor_reads(value: float) -> None:
     assert found_at == [(7, "T_02_degC", f"{value:g}"), (11, "T_02_degC", f"{value:g}")]
 
 
-@pytest.mark.parametrize("value", [HOTTEST_DEGC, -HOTTEST_DEGC])
+@pytest.mark.parametrize("value", SENSOR_DEGC)
 def test_the_bound_is_that_of_temperatures_not_of_rises(value: float) -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
     found.covariates["T_02_degC"][5] = value
@@ -222,7 +222,7 @@ def test_lags_asked_for_with_one_cycle() -> None:
     plan = Plan(gradients=LINE[:1], cycles=1)
     found = fitted(plan.read(np.random.default_rng(32)), "lagged")
     assert found.components["p"].model == "ridge"
-    (warned,) = [item for item in found.warnings if item.code == "no-lags"]
+    (warned,) = [item for item in found.warnings if item.code == "no-effect-of-temperature"]
     assert "lags are chosen on held-out cycles, and there is one" in warned.message
 
 
@@ -237,7 +237,7 @@ def test_readings_that_do_not_differ(value: float) -> None:
     assert drift.residuals.lag1 == 0
     assert drift.held_out is None
     codes = [item.code for item in result.warnings]
-    assert "no-sensor" in codes
+    assert "no-effect-of-temperature" in codes
     assert "no-better" not in codes
 
 
@@ -249,6 +249,6 @@ def test_cycles_of_one_name_in_two_files() -> None:
         sources=(found.sources[0], replace(found.sources[0], shown="e.csv")),
         roles=("drift", "drift"),
     )
-    (warned,) = [w for w in fitted(two).warnings if w.code == "cycle-in-two-files"]
+    (warned,) = [w for w in fitted(two).warnings if w.code == "order-of-cycles"]
     assert "p: cycle 'c0' is in d.csv and e.csv" in warned.message
-    assert "cycle-in-two-files" not in [w.code for w in fitted(found).warnings]
+    assert "order-of-cycles" not in [w.code for w in fitted(found).warnings]

@@ -90,7 +90,7 @@ def test_a_square_at_zero(entry: str, second: float, mean: float) -> None:
     assert first.second_value == pytest.approx(mean)
     assert result.run.u[0] == pytest.approx(second, abs=4 * result.run.se_u[0])
     assert result.run.mean[0] == pytest.approx(mean, abs=4 * result.run.se_mean[0])
-    assert "first-order-zero" in codes(result)
+    assert "second-order" in codes(result)
     assert single(result).validation.passed is False
 
 
@@ -99,7 +99,7 @@ def test_samples_that_are_not_finite_are_an_error() -> None:
     with pytest.raises(InputError) as raised:
         evaluated("equation: log(x)\ninputs: {x: {value: 1, u: 0.6}}\n")
     (found,) = raised.value.findings
-    assert (found.code, found.line, found.path) == ("trials-not-finite", 3, "equation")
+    assert (found.code, found.line, found.path) == ("no-finite-value", 3, "equation")
 
 
 def test_a_value_that_is_not_finite_is_an_error() -> None:

@@ -104,7 +104,7 @@ def test_the_contribution_of_few_degrees_of_freedom_is_named(
 def test_a_contribution_without_u_is_named() -> None:
     text = WRINGING.replace("SMALL", "0.008").replace("SCALE", "0.01").replace("DOF", "2")
     result = evaluated(text)
-    (found,) = (x.facts["names"] for x in result.warnings if x.code == "no-standard-uncertainty")
+    (found,) = (x.facts["names"] for x in result.warnings if x.code == "few-degrees-of-freedom")
     assert found == ["the contributions[1] 'wringing' of c"]
 
 

@@ -31,7 +31,7 @@ def told(found: FoundEffect, places: int) -> list[str]:
     x = np.linspace(0.0, 300.0, places)
     at = np.stack([np.repeat(x, 3), np.tile([0.0, 50.0, 100.0], places), np.zeros(3 * places)], 1)
     item = replace(on_table("named", (found,)), table=table(H=3 * places, places=at))
-    return [w.message for w in loop_warnings([item], 9) if w.code == "searched-not-told"]
+    return [w.message for w in loop_warnings([item], 9) if w.code == "not-separable"]
 
 
 def test_other_values_that_are_the_same_here_are_told_nearest_first() -> None:

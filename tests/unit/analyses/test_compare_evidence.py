@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import fdtrc, ndtr
 
-from mtu_cli.analyses.compare.evidence import Evidence, Foretold, evidence
+from mtu_cli.analyses.compare.evidence import Evidence, PredictedItems, evidence
 from mtu_cli.analyses.compare.verdicts import Compared, judged
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import cells_of
@@ -26,15 +26,15 @@ def tables(*parts: list[float]) -> MeasuredTables:
     return MeasuredTables(labels=(("", "a", "x"),), parts=names, cells=cells)
 
 
-def foretold(
+def predicted(
     mean: float = 5.0,
     coefficients: float = 9.0,
     scatter: float = 4.0,
     dof: tuple[float, float] = (3.0, 8.0),
-) -> Foretold:
+) -> PredictedItems:
     """One item: the coefficients' variance and the scatter, a mean square each."""
     one = np.ones(1)
-    return Foretold(
+    return PredictedItems(
         mean=mean * one,
         total=(coefficients + scatter) * one,
         coefficients=coefficients * one,
@@ -66,7 +66,7 @@ def test_two_parts_by_hand() -> None:
     degree of freedom, MS_within = (2 + 2)/2 = 2 with two, n0 = 2, s_part^2 = 31. Predicted: 5,
     C = 9 (3 degrees of freedom), D + visit = 4 (8).
     """
-    found = evidence(tables([10, 12], [4, 2]), foretold(), K)
+    found = evidence(tables([10, 12], [4, 2]), predicted(), K)
     table = found.one_way
     assert [table.mean[0], table.ms_between[0], table.ms_within[0], table.n0[0]] == pytest.approx(
         [7, 64, 2, 2]
@@ -108,16 +108,16 @@ def test_from_five_parts_on_the_larger_scatter_counts() -> None:
     """Six parts, MS_between = 6 x 2 x 16/5 = 38.4, s_part^2 = 18.2: 18.2/6 + 2/12 = 3.2 of the
     mean, where the prediction has 4/6 + 2/12.
     """
-    found = evidence(tables(*SIX), foretold(), K)
+    found = evidence(tables(*SIX), predicted(), K)
     assert found.one_way.ms_between[0] == pytest.approx(38.4)
     assert found.u_difference[0] == pytest.approx(np.sqrt(9 + 3.2))
     V = drawn([9, 3.2], [3, 5])
     same_tail(found.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
-    more = evidence(tables(*SIX), foretold(scatter=60.0), K)
+    more = evidence(tables(*SIX), predicted(scatter=60.0), K)
     assert more.u_difference[0] == pytest.approx(np.sqrt(9 + 60 / 6 + 2 / 12))
     V = drawn([9, 10, 2 / 12], [3, 8, 6])
     same_tail(more.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
-    few = evidence(tables(*SIX[:4]), foretold(), K)
+    few = evidence(tables(*SIX[:4]), predicted(), K)
     assert few.u_difference[0] == pytest.approx(np.sqrt(9 + 4 / 4 + 2 / 8))
 
 
@@ -125,7 +125,7 @@ def test_without_repeats_ms_between_stands_for_parts_and_cmm() -> None:
     """Values 11, 3 four times each: MS_between = 8 x 16/7, of which nothing can be split off;
     one mean square behind the prediction is Fisher's F.
     """
-    found = evidence(tables(*([11.0], [3.0]) * 4), foretold(), K)
+    found = evidence(tables(*([11.0], [3.0]) * 4), predicted(), K)
     ms = 8 * 16 / 7
     assert found.ms_expected[0] == pytest.approx(4)
     assert found.p_scatter[0] == pytest.approx(2 * fdtrc(7, 8, ms / 4), rel=0.005)
@@ -137,21 +137,21 @@ def test_without_repeats_ms_between_stands_for_parts_and_cmm() -> None:
 
 def test_one_part_is_tested_by_what_is_predicted() -> None:
     """10 and 12 of one part: mean 11, u^2 = 9 + 4 + 2/2, no scatter to speak of."""
-    found = evidence(tables([10, 12]), foretold(), K)
+    found = evidence(tables([10, 12]), predicted(), K)
     assert found.bias[0] == pytest.approx(6)
     assert found.u_difference[0] == pytest.approx(np.sqrt(14))
     assert found.E_n[0] == pytest.approx(6 / (2 * np.sqrt(14)))
     same_tail(found.p_bias[0], 2 * ndtr(-6 / np.sqrt(drawn([9, 4, 1], [3, 8, 1]))))
     for name in ("p_scatter", "p_hopeless", "ratio_ms", "ms_expected", "ratio_u", "ms_share"):
         assert np.isnan(getattr(found, name)[0]), name
-    alone = evidence(tables([11.0]), foretold(), K)
+    alone = evidence(tables([11.0]), predicted(), K)
     assert alone.u_difference[0] == pytest.approx(np.sqrt(13))
 
 
 @pytest.mark.filterwarnings("error")
 def test_nothing_predicted() -> None:
     """Scatter and difference where none are predicted have p = 0; neither, no test at all."""
-    nothing = foretold(0.0, 0.0, 0.0)
+    nothing = predicted(0.0, 0.0, 0.0)
     found = evidence(tables([3.0], [4.0], [5.0]), nothing, K)
     assert (found.p_scatter[0], found.ratio_ms[0]) == (0, np.inf)
     (item, _) = judged(found, None)
@@ -175,7 +175,7 @@ def many(
 ) -> Evidence:
     """Items with these p values; all else is of no account."""
     m = len(p_bias)
-    one = evidence(tables(*SIX), foretold(), K)
+    one = evidence(tables(*SIX), predicted(), K)
     one_way = replace(one.one_way, parts=np.full(m, parts))
     return replace(
         one, labels=(("", "a", "x"),) * m, one_way=one_way, p_bias=np.array(p_bias),
@@ -248,5 +248,5 @@ def test_a_hopeless_scatter_test_is_withheld_and_no_part_of_the_family() -> None
 
 def test_more_scatter_is_a_finding_whatever_made_it() -> None:
     wide = tables([-90.0], [90.0], [-80.0], [85.0], [3.0], [-70.0])
-    found, _ = judged(evidence(wide, foretold(dof=(np.inf, np.inf)), K), None)
+    found, _ = judged(evidence(wide, predicted(dof=(np.inf, np.inf)), K), None)
     assert found.verdicts == ("under-predicted",)

@@ -40,14 +40,14 @@ def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> Non
     model, part = machine(tmp_path), ring_part(tmp_path)
     bare = ring_points(measured, ["a"])
     (message,) = refused(model, part, bare)
-    assert "cmm.csv, column 'T_scale_degC': the machine 'm' needs T_scale_degC" in message
+    assert "cmm.csv, column 'T_scale_degC': a value of T_scale_degC for the machine 'm'" in message
     assert "--at T_scale_degC=VALUE" in message
     given = correct(model, part, bare, SETTINGS, {"T_scale_degC": 20.0})
     assert given.error[:, :2] == pytest.approx(error_at(measured, np.full(11, 20.0))[:, :2])
     own = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
     both = correct(model, part, own, SETTINGS, {"T_scale_degC": 35.0})
     assert both.error[:, :2] == pytest.approx(error_at(measured, temperature)[:, :2])
-    assert codes(both) == ["covariate-of-the-points"]
+    assert codes(both) == ["not-used"]
 
 
 def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None:
@@ -87,7 +87,7 @@ def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
     (message,) = refused(model, part, ring_points(true, ["a", "b"], None, own))
     assert message.startswith(
-        "cmm.csv, row 13: no circle goes through the points of 'ring', part 'b'"
+        "cmm.csv, row 13: too little data: no circle goes through the points of 'ring', part 'b'"
     )
     assert "the points lie on a line" in message
 
@@ -102,7 +102,7 @@ def test_features_that_are_drawn_on_a_line_are_no_ring(tmp_path: Path) -> None:
     drawn[:, 1] = drawn[0, 1]
     (message,) = refused(model, part, replace(points, nominal=drawn, measured=drawn + 1e-3))
     assert message.startswith("part.yaml:")
-    assert "circles[0].features: no circle goes through the drawn places of 'ring': " in message
+    assert "no circle goes through the nominal places of 'ring': " in message
     assert message.endswith("the points lie on a line; expected features all around it")
 
 
@@ -130,7 +130,7 @@ def test_a_ring_is_looked_at_as_it_is_measured(tmp_path: Path) -> None:
     line[0, 0] = np.nan
     with pytest.raises(InputError) as bent:
         correct(model, part, replace(points, nominal=line, measured=measured_flat), SETTINGS)
-    assert "goes through the drawn places" not in str(bent.value)
+    assert "goes through the nominal places" not in str(bent.value)
 
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
@@ -155,11 +155,11 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
         covariates={"T_scale_degC": temperature[kept]},
     )  # fmt: skip
     found = correct(model, ring_part(tmp_path), fewer, SETTINGS)
-    assert codes(found) == ["not-measured", "no-point-scatter"]
+    assert codes(found) == ["not-measured", "no-scatter-known"]
     assert found.sizes == ()
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
                     "lengths: [{from: q, to: w}]\n")  # fmt: skip
-    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-point-scatter"]
+    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-scatter-known"]
 
 
 def test_repeats_are_no_parts_of_their_own(tmp_path: Path) -> None:
@@ -177,8 +177,8 @@ def test_repeats_are_no_parts_of_their_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("ring", "code", "word"),
     [
-        ({"calibrated_mm": "{20: 180.0}"}, "calibrated-temperature-unknown", "of 20 degC"),
-        ({"calibrated_mm": "180.0"}, "calibrated-temperature-unknown", "'T_scale_degC'"),
+        ({"calibrated_mm": "{20: 180.0}"}, "missing-values", "of 20 degC"),
+        ({"calibrated_mm": "180.0"}, "missing-values", "'T_scale_degC'"),
         ({"calibrated_mm": "178.9", "temperature": ""}, "calibrated-far-from-measured", "178.9"),
     ],
 )
@@ -189,7 +189,7 @@ def test_calibrations_that_cannot_be_used_as_they_are_meant(
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
     points = ring_points(measured, ["a"], None, own)
     part = ring_part(tmp_path, **({"temperature": "T_scal_degC"} | ring))
-    (warned,) = correct(machine(tmp_path), part, points, SETTINGS).warnings
+    (warned,) = correct(machine(tmp_path), part, points, SETTINGS).notes
     assert warned.code == code
     assert word in warned.message
 

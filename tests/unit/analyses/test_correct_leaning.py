@@ -14,10 +14,9 @@ from correct_shapes import RADIUS, Floats, lacking, ring, shape
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.leaning import bore, leaning
 from mtu_cli.analyses.correct.strain import levers_of
+from mtu_cli.analyses.correct.warnings import heights_differ
 from mtu_cli.model.geometry import fit_circle
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports.correct import warnings
-from mtu_cli.reports.correct_leaning import heights_differ
 
 
 def test_a_bore_cut_askew_is_the_ellipse_of_the_cut() -> None:
@@ -155,7 +154,7 @@ def test_heights_are_told_however_a_round_bore_is_drawn(drawn: str, tmp_path: Pa
     found = correct(
         machine(tmp_path), ring_part(tmp_path), replace(points, nominal=nominal), Settings()
     )
-    facts = [w.facts for w in warnings(found) if w.code == "heights-differ"]
+    facts = [w.facts for w in found.warnings if w.code == "heights-differ"]
     assert facts[0]["angle_deg"] == pytest.approx(0.29, abs=0.005)
     assert facts[0]["larger_um"] == pytest.approx(1.1, abs=0.05)
 
@@ -167,7 +166,7 @@ def test_heights_are_told_along_the_axis_of_the_bore(
 ) -> None:
     """Of any circle; without z only one about z is left."""
     found = at_two_heights(tmp_path, axis, calibrated=calibrated)
-    (told,) = (w for w in warnings(found) if w.code == "heights-differ")
+    (told,) = (w for w in found.warnings if w.code == "heights-differ")
     assert (told.facts["axis"], told.facts["names"]) == (axis, ["ring"])
     assert ("no column z_mm" in (told.expected or "")) == clause
     assert found.ovals == ()
@@ -211,13 +210,13 @@ def test_what_heights_make_is_laid_to_them(tmp_path: Path) -> None:
     found = at_two_heights(tmp_path, "z", calibrated=True)
     larger = found.leaning[0].larger
     for off, heights in ((1.1 * larger, True), (2.2 * larger, False), (-1.1 * larger, False)):
-        for before, code in ((0.5 * off, "errors-grown"), (2 * off, "errors-left")):
+        for before, fact in ((0.5 * off, "rms_before_um"), (2 * off, "half_width_um")):
             sizes = tuple(
                 replace(own, u=1e-6, size=(own.reference + before, own.reference + off))
                 for own in found.sizes
             )
-            told = [w for w in warnings(replace(found, sizes=sizes)) if w.code.startswith("errors")]
-            assert [w.code for w in told] == [code]
+            told = [w for w in replace(found, sizes=sizes).warnings if w.code.startswith("errors")]
+            assert [fact in w.facts for w in told] == [True]
             cause = told[0].facts["cause"]
             assert ("lie at different heights" in cause) == heights
             assert ("calibrated_mm" in cause) != heights

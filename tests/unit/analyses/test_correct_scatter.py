@@ -116,6 +116,6 @@ def test_the_scatter_of_rings_is_found(tmp_path: Path, repeats: int) -> None:
     assert scatter.dof == (160 if repeats == 1 else 440)
     # The standard error of a standard deviation of nu degrees of freedom is its 1/sqrt(2 nu).
     assert scatter.s == pytest.approx(2e-3, rel=4 / np.sqrt(2 * scatter.dof))
-    more = result.of_corrected()[0][:, :2] ** 2 - result.u[:, :2] ** 2
+    more = result.u_corrected[:, :2] ** 2 - result.u[:, :2] ** 2
     assert more == pytest.approx(np.full((11 * n, 2), scatter.variance), rel=ROUNDING)
     assert [item.code for item in result.warnings] == []

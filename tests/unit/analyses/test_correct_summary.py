@@ -34,9 +34,10 @@ def test_means_by_feature_and_corrections_by_axis(tmp_path: Path) -> None:
             for k in range(2):
                 wanted = sum(values[i, k] for i in own) / len(own)
                 assert summed[m, k] == pytest.approx(wanted, abs=ROUNDING_MM, nan_ok=True)
+    summed_up = {item.axis: item for item in result.by_axis()}
     for axis, k in (("x", 0), ("y", 1)):
         known = [i for i in range(len(points)) if not np.isnan(points.measured[i, k])]
-        along = result.along(axis)
+        along = summed_up[axis]
         assert along.points == len(known) == (33 if axis == "x" else 32)
         added = [-float(result.error[i, k]) for i in known]
         assert (along.least, along.largest) == (min(added), max(added))

@@ -127,7 +127,8 @@ def test_parts_that_each_count_their_times_from_0(tmp_path: Path) -> None:
         correct(model, None, lagging_points([0.0, 0.0], [20.0, 26.0]), SETTINGS)
     (problem,) = raised.value.findings
     assert (problem.file, problem.row, problem.column) == ("cmm.csv", 13, "T_a_degC")
-    assert (problem.facts["first"], problem.facts["second"]) == (20.0, 26.0)
+    assert problem.value == "26 degC"
+    assert problem.facts["other"] == "20 degC at the same time (row 2)"
     found = correct(model, None, lagging_points([0.0, 1000.0], [20.0, 26.0]), SETTINGS)
     assert found.error[11:, 1] - found.error[:11, 1] == pytest.approx(
         np.full(11, 0.012), rel=ROUNDING

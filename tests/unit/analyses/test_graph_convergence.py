@@ -16,10 +16,9 @@ from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.analyses.graph.sweep import sweep_graph
 from mtu_cli.analyses.graph.trial_runs import LOOK, Effort
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph_simulate, graph_sweep
+from mtu_cli.reports import graph as report
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.graph_figure import simulated, swept
-from mtu_cli.reports.numbers import significant
 from mtu_cli.stats.coverage import numerical_tolerance
 
 HOLE = """
@@ -54,7 +53,7 @@ def test_each_output_ends_by_itself(tmp_path: Path) -> None:
     assert result.trials == e.trials > ok.trials
     assert e.u == pytest.approx(U, abs=5 * e.se_u)
     assert ok.mean == pytest.approx(CHANCE, abs=5 * ok.errors.mean)
-    assert graph_simulate.warnings(result)[0].facts["names"] == ["e"]
+    assert result.warnings[0].facts["names"] == ["e"]
 
 
 def test_a_hard_output_is_the_only_one_that_is_not_converged(
@@ -66,11 +65,10 @@ def test_a_hard_output_is_the_only_one_that_is_not_converged(
     s, e, ok = result.coordinates
     assert (s.converged, e.converged, ok.converged) == (True, False, True)
     assert e.trials <= 50_000
-    (told,) = (item for item in graph_simulate.warnings(result) if item.code == "not-converged")
+    (told,) = (item for item in result.warnings if item.code == "not-converged")
     start = f"{e.trials} Monte Carlo trials: not converged to 2 significant digits of u"
     assert told.message.startswith(start)
-    assert told.message.partition("for ")[2].startswith("e (u 0.6")
-    assert "± 0.00" in told.message
+    assert told.message.partition("for ")[2].startswith("e (standard error of u 0.")
 
 
 def test_the_digits_are_those_asked_for(tmp_path: Path) -> None:
@@ -115,7 +113,7 @@ transitions:
     assert ok.u == pytest.approx(math.sqrt(ok.mean * (1 - ok.mean)), rel=1e-4)
     chance = 0.5 * math.erfc(-0.4 / math.sqrt(2))
     assert ok.mean == pytest.approx(chance, abs=5 * ok.errors.mean)
-    assert graph_simulate.warnings(result)[0].code == "not-converged"
+    assert result.warnings[0].code == "not-converged"
 
 
 def test_a_chance_that_never_fails_has_a_standard_error() -> None:
@@ -129,7 +127,8 @@ def test_a_chance_that_never_fails_has_a_standard_error() -> None:
 
 def test_report_of_a_chance(tmp_path: Path) -> None:
     result = simulate_graph(graph_of(tmp_path, HOLE), Settings(trials=20_000))
-    places, chances = graph_simulate.table(result)
+    made = report.simulate(result)
+    places, chances = (each.sheet(2, detail=False) for each in made.tables)
     assert [row[0] for row in places.rows] == ["s", "e"]
     ((name, nominal, shown, trials),) = chances.rows
     assert (name, nominal, trials) == ("ok", "1", "20000")
@@ -137,13 +136,15 @@ def test_report_of_a_chance(tmp_path: Path) -> None:
     # sqrt(p (1 - p)/20000) = 0.00242, to two digits.
     assert error == pytest.approx(0.0024, abs=1e-9)
     assert chance == pytest.approx(CHANCE, abs=5 * error)
-    found = graph_simulate.document(result, 2.0)["places"]
+    found = made.record()["places"]
     assert found["e"]["value"]["chance"] is None
     assert found["ok"]["value"]["chance"]["probability"] == pytest.approx(chance, abs=5e-5)
     assert found["ok"]["value"]["monte_carlo"]["se_mean"] == pytest.approx(error, abs=5e-5)
     assert figure_bytes(simulated(result), "png").startswith(b"\x89PNG")
-    (alone,) = graph_simulate.table(simulate_graph(result.graph, Settings(trials=1000), ["ok"]))
-    assert alone.title == "Graph: example"
+    alone = report.simulate(simulate_graph(result.graph, Settings(trials=1000), ["ok"]))
+    verdict, sheet = alone.shown()
+    assert str(verdict).startswith("The chance that ok is 1 is 0.8")
+    assert getattr(sheet, "title", "") == "Chances"
 
 
 def test_a_chance_is_swept(tmp_path: Path) -> None:
@@ -162,16 +163,17 @@ def test_a_chance_is_swept(tmp_path: Path) -> None:
         chance = 1 - math.exp(-2 / item.at["axis_um"] ** 2)
         assert item.mean == pytest.approx(chance, abs=5 * item.se_mean)
         assert item.se_mean > 0
-    (warned,) = graph_sweep.warnings(result)
+    (warned,) = result.warnings
     assert warned.message.startswith(
         f"{result.grid[0].trials} Monte Carlo trials: not converged to 2"
     )
     assert warned.message.endswith("; at 1 of 3 points of the grid")
-    assert f"a chance is up to {significant(result.grid[0].se_mean)};" in warned.message
-    (sheet,) = graph_sweep.table(result)
+    assert f"a chance is up to {result.grid[0].se_mean:.2g};" in warned.message
+    made = report.sweep(simulate_graph(graph, Settings(trials=100), ["ok"]), result)
+    sheet = made.tables[0].sheet(2, detail=False)
     assert sheet.title == "chance of ok"
     assert [row[2].split(" ± ")[0][:4] for row in sheet.rows][1] == "0.86"
-    header, rows = graph_sweep.csv_rows(result)
+    header, rows = made.rows()
     first = dict(zip(header, next(iter(rows)), strict=True))
     assert (first["mean"], first["se_mean"]) == (result.grid[0].mean, result.grid[0].se_mean)
     assert figure_bytes(swept(result), "png").startswith(b"\x89PNG")
@@ -191,15 +193,17 @@ def test_a_chance_that_hardly_ever_fails_depends_on_probing(tmp_path: Path) -> N
         Settings(trials=5000), "ok", {"axis_um": [1.0, 1.5], "probe_um": [1.0, 2.0]},
     )  # fmt: skip
     assert alone.without == ("probe_um",)
-    (told,) = (item for item in graph_sweep.warnings(alone) if item.code == "unrelated")
+    (told,) = (item for item in alone.warnings if item.code == "unrelated")
     assert told.message == "ok does not depend on probe_um"
 
 
 def test_the_mean_of_what_is_swept_is_in_the_table(tmp_path: Path) -> None:
     """A Rayleigh variable: the mean is sqrt(pi/2) u1, 1.25 and 2.51 um above its nominal 0."""
-    result = sweep_graph(graph_of(tmp_path, HOLE), Settings(), "e", {"axis_um": [1.0, 2.0]})
+    graph = graph_of(tmp_path, HOLE)
+    result = sweep_graph(graph, Settings(), "e", {"axis_um": [1.0, 2.0]})
     assert result.converged
-    (sheet,) = graph_sweep.table(result)
+    made = report.sweep(simulate_graph(graph, Settings(trials=100), ["e"]), result)
+    sheet = made.tables[0].sheet(2, detail=False)
     assert sheet.columns[1].title == "mean less nominal\num"
     for row, u1 in zip(sheet.rows, (1, 2), strict=True):
         # To the last place of u, 0.66 and 1.3 um.

@@ -22,10 +22,10 @@ from mtu_cli.analyses.graph.simulate import SimulatedCoordinate, simulate_graph
 from mtu_cli.analyses.graph.sweep import sweep_graph
 from mtu_cli.analyses.graph.trial_runs import SIMULATED, Effort
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph_simulate, graph_sweep
+from mtu_cli.reports import graph as report
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.graph_convergence import chance_text
 from mtu_cli.reports.graph_figure import simulated, swept
+from mtu_cli.reports.numbers import chance_text
 from mtu_cli.stats.coverage import numerical_tolerance
 
 LIMIT = """
@@ -81,7 +81,7 @@ def test_a_chance_that_wants_more_than_it_may_have_is_told(
     result = simulate_graph(graph, Settings())
     (item,) = result.coordinates
     assert (item.trials, item.converged, result.converged) == (200_000, False, False)
-    (told,) = graph_simulate.warnings(result)
+    (told,) = result.warnings
     assert told.message.startswith(
         "200000 Monte Carlo trials: not converged to 2 significant digits"
     )
@@ -100,12 +100,12 @@ def test_a_chance_that_no_trial_met(
     assert item.errors.mean == pytest.approx(5e-6, rel=1e-4)
     assert item.errors.u == pytest.approx(0.5 / math.sqrt(200_000), rel=1e-12)
     assert item.interval == (item.mean, item.mean)
-    (sheet,) = graph_simulate.table(result)
+    sheet = report.simulate(result).tables[1].sheet(2, detail=False)
     bound = "< 1.5e-5" if item.mean == 0 else "> 0.999985"
-    assert sheet.rows == [["far", sheet.rows[0][1], bound, "200000"]]
-    assert sheet.notes[1].startswith("< and >: none or all")
-    (told,) = (own for own in graph_simulate.warnings(result) if own.code == "not-converged")
-    assert told.message.endswith(f"for far (chance {bound})")
+    assert sheet.rows == [("far", sheet.rows[0][1], bound, "200000")]
+    assert sheet.notes[0].startswith("< and >: none or all")
+    (told,) = (own for own in result.warnings if own.code == "not-converged")
+    assert told.message.endswith(f"for far (chance {item.mean:.2g}, standard error 5e-06)")
 
 
 @pytest.mark.parametrize("trials", [1000, 200_000, 2_500_000])
@@ -135,14 +135,14 @@ def test_a_jump_that_no_trial_met(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert (item.converged, item.fixed, item.chance) == (False, False, False)
     errors = item.errors
     assert all(math.isnan(own) for own in (errors.mean, errors.u, errors.low, errors.high))
-    (told,) = (own for own in graph_simulate.warnings(result) if own.code == "not-converged")
+    (told,) = (own for own in result.warnings if own.code == "not-converged")
     assert told.message.endswith("for far (no trial made it jump, and none rules out that it may)")
-    document = graph_simulate.document(result, 2.0)["places"]["far"]["value"]
+    made = report.simulate(result)
+    document = made.record()["places"]["far"]["value"]
     assert set(document["monte_carlo"].values()) == {None}
-    header, rows = graph_simulate.csv_rows(result, 2.0)
+    header, rows = made.rows()
     assert dict(zip(header, next(iter(rows)), strict=True))["se_u"] is None
-    (sheet,) = graph_simulate.table(result)
-    assert sheet.rows[0][:4] == ["far", "0", "0", "0"]
+    assert made.tables[0].sheet(2, detail=False).rows[0][:4] == ("far", "0", "0", "0")
     assert figure_bytes(simulated(result), "png").startswith(b"\x89PNG")
 
 
@@ -154,7 +154,7 @@ def test_a_sweep_of_a_jump_that_no_trial_met(
     result = sweep_graph(graph, Settings(), "far", {"axis_um": [0.5, 1.0]})
     assert not any(item.converged for item in result.grid)
     assert math.isnan(result.largest_error)
-    (told,) = (own for own in graph_sweep.warnings(result) if own.code == "not-converged")
+    (told,) = (own for own in result.warnings if own.code == "not-converged")
     assert told.message.endswith("rules out that it may; at 2 of 2 points of the grid")
     assert figure_bytes(swept(result), "png").startswith(b"\x89PNG")
 

@@ -89,5 +89,5 @@ def test_no_warning_of_numpy(formula: str, tmp_path: Path) -> None:
     graph = graph_of(tmp_path, text_of({"t": formula}).replace("value: 1", "value: 0"))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match=r"transitions\[0\]: compute of t: no finite value"):
+        with pytest.raises(InputError, match=r"transitions\[0\]: compute of t has no finite value"):
             simulate_graph(graph, Settings())

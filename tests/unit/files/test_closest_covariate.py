@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from mtu_cli.files.covariates import as_temperature, closest_covariate, looks_like_temperature
+from mtu_cli.files.covariates import (
+    as_temperature,
+    closest_covariate,
+    expected_temperature,
+    looks_like_temperature,
+    no_temperature,
+)
 
 
 @pytest.mark.parametrize(
@@ -47,3 +54,10 @@ def test_what_ends_in_temperature_is_one(name: str, meant: str | None) -> None:
 @pytest.mark.parametrize("name", ["attempt", "contemp", "tempo", "temperament"])
 def test_what_only_has_some_of_its_letters_is_none(name: str) -> None:
     assert not looks_like_temperature(name)
+
+
+def test_temperatures_have_one_limit() -> None:
+    """That of --at, of drift readings and of the checks."""
+    values = np.array([-60.1, -60.0, 20.0, 150.0, 150.1, np.nan])
+    assert no_temperature(values).tolist() == [True, False, False, False, True, True]
+    assert expected_temperature(160.0) == "degC, -60 to 150"

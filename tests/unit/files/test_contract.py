@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Literal
 
 import pytest
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.contract import Contract, Faults, IdText, check_contract, wrong
+from mtu_cli.files.contract import Contract, Faults, IdText, Name, Number, check_contract, wrong
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
 from mtu_cli.findings import Finding, InputError
@@ -22,19 +22,18 @@ def _even(value: object) -> object:
 
 class Entry(Contract):
     from_: IdText = Field(alias="from")
-    size_mm: Annotated[float, Field(gt=0)] = 1.0
+    size_mm: Annotated[Number, Field(gt=0)] = 1.0
 
 
 class Thing(Contract):
-    elsewhere: ClassVar[dict[str, str]] = {"sizes": "the key `entries`"}
     schema_: Literal["mtu/thing/1"] = Field(alias="schema")
     name: str
     kind: Literal["round", "square"] | None = None
     count: Annotated[int, BeforeValidator(_even)] = 0
-    covariance: list[list[float]] | None = None
+    covariance: list[list[Number]] | None = None
     dof: float = 1.0
     entries: list[Entry] = Field(default=[])
-    by_name: dict[str, Entry] = Field(default={})
+    by_name: dict[Name, Entry] = Field(default={})
 
 
 SOURCE = Source(role="thing", path=Path("t.yaml"), shown="t.yaml", sha256="")
@@ -51,26 +50,26 @@ def faults(text: str) -> tuple[Finding, ...]:
     ("line", "code", "words"),
     [
         ("nmae: 1", "unknown-name", "t.yaml:3: nmae: unknown key: 'nmae'; did you mean 'name'?"),
-        ("sizes: 1", "unknown-name", "expected the key `entries`"),
         ("kind: rond", "unknown-name", "kind: unknown value: 'rond'; did you mean 'round'?"),
         ("kind: 3", "unknown-name", "expected one of: round, square"),
         ("count: 1.5", "wrong-value", "count: wrong value: '1.5'; expected a whole number"),
-        ("count:", "no-value", "count: no value; expected a whole number"),
+        ("count:", "wrong-value", "count: wrong value: 'null'; expected a whole number"),
         ("count: 3", "name-taken", "it is odd: '3'; expected an even number"),
-        ("entries: {from: a}", "wrong-value", "expected a list: - {from: ...}"),
+        ("entries: {from: a}", "wrong-value", "expected a list"),
         ("by_name: [a]", "wrong-value", "expected keys with values"),
         ("entries: [{}]", "missing-key", "entries[0]: the key 'from' is missing"),
         ("entries: [{form: a}]", "unknown-name", "'form'; did you mean 'from'?"),
+        ("entries: [{from: 1, '': 2}]", "unknown-name", "expected one of: from, size_mm"),
         ("entries: [{from: 1, size: 2}]", "unknown-name", "did you mean 'size_mm'?"),
         ("entries: [{from: 1, size_mm: 0}]", "wrong-value", "expected a number above 0"),
         ("entries: [{from: 1, size_mm: '5'}]", "wrong-value", "a number, without quotes"),
         ("entries: [{from: 1, size_mm: 5 mm}]", "wrong-value", "alone, without its unit"),
         ("entries: [{from: 1, size_mm: 1,5}]", "unknown-name", "a decimal point before 5"),
         ("by_name: {a: {from: 2.5}}", "wrong-value", "by_name.a.from: wrong value: '2.5'"),
-        ("by_name: {\"a\\nb\": {from: 2}}", "not-printable", "not a name that a table can show"),
-        ("dof: .inf", "wrong-value", "dof: wrong value: '.inf'; expected a finite number"),
-        ("covariance: [[1e61]]", "too-large", "covariance[0][0]: the number is too large"),
-        ("covariance: [[1,5, 2]]", "decimal-comma", "a comma ends a number of a list"),
+        ("by_name: {\"a\\nb\": {from: 2}}", "wrong-type", "not a name: 'a\\nb'; expected a"),
+        ("dof: .inf", "wrong-value", "dof: wrong value: 'Infinity'; expected a finite number"),
+        ("covariance: [[1e31]]", "out-of-range", "covariance[0][0]: out of range: '1e+31'"),
+        ("covariance: [[1,5, 2]]", "yaml-feature", "a comma within a number is not"),
     ],
 )  # fmt: skip
 def test_every_kind_of_fault(line: str, code: str, words: str) -> None:
@@ -81,18 +80,21 @@ def test_every_kind_of_fault(line: str, code: str, words: str) -> None:
 
 
 def test_sound_documents() -> None:
-    text = SOUND + "covariance: [[1e60]]\ndof: 1e99\nentries: [{from: 3}]\nkind: ~\n"
+    text = SOUND + "covariance: [[1e30]]\ndof: 1e99\nentries: [{from: 3}]\nkind: ~\n"
     assert check_contract(parse_yaml(text, SOURCE), Thing, "thing").entries[0].from_ == "3"
 
 
 @pytest.mark.parametrize(
     ("text", "code", "words"),
     [
-        ("[1]", "other-kind", "t.yaml:1: not a thing file"),
+        ("[1]", "wrong-type", "t.yaml:1: not a thing file"),
         ("name: n", "missing-key", "the key 'schema' is missing"),
-        ("shema: n", "missing-key", "(rename 'shema')"),
-        ("schema: mtu/part/1", "other-kind", "(this kind is given as -p FILE)"),
-        ("schema: mtu/thing/2", "other-kind", "'mtu/thing/2'; expected mtu/thing/1"),
+        (
+            "schema: mtu/part/1",
+            "wrong-type",
+            "not a thing file: 'mtu/part/1'",
+        ),
+        ("schema: mtu/thing/2", "wrong-type", "'mtu/thing/2'; expected mtu/thing/1"),
     ],
 )
 def test_files_of_another_kind(text: str, code: str, words: str) -> None:

@@ -125,17 +125,17 @@ PERIOD = "{Ex: k*x*sin(p)}"
 @pytest.mark.parametrize(
     ("text", "line", "path", "code"),
     [
-        (family(parameters="{k: um/m, j: um}"), 3, "[0].parameters.j", "not-in-equations"),
+        (family(parameters="{k: um/m, j: um}"), 3, "[0].parameters.j", "not-applicable"),
         (family(parameters="{k: parsec}"), 3, "[0].parameters.k", "unknown-name"),
         (family("{Ex: x*x}", "{x: um}"), 3, "[0].parameters.x", "name-taken"),
-        (family('{Ex: "2k*x"}', "{2k: um/m}"), 3, "[0].parameters.2k", "not-a-name"),
+        (family('{Ex: "2k*x"}', "{2k: um/m}"), 3, "[0].parameters.2k", "wrong-type"),
         (family(name="Ball screw"), 1, "[0].family", "wrong-value"),
         (family(more="kind: scatter"), 5, "[0].kind", "wrong-value"),
-        (family(more="kind: scatter"), 3, "[0].parameters", "key-elsewhere"),
+        (family(more="kind: scatter"), 3, "[0].parameters", "misplaced"),
         (family(more="kind: outlier"), 1, "[0]", "missing-key"),
-        (family(more="over: feature"), 4, "[0].equations", "not-in-equations"),
+        (family(more="over: feature"), 4, "[0].equations", "not-applicable"),
         (family(more="serach: {p: {from: 1, to: 2}}"), 5, "[0].serach", "unknown-name"),
-        (family(more="search: {p: {from: 1, to: 2}}"), 5, "[0].search.p", "not-in-equations"),
+        (family(more="search: {p: {from: 1, to: 2}}"), 5, "[0].search.p", "not-applicable"),
         (family(PERIOD, more="search: {p: {to: span}}"), 5, "[0].search.p", "missing-key"),
         (family(PERIOD, more="search: {p: {of: x, to: reach}}"), 5, "[0].search.p.to",
          "unknown-name"),
@@ -145,13 +145,13 @@ PERIOD = "{Ex: k*x*sin(p)}"
          "wrong-value"),
         (family(PERIOD, more="search: {p: {of: w, from: 1, to: 2}}"), 5, "[0].search.p.of",
          "unknown-name"),
-        (family(more="name: f-{T}"), 5, "[0].name", "key-elsewhere"),
-        (family(more="separates: move {b}"), 5, "[0].separates", "key-needs"),
+        (family(more="name: f-{T}"), 5, "[0].name", "misplaced"),
+        (family(more="separates: move {b}"), 5, "[0].separates", "incomplete"),
         (family(more="members: [{parameters: {k: um/m}, equations: {Ex: k*x}}]"), 3,
-         "[0].parameters", "key-elsewhere"),
+         "[0].parameters", "misplaced"),
         ("- family: f\n  says: s\n", 1, "[0]", "missing-key"),
         (family() + family(), 5, "[1]", "appears-twice"),
-        (family('{Ex: "k*{b}"}'), 1, "[0]", "key-needs"),
+        (family('{Ex: "k*{b}"}'), 1, "[0]", "incomplete"),
         ("[]\n", 1, "", "wrong-value"),
         ("- 5\n", 1, "[0]", "wrong-value"),
     ],
@@ -164,7 +164,7 @@ def test_other_faults(tmp_path: Path, text: str, line: int, path: str, code: str
 @pytest.mark.parametrize("text", ["schema: mtu/machine/1\n", "effects: []\n"])
 def test_another_kind_of_file(tmp_path: Path, text: str) -> None:
     (found,) = faults(tmp_path, text)
-    assert found.code in ("other-kind", "missing-key")
+    assert found.code in ("wrong-type", "missing-key")
 
 
 def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
@@ -178,7 +178,7 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
 )
 def test_braces_within_braces_are_explained(tmp_path: Path, line: str, example: str) -> None:
     (found,) = faults(tmp_path, f"- family: f\n  says: s\n  {line}\n")
-    assert (found.line, found.code) == (3, "not-yaml")
+    assert (found.line, found.code) == (3, "not-readable")
     assert str(found.expected).endswith(example)
 
 

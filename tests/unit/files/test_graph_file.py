@@ -68,8 +68,8 @@ def test_every_transition_is_in_the_contract() -> None:
     assert set(TRANSITIONS) == set(TransitionKind.__args__)  # type: ignore[attr-defined]  # a Literal has them
     for variants in TRANSITIONS.values():
         for variant in variants:
-            assert set(variant.outputs) <= set(KINDS)
-            assert all(set(slot.kinds) <= set(KINDS) for slot in variant.inputs)
+            slots = (*variant.inputs, *variant.outputs)
+            assert all(set(slot.kinds) <= set(KINDS) for slot in slots)
         assert len({item.name for item in variants}) == len(variants)
     schema = json_schema("graph")
     known = {info.alias or name for name, info in Graph.model_fields.items()}
@@ -118,10 +118,10 @@ transitions:
 """
     assert faults(tmp_path, text) == [
         (6, "places.Q", "missing-key"),
-        (7, "places.R", "not-made"),
+        (7, "places.R", "unused-place"),
         (8, "places.S.known", "contradicts"),
-        (9, "places.c.known", "key-elsewhere"),
-        (9, "places.c", "leads-nowhere"),
+        (9, "places.c.known", "misplaced"),
+        (9, "places.c", "unused-place"),
     ]
 
 
@@ -134,13 +134,14 @@ transitions:
         ("in: [P, Q]", "in: [P, R]", 12, "transitions[2].in[1]"),
         ("in: [P, Q]", "in: [P, [Q]]", 12, "transitions[2].in[1]"),
         ("in: [P, Q]", "in: [[P, Q]]", 12, "transitions[2].in[0]"),
-        ("out: v", "out: {a: v}", 12, "transitions[2].out"),
+        ("out: v", "out: {a: v}", 12, "transitions[2].out[0]"),
         ("do: vector, in: [P, Q]", "do: vec, in: [P, R]", 12, "transitions[2].do"),
         ("P: {kind: point, nom", "P: {kind: pont, nom", 5, "places.P.kind"),
         ("P: {kind: point, nominal_mm", "P: {kind: point, nominal", 5, "places.P.nominal"),
         ("[1, 2, 9]", "[1, 2]", 6, "places.Q.nominal_mm"),
         ("transitions:", "report: [[L]]\ntransitions:", 9, "report[0]"),
         ("transitions:", "report: [M]\ntransitions:", 9, "report[0]"),
+        ("transitions:", "transitoins:", 9, "transitoins"),
     ],
 )
 def test_one_slip_is_one_fault(
@@ -152,9 +153,16 @@ def test_one_slip_is_one_fault(
     assert (found_line, found_path) == (line, path)
 
 
+def test_an_unknown_key_hides_no_missing_one(tmp_path: Path) -> None:
+    text = NET.replace("Q: {kind: point", "Q: {kind: coordinate, colour: 2", 1)
+    found = [(path, code) for _, path, code in faults(tmp_path, text)]
+    assert ("places.Q.colour", "unknown-name") in found
+    assert ("places.Q", "missing-key") in found
+
+
 def test_more_places_than_a_slip_explains_are_reported(tmp_path: Path) -> None:
     text = NET.replace("out: v", "out: w").replace("  L:", "  u: {kind: vector}\n  L:")
-    assert [code for _, _, code in faults(tmp_path, text)].count("not-made") == 2
+    assert [code for _, _, code in faults(tmp_path, text)].count("unused-place") == 2
 
 
 def test_a_single_measured_point_is_to_be_reported(tmp_path: Path) -> None:
@@ -164,7 +172,7 @@ places:
 transitions:
   - {do: meas, out: p0, along: x}
 """
-    assert faults(tmp_path, text) == [(5, "places.p0", "leads-nowhere")]
+    assert faults(tmp_path, text) == [(5, "places.p0", "unused-place")]
     assert load(tmp_path, text + "report: [p0]\n").reported == ("p0",)
 
 
@@ -191,7 +199,7 @@ correlations: [[first, secnd, 2], [first], 3, [first, second, much]]
 def test_a_name_with_a_dot_is_refused(tmp_path: Path) -> None:
     """P.x would be a place and the coordinate x of the place P."""
     text = NET.replace("  L:", "  P.x:").replace("out: L", "out: P.x")
-    assert faults(tmp_path, text) == [(8, "places.P.x", "not-a-name")]
+    assert faults(tmp_path, text) == [(8, "places.P.x", "wrong-type")]
 
 
 FORMULA = """

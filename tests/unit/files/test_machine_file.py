@@ -81,9 +81,9 @@ def test_degrees_follow_from_what_is_written(tmp_path: Path) -> None:
 def test_notices(tmp_path: Path) -> None:
     text = machine("{a: {of: x, unit: um}, b: {unit: um, s_repeat: 1}}")
     notices = load(tmp_path, text).warnings
-    assert [notice.code for notice in notices] == ["unused", "incomplete-component"]
+    assert [notice.code for notice in notices] == ["unused", "not-used"]
     assert "components.b: the component 'b' is in no equation" in notices[0].message
-    assert "s_repeat without coefficients" in notices[1].message
+    assert "figures not used (s_repeat): there are no coefficients" in notices[1].message
 
 
 @pytest.mark.parametrize(
@@ -125,13 +125,13 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
         ("{of: x, unit: um, degree: 10}", "degree: wrong value: '10'; expected a number of at mo"),
         ("{of: x, unit: um, degree: -1}", "degree: wrong value: '-1'; expected a number of at le"),
         ("{unit: um, degree: 1}", "degree: a degree without `of`: '1'"),
-        ("{unit: um, coefficients: [1, 2]}", "2 coefficients of a component without `of`; expec"),
+        ("{unit: um, coefficients: [1, 2]}", "2 coefficients of a component of degree 0; expec"),
         (
             "{of: x, unit: um, degree: 2, coefficients: [1]}",
             "coefficients: 1 coefficient of a component of degree 2; expected 3",
         ),
         ("{of: x, unit: um, coefficients: []}", "coefficients: wrong value: '[]'; expected at le"),
-        ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: '.inf'"),
+        ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: 'Infinity'"),
         ("{of: x, unit: um, coefficients: [1, '2 um']}", "a number alone, without its unit"),
         ("{of: x, unit: um, coefficients: [1, '2,5']}", "a number with a decimal point"),
         ("{of: x, unit: um, coefficients: 3}", "coefficients: wrong value: '3'; expected a list"),
@@ -147,11 +147,11 @@ def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
             "{of: x, unit: um, pass_covariance: [[1, 0], [0, 1]], pass_dof: 0}",
             "pass_dof: a covariance of passes without degrees of freedom: '0'",
         ),
-        ("{of: x, unit: um, covariance: [[1]]}", "1 row of 1 number; expected 2 rows of 2"),
-        ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "expected 1 row of 1"),
+        ("{of: x, unit: um, covariance: [[1]]}", "not 2 x 2: '[[1.0]]'; expected a covariance"),
+        ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "pass_covariance: not 1 x 1"),
         (
             "{of: x, unit: um, coefficients: [2], pass_covariance: [[1, 0], [0, 1]]}",
-            "expected 1 row of 1: one coefficient makes a component without a slope",
+            "pass_covariance: not 1 x 1",
         ),
         ("{of: x, unit: um, covariance: [[1, 0.1], [0.2, 1]]}", "covariance: not symmetric"),
         ("{of: x, unit: um, covariance: [[1, 2], [2, 1]]}", "not positive semidefinite"),
@@ -234,7 +234,10 @@ def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "words"),
     [
-        ("constants: {b: abc}", "constants.b: wrong value: 'abc'; expected a number, or {value"),
+        (
+            "constants: {b: abc}",
+            "wrong value: 'abc'; expected keys with values: {value",
+        ),
         ("constants: {b: {value: 1, u: -1}}", "constants.b.u: wrong value: '-1'"),
         ("constants: {sin: 1}", "constants.sin: the name is taken: it is part of the equation"),
         ("constants: {pi: 1}", "constants.pi: the name is taken"),
@@ -243,31 +246,24 @@ def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
         ("constants: {a: 1}", "components.a: the name is taken: it is a constant"),
         ("constants: {a-b: 1}", "constants.a-b: not a name that equations can use"),
         ("covariates: [x]", "covariates[0]: the name is taken: it is a position"),
-        ("covariates: [load, load]", "covariates[1]: the covariate appears twice: 'load'"),
+        ("covariates: [load, load]", "covariates[1]: the name is taken: it is a covariate"),
         ("covariates: [a]", "components.a: the name is taken: it is a covariate"),
         ("covariates: load", "covariates: wrong value: 'load'; expected a list"),
-        ("axes: {x: {travel_mm: [3, 1]}}", "axes.x.travel_mm: wrong value: '[3.0, 1.0]'; expecte"),
+        ("axes: {x: {travel_mm: [3, 1]}}", "axes.x.travel_mm: wrong value: '[3, 1]'; expected the"),
         ("axes: {q: {travel_mm: [0, 1]}}", "axes.q: unknown key: 'q'; expected one of: x, y, z"),
         ("axes: {x: {travel_mm: [0]}}", "axes.x.travel_mm: wrong value: '[0]'"),
         ("reference_temperature_degC: warm", "wrong value: 'warm'; expected a number"),
         (
             "reference_temperature_degC: 293.15",
-            "wrong value: '293.15'; expected -60 to 150 degC",
+            "wrong value: '293.15'; expected a number of at most 150",
         ),
-        ("reference_temperature_degC: -400", "wrong value: '-400.0'; expected -60 to 150 degC"),
+        (
+            "reference_temperature_degC: -400",
+            "wrong value: '-400'; expected a number of at least",
+        ),
         (
             "constants: {h: 1e200}",
-            "constants.h: the number is too large to calculate with: '1e+200'; expected at most "
-            "1e+30 in size",
-        ),
-        (
-            "constants: {mydof: 1e300}",
-            "constants.mydof: the number is too large to calculate with: '1e+300'",
-        ),
-        (
-            "constants: {covariance: 1e40}",
-            "constants.covariance: the number is too large to calculate with: '1e+40'; expected "
-            "at most 1e+30",
+            "constants.h: out of range: '1e+200'; expected at most 1e+30 in size",
         ),
         ("fish: 1", "fish: unknown key: 'fish'; expected one of: schema, name, says"),
         ("effects: [3]", "effects[0]: wrong value: '3'; expected keys with values"),
@@ -336,19 +332,19 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*exp(x)}",
-            "exp of a length (mm) at column 7: 'x'; expected a plain number, or an angle",
+            "the argument of exp is a length (mm), not a plain number at column 7: 'x'; expected",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*log(T_a_degC)}",
-            "log of a temperature (degC) at column 7",
+            "the argument of log is a temperature (degC), not a plain number at",
         ),
         (
             "parameters: {p: {value: 1, unit: um/K}}, equations: {Ex: p*dir_x}",
-            "this term is mm/K, not a length (mm) at column 1: 'p*dir_x'; expected p in um",
+            "this term is mm*K^-1, not a length (mm) at column 1: 'p*dir_x'; expected p in um",
         ),
         (
             "parameters: {p: {value: 1, unit: um/h}}, equations: {Ex: p*sequence}",
-            "this term is mm/min",
+            "this term is mm*min^-1",
         ),
         (
             "parameters: {p: {value: 1, unit: um/m/K}}, equations: "
@@ -371,7 +367,7 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*step(sequence - x)}",
-            "an angle or ratio (rad) and a length (mm) are added at column 17",
+            "what is added is a length (mm), not an angle or ratio (rad) at column 17",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dirx: [0, 1]}",
@@ -384,7 +380,7 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
             "seen: {dir_x: [1, 0]}",
-            "effects[0].seen.dir_x: wrong value: '[1.0, 0.0]'; expected the lower end first",
+            "effects[0].seen.dir_x: wrong value: '[1, 0]'; expected the lower end first",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dir_x: [1]}",
@@ -398,13 +394,13 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
             "within: {T_oil_C: [1, 2]}",
-            "effects[0].within.T_oil_C: not the name of a temperature: 'T_oil_C'; expected the "
-            "column of a sensor",
+            "effects[0].within.T_oil_C: not the name of a temperature: 'T_oil_C'; expected "
+            "T_<sensor>_degC",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
             "within: {T_a_degC: [1, 0]}",
-            "effects[0].within.T_a_degC: wrong value: '[1.0, 0.0]'; expected the lower end first",
+            "effects[0].within.T_a_degC: wrong value: '[1, 0]'; expected the lower end first",
         ),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
         *(
@@ -417,21 +413,21 @@ HOUR = "the time divided by a number of min, such as time_min/60"
         ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
-            "effects[0].covariance: 1 row of 2 numbers; expected 1 row of 1",
+            "effects[0].covariance: not 1 x 1: '[[1.0, 0.0]]'; expected a covariance matrix of",
         ),
         (
             "parameters: {p: {value: 1, u: 5, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
-            "effects[0].parameters.p.u: contradicts the effect's covariance, which stands for it: "
-            "'5.0'; expected 0.3, or another covariance, or none",
+            "effects[0].parameters.p.u: contradicts the covariance of the effect: '5.0'; "
+            "expected 0.3, or none",
         ),
         (
             "parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
             "effects[0].parameters.p.u: contradicts",
         ),
         (
-            "parameters: {p: {value: 1, u: 0.34, unit: um}}, equations: {Ex: p}, "
+            "parameters: {p: {value: 1, u: 0.37, unit: um}}, equations: {Ex: p}, "
             "covariance: [[0.1089]]",
-            "'0.34'; expected 0.33, or",
+            "'0.37'; expected 0.33, or none",
         ),
     ],
 )
@@ -487,40 +483,6 @@ def test_odd_effects(tmp_path: Path, effect: str, told: str | None) -> None:
     found = [item.message for item in load(tmp_path, machine(more=more)).warnings]
     others = [item.message for item in load(tmp_path, machine()).warnings]
     assert found == [*others, *([f"m.yaml:6: {told}"] if told else [])]
-
-
-OURS = "covariate: time_min, found: {by: mtu close-loop 0.1.0}, "
-
-
-@pytest.mark.parametrize(
-    ("unit", "equation", "told"),
-    [
-        ("um", "p*(time_min - 536.25) - p*(-2.9e-10)", "um beside a time is read as um per minute"),
-        (
-            "arcsec",
-            "-x*p*(time_min - 9)*dir_x",
-            "arcsec beside a time is read as arcsec per minute",
-        ),
-        ("um/m", "p*x*(time_min - 9)", "um/m beside a time is read as um/m per minute"),
-        ("um/m^3", "p*x**3*time_min", "um/m^3 beside a time is read as um/m^3 per minute"),
-        ("um", "p*exp(-time_min/30)", None),
-        ("um/min", "p*time_min", None),
-    ],
-)
-def test_a_unit_that_close_loop_once_wrote_without_its_minute(
-    tmp_path: Path, unit: str, equation: str, told: str | None
-) -> None:
-    """It is read as it was meant, and written by others it is a fault as before."""
-    own = f"name: e, parameters: {{p: {{value: 3, u: 1, unit: {unit}}}}}, "
-    text = machine(more=f"effects: [{{{OURS}{own}equations: {{Ex: {equation}}}}}]")
-    found = load(tmp_path, text)
-    said = [item.message for item in found.warnings if item.code == "unit-per-minute"]
-    assert said == ([] if told is None else [f"m.yaml:5: effects[0].parameters.p: {told}"])
-    parameter = found.machine.effects[0].parameters["p"]
-    assert (parameter.value, parameter.u, parameter.unit) == (3.0, 1.0, unit)
-    for other in (text.replace("mtu close-loop 0.1.0", "hand"), text.replace(OURS, "")):
-        if told is not None:
-            assert "*min, not a length" in faults(tmp_path, other)[0]
 
 
 def test_all_problems_come_at_once_in_the_order_of_lines(tmp_path: Path) -> None:

@@ -55,8 +55,8 @@ def test_a_part(tmp_path: Path) -> None:
     [
         ("lengths: [{from: 3, to: 99}]", "lengths[0].to: unknown feature: '99'"),
         ("lengths: [{from: A, to: 3}]", "did you mean 'a'?"),
-        ("lengths: [{from: 3, to: 3}]", "lengths[0]: both ends at the same feature: '3'"),
-        ("lengths: [{from: 3, to: b}]", "'3' and 'b' at the same place"),
+        ("lengths: [{from: 3, to: 3}]", "lengths[0].to: the place appears twice: '3'"),
+        ("lengths: [{from: 3, to: b}]", "'b'; expected a feature at another place than '3'"),
         (
             "lengths: [{from: 3, to: 9, tolerance_mm: 0.03}]",
             "unknown key: 'tolerance_mm'; did you mean 'tolerance_um'?",
@@ -66,8 +66,14 @@ def test_a_part(tmp_path: Path) -> None:
         ("lengths: [{from: 3}]", "lengths[0]: the key 'to' is missing"),
         ("lengths: [{from: 1.5, to: 3}]", "lengths[0].from: wrong value: '1.5'; expected a text"),
         ("orthogonality: [{id: q, row: [9], column: [3, 9]}]", "row: wrong value: '[9]'"),
-        ("orthogonality: [{id: q, row: [3, 9], column: [3, 9]}]", "of the row at the same x"),
-        ("orthogonality: [{id: q, row: [3, a], column: [9, a]}]", "column at the same y"),
+        (
+            "orthogonality: [{id: q, row: [3, 9], column: [3, 9]}]",
+            'row: wrong value: \'["3", "9"]\'; expected features that differ in x',
+        ),
+        (
+            "orthogonality: [{id: q, row: [3, a], column: [9, a]}]",
+            "expected features that differ in y",
+        ),
         (
             "orthogonality: [{id: q, row: [9, a, 9], column: [3, 9]}]",
             "row[2]: the feature appears twice",
@@ -90,11 +96,11 @@ def test_a_part(tmp_path: Path) -> None:
         ),
         (
             "lengths: [{from: 3, to: 9, id: ''}]",
-            "lengths[0].id: not a name that a table can show: ''; expected",
+            "lengths[0].id: not a name: ''; expected",
         ),
         (
             'lengths: [{from: 3, to: 9, id: "a\\nb"}]',
-            r"not a name that a table can show: 'a\nb'; expected a t",
+            r"not a name: 'a\nb'; expected a t",
         ),
     ],
 )
@@ -109,7 +115,7 @@ def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
 def test_a_feature_has_a_name_of_one_line(tmp_path: Path, name: str) -> None:
     (line,) = part_faults(tmp_path, f'features: {{"{name}": {{x_mm: 1, y_mm: 2}}}}\n')
     assert line.startswith("p.yaml:4: features.")
-    assert "not a name that a table can show: " in line
+    assert "not a name: " in line
     assert line.isprintable()
 
 

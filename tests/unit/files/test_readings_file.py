@@ -103,8 +103,11 @@ def test_a_covariate_that_is_a_text_in_one_file_is_one_in_all(tmp_path: Path) ->
     [
         ("dx_y,0,1,um", ", row 3, column 'component': unknown component: 'dx_y'; did you"),
         ("dx_x,0,1,um.", ", row 3, column 'unit': unknown unit: 'um.'; did you mean 'um"),
-        ("dx_x,0,1,arcsec", "column 'unit': wrong kind of unit for 'dx_x': 'arcsec'; expected a l"),
-        ("ez_x,0,1,um", "wrong kind of unit for 'ez_x': 'um'; expected an angle or ratio (rad)"),
+        (
+            "dx_x,0,1,arcsec",
+            "column 'unit': dx_x is an angle or ratio (rad), not a length (mm): 'arc",
+        ),
+        ("ez_x,0,1,um", "'um'; expected an angle or ratio (rad): the machine gives ez_x in arcsec"),
         ("dx_x,,1,um", "column 'position_mm': empty cell; expected a number: dx_x is a function"),
     ],
 )
@@ -130,21 +133,19 @@ def test_all_faults_of_all_files(tmp_path: Path) -> None:
         "r1.csv, row 2, column 'direction'",
     ]
     assert "not a direction: 'up'; expected forward or reverse, + or -, 1 or -1" in found[0]
-    assert "not a whole number: '1.5'; expected a whole number" in found[2]
+    assert "not a whole number: '1.5'" in found[2]
     # Cells that cannot be read are told for all files, too.
     found = faults(tmp_path, f"{HEAD}\ndx_x,0,a,um\n", f"{HEAD}\ndx_x,0,b,um\n")
     assert [line.split(", column")[0] for line in found] == ["r0.csv, row 2", "r1.csv, row 2"]
 
 
-@pytest.mark.parametrize(
-    "count", ["99999999999999999999", "9007199254740993", "9007199254740992", "-9007199254740992"]
-)
+@pytest.mark.parametrize("count", ["99999999999999999999", "9007199254740993", "9007199254740992"])
 def test_a_count_that_is_too_large(tmp_path: Path, count: str) -> None:
     """2^53 + 1 is read as 2^53: neither is told from the other."""
     found = faults(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,{count}\n")
     (line,) = found
     assert line.startswith("r0.csv, row 2, column 'pass': out of range")
-    assert line.endswith("at most 9007199254740991 in size")
+    assert line.endswith("a whole number from 0 to 2^53 - 1")
     assert (
         read(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,9007199254740991\n").pass_number[0] == 2**53 - 1
     )
@@ -153,8 +154,8 @@ def test_a_count_that_is_too_large(tmp_path: Path, count: str) -> None:
 def test_position_is_required_where_a_component_has_an_axis(tmp_path: Path) -> None:
     assert read(tmp_path, "component,error,unit\naxy,1,arcsec\n").components == ("axy",)
     assert faults(tmp_path, "component,error,unit,location_mm\naxy,1,arcsec,\ndx_x,1,um,3\n") == [
-        "r0.csv, row 1: the column 'position_mm' is missing; "
-        "expected it, as dx_x is a function of x"
+        "r0.csv, row 1, column 'position_mm': the column is missing; "
+        "expected a number: dx_x is a function of x"
     ]
 
 
@@ -167,12 +168,12 @@ def test_without_a_machine_any_component_is_read(tmp_path: Path) -> None:
 def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: Path) -> None:
     rows = "dx_x,0,1,um,1\ndx_x,5,1,um,1\n\ndx_x,0,1.0,um,1\ndx_x,0,1,um,2\n"
     assert faults(tmp_path, f"{HEAD},time_min\n{rows}") == [
-        "r0.csv, row 5: the same as row 2 in every column; expected each row once"
+        "r0.csv, row 5: the same as row 2; expected each row once"
     ]
     (again,) = faults(tmp_path, f"{HEAD},pass\n{rows}")
     assert again.startswith("r0.csv, row 5: the same as row 2")
     found = read(tmp_path, f"{HEAD},other\n{rows}")
-    assert (len(found), found.notes) == (4, ())
+    assert len(found) == 4
     with_covariate = "dx_x,0,1,um,1,20.1\ndx_x,0,1,um,1,20.2\n"
     assert len(read(tmp_path, f"{HEAD},pass,T_a_degC\n{with_covariate}")) == 2
     empty = "dx_x,0,1,um,1,\ndx_x,0,1,um,1,\n"
@@ -182,28 +183,26 @@ def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: 
 def test_the_same_file_twice(tmp_path: Path) -> None:
     content = f"{HEAD}\ndx_x,0,1,um\n"
     assert faults(tmp_path, content, content) == [
-        "r1.csv: the same bytes as 'r0.csv': its rows would count twice; expected each file once"
+        "r1.csv: the same as r0.csv; expected each file once"
     ]
 
 
 def test_times_that_do_not_go_together(tmp_path: Path) -> None:
     both = faults(tmp_path, f"{HEAD},time,time_min\ndx_x,0,1,um,2024-05-03,1\n")
-    assert both == ["r0.csv, row 1: both 'time' and 'time_min' are given; expected one of them"]
+    assert both == ["r0.csv, row 1: time, time_min are given together; expected one of them"]
     first = f"{HEAD},time\ndx_x,0,1,um,2024-05-03\n"
     found = faults(tmp_path, first, f"{HEAD},time_min\ndx_x,0,1,um,3\n")
-    assert found == [
-        "r1.csv: both 'time' and 'time_min' are given; expected one of them in all files"
-    ]
+    assert found == ["r1.csv: time, time_min are given together; expected one of them in all files"]
     found = faults(tmp_path, first, f"{HEAD},time\ndx_x,0,1,um,2024-05-03T10:00Z\n")
-    assert "r1.csv, column 'time': times with and without an offset" in found[0]
+    assert "r1.csv, column 'time': contradicts the other times" in found[0]
 
 
 def test_a_fit_needs_as_many_positions_as_coefficients(tmp_path: Path) -> None:
     content = f"{HEAD}\naxy,,1,arcsec\ndx_x,7,1,um\ndx_x,7,2,um\nez_x,1,1,rad\nez_x,2,1,rad\n"
     assert len(read(tmp_path, content)) == 5
     assert faults(tmp_path, content, for_fit=True) == [
-        "r0.csv, row 3, column 'position_mm': 'dx_x' of degree 1 is measured at 1 position "
-        "only: '7 mm'; expected at least 2 positions"
+        "r0.csv, row 3, column 'position_mm': too little data: 'dx_x' of degree 1 is "
+        "measured at 1 position only: '7 mm'; expected at least 2 positions"
     ]
 
 
@@ -216,4 +215,3 @@ def test_both_signs_for_micro_are_a_u(sign: str, tmp_path: Path) -> None:
     found = read(tmp_path, "\n".join([HEAD, *signed]) + "\n")
     assert found.error.tolist() == plain.error.tolist()
     assert found.dimension.tolist() == plain.dimension.tolist()
-    assert found.notes == plain.notes

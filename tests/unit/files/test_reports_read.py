@@ -34,7 +34,7 @@ DRIFT = {
 }  # fmt: skip
 
 NEGATIVE = "a variance is negative"
-UNKNOWN = "no value; expected a number"
+UNKNOWN = "a number is missing"
 INDEFINITE = "not positive semidefinite: a combination has a negative variance"
 
 
@@ -56,17 +56,17 @@ def told(path: Path) -> list[str]:
     [
         ("s_repeat", 1e200, "s_repeat", "1e+30"),
         ("coefficients", [-1e308], "coefficients[0]", "1e+30"),
-        ("pass_covariance", [[1e61]], "pass_covariance[0][0]", "1e+60"),
+        ("pass_covariance", [[1e31]], "pass_covariance[0][0]", "1e+30"),
     ],
 )
 def test_numbers_too_large_to_calculate_with(
     tmp_path: Path, key: str, value: Any, path: str, limit: str
 ) -> None:
     (found,) = told(written(tmp_path, "c.json", "fit-components", FITTED | {key: value}))
-    assert f"results.components.a.{path}: the number is too large to calculate with" in found
+    assert f"results.components.a.{path}: out of range: " in found
     assert found.endswith(f"expected at most {limit} in size")
     # To many 1e99 is infinite: degrees of freedom may be.
-    sound = FITTED | {"pass_dof": 1e99, "pass_covariance": [[1e40]]}
+    sound = FITTED | {"pass_dof": 1e99, "pass_covariance": [[1e30]]}
     assert read_report(written(tmp_path, "c.json", "fit-components", sound))
 
 
@@ -88,11 +88,7 @@ def test_names_do_not_exempt_and_faults_keep_their_order(tmp_path: Path) -> None
     ("key", "value", "words"),
     [
         ("s_repeat", -1, "s_repeat: wrong value: '-1'; expected a number of at least 0"),
-        (
-            "degree",
-            1e99,
-            "degree: wrong value: '1e+99'; expected a whole number of at most 18 digits",
-        ),
+        ("degree", 1e99, "degree: wrong value: '1e+99'; expected a whole number"),
         ("degree", "a", "degree: wrong value: 'a'; expected a whole number"),
         ("unit", 3, "unit: wrong value: '3'; expected a text"),
     ],
@@ -111,26 +107,21 @@ JOINT = {
 
 
 @pytest.mark.parametrize(
-    ("component", "group", "where", "what"),
+    ("component", "group", "where"),
     [
-        ({"pass_dof": 0, "pass_covariance": [[1]]}, {}, "components.a.pass_dof", "passes"),
-        ({"repeat_dof": 0}, {}, "components.a.repeat_dof", "a repeatability"),
-        ({"repeat_dof": -0.0}, {}, "components.a.repeat_dof", "a repeatability"),
-        (
-            {"pass_dof": 0, "repeat_dof": 0, "s_repeat": 0},
-            {},
-            "components.a.repeat_dof",
-            "a repeatability",
-        ),
-        ({}, {"pass_covariance": [[1]]}, "joint_pass_covariance[0].pass_dof", "passes"),
-        ({}, {"coefficient_covariance": [[1]]}, "joint_pass_covariance[0].pass_dof", "passes"),
+        ({"pass_dof": 0, "pass_covariance": [[1]]}, {}, "components.a.pass_dof"),
+        ({"repeat_dof": 0}, {}, "components.a.repeat_dof"),
+        ({"repeat_dof": -0.0}, {}, "components.a.repeat_dof"),
+        ({"pass_dof": 0, "repeat_dof": 0, "s_repeat": 0}, {}, "components.a.repeat_dof"),
+        ({}, {"pass_covariance": [[1]]}, "joint_pass_covariance[0].pass_dof"),
+        ({}, {"coefficient_covariance": [[1]]}, "joint_pass_covariance[0].pass_dof"),
         # One mean square behind all; and nothing estimated: no degrees of freedom are needed.
-        ({"pass_dof": 0, "repeat_dof": 4}, {}, None, ""),
-        ({"repeat_dof": 0, "s_repeat": 0}, {}, None, ""),
+        ({"pass_dof": 0, "repeat_dof": 4}, {}, None),
+        ({"repeat_dof": 0, "s_repeat": 0}, {}, None),
     ],
 )
 def test_what_was_estimated_has_degrees_of_freedom(
-    tmp_path: Path, component: dict[str, Any], group: dict[str, Any], where: str | None, what: str
+    tmp_path: Path, component: dict[str, Any], group: dict[str, Any], where: str | None
 ) -> None:
     results = {"components": {"a": FITTED | component}, "joint_pass_covariance": [JOINT | group]}
     path = tmp_path / "c.json"
@@ -139,14 +130,13 @@ def test_what_was_estimated_has_degrees_of_freedom(
         assert read_report(path)
         return
     (found,) = told(path)
-    assert f"results.{where}: " in found
-    assert f"{what} without degrees of freedom: '0'" in found
+    assert f"results.{where}: an estimate without degrees of freedom: '0'" in found
 
 
 @pytest.mark.parametrize("key", ["coefficient_dof", "leftover_dof"])
 def test_so_has_what_a_drift_was_estimated_with(tmp_path: Path, key: str) -> None:
     (found,) = told(written(tmp_path, "t.json", "thermal-fit", DRIFT | {key: 0}))
-    assert f"results.components.a.{key}: a covariance" in found
+    assert f"results.components.a.{key}: an estimate" in found
     assert "without degrees of freedom: '0'; expected more than 0, or null" in found
 
 
@@ -190,8 +180,8 @@ def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.Monk
         "FILE.json` or `mtu thermal-fit -o FILE.json` writes it"
     )
     assert [str(problem) for problem in caught.value.findings] == [
-        "c2.json: a second fit-components report beside c1.json; expected at most one of each kind",
-        "t2.json: a second thermal-fit report beside t1.json; expected at most one of each kind",
+        "c2.json: c1.json, c2.json are given together; expected one components report at most",
+        "t2.json: t1.json, t2.json are given together; expected one thermal report at most",
         f"l.json: schema: not a components report: 'mtu/lengths/1'; {kinds}",
         f"x.json: not a components report; {kinds}",
         "qqqqqq: no such file",
@@ -248,11 +238,11 @@ def test_a_drift_without_sensors(tmp_path: Path) -> None:
     [
         ({"of": "w"}, "a.of: unknown value: 'w'; expected one of: x, y, z"),
         ({"of": None}, "a.degree: a degree without `of`: '1'; expected"),
-        ({"unit": "inch"}, "a.unit: unknown unit: 'inch'; expected um, mm"),
+        ({"unit": "inch"}, "a.unit: unknown unit: 'inch'; expected one of: um, mm"),
         ({"degree": -1}, "a.degree: wrong value: '-1'; expected a number of at least 0"),
-        ({"coefficients": [[1, 2]]}, "a.coefficients: 1 row of coefficients of a drift of degree"),
-        ({"coefficients": [[1, 2], [3]]}, "a.coefficients[1]: 1 coefficient for 2 sensors"),
-        ({"coefficients": [[1, 2], [3, None]]}, "a.coefficients[1][1]: no value"),
+        ({"coefficients": [[1, 2]]}, "a.coefficients: 1 entry; expected 2"),
+        ({"coefficients": [[1, 2], [3]]}, "a.coefficients[1]: 1 entry; expected 2"),
+        ({"coefficients": [[1, 2], [3, None]]}, "a.coefficients[1][1]: wrong value: 'null'"),
         ({"covariance": [[1]]}, "a.covariance: not 4 x 4"),
         ({"leftover_covariance": [[1]]}, "a.leftover_covariance: not 2 x 2"),
         ({"leftover_covariance": [[-1, 0], [0, 1]]}, "a.leftover_covariance: a variance is negati"),
@@ -261,13 +251,16 @@ def test_a_drift_without_sensors(tmp_path: Path) -> None:
         ({"leftover_covariance": [[0, 1], [1, 1]]}, "a covariance is far beyond its variances"),
         ({"leftover_covariance": [[None, 0], [0, 1]]}, "the readings do not determine it"),
         ({"leftover_dof": -1}, "a.leftover_dof: wrong value"),
-        ({"time_constants_min": [0]}, "a.time_constants_min: 1 entry for 2 sensors"),
+        ({"time_constants_min": [0]}, "a.time_constants_min: 1 entry; expected 2"),
         ({"time_constants_min": [0, -1]}, "a.time_constants_min[1]: wrong value"),
-        ({"sensor_u_degC": [0, 0, 0]}, "a.sensor_u_degC: 3 entries for 2 sensors"),
-        ({"temperature_range_degC": [[1, 2]]}, "a.temperature_range_degC: 1 entry for 2 sensors"),
-        ({"sensors": ["T_01_degC"] * 2}, "a.sensors[1]: the sensor appears twice: 'T_01_degC'"),
+        ({"sensor_u_degC": [0, 0, 0]}, "a.sensor_u_degC: 3 entries; expected 2"),
+        ({"temperature_range_degC": [[1, 2]]}, "a.temperature_range_degC: 1 entry; expected 2"),
+        ({"sensors": ["T_01_degC"] * 2}, "a.sensors[1]: the name appears twice: 'T_01_degC'"),
         ({"sensors": ["T_01_degC", "b"]}, "a.sensors[1]: not the name of a temperature: 'b'"),
-        ({"reference_temperature_degC": None}, "a.reference_temperature_degC: no value"),
+        (
+            {"reference_temperature_degC": None},
+            "a.reference_temperature_degC: wrong value: 'null'; expected a number",
+        ),
     ],
 )
 def test_faulty_thermal_reports(tmp_path: Path, change: dict[str, Any], words: str) -> None:
@@ -347,7 +340,7 @@ def test_a_fit_tells_all_of_its_uncertainty_or_none(
     if where is None:
         assert read_report(path)
         return
-    assert told(path) == [f"f.json: results.components.a.{where}: no value; expected a number"]
+    assert told(path) == [f"f.json: results.components.a.{where}: {UNKNOWN}"]
 
 
 @pytest.mark.parametrize("key", ["coefficient_covariance", "pass_covariance"])

@@ -11,11 +11,12 @@ from typing import TypeVar
 
 import pytest
 from reading_files import stream_readings
+from support import write_files
 
 from mtu_cli.files.json_file import read_json
 from mtu_cli.files.readings import read_readings
-from mtu_cli.files.source import check_text, hash_of, read_bytes, read_source, shown_path
-from mtu_cli.files.write import check_targets, write_files
+from mtu_cli.files.source import check_text, read_source, shown_path
+from mtu_cli.files.write import check_targets
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import InputError
 
@@ -61,7 +62,7 @@ def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
 )
 def test_a_missing_study_may_be_a_folder(tmp_path: Path, name: str, role: str, told: str) -> None:
     with pytest.raises(InputError) as caught:
-        read_bytes(tmp_path / name, role)
+        read_source(tmp_path / name, role)
     assert str(caught.value) == f"{tmp_path}/{told}"
 
 
@@ -93,12 +94,10 @@ def test_what_is_no_input_is_told_as_it_was_written(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").touch()
-    with pytest.raises(
-        InputError, match=r"^empty: the file is empty; expected laser ball bar readings$"
-    ):
+    with pytest.raises(InputError, match=r"^empty: holds no text$"):
         read_source(Path("empty"), "lbb")
     path = tmp_path / "empty"
-    assert message(path) == f"{path}: the file is empty; expected a machine file"
+    assert message(path) == f"{path}: holds no text"
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no /dev/zero")
@@ -114,7 +113,7 @@ def test_devices_are_refused_at_once(name: str, tmp_path: Path) -> None:
         lambda: read_json(path, "machine"),
         lambda: read_readings([(path, "lbb")], None, for_fit=False),
         lambda: list(stream_readings([(path, "drift")], None)),
-        lambda: hash_of(path, "lbb"),
+        lambda: read_source(path, "lbb"),
     ]
     for read in reads:
         with pytest.raises(InputError, match=said):
@@ -137,7 +136,7 @@ def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
         return found
 
     assert fed(lambda: read_source(path, "lbb"))[1] == table
-    assert fed(lambda: hash_of(path, "lbb")) == hashlib.sha256(table).hexdigest()
+    assert fed(lambda: read_source(path, "lbb"))[0].sha256 == hashlib.sha256(table).hexdigest()
     (block,) = fed(lambda: list(stream_readings([(path, "drift")], None)))
     assert block.time_min.tolist() == [0, 1]
 
@@ -149,16 +148,16 @@ def test_a_missing_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        (b"", "the file is empty"),
-        (b"ab\ncd\0ef", ":2: not UTF-8 text: byte 6 is 0x00"),
-        (b"ab\nc\xe9d", ":2: not UTF-8 text: byte 5 is 0xe9"),
-        (b"x" * (1 << 20) + b"\xc3", f"not UTF-8 text: byte {(1 << 20) + 1} is 0xc3"),
-        (b"x" * ((1 << 20) - 1) + b"\xc3(", f"not UTF-8 text: byte {1 << 20} is 0xc3"),
-        (b" \n<!DOCTYPE html><html>", "this is a web page"),
-        (b"PK\x03\x04abc", "this is an Excel workbook"),
-        (b"\xff\xfea\0", "this is UTF-16 text"),
+        (b"", "holds no text"),
+        (b"ab\ncd\0ef", ":2: cannot be read: byte 6 is 0x00"),
+        (b"ab\nc\xe9d", ":2: cannot be read: byte 5 is 0xe9"),
+        (b"x" * (1 << 20) + b"\xc3", f"cannot be read: byte {(1 << 20) + 1} is 0xc3"),
+        (b"x" * ((1 << 20) - 1) + b"\xc3(", f"cannot be read: byte {1 << 20} is 0xc3"),
+        (b" \n<!DOCTYPE html><html>", "it is a web page"),
+        (b"PK\x03\x04abc", "it is an Excel workbook"),
+        (b"\xff\xfea\0", "it is UTF-16 text"),
         ("name: a".encode("utf-16-le"), "byte 2 is 0x00"),
-        ("name: a".encode("utf-32"), "this is UTF-32 text"),
+        ("name: a".encode("utf-32"), "it is UTF-32 text"),
     ],
 )
 def test_what_is_no_text(tmp_path: Path, content: bytes, words: str) -> None:

@@ -104,8 +104,8 @@ def test_several_variables_against_differences(text: str) -> None:
 def test_third_order_along_two_directions() -> None:
     """f = x^3 + 2 x^2 y - y^3: the coefficients of s^a t^b along (1, 2) and (3, -1), by hand."""
     tree = parse("x**3 + 2*x**2*y - y**3", BUDGET_FUNCTIONS)
-    along = np.array([[[1.0], [2.0]], [[3.0], [-1.0]]])
-    found, faults = taylor(tree, {"x": 0.5, "y": -1.5}, ["x", "y"], along)
+    along = {"x": np.array([[1.0], [3.0]]), "y": np.array([[2.0], [-1.0]])}
+    found, faults = taylor(tree, {"x": 0.5, "y": -1.5}, along.get, 1)
     assert not faults
     s = np.polynomial.polynomial
     # x = 0.5 + s + 3 t, y = -1.5 + 2 s - t, as polynomials in s with t = 0 and the other way.
@@ -157,7 +157,7 @@ def test_values_that_are_not_finite_are_faults(text: str) -> None:
 
 
 def test_a_name_without_a_value() -> None:
-    with pytest.raises(InputError, match="'y' has no value at column 5"):
+    with pytest.raises(InputError, match="the value of 'y' is missing at column 5"):
         at("x + y", x=1.0)
 
 
@@ -197,7 +197,7 @@ def test_atan2_on_its_cut_has_a_value_alone(x: float, value: float) -> None:
     assert np.all(np.isnan(found.first[:2]))
     assert found.first[2] == 1.0
     (fault,) = found.faults
-    assert (fault.text[:5], fault.column) == ("atan2", 1)
+    assert ("atan2" in fault.text, fault.column) == (True, 1)
 
 
 def test_atan2_of_constants_on_its_cut_is_a_constant() -> None:
@@ -209,8 +209,8 @@ def test_atan2_of_constants_on_its_cut_is_a_constant() -> None:
     assert not found.faults
 
 
-def test_slabs_of_pairs_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A product sum of 30 names, by hand: the second derivatives are the coefficients."""
+def test_a_sum_of_products_of_many_names() -> None:
+    """Of 30 names, by hand: the second derivatives are the coefficients."""
     rng = np.random.default_rng(2)
     names = [f"x{i}" for i in range(30)]
     C = np.triu(rng.integers(1, 9, (30, 30)), 1)[:, ::-1] * (rng.random((30, 30)) < 0.15)
@@ -219,7 +219,6 @@ def test_slabs_of_pairs_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> Non
     H = C + C.T
     point = rng.normal(size=30)
     values = dict(zip(names, point.tolist(), strict=True))
-    monkeypatch.setattr("mtu_cli.language.derivative.SLAB", 100)
     found = derivatives(parse(f"{text} + sqrt(x0*x0)"), values, names)
     sign = math.copysign(1.0, point[0])
     assert found.second == pytest.approx(H)

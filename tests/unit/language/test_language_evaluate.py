@@ -50,7 +50,7 @@ def test_integers_to_negative_powers() -> None:
 
 
 def test_a_name_without_a_value() -> None:
-    with pytest.raises(InputError, match="'b' has no value") as caught:
+    with pytest.raises(InputError, match="the value of 'b' is missing") as caught:
         evaluate(parse("a + b"), {"a": 1.0})
     assert caught.value.findings[0].column == 5
 

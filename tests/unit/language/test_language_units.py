@@ -60,9 +60,9 @@ def test_every_term_that_is_no_length_is_named_where_it_begins(
 @pytest.mark.parametrize(
     ("text", "code", "column"),
     [
-        ("2*(dx_x + ey_x)", "units-differ", 9), ("(x*y + x)/y", "units-differ", 6),
-        ("dx_x*sin(x)", "argument-unit", 10), ("dx_x*exp(-x)", "argument-unit", 10),
-        ("dx_x*cos(x*y)", "argument-unit", 10), ("dx_x*2**x", "argument-unit", 9),
+        ("2*(dx_x + ey_x)", "wrong-unit", 9), ("(x*y + x)/y", "wrong-unit", 6),
+        ("dx_x*sin(x)", "wrong-unit", 10), ("dx_x*exp(-x)", "wrong-unit", 10),
+        ("dx_x*cos(x*y)", "wrong-unit", 10), ("dx_x*2**x", "wrong-unit", 9),
     ],
 )  # fmt: skip
 def test_faults_within_a_term(text: str, code: str, column: int) -> None:
@@ -75,7 +75,6 @@ def test_faults_within_a_term(text: str, code: str, column: int) -> None:
         ("a*x", "a um", "a in um/m"), ("a*x*y", "a um/m", "a in um/m^2"),
         ("a*(T - 20)", "a um", "a in um/K"), ("a*x*(T - 20)", "a um/m", "a in um/m/K"),
         ("a", "a um/K", "a in um"), ("a*t*x", "a um/min", "a in um/m/min or um/m/h"),
-        ("a*(T - 20)**2", "a um/K", "a term that is a length (mm)"),
         ("a*dir_x", "a um/m", "a in um"),
         ("a*(T + x)", "a um/K", "terms of one unit"),
     ],
@@ -110,7 +109,7 @@ def test_a_negated_number_of_a_template_is_a_number() -> None:
     [
         ("0.004*dir_x", MM, None), ("20 + 2*t", COLUMNS["T"], None), ("dir_x", MM, None),
         ("x*y", MM, "wrong-unit"), ("0.1*x*y", MM, None), ("T", MM, "wrong-unit"),
-        ("2*(x + T)", MM, "units-differ"), ("exp(x)", MM, "argument-unit"),
+        ("2*(x + T)", MM, "wrong-unit"), ("exp(x)", MM, "wrong-unit"),
     ],
 )  # fmt: skip
 def test_numbers_that_may_have_a_unit(text: str, wanted: Powers, code: str | None) -> None:
@@ -138,25 +137,25 @@ def consistency(text: str, result: str, **units: str) -> str | None:
     [
         # JCGM 100, H.1: nanometres, and coefficients per degree.
         ("ls + d - ls*(a*t)", "nm", {"ls": "nm", "d": "nm", "a": "1/degC", "t": "degC"}, None),
-        ("ls + d", "nm", {"ls": "mm", "d": "nm"}, "units-differ"),
-        ("ls + t", "mm", {"ls": "mm", "t": "degC"}, "units-differ"),
+        ("ls + d", "nm", {"ls": "mm", "d": "nm"}, "wrong-unit"),
+        ("ls + t", "mm", {"ls": "mm", "t": "degC"}, "wrong-unit"),
         ("l*a*t", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, "wrong-unit"),
         ("l*a*t/1000", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, None),
         ("V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, "wrong-unit"),
         ("1000*V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, None),
-        ("cos(p)", "1", {"p": "deg"}, "argument-unit"),
-        ("cos(2*p)", "1", {"p": "deg"}, "argument-unit"),
+        ("cos(p)", "1", {"p": "deg"}, "wrong-unit"),
+        ("cos(2*p)", "1", {"p": "deg"}, "wrong-unit"),
         ("cos(p*pi/180)", "1", {"p": "deg"}, None),
         ("log(t + 273.15)", "1", {"t": "degC"}, None),
         ("exp(34 - 6292/T)", "Pa", {"T": "K"}, None),
-        ("atan2(y, x)", "rad", {"y": "mm", "x": "um"}, "units-differ"),
+        ("atan2(y, x)", "rad", {"y": "mm", "x": "um"}, "wrong-unit"),
         ("pi/4*d**2", "mm^2", {"d": "mm"}, None),
         ("pi/4*d**2", "um^2", {"d": "mm"}, "wrong-unit"),
         ("sqrt(x**2 + y**2)", "mm", {"x": "mm", "y": "mm"}, None),
         ("20 + 2*t", "degC", {"t": "min"}, None),
         ("a + 2*b", "mm", {"a": "mm", "b": "furlong"}, None),
         ("m*g", "N", {"m": "kg", "g": "m/s^2"}, None),
-        ("(a + b)*(a - c)", "mm^2", {"a": "mm", "b": "mm", "c": "um"}, "units-differ"),
+        ("(a + b)*(a - c)", "mm^2", {"a": "mm", "b": "mm", "c": "um"}, "wrong-unit"),
     ],
 )
 def test_numbers_that_are_taken_as_they_stand(

@@ -46,8 +46,9 @@ def test_a_line_that_leans_is_told_with_line_and_limit(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         check_square(part(tmp_path, 1.01 * LARGEST_SLOPE), [0, 1])
     assert str(caught.value).endswith(
-        "part.yaml:14: orthogonality[1].column: the column of 'leaning' runs -5.77 degrees off y; "
-        "expected features in a line along y, seen in the plane of x and y, at most 5.7 degrees off"
+        "part.yaml:14: orthogonality[1].column: contradicts the nominal places: 'leaning' runs "
+        "-5.77 degrees off y; expected features in a line along y, seen in the plane of x and y, "
+        "at most 5.7 degrees off"
     )
     check_square(part(tmp_path, 1.01 * LARGEST_SLOPE), [0])
 

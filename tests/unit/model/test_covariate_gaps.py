@@ -40,7 +40,7 @@ def test_the_table_is_that_of_the_other_rows(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.repeats, other.repeats)
     for name in ("T_room_degC", "tool_parts"):
         np.testing.assert_array_equal(table.covariates[name], other.covariates[name])
-    assert codes(warned) == ["covariate-gaps"]
+    assert codes(warned) == ["missing-values"]
     file = points.sources[0].shown
     assert warned[0].facts["names"] == ["T_room_degC", "tool_parts"]
     first = f"2 of 80 rows left out, the first {file}, row {points.row[17]}"
@@ -76,7 +76,7 @@ def test_a_column_that_a_whole_file_lacks_is_told_with_the_file(tmp_path: Path) 
 def test_a_column_without_any_value_is_told(tmp_path: Path) -> None:
     points = with_gaps(T_room_degC=list(range(80)))
     table, (told,) = residual_table(stated(tmp_path, MACHINE), points)
-    assert told.message.startswith("empty cells in T_room_degC (80 of 80 rows, all of ")
+    assert told.message.startswith("cells missing (T_room_degC (80 of 80 rows, all of ")
     assert "T_room_degC" not in table.covariates
 
 
@@ -109,7 +109,7 @@ def test_gaps_are_told_where_the_datum_takes_points_too(tmp_path: Path) -> None:
     alone = (points.part != 0) | (points.feature == 0)
     kept = only_rows(points, alone)
     _, warned = residual_table(stated(tmp_path, MACHINE), kept, None, "offset")
-    assert {"covariate-gaps", "datum-takes-all"} <= set(codes(warned))
+    assert {"missing-values", "not-measured"} <= set(codes(warned))
 
 
 def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
@@ -125,9 +125,9 @@ def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Pa
     (table,), warned = reading_tables(machine(tmp_path), None, gaps)
     (told,) = warned
     file = whole.sources[0].shown
-    assert told.code == "covariate-gaps"
+    assert told.code == "missing-values"
     first = f"2 of 40 rows of px left out, the first {file}, row {found.row[3]}"
-    assert told.facts == {"names": ["load"], "consequence": first}
+    assert (told.facts["names"], told.facts["consequence"]) == (["load"], first)
     assert "load" in table.covariates
     assert (table.repeats == 0).sum() == 2
     (before,), _ = reading_tables(machine(tmp_path), None, whole)
@@ -152,7 +152,7 @@ def test_many_readings_or_the_only_one_of_a_target_stay(tmp_path: Path, gone: li
         machine(tmp_path), None, replace(found, covariates={"load": load})
     )
     assert "load" not in table.covariates
-    assert told.code == "covariate-gaps"
+    assert told.code == "missing-values"
     assert table.repeats.sum() == len(found)
 
 
@@ -168,7 +168,7 @@ def test_passes_without_an_axis_keep_their_count(
     (table,), (told,) = reading_tables(
         machine(tmp_path), None, replace(found, covariates={"load": load})
     )
-    assert told.code == "covariate-gaps"
+    assert told.code == "missing-values"
     assert ("load" in table.covariates) == (passes is not None)
     assert table.parts == tuple(str(i + 1) for i in range(60 if passes is None else 20))
     assert table.repeats.sum() == (60 if passes is None else 59)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 from measured_examples import PLACES, points, study
 
 from mtu_cli.files.points import Points
-from mtu_cli.model.datum import DATUMS, Datum, basis, freed, freedoms, projector
+from mtu_cli.model.datum import Datum, basis, freed, freedoms, projector
 from mtu_cli.model.measured import visits_of
 
 XY = (0, 1)
@@ -31,7 +32,7 @@ def test_the_freedoms_are_small_rigid_motions() -> None:
     assert F @ [*shift, angle] == pytest.approx(moved.ravel(), abs=1e-11)
 
 
-@pytest.mark.parametrize("datum", DATUMS)
+@pytest.mark.parametrize("datum", get_args(Datum))
 @pytest.mark.parametrize("axes", [(0,), (1, 2), (0, 1), (0, 1, 2)])
 def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
     rng = np.random.default_rng(1)

@@ -828,7 +828,7 @@ def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: 
     found = by_name(candidates(readings_table(), effect_library([tmp_path / "own.yaml"])))
     units = {m.covariate: m.parameters[0][1] for m in found["creep-x"].members}
     assert units == {"sequence": unit} | ({} if told is None else {"time_min": told})
-    why = "time_min in place of {c}: a time (min) and an angle or ratio (rad) are added"
+    why = "time_min in place of {c}: what is added is an angle or ratio (rad), not a time (min)"
     why = why if "+" in equation else "um/m^3 of k has no unit per minute"
     assert (why in " ".join(found["creep-x"].notes)) == (told is None)
 

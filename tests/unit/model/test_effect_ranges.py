@@ -69,21 +69,22 @@ def test_a_tenth_of_the_range_is_no_matter(
     tmp_path: Path, time: FloatArray | float, at: str | None
 ) -> None:
     found = told(tmp_path, ONE, {"time_min": time}, POINTS)
-    one = f"machine.yaml: effects[0] (one) time_min from 0 to 100 {at}"
+    one = f"machine.yaml: effects[0] (one) time_min from 0 to 100 extrapolated to {at}"
     assert found == ([] if at is None else [one])
 
 
 def test_effects_that_left_the_same_range_are_told_together(tmp_path: Path) -> None:
     (found,) = told(tmp_path, ONE + TWO, {"time_min": 300.0}, POINTS)
-    assert found == "machine.yaml: effects[0] (one), effects[1] (two) time_min from 0 to 100 300"
+    both = "machine.yaml: effects[0] (one), effects[1] (two)"
+    assert found == f"{both} time_min from 0 to 100 extrapolated to 300"
 
 
 def test_positions_and_columns_that_did_not_change(tmp_path: Path) -> None:
     assert told(tmp_path, PLACE, {"dir_x": 1.0}, POINTS) == []
     found = told(tmp_path, PLACE, {"dir_x": np.array([1.0, 1, -1])}, POINTS + np.array([0, 5, 0]))
     assert found == [
-        "machine.yaml: effects[0] (bend) y from 10 to 30 mm 33 mm",
-        "machine.yaml: effects[0] (bend) dir_x at 1 -1",
+        "machine.yaml: effects[0] (bend) y from 10 to 30 mm extrapolated to 33 mm",
+        "machine.yaml: effects[0] (bend) dir_x at 1 extrapolated to -1",
     ]
 
 
@@ -216,8 +217,8 @@ def test_what_was_seen_lies_within_its_range(values: list[float]) -> None:
     ("low", "high", "value", "words"),
     [
         (1234567, 1234587, 1234567.0, None),
-        (1234567, 1234587, 1234597.0, "from 1234567 to 1234587 1234597"),
-        (1763770000, 1763770000, 1763773600.0, "at 1763770000 1763773600"),
+        (1234567, 1234587, 1234597.0, "from 1234567 to 1234587 extrapolated to 1234597"),
+        (1763770000, 1763770000, 1763773600.0, "at 1763770000 extrapolated to 1763773600"),
     ],
 )
 def test_large_numbers_are_told_apart(
@@ -258,7 +259,7 @@ def test_what_an_effect_holds_within_is_asked_of_all_points(given: Any, told: st
     )  # fmt: skip
     values = {} if given is None else {"T_room_degC": given}
     found = _not_given([own], values)  # type: ignore[list-item]  # all that it looks at
-    assert [warned.code for warned in found] == ["effect-range-unknown"] * (told is not None)
+    assert [warned.code for warned in found] == ["outside-effect-range"] * (told is not None)
     assert told is None or told in found[0].message
 
 

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 from model_examples import FloatArray, loaded
+from support import read_components
 
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.reports_read import Matrix, read_components
+from mtu_cli.files.reports_read import Matrix
 from mtu_cli.findings import InputError
-from mtu_cli.model.effect_parameters import all_together, effect_warnings, not_told_warnings
+from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
 from mtu_cli.model.machine_model import build_model
@@ -121,8 +122,8 @@ def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
     found = predicted(machine, estimates)
     assert (own.mean - found.mean)[0::2] == pytest.approx(2e-3 * DIRECTION, rel=1e-9)
     (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "effects-differ"
-    assert "values than machine.yaml for backlash-x.lost_motion: those" in warning.message
+    assert warning.code == "not-used"
+    assert "values of machine.yaml not used (backlash-x.lost_motion): those of" in warning.message
 
 
 def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
@@ -133,7 +134,7 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     assert (found.mean == bare.mean).all()
     assert (found.covariance == bare.covariance).all()
     (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "effects-not-used"
+    assert warning.code == "not-used"
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
 
 
@@ -142,10 +143,10 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     [
         (None, []),
         ("{}", []),
-        ("{pitch_mm: [32.0]}", [("pitch", "places", 2)]),
-        ("{pitch_mm: [62.6, 37]}", [("pitch", "places", 3)]),
-        ("{tau_min: [90, 7]}", [("tau", "data", 3)]),
-        ("{at: [2.5]}", [("at", "data", 2)]),
+        ("{pitch_mm: [32.0]}", [("the pitch of", "places", 2)]),
+        ("{pitch_mm: [62.6, 37]}", [("the pitch of", "places", 3)]),
+        ("{tau_min: [90, 7]}", [("the tau of", "data", 3)]),
+        ("{at: [2.5]}", [("the at of", "data", 2)]),
     ],
 )
 def test_one_of_several_values_is_told_of(
@@ -153,10 +154,12 @@ def test_one_of_several_values_is_told_of(
 ) -> None:
     """Not where there is no other value."""
     machine = loaded(tmp_path, MACHINE + EFFECTS + (f"    alike: {alike}\n" if alike else ""))
-    found = not_told_warnings(machine)
+    found = searched_warnings(machine)
     assert {item.line for item in found} <= {machine.line_of("effects", 1)}
-    assert [item.code for item in found] == ["searched-not-told"] * len(told)
-    assert [tuple(item.facts[key] for key in ("what", "where", "fits")) for item in found] == told
+    assert [item.code for item in found] == ["not-separable"] * len(told)
+    for item, (what, where, fits) in zip(found, told, strict=True):
+        assert item.message.split(": ", 1)[1].startswith(what)
+        assert (item.facts["where"], item.facts["fits"]) == (where, fits)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +177,7 @@ def test_a_unit_of_another_kind_is_another_parameter(tmp_path: Path) -> None:
     estimates = reported(tmp_path, machine, wrong)
     assert (predicted(machine, estimates).covariance == own.covariance).all()
     (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "effects-not-used"
+    assert warning.code == "not-used"
 
 
 def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
@@ -192,11 +195,11 @@ def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"units": ["um"]}, "results.effects.units: 1 entry for 3 parameters"),
-        ({"values": []}, "results.effects.values: 0 entries for 3 parameters"),
+        ({"units": ["um"]}, "results.effects.units: 1 entry; expected 3"),
+        ({"values": []}, "results.effects.values: 0 entries; expected 3"),
         ({"units": ["um", "um", "ell"]}, "results.effects.units[2]: unknown unit: 'ell'"),
         ({"covariance": [[1]]}, "results.effects.covariance: not 3 x 3"),
-        ({"parameters": ["a.b"] * 3}, "results.effects.parameters[1]: the parameter appears twice"),
+        ({"parameters": ["a.b"] * 3}, "results.effects.parameters[1]: the name appears twice"),
         (
             {"covariance": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]},
             "results.effects.covariance: not positive semidefinite",
@@ -226,5 +229,5 @@ def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> N
 )
 def test_one_of_a_class_is_told_of(found: str, told: str | None, tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS + f"    found: {found}\n")
-    known = [(item.code, ", ".join(item.facts["others"])) for item in not_told_warnings(machine)]
-    assert known == ([] if told is None else [("effect-not-separable", told)])
+    known = [(item.code, ", ".join(item.facts["others"])) for item in searched_warnings(machine)]
+    assert known == ([] if told is None else [("not-separable", told)])

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from machine_trials import POINTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings, run_command, stated
+from support import read_components
 
-from mtu_cli.files.reports_read import read_components
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import from_centre, to_centre
 from mtu_cli.model.fit import (
@@ -29,7 +30,7 @@ def reported(folder: Path, known: object, fit: MachineFit) -> Path:
     from mtu_cli.files.machine import LoadedMachine
 
     assert isinstance(known, LoadedMachine)
-    results = document("m", fit, estimates_from_fit(known, fit))
+    results = document(fit_result("m", fit, estimates_from_fit(known, fit))).record()
     path = folder / "components.json"
     path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
     return path
@@ -106,16 +107,16 @@ def test_a_component_with_nothing_names_the_line_and_the_csv(tmp_path: Path) -> 
         fit_machine(known, given)
     text = str(error.value)
     assert "machine.yaml:5: components.b" in text
-    assert "neither readings nor coefficients of b" in text
+    assert "an estimate of b is missing" in text
     assert "lbb.csv" in text
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ("a: {of: y, unit: um}", "is of x in um"),
-        ("a: {of: x, unit: urad}", "is of x in um"),
-        ("a: {of: x, unit: um, degree: 2}", "is of degree 1"),
+        ("a: {of: y, unit: um}", "machine.yaml: .of x in um"),
+        ("a: {of: x, unit: urad}", "machine.yaml: .of x in um"),
+        ("a: {of: x, unit: um, degree: 2}", "machine.yaml: .of degree 1"),
     ],
 )
 def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, message: str) -> None:
@@ -147,7 +148,7 @@ def test_as_many_readings_as_coefficients_have_no_uncertainty(
     fit = fit_machine(known, readings([two]))
     with pytest.raises(InputError) as error:
         build_model(known, estimates_from_fit(known, fit))
-    wanted = "machine.yaml:3: components.a: too little to judge by: as many readings"
+    wanted = "machine.yaml:3: components.a: too little data: as many readings"
     assert wanted in str(error.value)
     (tmp_path / "part.yaml").write_text(
         "schema: mtu/part/1\nname: p\nfeatures: {a: {x_mm: 0, y_mm: 0}}\n"

@@ -12,11 +12,11 @@ from machine_trials import COMPONENTS, Drift, machine, read_machine
 from model_examples import Segment, loaded, readings
 from scipy import stats
 
+from mtu_cli.analyses.observability import observability
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import FIRST, LIMITS, RAISE, fit_warnings, limit_warnings, limits_of
-from mtu_cli.reports.observability import observability
 from mtu_cli.stats.family import significant
 
 MACHINES = 250
@@ -89,8 +89,16 @@ def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> No
     given = read_machine(np.random.default_rng(5), Drift(0.5))
     fit = fit_machine(known, planted(given, "dx_x", "lack-of-fit"))
     for name, first in (("dx_x", True), ("dx_x2", False)):
-        facts = {"component": name, "count": 1, "off": 9.0, "unit": "um", "s": 1.0, "rows": (6,)}
-        doubt = finding("outlying-reading", **facts)
+        facts = {
+            "what": name,
+            "beside": "the others",
+            "count": 1,
+            "off": 9.0,
+            "unit": "um",
+            "s": 1.0,
+            "rows": (6,),
+        }
+        doubt = finding("outlying-value", **facts)
         (found,) = [w for w in fit_warnings(fit, [doubt]) if w.code == "lack-of-fit"]
         assert found.facts["advice"] == (FIRST if first else RAISE)
 
@@ -117,7 +125,7 @@ def test_scatter_that_cannot_be_split_is_warned_of(tmp_path: Path) -> None:
     given = read_machine(np.random.default_rng(7), Drift(1.0))
     rows = given.code == 0
     found = fit_warnings(fit_machine(known, replace(given, has_pass=given.has_pass & ~rows)))
-    (item,) = [item for item in found if item.code == "pass-drift-not-separated"]
+    (item,) = [item for item in found if item.code == "not-separable"]
     assert "dx_x" in item.message
     assert not any(name in item.message for name in COMPONENTS if name != "dx_x")
 
@@ -127,8 +135,8 @@ def test_readings_without_any_scatter_are_warned_of(tmp_path: Path) -> None:
     given = read_machine(np.random.default_rng(7), Drift(1.0))
     exact = np.where(given.code == 0, 1e-3 + 1e-5 * given.position_mm, given.error)
     found = fit_warnings(fit_machine(known, replace(given, error=exact)))
-    (item,) = [item for item in found if item.code == "no-scatter"]
-    assert "the readings of dx_x do not scatter" in item.message
+    (item,) = [item for item in found if item.code == "no-scatter-known"]
+    assert "readings is unknown (dx_x): they do not scatter" in item.message
 
 
 def test_runs_of_the_same_mean_are_warned_of(tmp_path: Path) -> None:
@@ -144,8 +152,8 @@ def test_runs_of_the_same_mean_are_warned_of(tmp_path: Path) -> None:
         direction=way,
     )
     fit = fit_machine(known, readings([segment]))
-    (item,) = [item for item in fit_warnings(fit) if item.code == "no-scatter"]
-    assert item.facts == {"what": "means of the passes", "names": ["a"]}
+    (item,) = [item for item in fit_warnings(fit) if item.code == "no-scatter-known"]
+    assert (item.facts["what"], item.facts["names"]) == ("means of the passes", ["a"])
     left = observability(fit, estimates_from_fit(known, fit))
     (drift,) = [one for one in left if one.not_determined.startswith("steady drift")]
     assert drift.because == "the levels of its passes do not differ"
@@ -199,10 +207,10 @@ def test_a_component_that_repeats_too_well_is_asked_about(
     def small(factor: float) -> list[Finding]:
         rows = given.code == given.components.index(name)
         fit = fit_machine(known, replace(given, error=np.where(rows, factor, 1) * given.error))
-        return [item for item in fit_warnings(fit) if item.code == "readings-small"]
+        return [item for item in fit_warnings(fit) if item.code == "implausible-size"]
 
     (found,) = small(1e-3)
-    assert (found.facts["component"], found.facts["meant_unit"]) == (name, words)
+    assert (found.facts["component"], found.facts["meant"]) == (name, words)
     assert small(1e-2) == []
     assert small(0) == []
 

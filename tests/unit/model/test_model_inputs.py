@@ -39,7 +39,7 @@ def test_a_missing_covariate_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError) as error:
         predict(model, ["a"], np.zeros((1, 3)), {"T_spindel_degC": 20.0})
     text = str(error.value)
-    assert "the machine 'm' needs dir_x" in text
+    assert "a value of dir_x for the machine 'm' is missing" in text
     assert "--at T_spindle_degC=VALUE; given: T_spindel_degC" in text
     assert len(error.value.findings) == 2
 
@@ -142,7 +142,7 @@ def test_a_component_without_estimate_names_its_line(tmp_path: Path) -> None:
         stated(tmp_path, text)
     found = str(error.value)
     assert "machine.yaml:6: components.b" in found
-    assert "neither readings nor coefficients" in found
+    assert "an estimate of" in found
 
 
 def test_independent_variance_by_hand(tmp_path: Path) -> None:

@@ -112,8 +112,8 @@ def test_missing_sensors_are_named_with_their_component(tmp_path: Path) -> None:
         predict(model, IDS, POINTS, {"T_a_degC": 21.0})
     told = [str(problem) for problem in raised.value.findings]
     assert len(told) == 2
-    assert "the drift of px, yaw needs T_b_degC" in told[0]
-    assert "the drift of yaw needs T_c_degC" in told[1]
+    assert "a value of T_b_degC for the drift of px, yaw is missing" in told[0]
+    assert "a value of T_c_degC for the drift of yaw is missing" in told[1]
     assert "--at T_c_degC=VALUE; given: T_a_degC" in told[1]
 
 
@@ -194,7 +194,7 @@ def test_two_parts_that_both_count_their_time_from_0_are_refused() -> None:
         "T_a_degC": np.append(part, part + 6), "T_b_degC": np.full(6, 20.0),
         "time_min": np.append(time, time),
     }  # fmt: skip
-    with pytest.raises(InputError, match="T_a_degC reads 20 and 26 degC at one time"):
+    with pytest.raises(InputError, match="T_a_degC: contradicts 20 degC at the same time"):
         lagged_basis().temperatures(at, 6)
 
 
@@ -217,7 +217,7 @@ def test_many_missing_sensors_are_one_problem(tmp_path: Path) -> None:
         predict(model, IDS, POINTS, {"T_02_degC": 21.0})
     (told,) = (str(problem) for problem in raised.value.findings)
     assert told == (
-        "the drift of px needs T_01_degC, T_03_degC, T_04_degC, T_05_degC, T_06_degC, T_07_degC; "
-        "expected --at T_01_degC=VALUE and so on, or --at 'T_*_degC=VALUE' for all of them; "
-        "given: T_02_degC"
+        "a value of each of T_01_degC, T_03_degC, T_04_degC, T_05_degC, T_06_degC, T_07_degC for "
+        "the drift of px is missing; expected --at T_01_degC=VALUE and so on, or --at "
+        "'T_*_degC=VALUE' for all of them; given: T_02_degC"
     )

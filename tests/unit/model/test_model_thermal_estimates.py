@@ -168,13 +168,12 @@ def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> 
         thermal_from_report(machine, found)
     assert [str(problem) for problem in caught.value.findings] == [
         "t.json: results.components.pos_z: unknown component: 'pos_z'; did you mean 'pos_y'?",
-        "t.json: results.components.pos_y: pos_y is of x in um in the report; "
-        "expected of y in um, as in machine.yaml",
-        "t.json: results.components.pos_y.reference_temperature_degC: the drift is from "
-        "20.5 degC in the report; expected 20, the reference temperature of "
-        "machine.yaml: fit again",
-        "t.json: results.components.yaw_y: yaw_y is of y in um in the report; "
-        "expected of y in arcsec, as in machine.yaml",
-        "t.json: results.components.ort: ort is of y in arcsec in the report; "
-        "expected of None in arcsec, as in machine.yaml",
+        "t.json: results.components.pos_y: contradicts machine.yaml: 'of x in um'; "
+        "expected of y in um",
+        "t.json: results.components.pos_y.reference_temperature_degC: contradicts "
+        "machine.yaml: '20.5 degC'; expected 20 degC, its reference temperature: fit again",
+        "t.json: results.components.yaw_y: contradicts machine.yaml: 'of y in um'; "
+        "expected of y in arcsec",
+        "t.json: results.components.ort: contradicts machine.yaml: 'of y in arcsec'; "
+        "expected of None in arcsec",
     ]

@@ -63,8 +63,8 @@ def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
     assert np.linalg.eigvalsh(drawn / np.outer(*[np.sqrt(np.diag(drawn))] * 2))[0] >= -1e-9
     # What D lacks is less than the mean square of the ten passes, of which C is a tenth.
     (warned,) = cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))
-    assert warned.code == "passes-cut"
-    assert warned.message.startswith("the passes of a differ by less than their repeatability")
+    assert warned.code == "negative-variance"
+    assert warned.message.startswith("the pass-to-pass variance is estimated below zero (a)")
     added = np.diag(X @ (drawn - moment) @ X.T)
     assert (added >= 0).all()
     assert (added <= 10 * np.diag(X @ C @ X.T)).all()
@@ -155,7 +155,7 @@ def test_the_largest_cut_of_all_is_told() -> None:
     """Passes that differ by less than nothing: not drawn at all."""
     one = estimate("a", "x", [0.0], C=np.array([[1e-7]]), D=np.array([[-1e-6]]))
     (warned,) = cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))
-    assert warned.message.startswith("the passes of a differ by less")
+    assert warned.message.startswith("the pass-to-pass variance is estimated below zero (a)")
 
 
 def test_those_that_are_used_are_drawn_together_though_a_third_is_not_known() -> None:
@@ -183,7 +183,7 @@ def test_of_components_read_together_those_are_named_that_are_cut() -> None:
     cut, both = D.copy(), D.copy()
     cut[0, 0] = -1.0
     both[0, 1] = both[1, 0] = 1.5
-    for own, named in ((cut, "of b differ"), (both, "of b and a together differ")):
+    for own, named in ((cut, "zero (b): "), (both, "zero (b and a together): ")):
         changed = replace(group, pass_covariance=own, covariance=0.1 * D)
         (warned,) = cut_warnings(replace(model, joint=(changed,)))
         assert named in warned.message

@@ -54,7 +54,7 @@ def test_an_effect_is_divided_by_the_lever_arm_of_its_component(tmp_path: Path) 
 def test_a_covariate_that_readings_lack_is_said(tmp_path: Path) -> None:
     total, warned = effects_on_readings(machine(tmp_path), "dx", PLACES, {})
     assert not total.any()
-    assert [item.code for item in warned] == ["effect-not-removed"]
+    assert [item.code for item in warned] == ["not-used"]
     assert "dir_x" in warned[0].message
 
 

@@ -67,7 +67,7 @@ def test_readings_that_lack_the_column_are_left_and_told(tmp_path: Path) -> None
     left, warned = without_effects(declared(tmp_path, "px"), given)
     np.testing.assert_array_equal(left.error, given.error)
     (told,) = warned
-    assert told.code == "effect-not-removed"
+    assert told.code == "not-used"
     assert (told.facts["effect"], told.facts["component"]) == ("thermal-growth-x", "px")
     assert fit_machine(declared(tmp_path, "px"), given).warnings == warned
 

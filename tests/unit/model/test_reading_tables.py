@@ -201,7 +201,7 @@ def test_texts_of_all_components_are_told_once(tmp_path: Path) -> None:
     )
     tables, warned = reading_tables(known, None, given)
     assert len(tables) > 5
-    (told,) = (item for item in warned if item.code == "covariate-is-text")
+    (told,) = (item for item in warned if item.code == "not-tested")
     first = f"second.csv, row {given.row[1]}"
     assert f"(texts in {n // 2} of {n} cells, the first 'n/a' in {first}; " in told.message
 
@@ -214,7 +214,7 @@ def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
     found = readings([replace(segment, direction=direction, setup="a")])
     (table,), warned = reading_tables(machine(tmp_path), None, found)
     assert "dir_x" not in table.covariates
-    assert [item.code for item in warned] == ["covariate-is-text", "covariate-gaps"]
+    assert [item.code for item in warned] == ["not-tested", "missing-values"]
     assert "40" in table.features
     assert "setup" not in table.covariates
 

@@ -54,14 +54,14 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
         "T_room_degC": (1, 1), "tool_parts": (4, 1), "depth": (1, 3), "T_bed_degC": (4, 3),
         "T_cmm_degC": (4, 3),
     }  # fmt: skip
-    assert codes(warned) == ["covariate-is-text", "covariate-gaps"]
+    assert codes(warned) == ["not-tested", "missing-values"]
     assert "gap (1 of" in warned[1].message
     assert "hole (5 of" in warned[1].message
     shown = points.sources[0].shown
     first = f"the first 'n/a' in {shown}, row {points.row[2]}"
     told = f"texts in 2 of {n - 2} cells, {first}; where that means not known, leave it empty"
     mixed = f"'worn' ({told})"
-    assert warned[0].facts["names"] == ["'who'", mixed]
+    assert warned[0].facts["items"] == ["'who'", mixed]
     for p in range(4):
         for h in range(3):
             own = (points.part == p) & (points.feature == h)
@@ -94,7 +94,7 @@ def test_given_values_stand_in_for_columns(tmp_path: Path) -> None:
     check_against_loop(model, points, table, {"T_bed_degC": 24.0})
     assert "T_bed_degC" not in table.covariates
     own, warned = residual_table(model, warm(points), {"T_bed_degC": 24.0})
-    assert codes(warned) == ["covariate-of-the-points"]
+    assert codes(warned) == ["not-used"]
     assert not np.allclose(own.errors, table.errors)
 
 

@@ -168,7 +168,7 @@ def test_measurements_of_other_features_are_told(tmp_path: Path) -> None:
     points = measured(4, 6, 2)
     some = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature > 1)))
     table, warned = residual_table(model, some, {}, ROTATION)
-    assert [item.code for item in warned] == ["incomplete-datum"]
+    assert [item.code for item in warned] == ["missing-values"]
     assert np.isfinite(table.errors).all()
     # The table is free of motions as a whole, too.
     np.testing.assert_allclose(
@@ -181,7 +181,7 @@ def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -
     points = measured(4, 5, 2)
     one = rows(points, np.flatnonzero((points.part != 3) | (points.feature == 1)))
     table, warned = residual_table(model, one, {}, "offset")
-    assert [item.code for item in warned] == ["datum-takes-all"]
+    assert [item.code for item in warned] == ["not-measured"]
     assert warned[0].facts["count"] == 2
     assert table.parts == ("P0", "P1", "P2")
     assert (table.repeats == 2).all()

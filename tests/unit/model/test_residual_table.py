@@ -194,7 +194,7 @@ def test_z_is_an_axis_with_an_equation_and_a_coordinate(tmp_path: Path) -> None:
     lost[3, 2] = np.nan
     table, warned = residual_table(model, replace(points, measured=lost), {})
     assert table.axes == ("x", "y")
-    assert codes(warned) == ["axis-left-out"]
+    assert codes(warned) == ["axis-not-measured"]
     only = stated(tmp_path, high.replace("Ex: px + y*sq + 0.002*dir_x", "").replace("Ey: py", ""))
     with pytest.raises(InputError, match="the machine 'm' has equations for z"):
         residual_table(only, replace(points, measured=lost), {})

@@ -12,6 +12,7 @@ from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 from reading_examples import only
 
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
@@ -265,7 +266,7 @@ def test_one_run_alone_has_two_passes(tmp_path: Path) -> None:
     assert found.instruments[0].fit.separated
     assert (found.estimate.pass_dof, found.estimate.half_differences) == (1, None)
     codes = [item.code for item in scatter_warnings(fit)]
-    assert codes == ["one-run"]
+    assert codes == ["no-scatter-known"]
     assert not scatter_warnings(fit_machine(known, readings(there_and_back(1))))
 
 
@@ -278,14 +279,14 @@ def test_runs_that_differ_by_the_same_are_read_back(tmp_path: Path) -> None:
         lines[:, 1] = lines[:, 0] - 0.3
         given.append(replace(item, error=lines.ravel()))
     fit = fit_machine(known, readings(given))
-    results = document("m", fit, estimates_from_fit(known, fit))
+    results = document(fit_result("m", fit, estimates_from_fit(known, fit))).record()
     source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
     report = components_from(source, {"schema": "mtu/fit-components/1", "results": results})
     assert fit.components["a"].estimate.half_differences is not None
     found = report.components["a"].half_difference_mean_square
     assert found is not None
     np.testing.assert_allclose(found, 0, atol=1e-12)
-    for damaged, told in (([[None, 0], [0, 0]], "no value"), ([[1.0]], "not 2 x 2")):
+    for damaged, told in (([[None, 0], [0, 0]], "wrong value: 'null'"), ([[1.0]], "not 2 x 2")):
         results["components"]["a"]["half_difference_mean_square"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": "mtu/fit-components/1", "results": results})
@@ -353,7 +354,7 @@ def test_the_report_carries_what_runs_tell(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE.replace("of: y, unit: mm", "of: y, unit: um, degree: 2"))
     fit = fit_machine(known, readings(there_and_back(2)))
     own = estimates_from_fit(known, fit)
-    results = document("m", fit, own)
+    results = document(fit_result("m", fit, own)).record()
     source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
     report = components_from(source, {"schema": "mtu/fit-components/1", "results": results})
     place, A = np.array([[30.0, 70.0, 0.0]]), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -2.0]])

@@ -11,17 +11,16 @@ from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 from reading_examples import only
 
+from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.estimation import ComponentFit
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.instruments import combine
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.reports.fit_components import document
-from mtu_cli.reports.fit_table import table
 
 FloatArray = NDArray[np.float64]
 P = np.linspace(0.0, 90.0, 4)
@@ -84,7 +83,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE)
     fit = fit_machine(known, readings([segment("lbb", 6, 1), segment("laser", 4, 2)]))
     own = estimates_from_fit(known, fit)
-    results = document("m", fit, own)
+    results = document(fit_result("m", fit, own)).record()
     source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
     report = components_from(source, {"schema": SCHEMA, "results": results})
     K = own.components["a"].run_covariance
@@ -99,7 +98,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
         D = own.components["a"].pass_covariance
         np.testing.assert_allclose(found[same], (X @ D @ X.T)[same], rtol=1e-6)
         np.testing.assert_allclose(found[~same], (X @ K @ X.T)[~same], rtol=1e-6)
-    for damaged, told in (([[None, 0], [0, 0]], "no value"), ([[1.0]], "not 2 x 2")):
+    for damaged, told in (([[None, 0], [0, 0]], "wrong value: 'null'"), ([[1.0]], "not 2 x 2")):
         results["components"]["a"]["run_covariance"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": SCHEMA, "results": results})
@@ -148,11 +147,3 @@ def test_a_line_of_one_way_is_brought_to_the_mean_of_both(way: int, tmp_path: Pa
     np.testing.assert_allclose(fit.estimate.covariance, wanted.covariance, rtol=1e-9)
     assert fit.agreement_p == pytest.approx(agree)
     assert abs(fit.estimate.coefficients[0]) < 4 * np.sqrt(fit.estimate.covariance[0, 0])
-    (sheet,) = table("m", fit_machine(known, readings([both, alone])), _estimates(fit))
-    assert any(
-        note.startswith("a: laser ran one way; half of the reversal") for note in sheet.notes
-    )
-
-
-def _estimates(fit: ComponentFit) -> Estimates:
-    return Estimates(components={"a": fit.estimate})

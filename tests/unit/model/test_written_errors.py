@@ -54,7 +54,7 @@ def test_what_a_measuring_machine_writes_of_the_error_is_taken_out(words: str) -
     found = measured()
     message = told(found, WRITTEN[words](errors(found), found.measured))
     assert message is not None
-    assert f"'own' ({words}) repeat what was measured" in message
+    assert f"'own' ({words})): they repeat what was measured" in message
 
 
 def test_the_nominal_places_are_called_so() -> None:
@@ -63,11 +63,11 @@ def test_the_nominal_places_are_called_so() -> None:
     for column, unit in ((found.nominal[:, 0], "mm"), (1e3 * found.nominal[:, 0], "um")):
         message = told(found, column)
         assert message is not None
-        assert f"'own' (the nominal x, {unit}) repeat the nominal place" in message
+        assert f"'own' (the nominal x, {unit})): they repeat the nominal place" in message
         assert "what was measured" not in message
     both: Covariates = {"own": errors(found)[:, 0], "nomx": found.nominal[:, 0]}
     _, warned = without_written_errors(replace(found, covariates=both), ())
-    assert [item.code for item in warned] == ["covariate-is-error"] * 2
+    assert [item.code for item in warned] == ["not-tested"] * 2
 
 
 def test_what_is_written_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:

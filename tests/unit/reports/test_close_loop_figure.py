@@ -22,12 +22,9 @@ from matplotlib.quiver import Quiver
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult
 from mtu_cli.close_loop_sealed.reports.close_loop import figure
-from mtu_cli.close_loop_sealed.reports.close_loop_arrows import round_near, view_of
 from mtu_cli.close_loop_sealed.reports.close_loop_curves import MOST, curves
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Plane
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.stats.least_squares import FloatArray
 
 EVERY = {
     "named": named,
@@ -46,64 +43,13 @@ def test_every_verdict_can_be_drawn_twice_alike(verdict: str) -> None:
     assert page.axes[-1].get_title(loc="left") == "candidates at the first look"
 
 
-def planes(places: FloatArray, errors: FloatArray) -> list[Plane]:
-    ids = tuple(f"H{i}" for i in range(len(places)))
-    return [Plane(ids=ids, places=places, errors=own) for own in (errors, 0.1 * errors)]
-
-
-def test_arrows_of_features_at_two_heights_are_as_long_as_of_one() -> None:
-    """A second height beside each feature leaves no room between the two, nor needs any."""
-    x, y = (side.ravel() for side in np.meshgrid([0.0, 90.0, 180.0, 270.0], [0.0, 80.0, 160.0]))
-    places = np.column_stack([x, y])
-    errors = np.column_stack([0.05 * x, 0.0 * y])
-    one = view_of(planes(places, errors), (5.0, 4.6))
-    both = np.concatenate([places, places + np.array([2.0, 3.0])])
-    doubled = planes(both, np.tile(errors, (2, 1)))
-    two = view_of(doubled, (5.0, 4.6))
-    longest = [13.5 * view.scale / view.inch for view in (one, two)]
-    assert min(longest) > 0.3
-    assert longest[1] > 0.6 * longest[0]
-    # All tips are on the paper.
-    for plane in doubled:
-        tips = plane.places + two.scale * plane.errors
-        assert (tips > two.low).all()
-        assert (tips < two.high).all()
-
-
-def test_places_on_a_line_and_errors_of_nothing_have_a_view() -> None:
-    line = np.column_stack([np.repeat(np.arange(5) * 40.0, 2), np.tile([0.0, 1.0], 5)])
-    for errors in (np.zeros((10, 2)), np.ones((10, 2))):
-        view = view_of(planes(line, errors), (5.0, 4.6))
-        assert np.isfinite([view.scale, view.inch, *view.low, *view.high]).all()
-
-
-@pytest.mark.parametrize(
-    ("value", "near"), [(3.9, 5.0), (2.9, 2.0), (1.3, 1.0), (0.8, 1.0), (74.0, 100.0), (0.0, 1.0)]
-)
-def test_the_scale_is_a_round_number_near_the_errors(value: float, near: float) -> None:
-    assert round_near(value) == pytest.approx(near)
-
-
-def test_the_scale_stands_at_the_95_percent_error() -> None:
-    page = figure(named())
-    before, after = page.axes[:2]
-    quiver = before.collections[0]
-    assert isinstance(quiver, Quiver)
-    (text,) = [t.get_text() for t in before.texts if t.get_text().endswith(" um")]
-    (same,) = [t.get_text() for t in after.texts if t.get_text().endswith(" um")]
-    item = named().tables[0]
-    mean = np.linalg.norm(item.table.errors[:, :, :2].mean(axis=0), axis=1) / 1e-3
-    assert text == same
-    assert 0.6 < float(text.removesuffix(" um")) / np.quantile(mean, 0.95) < 1.7
-
-
 @pytest.mark.parametrize("found", [nothing(), left_over()])
 def test_where_nothing_was_taken_out_residuals_stand_beside_the_arrows(
     found: CloseLoopResult,
 ) -> None:
     titles = [panel.get_title(loc="left") for panel in figure(found).axes]
     assert titles == [
-        "mean errors (12 features)",
+        "Ex and Ey, z = 127 mm",
         "residuals, part by part",
         "residuals, feature by feature",
         "candidates at the first look",
@@ -312,9 +258,8 @@ def test_a_pitch_that_is_one_of_many_is_drawn_as_an_example() -> None:
     assert page.get_suptitle() == "Undeclared effects: cyclic-x, one of 4 pitches that fit"
     panel = page.axes[2]
     assert panel.get_title(loc="left") == "cyclic-x, one of 4 pitches that fit"
-    assert [line.get_linestyle() for line in panel.lines if np.size(line.get_xdata()) == 400] == [
-        "--"
-    ]
+    # Between the places one such wave is as good as another.
+    assert all(np.size(line.get_xdata()) != 400 for line in panel.lines)
     known = figure(result(on_table("named", (replace(own, alike=()),))))
     assert known.axes[2].get_title(loc="left") == "cyclic-x"
 

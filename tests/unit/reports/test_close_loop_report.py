@@ -25,7 +25,7 @@ from close_loop_examples import (
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import CloseLoopResult, FoundEffect
 from mtu_cli.close_loop_sealed.reports.close_loop import csv_rows, document
-from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.fields import csv_text
 
 EVERY = {"named": named, "class": ambiguous, "unexplained": left_over, "none": nothing}
 

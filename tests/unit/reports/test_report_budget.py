@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -14,13 +13,12 @@ from budget_examples import evaluated, loaded
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.analyses.budget.warnings import budget_warnings
 from mtu_cli.files.json_file import report_bytes
-from mtu_cli.reports.budget import CSV_COLUMNS, csv_rows, document
+from mtu_cli.model.settings import validation_warnings
+from mtu_cli.reports.budget import document
 from mtu_cli.reports.budget_figure import figure
-from mtu_cli.reports.budget_table import table
-from mtu_cli.reports.csv_text import csv_text
+from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
-from mtu_cli.reports.validations import validation_warnings
 from mtu_cli.stats.validation import Validation
 
 CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}
@@ -28,6 +26,20 @@ ROW = {"name", "value", "u", "distribution", "dof", "sensitivity", "contribution
 MONTE_CARLO = {
     "mean", "u", "interval", "shortest", "probability", "trials", "first_order_valid",
 }  # fmt: skip
+
+CSV_COLUMNS = "output,name,unit,value,u,type,distribution,dof,sensitivity,contribution,share"
+
+
+def shown(result: BudgetResult, *, detail: bool = False) -> str:
+    return plain_text(document(result).shown(detail=detail))
+
+
+def rows(result: BudgetResult, table: int) -> list[dict[str, str]]:
+    """The rows of a table by the first lines of their headings."""
+    sheet = document(result).tables[table].sheet(2, detail=True)
+    titles = [column.title.partition("\n")[0] for column in sheet.columns]
+    return [dict(zip(titles, row, strict=True)) for row in sheet.rows]
+
 
 ONE = """
     quantity: {name: l, unit: mm}
@@ -54,7 +66,7 @@ def two() -> BudgetResult:
 
 
 def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
-    found = json.loads(report_bytes(document(one)))
+    found = json.loads(report_bytes(document(one).record()))
     assert set(found) >= CONTRACT
     assert set(found["monte_carlo"]) >= MONTE_CARLO
     assert [set(row) >= ROW for row in found["rows"]] == [True] * 4
@@ -72,7 +84,7 @@ def test_the_report_is_that_of_the_contract(one: BudgetResult) -> None:
 
 
 def test_several_outputs(two: BudgetResult) -> None:
-    found = json.loads(report_bytes(document(two)))
+    found = json.loads(report_bytes(document(two).record()))
     assert set(found["outputs"]) == {"s", "p"}
     assert all(set(item) >= CONTRACT for item in found["outputs"].values())
     assert found["outputs"]["s"]["unit"] == "mm"
@@ -88,11 +100,11 @@ def test_several_outputs(two: BudgetResult) -> None:
 
 def test_what_does_not_exist_is_null() -> None:
     """Two degrees of freedom: no u by Monte Carlo; abs at 0: no first order."""
-    heavy = document(evaluated("equation: x\ninputs: {x: {value: 1, u: 1, dof: 2}}\n"))
+    heavy = document(evaluated("equation: x\ninputs: {x: {value: 1, u: 1, dof: 2}}\n")).record()
     assert heavy["monte_carlo"]["u"] is None
     assert heavy["monte_carlo"]["mean"] is None
     assert heavy["monte_carlo"]["interval"][1] > 5.0
-    corner = document(evaluated("equation: abs(x)\ninputs: {x: {value: 0, u: 1}}\n"))
+    corner = document(evaluated("equation: abs(x)\ninputs: {x: {value: 0, u: 1}}\n")).record()
     assert corner["u"] is corner["U"] is corner["rows"][0]["sensitivity"] is None
     assert corner["second_order"] == {"value": None, "u": None}
     assert corner["monte_carlo"]["first_order_valid"] is None
@@ -101,8 +113,8 @@ def test_what_does_not_exist_is_null() -> None:
 
 
 def test_the_main_table_is_the_rows(two: BudgetResult) -> None:
-    lines = csv_text(*csv_rows(two)).splitlines()
-    assert lines[0] == ",".join(CSV_COLUMNS)
+    lines = csv_text(*document(two).rows()).splitlines()
+    assert lines[0] == CSV_COLUMNS
     assert len(lines) == 1 + 2 * 4
     assert lines[1].startswith("s,a,mm,2.0,0.1,B,normal,8.0,")
     assert ",inf," in lines[2]
@@ -110,30 +122,31 @@ def test_the_main_table_is_the_rows(two: BudgetResult) -> None:
 
 @pytest.mark.parametrize("text", [ONE, TWO, ONE.replace("mm", "m" * 12)])
 def test_tables_fit_a_hundred_columns(text: str) -> None:
-    shown = plain_text(table(evaluated(text), 2))
-    assert max(map(len, shown.splitlines())) <= 100
-    for words in ("first order", "second order", "Monte Carlo", "A+B", "t + normal"):
-        assert words in shown
-
-
-@pytest.mark.parametrize(
-    ("text", "titles"),
-    [
-        (ONE, ["contributions to l (mm)", "result for l (mm)"]),
-        (ONE.replace("quantity: {name: l, unit: mm}", ""), ["contributions to y", "result for y"]),
-    ],
-)
-def test_no_name_stands_alone_above_a_table(text: str, titles: list[str]) -> None:
-    found = evaluated(text)
-    sheets = table(found, 2)
-    assert [sheet.title for sheet in sheets] == [f"{found.name}: {title}" for title in titles]
+    result = evaluated(text)
+    for detail in (True, False):
+        lines = shown(result, detail=detail)
+        assert max(map(len, lines.splitlines())) <= 100
+        for words in ("first order", "second order", "Monte Carlo", "A+B", "t + normal"):
+            assert words in lines
 
 
 def test_values_are_rounded_to_their_uncertainty(one: BudgetResult) -> None:
     """u = 0.468..: the value 7.15 with two decimals, c with those of its own u."""
-    lines = plain_text(table(one, 2)).splitlines()
-    first = next(line for line in lines if line.startswith("first order  "))
-    assert first.split()[2:4] == ["7.15", f"{one.outputs[0].first.u:.2f}"]
+    first = rows(one, 1)[0]
+    assert (first["value"], first["u"]) == ("7.15", f"{one.outputs[0].first.u:.2f}")
+
+
+def test_the_verdict_states_the_interval_that_holds(one: BudgetResult) -> None:
+    output = one.outputs[0]
+    value = f"l = 7.15 ± {output.expanded:.2f} mm (k = {output.k:.2f})"
+    verdicts = {}
+    for passed in (True, False, None):
+        judged = replace(output, validation=replace(output.validation, passed=passed))
+        verdicts[passed] = document(replace(one, outputs=(judged,))).verdict
+    assert verdicts[True] == f"{value}. First order is valid (JCGM 101, clause 8)."
+    assert verdicts[None] == f"{value}. Too few trials to validate first order for l."
+    low, high = output.symmetric
+    assert f"mm, 95 % interval [{low:.2f}, {high:.2f}] (Monte Carlo" in verdicts[False]
 
 
 @pytest.mark.parametrize(
@@ -165,18 +178,18 @@ def test_intervals_are_rounded_by_their_width_where_u_is_beyond_it() -> None:
     """1/a with a within two u of 0: the quantiles of 1/a are finite, its u is not."""
     result = evaluated("equation: 1/a\ninputs:\n  a: {value: 1, u: 0.5}\n", trials=200_000)
     assert result.run.u[0] > result.run.high[0] - result.run.low[0]
-    shown = f"[{result.run.low[0]:.1f}, {result.run.high[0]:.1f}]"
-    assert shown in plain_text(table(result, 2))
+    assert f"[{result.run.low[0]:.1f}, {result.run.high[0]:.1f}]" in shown(result)
 
 
 def test_no_shortest_interval_that_is_longer_than_the_symmetric_one() -> None:
     plain = evaluated("equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n", trials=20_000)
-    assert None not in document(plain)["monte_carlo"]["shortest"]
+    assert None not in document(plain).record()["monte_carlo"]["shortest"]
     width = plain.run.high - plain.run.low
     for longer in (1.1, -1.0):
         run = replace(plain.run, shortest_high=plain.run.shortest_low + longer * width)
-        result = replace(plain, run=run)
-        assert document(result)["monte_carlo"]["shortest"] == [None, None]
+        output = replace(plain.outputs[0], run=run)
+        result = replace(plain, run=run, outputs=(output,))
+        assert document(result).record()["monte_carlo"]["shortest"] == [None, None]
         found = budget_warnings(
             loaded("equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n"),
             result.inputs,
@@ -206,20 +219,17 @@ def test_dollar_signs_of_a_file_are_signs(name: str, unit: str) -> None:
     assert label._preprocess_math(label.get_text()) == (shown, False)  # type: ignore[attr-defined]
 
 
-def test_a_stated_factor_beside_an_interval_with_t_is_explained() -> None:
+def test_the_factor_of_the_interval_stands_beside_a_stated_one() -> None:
     """U is k u with the 2 asked for, the 95.45 % interval takes t of 4 degrees of freedom, 2.87.
 
     JCGM 100:2008, table G.2: 2.87 for 4 degrees of freedom and 95.45 %.
     """
-    text = "equation: x\ninputs: {x: {value: 0, u: 1, dof: 4}}\n"
-    shown = " ".join(plain_text(table(evaluated(text + "coverage: {k: 2}\n"), 2)).split())
-    assert "U = k u with k = 2.00, as asked for" in shown
-    assert "takes k = 2.87, of Student's t with 4 degrees of freedom" in shown
-    assert "as asked for" not in plain_text(table(evaluated(text), 2))
-    normal = text.replace(", dof: 4", "") + "coverage: {k: 2}\n"
-    assert "as asked for" not in plain_text(table(evaluated(normal), 2))
-    far = " ".join(plain_text(table(evaluated(normal.replace("2}", "5}")), 2)).split())
-    assert "takes k = 3.29, of the normal distribution" in far
+    text = "equation: x\ninputs: {x: {value: 0, u: 1, dof: 4}}\ncoverage: {k: 2}\n"
+    lines = " ".join(shown(evaluated(text)).split())
+    assert "y = 0.0 ± 2.0 (k = 2.00)" in lines
+    assert "95.45 %; of first order: value ± k u with k = 2.87 (t of 4 dof)" in lines
+    normal = evaluated(text.replace(", dof: 4", ""))
+    assert "with k = 2.00 (normal)" in " ".join(shown(normal).split())
 
 
 @pytest.mark.parametrize(("unit", "said"), [("", "2.8"), ("um", "2.8 um")])
@@ -236,8 +246,8 @@ def test_a_share_of_nothing_has_no_sign() -> None:
         "correlations: [[x, y, 0.5]]\n"
     )
     result = evaluated(text, trials=1000)
-    shown = {row[0]: row[-1] for row in table(result, 2)[0].rows}
-    assert shown == {"x": "0.0", "y": "100.0"}
+    shares = {row["input"]: row["share"] for row in rows(result, 0)}
+    assert shares == {"x": "0.0", "y": "100.0"}
 
 
 def test_no_u_by_monte_carlo_is_said_in_words() -> None:
@@ -247,7 +257,7 @@ def test_no_u_by_monte_carlo_is_said_in_words() -> None:
     assert "-" not in title
 
 
-def test_shares_that_hold_a_covariance_say_so(one: BudgetResult) -> None:
+def test_half_of_a_covariance_belongs_to_each_input() -> None:
     """Two inputs of the same size and r = 1/2: each has 1 + 1/2 of the three parts of u^2."""
     text = ONE.replace("d: 7", "d: 7\n    correlations: [[a, b, 0.5]]")
     found = evaluated(text)
@@ -257,26 +267,3 @@ def test_shares_that_hold_a_covariance_say_so(one: BudgetResult) -> None:
     whole = (first.contribution**2).sum() + 2 * shared
     expected = (first.contribution**2 + np.array([shared, shared, 0, 0])) / whole
     np.testing.assert_allclose(first.share, expected, rtol=1e-12)
-    (note,) = table(found, 2)[0].notes
-    assert note.startswith("share, of correlated inputs: (c_i u_i)^2 + sum over the others of")
-    assert table(one, 2)[0].notes == []
-
-
-def test_intervals_that_differ_by_less_than_is_shown_have_more_digits() -> None:
-    """Where first order is not valid, what is to be taken instead can be told from it."""
-    pin = """
-    quantity: {name: V, unit: mm^3}
-    equation: pi*d**2/4*h
-    inputs:
-      d: {unit: mm, readings: [20.01, 20.02, 20.01, 20.02, 20.015], u: 0.0104}
-      h: {value: 50, U: 0.04, k: 2, unit: mm}
-    """
-    found = evaluated(pin)
-    assert found.outputs[0].validation.passed is False
-    first, second, sampled = table(found, 2)[1].rows
-    assert re.fullmatch(r"\[15\d{3}\.\d, 15\d{3}\.\d\]", first[6])
-    assert first[6] != sampled[6]
-    assert first[1] == second[1] == "15732"
-    valid = replace(found.outputs[0], validation=replace(found.outputs[0].validation, passed=True))
-    first, _, sampled = table(replace(found, outputs=(valid,)), 2)[1].rows
-    assert "." not in first[6] + sampled[6]

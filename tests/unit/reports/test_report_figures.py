@@ -13,9 +13,18 @@ from report_examples import SAYS, SETTINGS, Example, example
 
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import arrows, fit_components, labels, lengths, orthogonality, predict_points
+from mtu_cli.reports import (
+    arrows,
+    fit_figure,
+    lengths,
+    lengths_figure,
+    orthogonality_figure,
+    points_figure,
+    predict_points,
+)
+from mtu_cli.reports.arrows import SHORTEST
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.fitted import passes_read
+from mtu_cli.reports.labels import clipped
 from mtu_cli.reports.tables import plain_text
 
 CASES: dict[str, dict[str, Any]] = {
@@ -50,22 +59,26 @@ def test_figures_are_the_same_bytes_every_time(paper: Example, suffix: str) -> N
     points, long, right = paper.points(), paper.lengths(), paper.angles()
     drawn: list[list[bytes]] = []
     for _ in range(2):
-        pages = [predict_points.figure(points), lengths.figure(long), orthogonality.figure(right)]
+        pages = [
+            points_figure.figure(points),
+            lengths_figure.figure(long),
+            orthogonality_figure.figure(right),
+        ]
         drawn.append([figure_bytes(page, suffix) for page in pages])
     assert drawn[0] == drawn[1]
 
 
 def test_a_third_axis_has_a_panel_of_its_own(spatial: Example, paper: Example) -> None:
-    page = predict_points.figure(spatial.points())
-    assert [panel.get_xlabel() for panel in page.axes] == ["x, mm", "Ez, um"]
-    assert len(predict_points.figure(paper.points()).axes) == 1
+    page = points_figure.figure(spatial.points())
+    assert [panel.get_xlabel() for panel in page.axes] == ["x, mm", "x, mm"]
+    assert len(points_figure.figure(paper.points()).axes) == 1
 
 
 def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     from matplotlib.collections import EllipseCollection
 
     result = paper.points()
-    (panel,) = predict_points.figure(result).axes
+    (panel,) = points_figure.figure(result).axes
     (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
     drawn = list(
         zip(
@@ -108,7 +121,7 @@ def test_the_covariance_of_each_feature_is_a_block_of_the_whole(paper: Example) 
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
-    page = predict_points.figure(result)
+    page = points_figure.figure(result)
     figure_bytes(page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)
@@ -122,58 +135,27 @@ def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example)
         assert not any(box.contains(x, y) for x, y in marks)
 
 
-def test_label_goes_opposite_to_a_lone_arrow() -> None:
-    placed = labels.around(
-        np.array([[0.0, 0.0]]), np.array([[10.0, 0.0]]), np.array([1.0]), reach=2.0
-    )
-    np.testing.assert_allclose(placed, [[-2.0, 0.0]], atol=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("name", "shown"),
-    [
-        ("7", "7"),
-        ("bore7", "bore7"),
-        ("the seventh hole at the left edge", "the\N{HORIZONTAL ELLIPSIS}ge"),
-    ],
-)
-def test_one_long_name_is_shortened_and_the_others_stay(
-    paper: Example, name: str, shown: str
-) -> None:
+@pytest.mark.parametrize("name", ["7", "bore7", "the seventh hole at the left edge"])
+def test_one_long_name_is_shortened_and_the_others_stay(paper: Example, name: str) -> None:
     result = paper.points()
     ids = tuple(name if own == "7" else own for own in result.prediction.ids)
-    (panel,) = predict_points.figure(
+    (panel,) = points_figure.figure(
         replace(result, prediction=replace(result.prediction, ids=ids))
     ).axes
-    assert {shown if own == name else own for own in ids} <= {t.get_text() for t in panel.texts}
-
-
-def test_names_that_would_be_alike_are_not_shortened() -> None:
-    places = np.array([[0.0, 0.0], [0.7, 0.0]])
-    assert labels.room(["a", "a long name"], [places], 0.7) == 6
-    assert labels.room(["name 1 of many", "name 2 of many"], [places], 0.7) == 0
-    assert labels.clipped("a long name", 6) == "a l\N{HORIZONTAL ELLIPSIS}me"
-
-
-def test_names_do_not_run_into_one_another() -> None:
-    """Two neighbours with arrows upwards: below both there is room for one wide name only."""
-    places = np.array([[0.0, 0.0], [1.0, 0.0]])
-    placed = labels.around(
-        places, places + np.array([0.0, 1.0]), np.zeros(2), reach=0.5,
-        boxes=(np.array([1.4, 1.4]), 0.3),
-    )  # fmt: skip
-    dx, dy = np.abs(placed[1] - placed[0])
-    assert dx >= 1.4 or dy >= 0.3
+    texts = {t.get_text() for t in panel.texts if t.get_text() and " um" not in t.get_text()}
+    (shown,) = texts - {str(i) for i in range(1, 25) if i != 7}
+    assert shown == clipped(name, len(shown))
+    assert len(shown) >= min(len(name), SHORTEST)
 
 
 def test_no_tolerance_runs_through_a_number(paper: Example) -> None:
     result = paper.lengths()
-    page = lengths.figure(result)
+    page = lengths_figure.figure(result)
     figure_bytes(page, "png")
     (panel,) = page.axes
     edge = panel.get_window_extent().x1
     texts: list[Any] = list(panel.texts)
-    assert len(texts) == 2 * len(result.lengths)
+    assert len(texts) == len(result.lengths)
     assert all(text.get_window_extent().x0 > edge for text in texts)
 
 
@@ -188,8 +170,8 @@ def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
         prediction=replace(result.prediction, mean=np.zeros_like(result.prediction.mean)),
         variance=np.zeros_like(result.variance),
     )
-    assert figure_bytes(predict_points.figure(still), "png")
-    assert "nan" not in plain_text(predict_points.table(still))
+    assert figure_bytes(points_figure.figure(still), "png")
+    assert "nan" not in plain_text(predict_points.document(still).shown())
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -197,7 +179,7 @@ def test_figure_has_a_panel_a_component_and_the_same_bytes(case: str, tmp_path: 
     given = example(tmp_path, **CASES[case])
 
     def page() -> Any:
-        return fit_components.figure(given.fit, given.estimates, 2.0, says=SAYS)
+        return fit_figure.figure(given.fit, given.estimates, 2.0, says=SAYS)
 
     first = page()
     shown = [panel for panel in first.axes if panel.axison]
@@ -208,7 +190,7 @@ def test_figure_has_a_panel_a_component_and_the_same_bytes(case: str, tmp_path: 
 
 def test_a_title_too_long_for_a_line_takes_two_and_is_not_cut(paper: Example) -> None:
     words = "straightness of Y in direction X"
-    page = fit_components.figure(paper.fit, paper.estimates, 2.0, says={"dx_x": words, "axy": "a"})
+    page = fit_figure.figure(paper.fit, paper.estimates, 2.0, says={"dx_x": words, "axy": "a"})
     titles = [panel.get_title(loc="left") for panel in page.axes]
     assert f"dx_x\n{words}" in titles
     assert "axy  a" in titles
@@ -219,12 +201,12 @@ def test_a_title_too_long_for_a_line_takes_two_and_is_not_cut(paper: Example) ->
     box = title.get_window_extent(renderer)
     assert page.bbox.x0 <= box.x0 < box.x1 <= page.bbox.x1
     assert sum(box.overlaps(other) for other in boxes if other is not None) == 1
-    plain = fit_components.figure(paper.fit, paper.estimates, 2.0)
+    plain = fit_figure.figure(paper.fit, paper.estimates, 2.0)
     assert page.get_figheight() > plain.get_figheight()
 
 
 def test_band_is_that_of_a_future_reading(paper: Example) -> None:
-    page = fit_components.figure(paper.fit, paper.estimates, 2.0)
+    page = fit_figure.figure(paper.fit, paper.estimates, 2.0)
     panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))
     (band,) = panel.collections
     at_zero = np.asarray(band.get_paths()[0].vertices)
@@ -251,8 +233,8 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     fit = fit_machine(known, readings([segment]))
     (item,) = fit.components["a"].instruments
     assert item.passes is not None
-    assert (item.fit.n_passes, len(item.passes.keys), passes_read(item)) == (7, 7, 8)
-    page = fit_components.figure(fit, estimates_from_fit(known, fit), 2.0)
+    assert (item.fit.n_passes, len(item.passes.keys), len(item.keys_read)) == (7, 7, 8)
+    page = fit_figure.figure(fit, estimates_from_fit(known, fit), 2.0)
     lines: list[Any] = [line for line in page.axes[0].lines if line.get_marker() in ("<", ">")]
     assert [line.get_marker() for line in lines] == [">", "<"] * 4
     assert [len(line.get_xdata()) for line in lines] == [8, 8, 2, 8, 8, 8, 8, 8]
@@ -280,7 +262,7 @@ def test_an_instrument_has_its_marks_in_every_panel(tmp_path: Path) -> None:
 
     def drawn(*segments: Segment) -> tuple[list[set[Any]], dict[str, Any]]:
         fit = fit_machine(known, readings(segments))
-        page = fit_components.figure(fit, estimates_from_fit(known, fit), 2.0)
+        page = fit_figure.figure(fit, estimates_from_fit(known, fit), 2.0)
         marks = [{x.get_marker() for x in panel.lines} - {"None"} for panel in page.axes]
         (legend,) = page.legends
         handles: list[Any] = legend.legend_handles
@@ -300,8 +282,17 @@ def test_figures_beside_the_lengths_have_the_places_of_the_table(paper: Example)
     """U of 14.0 um beside an error of -3.5 um, for u is 7.0 um: not -3 ± 14."""
     long = paper.lengths()
     for digits in (1, 2, 3):
-        page = lengths.figure(long, digits)
+        page = lengths_figure.figure(long, digits)
         shown = [text.get_text() for text in page.axes[0].texts]
-        rows = lengths.table(long, digits)[0].rows
-        assert shown[::2] == [f"{row[2]} ± {row[4]} um" for row in rows]
-        assert [text.partition(" ")[0] for text in shown[1::2]] == [row[2] for row in rows]
+        rows = lengths.document(long, digits).tables[0].sheet(digits, detail=False).rows
+        assert shown == [f"{row[2]} ± {row[4]} um" for row in rows]
+
+
+def test_many_lengths_are_drawn_over_the_nominal_length(paper: Example) -> None:
+    long = paper.lengths()
+    many = replace(long, lengths=tuple(long.lengths[i % 3] for i in range(36)))
+    (panel,) = lengths_figure.figure(many).axes
+    assert panel.get_xlabel() == "nominal length, mm"
+    dots = [line for line in panel.lines if line.get_marker() == "o"]
+    nominal = [item.nominal for item in many.lengths]
+    assert all(np.asarray(line.get_xdata()).tolist() == nominal for line in dots)

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 import pytest
 from report_examples import LINES, SAYS, SETTINGS, Example, example
+from support import read_components
 
+from mtu_cli.analyses import fit_components as analysis
+from mtu_cli.analyses.fit_components import FitResult, fit_result
+from mtu_cli.analyses.observability import NotDetermined, not_estimable, observability
 from mtu_cli.files.json_file import report_bytes
-from mtu_cli.files.reports_read import read_components
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import MachineFit, estimates_from_report
-from mtu_cli.reports import fit_components, fit_table
-from mtu_cli.reports.document import envelope
+from mtu_cli.reports.document import Document, envelope
+from mtu_cli.reports.fit_components import document
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
-from mtu_cli.reports.observability import NotDetermined, not_estimable, observability
 from mtu_cli.reports.tables import plain_text
 
 CONTRACT = [
@@ -62,13 +64,29 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
     return example(tmp_path_factory.mktemp("paper"))
 
 
+def fitted(given: Example) -> FitResult:
+    return fit_result("test machine", given.fit, given.estimates, says=SAYS)
+
+
+def text_of(given: Example, *, detail: bool = False) -> str:
+    return plain_text(document(fitted(given)).shown(detail=detail))
+
+
+def rows_of(made: Document) -> list[dict[str, str]]:
+    """The rows of the table by the first lines of their headings."""
+    sheet = made.tables[0].sheet(2, detail=False)
+    titles = [column.title.partition("\n")[0] for column in sheet.columns]
+    return [dict(zip(titles, row, strict=True)) for row in sheet.rows]
+
+
 def report(given: Example) -> dict[str, Any]:
+    result = fitted(given)
     return envelope(
         "fit-components",
         inputs=[given.machine.source],
         settings=SETTINGS,
-        results=fit_components.document("test machine", given.fit, given.estimates, says=SAYS),
-        warnings=fit_components.warnings(given.fit, given.estimates),
+        results=document(result).record(),
+        warnings=result.warnings,
     )
 
 
@@ -114,12 +132,12 @@ def test_prediction_reads_the_same_estimates_back(case: str, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("case", CASES)
 def test_every_contract_field_is_there(case: str, tmp_path: Path) -> None:
-    document = report(example(tmp_path, **CASES[case]))
-    for name, item in document["results"]["components"].items():
+    whole = report(example(tmp_path, **CASES[case]))
+    for name, item in whole["results"]["components"].items():
         assert set(CONTRACT) <= set(item), name
         assert np.array(item["pass_covariance"]).shape == (min(2, item["degree"] + 1),) * 2
-    assert {"joint_pass_covariance", "observability"} <= set(document["results"])
-    assert json.loads(report_bytes(document)) == document
+    assert {"joint_pass_covariance", "observability"} <= set(whole["results"])
+    assert json.loads(report_bytes(whole)) == whole
 
 
 def test_figures_against_plain_formulas(paper: Example) -> None:
@@ -220,7 +238,7 @@ def test_observability_of_a_good_run_names_only_the_axis_angle(paper: Example) -
 
 def test_each_quantity_that_is_not_estimable_is_one_note(paper: Example) -> None:
     """A note for each quantity, with its components."""
-    noted = fit_components.warnings(paper.fit, paper.estimates)
+    noted = fitted(paper).warnings
     assert [item.code for item in noted] == ["not-estimable"] * 2
     assert [item.facts["quantity"] for item in noted] == [
         "repeatability of one visit",
@@ -291,25 +309,25 @@ def test_what_makes_passes_those_of_others_can_be_done(tmp_path: Path) -> None:
 def test_each_of_several_instruments_has_a_row_of_its_own(tmp_path: Path) -> None:
     """Level, slope and tests; of the component itself there are no tests."""
     given = example(tmp_path, passes=3, roles=("lbb", "laser"))
-    (sheet,) = fit_table.table("m", given.fit, given.estimates)
-    names = [row[0] for row in sheet.rows]
+    rows = rows_of(document(fitted(given)))
+    names = [row["component"] for row in rows]
     at = names.index("dx_x")
     assert names[at : at + 3] == ["dx_x", "  lbb", "  laser"]
-    assert sheet.rows[at][7:] == ["-"] * 4
+    assert [rows[at][test] for test in ("drift", "trend", "misfit", "reversal")] == ["-"] * 4
     middle = report(given)["results"]["components"]["dx_x"]["pass_center_mm"]
-    for item, row in zip(
-        given.fit.components["dx_x"].instruments, sheet.rows[at + 1 :], strict=False
-    ):
+    for item, row in zip(given.fit.components["dx_x"].instruments, rows[at + 1 :], strict=False):
         b, u = item.fit.plain.coefficients, np.sqrt(np.diag(item.fit.covariance))
-        assert row[3:5] == [plus_minus(1e3 * b[0], 1e3 * u[0]), plus_minus(1e6 * b[1], 1e6 * u[1])]
+        assert row["at 0"] == plus_minus(1e3 * b[0], 1e3 * u[0])
+        assert row["slope"] == plus_minus(1e6 * b[1], 1e6 * u[1])
         assert item.scatter is not None
         assert item.reversal is not None
-        assert row[7].rstrip("*") == p_value(item.scatter.p)
-        assert row[10] == plus_minus(1e3 * item.reversal.value, 1e3 * item.reversal.u)
+        assert row["drift"].rstrip("*") == p_value(item.scatter.p)
+        shown = plus_minus(1e3 * item.reversal.value, 1e3 * item.reversal.u)
+        assert row["reversal"].rstrip("*") == shown
         # In um, at the same place as that of the component.
         lever = np.array([1.0, middle - item.fit.center])
         s_pass = np.sqrt(lever @ item.fit.D @ lever)
-        assert row[6] == significant(1e3 * s_pass)
+        assert row["s_pass"] == significant(1e3 * s_pass)
 
 
 def test_components_of_a_group_stay_together_in_a_list_of_groups(
@@ -320,51 +338,43 @@ def test_components_of_a_group_stay_together_in_a_list_of_groups(
         NotDetermined(component=group, not_determined="it", because="so", reading_that_would="that")
         for group in groups
     ]
-    for module in (fit_components, fit_table):
-        monkeypatch.setattr(module, "observability", lambda *_: apart)
-    text = plain_text(fit_components.table("machine", paper.fit, paper.estimates))
-    assert "not known: the it of dx_x + dy_x, ex_y + ey_y. Why: so. To know it: that" in text
-    (warning,) = fit_components.warnings(paper.fit, paper.estimates)
+    monkeypatch.setattr(analysis, "observability", lambda *_: apart)
+    text = " ".join(text_of(paper, detail=True).split())
+    assert "not determined: it of dx_x + dy_x, ex_y + ey_y. Why: so. Remedy: that" in text
+    (warning,) = fitted(paper).warnings
     assert warning.facts["names"] == ["dx_x + dy_x", "ex_y + ey_y"]
 
 
 @pytest.mark.parametrize("case", [*CASES, "long"])
 def test_table_fits_100_columns(case: str, tmp_path: Path) -> None:
     given = example(tmp_path, **CASES.get(case, {"stated": LONG}))
-    text = plain_text(fit_components.table("test machine", given.fit, given.estimates))
-    assert max(map(len, text.splitlines())) <= 100
+    for detail in (False, True):
+        text = text_of(given, detail=detail)
+        assert max(map(len, text.splitlines())) <= 100
+    rows = {row["component"]: row for row in rows_of(document(fitted(given)))}
     for name in LINES:
-        (line,) = [row for row in text.splitlines() if row.startswith(f"{name} ") and "±" in row][
-            :1
-        ]
         estimate = given.estimates.components[name]
-        slope = estimate.coefficients[1] / estimate.unit.to_internal * 1000
-        shown = [float(word) for word in line.replace("*", "").split() if _is_number(word)]
-        u = np.sqrt(estimate.covariance[1, 1]) / estimate.unit.to_internal * 1000
-        assert min(abs(value - slope) for value in shown) <= 0.06 * u
+        slope, u = estimate.coefficients[1], np.sqrt(estimate.covariance[1, 1])
+        per_m = 1000 / estimate.unit.to_internal
+        assert rows[name]["slope"] == plus_minus(slope * per_m, u * per_m)
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def test_what_stands_out_is_marked(paper: Example) -> None:
-    text = plain_text(fit_components.table("test machine", paper.fit, paper.estimates))
-    bent = next(line for line in text.splitlines() if line.startswith("ez_y"))
-    straight = next(line for line in text.splitlines() if line.startswith("dx_x"))
-    assert bent.count("<0.001*") == 2
-    # It scatters from pass to pass and has a reversal.
-    assert straight.count("*") == 2
+def test_what_is_significant_is_marked_and_named_first(paper: Example) -> None:
+    rows = {row["component"]: row for row in rows_of(document(fitted(paper)))}
+    tests = ("drift", "trend", "misfit", "reversal")
+    marked = {name: [t for t in tests if row[t].endswith("*")] for name, row in rows.items()}
+    assert marked["ez_y"] == ["drift", "misfit"]
+    assert marked["dx_x"] == ["drift", "reversal"]
+    verdict = document(fitted(paper)).verdict
+    assert "misfit of the polynomial of ez_y" in verdict
+    assert "reversal of dx_x" in verdict
 
 
 def test_csv_is_the_json_side_by_side(paper: Example) -> None:
-    header, rows = fit_components.csv_rows(paper.fit, paper.estimates)
+    made = document(fitted(paper))
+    header, rows = made.rows()
     table = [dict(zip(header, row, strict=True)) for row in rows]
-    components = report(paper)["results"]["components"]
+    components = made.record()["components"]
     assert [row["component"] for row in table] == list(components)
     for row in table:
         item = components[str(row["component"])]
@@ -379,5 +389,7 @@ def test_csv_is_the_json_side_by_side(paper: Example) -> None:
 def test_a_scatter_that_is_rounding_is_none(paper: Example, s_pass: float, shown: str) -> None:
     """Of passes that are equal, beside readings of um: 2.2e-16 um is no figure."""
     known = paper.estimates.components["dx_x"]
-    none = replace(known, pass_covariance=np.diag([s_pass**2, 0.0]))
-    assert fit_table._scatter(none, None, 2)[1] == shown
+    stated = replace(known, pass_covariance=np.diag([s_pass**2, 0.0]))
+    every = replace(paper.estimates, components={"dx_x": stated, "dy_x": known}, joint=())
+    row, _ = rows_of(document(fit_result("m", MachineFit(components={}, joint=()), every)))
+    assert row["s_pass"] == shown

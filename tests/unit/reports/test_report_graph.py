@@ -12,15 +12,18 @@ import numpy as np
 import pytest
 from graph_examples import SHIPPED, graph_of, shipped
 
+from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import simulate_graph
-from mtu_cli.analyses.graph.sweep import sweep_graph
-from mtu_cli.cli.graph_draw import net_for
+from mtu_cli.analyses.graph.sweep import Sweep, sweep_graph
+from mtu_cli.cli.alone import net_for
 from mtu_cli.files.graph import load_graph
 from mtu_cli.findings import InputError
 from mtu_cli.model.graph.examine import examine
 from mtu_cli.model.graph.measurement_graph import build_graph
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph_figure, graph_simulate, graph_sweep, graph_text
+from mtu_cli.reports import graph as report
+from mtu_cli.reports import graph_figure, graph_text
+from mtu_cli.reports.document import Document
 from mtu_cli.reports.figures import figure_bytes, house_style
 from mtu_cli.reports.graph_drawing import drawing
 from mtu_cli.reports.graph_layout import RADIUS, lay_out
@@ -45,11 +48,11 @@ def net(name: str, shares: bool) -> Net:
 def test_only_what_is_drawn_is_explained_below(name: str, marked: bool) -> None:
     drawn = net(name, False)
     assert any(node.marked for node in drawn.nodes) == marked
-    told = [text.get_text() for text in drawing(drawn).axes[0].texts]
+    told = [text.get_text() for text in drawing(drawn).legends[0].get_texts()]
     assert ("marker" in told) == marked
     assert {"transition", "reported"} <= set(told)
     unread = replace(drawn, nodes=tuple(replace(node, reported=False) for node in drawn.nodes))
-    assert "reported" not in [text.get_text() for text in drawing(unread).axes[0].texts]
+    assert "reported" not in [text.get_text() for text in drawing(unread).legends[0].get_texts()]
 
 
 def test_six_graphs_are_shipped() -> None:
@@ -157,9 +160,23 @@ def test_long_names_end_on_the_paper(tmp_path: Path) -> None:
         assert box.x1 <= page.bbox.x1
 
 
+def test_report_of_a_check() -> None:
+    result = check_graph(shipped("bore-to-bore"))
+    made = report.check(result, lambda: None)
+    results, (header, rows) = made.record(), made.rows()
+    order = [step for fired in results["firing_order"] for step in fired]
+    assert len(order) == results["transitions"] == len(list(rows))
+    assert header == ["round", "do", "in", "out"]
+    assert sum(results["places"].values()) == len(shipped("bore-to-bore").graph.places)
+    sheet = made.tables[0].sheet(2, detail=False)
+    assert [row[0] for row in sheet.rows] == [str(i + 1) for i in range(len(result.rounds))]
+    assert made.verdict.startswith("The graph is sound: ")
+
+
 def test_report_of_a_simulation() -> None:
     result = simulate_graph(shipped("rotary-axis-a"), Settings(trials=20_000))
-    results = graph_simulate.document(result, 2.0)
+    made = report.simulate(result)
+    results = made.record()
     assert set(results) == {"places", "trials", "converged", "budget"}
     assert list(results["places"]) == ["PA", "VA", "RA"]
     assert list(results["places"]["VA"]) == ["i", "j", "k"]
@@ -169,13 +186,25 @@ def test_report_of_a_simulation() -> None:
     assert one["U"] == 2 * one["u"]
     assert results["places"]["VA"]["j"]["unit"] == "1"
     assert results["budget"]["VA"]["i"]["u1_axis"] is None
-    header, rows = graph_simulate.csv_rows(result, 2.0)
+    header, rows = made.rows()
     assert all(len(row) == len(header) for row in rows)
-    (sheet,) = graph_simulate.table(result)
-    assert [row[0] for row in sheet.rows][:2] == ["PA.x", "PA.y"]
-    for verdict in {row[-1] for row in sheet.rows}:
-        assert f" {verdict}: {graph_simulate.VERDICTS[verdict]}" in sheet.notes[1]
-    assert figure_bytes(graph_figure.simulated(result), "png").startswith(b"\x89PNG")
+    places = made.tables[0].sheet(2, detail=True)
+    assert [row[0] for row in places.rows][:2] == ["PA.x", "PA.y"]
+    unjudged = [item.validation is None for item in result.coordinates]
+    assert [row[-1] == "-" for row in places.rows] == unjudged
+    assert figure_bytes(made.figure(), "png").startswith(b"\x89PNG")
+
+
+def swept(result: Sweep) -> Document:
+    """The report of a sweep of the ball's centre."""
+    base = simulate_graph(shipped("ball-centre"), Settings(trials=100), ["P1.x"])
+    return report.sweep(base, result)
+
+
+def errors(result: Sweep) -> list[str]:
+    """The column of the formula's errors."""
+    sheet = swept(result).tables[0].sheet(2, detail=False)
+    return [row[-2] for row in sheet.rows]
 
 
 def test_report_of_a_sweep() -> None:
@@ -185,30 +214,29 @@ def test_report_of_a_sweep() -> None:
         "P1.x",
         {"axis_um": [1.0, 2.0, 3.0], "probe_um": [1.0, 2.0]},
     )
-    results = graph_sweep.document(result)
+    made = swept(result)
+    results = made.record()
     assert [item["axis_um"] for item in results["grid"]] == [1, 1, 2, 2, 3, 3]
     assert set(results["formula"]) >= {"form", "coefficients", "max_error_percent"}
     assert results["formula"]["monte_carlo"]["standard_error_percent"] == pytest.approx(
         2.2, abs=0.2
     )
-    header, rows = graph_sweep.csv_rows(result)
+    assert set(results) >= {"places", "budget", "of", "converged"}
+    header, rows = made.rows()
     assert all(len(row) == len(header) for row in rows)
-    notes = graph_sweep.table(result)[0].notes
-    told = " ".join(notes)
-    assert re.search("differ by [1-9] % at most; the Monte Carlo knows each u to 2 %, so", told)
-    assert re.search("by chance alone the largest of 6 differences is about [2-6] %", told)
+    assert re.search("differ by [1-9] % at most", made.verdict)
+    notes = " ".join(made.tables[0].notes)
+    assert "standard error of each u: 2 %; by chance alone the largest of 6" in notes
     # Digits below what u is known to are noise; of an exact one rounding leaves no error, and an
     # error that is one is shown.
     near = tuple(replace(item, error_percent=-0.36) for item in result.grid)
-    assert {row[-2] for row in graph_sweep.table(replace(result, grid=near))[0].rows} == {"0"}
+    assert set(errors(replace(result, grid=near))) == {"0"}
     assert result.formula is not None
-    exact = replace(result.formula, monte_carlo_percent=1e-13)
-    result = replace(result, formula=exact)
-    assert "knows each u" not in " ".join(graph_sweep.table(result)[0].notes)
+    exact = replace(result, formula=replace(result.formula, monte_carlo_percent=1e-13))
+    assert "knows each u" not in " ".join(swept(exact).tables[0].notes)
     noisy = [replace(item, error_percent=5.9e-13) for item in result.grid[:1]]
     noisy += [replace(item, error_percent=5.9e-5) for item in result.grid[1:2]]
-    sheet = graph_sweep.table(replace(result, grid=(*noisy, *result.grid[2:])))[0]
-    assert [row[-2] for row in sheet.rows[:2]] == ["0", "5.9e-5"]
+    assert errors(replace(exact, grid=(*noisy, *result.grid[2:])))[:2] == ["0", "5.9e-5"]
     figure = graph_figure.swept(result)
     assert figure_bytes(figure, "svg").startswith(b"<?xml")
     (panel,) = figure.axes
@@ -226,27 +254,6 @@ def test_report_of_a_sweep() -> None:
     assert figure.get_suptitle() == "Uncertainty of P1.x over axis_um"
     chance = replace(result, chance=True, formula=None)
     assert graph_figure.swept(chance).get_suptitle() == "Chance that P1.x is 1 over axis_um"
-
-
-@pytest.mark.parametrize(
-    ("u", "means"),
-    [
-        ((0.79, 0.0, 1.58), ["0.00", "0.50", "0.50"]),
-        ((1.58, 15.8, 1.58), ["0.0", "0.5", "0.5"]),
-        # Without a common place that can be read, each has its own.
-        ((3e-7, 1.58, 1.58), ["4.00e-6", "0.5", "0.5"]),
-        ((158.0, 1580.0, 158.0), ["0", "0", "0"]),
-    ],
-)
-def test_means_of_a_sweep_have_one_last_place(u: tuple[float, ...], means: list[str]) -> None:
-    varied = {"axis_um": [1.0, 2.0, 3.0]}
-    result = sweep_graph(shipped("ball-centre"), Settings(trials=100), "P1.x", varied)
-    grid = tuple(
-        replace(item, u=1e-3 * own, mean=result.nominal + 1e-3 * mean, deviation=1e-3 * mean)
-        for item, own, mean in zip(result.grid, u, (4e-6, 0.5, 0.5), strict=True)
-    )
-    (sheet,) = graph_sweep.table(replace(result, grid=grid))
-    assert [row[1] for row in sheet.rows] == means
 
 
 def test_a_legend_of_many_lines_stands_beside_them() -> None:
@@ -326,8 +333,8 @@ def test_every_line_of_the_histograms_is_in_their_legend(of: list[str]) -> None:
     assert set(named) == {
         "Monte Carlo trials",
         "first order",
-        "95 % interval, first order",
-        "95 % interval, Monte Carlo",
+        "95 %, first order",
+        "95 %, Monte Carlo",
     }
 
 
@@ -344,11 +351,10 @@ transitions:
   - {{do: compute, in: [x], out: z, formula: x - {size} + 1e-5}}
 """
     result = simulate_graph(graph_of(tmp_path, text), Settings(trials=1000))
-    (sheet,) = graph_simulate.table(result)
+    sheet = report.simulate(result).tables[0].sheet(2, detail=False)
     shown = {row[0]: row[1] for row in sheet.rows}
     assert shown["y"] == "0 mm"
     assert float(shown["z"].removesuffix(" mm")) == pytest.approx(1e-5, abs=size * 1.2e-16)
-    assert "first-order u: differences over one standard uncertainty" in sheet.notes[0]
 
 
 def test_variances_of_lengths_and_directions_are_not_added() -> None:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 
+from mtu_cli.analyses.fit_components import fit_result
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.reports.fit_components import document, table, warnings
-from mtu_cli.reports.runs import runs_notes
+from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
+from mtu_cli.reports.fit_components import document
 
 MACHINE = """
 components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}, c: {of: x, unit: mm}}
@@ -20,6 +22,18 @@ equations: {Ex: a + c, Ey: b}
 """
 P = np.linspace(0.0, 90.0, 4)
 IntArray = NDArray[np.int64]
+
+
+def reported(known: LoadedMachine, fit: MachineFit) -> dict[str, Any]:
+    """The components of the JSON report."""
+    found: dict[str, Any] = document(fit_result("m", fit, estimates_from_fit(known, fit))).record()[
+        "components"
+    ]
+    return found
+
+
+def codes_of(known: LoadedMachine, fit: MachineFit) -> set[str]:
+    return {item.code for item in fit_result("m", fit, estimates_from_fit(known, fit)).warnings}
 
 
 def segment(name: str, numbers: list[int], ways: list[int], role: str = "lbb") -> Segment:
@@ -46,7 +60,7 @@ def each_its_own() -> Readings:
 def test_the_report_lists_the_passes_of_every_run(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE)
     fit = fit_machine(known, each_its_own())
-    found = document("m", fit, estimates_from_fit(known, fit))["components"]
+    found = reported(known, fit)
     first = {"file": 1, "pass": 3, "direction": 1}
     assert found["a"]["runs"][1] == {
         "role": "lbb", "passes": [first, {"file": 1, "pass": 4, "direction": -1}],
@@ -56,26 +70,13 @@ def test_the_report_lists_the_passes_of_every_run(tmp_path: Path) -> None:
     assert numbers == [[1, 1], [2, 2], [3, 3]]
 
 
-def test_the_table_tells_runs_of_components_alike_in_one_line(tmp_path: Path) -> None:
-    known = loaded(tmp_path, MACHINE)
-    fit = fit_machine(known, each_its_own())
-    notes = [
-        "a, b: 6 passes in 3 runs (there and back): 1+2, 3+4, 5+6",
-        "c: 3 passes in 3 runs (there and back)",
-    ]
-    assert runs_notes(fit) == notes
-    (sheet,) = table("m", fit, estimates_from_fit(known, fit))
-    assert set(notes) <= set(sheet.notes)
-
-
 def test_passes_without_a_way_back_are_told_apart(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE)
     alone = [1, 2, 3, 4, 5], [1, -1, 1, -1, 1]
     one = [1, 2, 3], [1, 1, 1]
     given = [segment("a", *alone), segment("b", *one), segment("c", *one)]
     fit = fit_machine(known, readings(given))
-    assert runs_notes(fit) == ["a: 5 passes in 3 runs (2 there and back): 1+2, 3+4, 5"]
-    found = document("m", fit, estimates_from_fit(known, fit))["components"]["b"]["runs"]
+    found = reported(known, fit)["b"]["runs"]
     assert [len(run["passes"]) for run in found] == [1, 1, 1]
 
 
@@ -86,10 +87,7 @@ def test_passes_of_several_files_are_named_with_their_file(tmp_path: Path) -> No
              for role, own in (("lbb", there), ("laser", back))]  # fmt: skip
     apart = readings(given)
     fit = fit_machine(known, replace(apart, roles=("lbb", "lbb")))
-    assert runs_notes(fit) == [
-        "a, b: 4 passes in 2 runs (file.pass, there and back): 1.1+2.1, 1.2+2.2"
-    ]
-    found = document("m", fit, estimates_from_fit(known, fit))["components"]["a"]["runs"]
+    found = reported(known, fit)["a"]["runs"]
     assert [item["file"] for item in found[0]["passes"]] == [1, 2]
 
 
@@ -100,8 +98,7 @@ def test_one_file_there_and_one_back_have_one_trend_in_any_order(tmp_path: Path)
              for role, own in zip(("lbb", "laser"), ways, strict=True)]  # fmt: skip
     fit = fit_machine(known, replace(readings(given), roles=("lbb", "lbb")))
     assert all(item.trend is not None for c in fit.components.values() for item in c.instruments)
-    codes = {item.code for item in warnings(fit, estimates_from_fit(known, fit))}
-    assert "order-of-files" not in codes
+    assert "order-of-files" not in codes_of(known, fit)
 
 
 def test_of_one_run_alone_the_order_of_the_files_counts(tmp_path: Path) -> None:
@@ -125,7 +122,7 @@ def test_a_trend_through_files_without_times_says_so(tmp_path: Path) -> None:
     fit = fit_machine(known, replace(readings(given), roles=("lbb", "lbb")))
     (told,) = [
         item
-        for item in warnings(fit, estimates_from_fit(known, fit))
+        for item in fit_result("m", fit, estimates_from_fit(known, fit)).warnings
         if item.code == "order-of-files"
     ]
     assert told.facts["names"] == ["a", "b"]
@@ -134,14 +131,12 @@ def test_a_trend_through_files_without_times_says_so(tmp_path: Path) -> None:
     clocked = replace(readings(timed), roles=("lbb", "lbb"))
     for silent in (clocked, readings(one_file)):
         fit = fit_machine(known, silent)
-        codes = {item.code for item in warnings(fit, estimates_from_fit(known, fit))}
-        assert "order-of-files" not in codes
+        assert "order-of-files" not in codes_of(known, fit)
 
 
 def test_without_passes_there_are_no_runs(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE)
     given = [Segment(name=name, position=P, error=np.array([0.1, 0.3, 0.2, 0.5])) for name in "abc"]
     fit = fit_machine(known, readings(given))
-    found = document("m", fit, estimates_from_fit(known, fit))["components"]
+    found = reported(known, fit)
     assert found["a"]["runs"] is None
-    assert runs_notes(fit) == []

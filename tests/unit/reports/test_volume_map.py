@@ -23,7 +23,7 @@ def test_a_grid_that_is_no_plane_says_why(points: list[list[float]], why: str) -
     with pytest.raises(InputError) as raised:
         _roles(np.array(points, np.float64))
     (told,) = raised.value.findings
-    assert (told.code, told.value) == ("grid-without-map", why)
+    assert (told.code, told.value) == ("not-applicable", why)
 
 
 def test_the_axes_with_the_most_places_span_the_map() -> None:

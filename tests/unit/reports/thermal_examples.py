@@ -11,7 +11,10 @@ from mtu_cli.analyses.thermal_fit.result import (
     Candidate,
     ComponentDrift,
     Curve,
+    CycleRms,
+    Gradients,
     HeldOut,
+    Intercept,
     PositionTest,
     Residuals,
     ThermalFit,
@@ -99,7 +102,7 @@ def cubic() -> ComponentDrift:
         temperature_range=ranges(5), position_range=(0.0, 300.0),
     )  # fmt: skip
     gradients = tuple(
-        (p, {name: float(GRADIENTS[s, i] * f) for s, name in enumerate(SENSORS)})
+        Gradients(p, {name: float(GRADIENTS[s, i] * f) for s, name in enumerate(SENSORS)})
         for i, p in enumerate(POSITIONS)
     )
     return ComponentDrift(
@@ -109,7 +112,9 @@ def cubic() -> ComponentDrift:
         r2_fit=0.9989, rms_before=31.2 * f, rms_after=0.251 * f,
         held_out=HeldOut(
             before=30.9 * f, after=0.31 * f, ordinary=0.54 * f, r2=1 - (0.31 / 30.9) ** 2,
-            cycles=tuple((c, (30.0 + i) * f, (0.3 + 0.01 * i) * f) for i, c in enumerate(CYCLES)),
+            cycles=tuple(
+                CycleRms(c, (30.0 + i) * f, (0.3 + 0.01 * i) * f) for i, c in enumerate(CYCLES)
+            ),
             blocks=len(CYCLES),
         ),
         candidates=tuple(
@@ -124,7 +129,7 @@ def cubic() -> ComponentDrift:
         shares={"T_01_degC": 9.1 * f, "T_02_degC": 44.0 * f, "T_spindle_degC": 38.2 * f,
                 "T_05_degC": 13.0 * f, "T_room_degC": 0.81 * f},
         at_positions=gradients,
-        intercepts=tuple((p, 0.1 * i * f) for i, p in enumerate(POSITIONS)),
+        intercepts=tuple(Intercept(p, 0.1 * i * f) for i, p in enumerate(POSITIONS)),
         curves=curves(estimate, POSITIONS, 0.25 * f),
     )  # fmt: skip
 
@@ -152,8 +157,8 @@ def constant(name: str = "yaw_y", *, held_out: bool = True) -> ComponentDrift:
         position_test=None, condition=8.3, vif={"T_01_degC": 4.1, "T_02_degC": 4.1},
         residuals=Residuals(normality_p=None, lag1=0.61, effective=14.6),
         shares={"T_01_degC": 11.9 * f, "T_02_degC": 4.6 * f},
-        at_positions=((None, {"T_01_degC": 2.81 * f, "T_02_degC": -1.1 * f}),),
-        intercepts=((None, 0.02 * f),),
+        at_positions=(Gradients(None, {"T_01_degC": 2.81 * f, "T_02_degC": -1.1 * f}),),
+        intercepts=(Intercept(None, 0.02 * f),),
         curves=tuple(x for x in curves(estimate, (None,), 0.2 * f) if x.cycle in cycles),
     )  # fmt: skip
 
@@ -167,7 +172,7 @@ def without_sensors() -> ComponentDrift:
     )  # fmt: skip
     return replace(
         found, name="still", estimate=estimate, shares={}, vif={}, curves=(), condition=np.nan,
-        at_positions=((None, {}),),
+        at_positions=(Gradients(None, {}),),
     )  # fmt: skip
 
 
@@ -185,7 +190,7 @@ def many_positions() -> ComponentDrift:
         found, name="a_very_long_component_name", groups=(),
         estimate=replace(found.estimate, sensors=tuple(long.values())), curves=tuple(curves),
         shares={long[name]: value for name, value in found.shares.items()}, vif={},
-        at_positions=tuple((float(p), gradients) for p in np.linspace(0, 300, 9)),
+        at_positions=tuple(Gradients(float(p), gradients) for p in np.linspace(0, 300, 9)),
     )  # fmt: skip
 
 

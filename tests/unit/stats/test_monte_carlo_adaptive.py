@@ -75,7 +75,7 @@ def test_values_that_are_not_finite_are_counted(bad: float, trials: int | None) 
         values[1, :7] = bad
         return values
 
-    with pytest.raises(InputError, match=r"'worse' is not finite in 7 of") as raised:
+    with pytest.raises(InputError, match=r"'worse' has no finite value in 7 of") as raised:
         monte_carlo(Other(formula, ("good", "worse")), seed=1, trials=trials)
     assert "good" not in str(raised.value)
 

@@ -123,7 +123,7 @@ def _of_table(result: TableResult) -> list[Finding]:
     found += [*_passes_apart(result), *_scatter_beyond(result)]
     for effect in result.effects:
         if effect.alike:
-            found.append(loop_warning(code="searched-not-told", message=_alike(effect, of)))
+            found.append(loop_warning(code="not-separable", message=_alike(effect, of)))
         found += _few_places(effect, table)
         if effect.family == "covariate" and effect.explained_share > ALL:
             text = (
@@ -291,5 +291,5 @@ def _few_places(effect: FoundEffect, table: ResidualTable) -> list[Finding]:
                 f"effect takes {taken} figures of them by itself, and quite another {name} may fit "
                 "as well; features at more distances would tell"
             )
-            found.append(loop_warning(code="searched-not-told", message=text))
+            found.append(loop_warning(code="not-separable", message=text))
     return found

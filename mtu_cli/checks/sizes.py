@@ -1,0 +1,146 @@
+"""Names, places and sizes that are hardly meant, in parts, machines and tables."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from mtu_cli.checks import Data, DocumentData, Floats, Odd, PointsData, ReadingsData, Rows, check
+from mtu_cli.checks.plausible import (
+    BEYOND,
+    CONSTANT_TRAVELS,
+    NARROW,
+    POSITIONS,
+    TOLERANCE_UM,
+    TRAVEL_MM,
+    kind_of,
+    largest,
+)
+from mtu_cli.files.points import SAME_MM
+from mtu_cli.units import UNITS
+
+Position = tuple[Sequence[str], str, Floats, Rows, str]
+NONE = np.arange(0)
+
+
+def same_names(names: Sequence[str]) -> list[tuple[str, str]]:
+    """Pairs of names that differ by case or blanks only.
+
+    >>> same_names(["sn 1", "SN1", "sn2"])
+    [('sn 1', 'SN1')]
+    """
+    first: dict[str, str] = {}
+    pairs = ((first.setdefault("".join(name.split()).casefold(), name), name) for name in names)
+    return [(other, name) for other, name in pairs if other != name]
+
+
+def places(data: DocumentData) -> tuple[list[str], Floats]:
+    """Features and nominal places (n, 3) of a part file, mm; nan where none is given."""
+    known = data.loaded.part.places()
+    return [*known], np.array([*known.values()], np.float64)
+
+
+@check("alike", of="part")
+def places_alike(data: DocumentData) -> Iterator[Odd]:
+    """Features at one nominal place."""
+    at: dict[bytes, list[str]] = defaultdict(list)
+    for name, place in zip(*places(data), strict=True):
+        at[(np.round(place / SAME_MM) + 0.0).tobytes()].append(name)
+    for names in at.values():
+        if len(names) > 1:
+            facts = {"what": "features at the same nominal place", "names": names}
+            yield Odd(NONE, facts, path=("features", names[-1]))
+
+
+@check("alike", of="points")
+def names_alike(data: PointsData) -> Iterator[Odd]:
+    """Parts, features or operations that are one but for case and blanks."""
+    for column in ("part", "feature", "operation"):
+        known = getattr(data.table, f"{column}s")
+        if pairs := same_names(known):
+            odd = [known.index(name) for _, name in pairs]
+            rows = np.flatnonzero(np.isin(getattr(data.table, column), odd))
+            names = [f"{other!r} and {name!r}" for other, name in pairs]
+            facts = {"what": "names that differ by case or blanks only", "names": names}
+            yield Odd(rows, facts, column)
+
+
+@check("position-beyond-travel", of=("readings", "drift", "points", "part"))
+def beyond(data: Data) -> Iterator[Odd]:
+    """Positions so far out that no coordinate system of the machine holds them, and those of
+    passes that cover too little of the travel, and all of it in metres or inches.
+    """
+    for names, axis, values, rows, column in _positions(data):
+        low, high = data.travels.get(axis, (-np.inf, np.inf))
+        travel, size, code = abs(high - low), float(np.ptp(values)), None
+        # Readings are in the frame of the machine, places in one of the part.
+        middle = 0.0 if isinstance(data, ReadingsData) else np.median(values)
+        odd = np.flatnonzero(np.abs(values - middle) > BEYOND * travel)
+        if len(odd):
+            size = float(np.abs(values[odd]).max())
+        elif isinstance(data, ReadingsData) and data.table.has_pass[rows].all():
+            code = "unit-of-positions"
+            odd = np.arange(len(rows)) if 0 < size < NARROW * travel else odd
+        meant = [unit for unit, to in POSITIONS.items() if NARROW * travel < size * to <= travel]
+        if len(odd) and (meant or not code):
+            hint = f"; in {' or '.join(meant)} they would not be" if meant else ""
+            where = [names[i] for i in odd.tolist()]
+            facts = {"names": where, "axis": axis, "travel": travel, "hint": hint}
+            yield Odd(rows[odd], facts, column, f"{size:g}", ("features", where[0], column), code)
+
+
+def _positions(data: Data) -> Iterator[Position]:
+    """Whose positions along an axis are where (mm), in which rows and column."""
+    if isinstance(data, ReadingsData):
+        for name, rows in data.by_component:
+            if axis := getattr(data.components.get(name), "of", None):
+                yield [name] * len(rows), axis, data.table.position_mm[rows], rows, "position_mm"
+        return
+    if isinstance(data, DocumentData):
+        (names, nominal), column = places(data), "{}_mm"
+    else:
+        at = slice(None) if data.part is None and data.travels else slice(0)
+        names = np.take(data.table.features, data.table.feature[at]).tolist()
+        nominal, column = data.table.nominal[at], "nominal_{}_mm"
+    for axis, values in zip("xyz", nominal.T, strict=True):
+        if names and np.isfinite(values).all():
+            yield names, axis, values, np.arange(len(names)), column.format(axis)
+
+
+@check("implausible-size", of=("part", "machine"))
+def sizes(data: DocumentData) -> Iterator[Odd]:
+    """Tolerances, travels, constants and coefficients whose unit is hardly the one stated."""
+    of_part = hasattr(data.loaded, "part")
+    for path, what, meant in _of_part(data.loaded) if of_part else _of_machine(data.loaded):
+        yield Odd(NONE, {"what": what, "meant": meant}, path=path)
+
+
+def _of_part(loaded: Any) -> Iterator[tuple[Any, str, str]]:
+    for i, entry in enumerate(loaded.part.lengths):
+        if (entry.tolerance_um or np.inf) < TOLERANCE_UM:
+            what = f"a tolerance of {entry.tolerance_um:g} um"
+            yield ("lengths", i, "tolerance_um"), what, "mm"
+
+
+def _of_machine(loaded: Any) -> Iterator[tuple[Any, str, str]]:
+    machine = loaded.machine
+    travels = {axis: abs(high - low) for axis, (low, high) in machine.travels.items()}
+    for axis, travel in travels.items():
+        if travel < TRAVEL_MM:
+            yield ("axes", axis, "travel_mm"), f"a travel of {travel:g} mm", "metres"
+    most = CONSTANT_TRAVELS * max(travels.values(), default=np.inf)
+    for name, constant in machine.constants.items():
+        value = float(getattr(constant, "value", constant))
+        if abs(value) > most:
+            yield ("constants", name), f"a constant of {value:g} mm", "um"
+    for name, component in machine.components.items():
+        low, high = machine.travels.get(component.of, (0.0, 0.0))
+        position, unit = np.linspace(low, high, 9), UNITS[component.unit]
+        errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
+        if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
+            what = f"errors of up to {errors.max():.3g} {component.unit}"
+            yield ("components", name, "coefficients"), what, "a smaller unit"

@@ -1,0 +1,290 @@
+"""What a call names on the command line or in its study: read once, checked once, when needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+from pydantic import ValidationError
+
+from mtu_cli.cli.options import Options
+from mtu_cli.cli.values import assigned, number_of
+from mtu_cli.files.contract import EXPECTED
+from mtu_cli.files.covariates import DIRECTIONS, direction_sign
+from mtu_cli.files.csv_table import cell_text
+from mtu_cli.files.source import given_path, resolved, shown_path
+from mtu_cli.files.study import STUDY_NAME, LoadedStudy, find_study, load_study
+from mtu_cli.files.study import Settings as StudySettings
+from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.model.settings import Settings
+
+if TYPE_CHECKING:
+    from mtu_cli.checks import Data
+    from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.part import LoadedPart
+    from mtu_cli.files.points import Points
+    from mtu_cli.files.readings import Readings
+    from mtu_cli.files.reports_read import ModelReports
+    from mtu_cli.files.source import Source
+
+T = TypeVar("T")
+Kind = Literal["machine", "part", "reports", "readings", "drift", "points"]
+ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
+"""Options that name files to read."""
+OPTION_OF = {"coverage_factor": "k"}
+"""Options that are not called as the setting of a study."""
+OF_ANY_MACHINE = ("anova",)
+"""Commands that look at parts alone: wherever those were made, the machine is not read."""
+LIKE_PROBABILITY, LIKE_PERCENTAGE = 0.8, 20.0
+"""A coverage factor from the first to 1 looks like a probability, from the second on like one in
+percent: it is more than Student's factor of any 95 %.
+"""
+
+
+@dataclass
+class Inputs:
+    """The files of one call, each read and checked once, when a command asks for it. Options
+    override the study; the study of this folder or above is not read where -m or a file of
+    another kind is given. `suspicions`: what the checks warn of, of all that was read so far.
+    """
+
+    options: Options
+    sources: list[Source] = field(default_factory=list)
+    suspicions: list[Finding] = field(default_factory=list)
+
+    @cached_property
+    def study(self) -> LoadedStudy | None:
+        """The study of the call, if it has one."""
+        options, path = self.options, self.study_file
+        if path is None or (options.study is None and (options.machine or options.file)):
+            return None
+        study = load_study(path)
+        self.sources.append(study.source)
+        return study
+
+    @property
+    def study_file(self) -> Path | None:
+        """The study that the call names, or else that of this folder, which it may not read."""
+        path: Path | None = self.options.study
+        if path is None:
+            return find_study(Path())
+        return path / STUDY_NAME if path.is_dir() else path
+
+    def named(self) -> list[tuple[str, Path]]:
+        """Role and path of the files that the call, its study or that of this folder names to be
+        read; of a study that is faulty its own alone.
+        """
+        given = [(role, self.options.values.get(role)) for role in ROLES]
+        lists = [(role, value if isinstance(value, list) else [value]) for role, value in given]
+        found = [(role, Path(path)) for role, paths in lists for path in paths if path is not None]
+        study = self.study_file
+        if study is None:
+            return found
+        try:
+            files: Mapping[str, tuple[Path, ...]] = load_study(study, there=False).files
+        except InputError:
+            files = {}
+        of_study = [(role, path) for role, paths in files.items() for path in paths]
+        return [*found, ("study", study), *of_study]
+
+    def files(self, role: str) -> tuple[Path, ...]:
+        """The files of a role: the option's where it is given, else the study's."""
+        given = self.options.values.get(role)
+        if given:
+            return tuple(given) if isinstance(given, list) else (given,)
+        return self.study.files.get(role, ()) if self.study else ()
+
+    def only(self, role: str, option: str) -> Path:
+        """The one file of a role that the command cannot do without."""
+        found = self.files(role)
+        if not found:
+            raise self.missing(f"{option} FILE", role)
+        return found[0]
+
+    def missing(self, options: str, *roles: str) -> InputError:
+        """That files of none of the `roles` are given, and why no study names one."""
+        why = "with -m and no STUDY none is looked for" if self.options.machine else "no study"
+        if self.study:
+            why = f"{self.study.source.shown} has no {' or '.join(map(repr, roles))}"
+        expected = f"{options}, or a study that names one ({why})"
+        return error("missing-input", what=f"the {' or '.join(roles)} file", expected=expected)
+
+    @property
+    def subject(self) -> str:
+        """The study, the machine or the one file that the call names; empty where none is."""
+        options = self.options
+        if options.study is not None and self.study is not None:
+            return given_path(self.study.source.path)
+        named = options.machine or options.file
+        return "" if named is None else given_path(named)
+
+    @property
+    def names(self) -> list[str]:
+        """What the files of the call call themselves: machine, part, study; at least one."""
+        read = self.__dict__
+        found = [getattr(read[kind], kind).name for kind in ("machine", "part") if kind in read]
+        found += [self.study.source.shown] if self.study else []
+        return found or [source.shown for source in self.sources]
+
+    @cached_property
+    def machine(self) -> LoadedMachine:
+        """The machine file."""
+        from mtu_cli.files.machine import load_machine
+
+        return self.taken("machine", load_machine(self.only("machine", "-m")))
+
+    @cached_property
+    def part(self) -> LoadedPart:
+        """The part file."""
+        from mtu_cli.files.part import load_part
+
+        return self.taken("part", load_part(self.only("part", "-p")))
+
+    @cached_property
+    def reports(self) -> ModelReports:
+        """The reports of -c, at most one of each kind."""
+        from mtu_cli.files.reports_read import read_reports
+
+        return self.taken("reports", read_reports(self.files("components")))
+
+    @cached_property
+    def readings(self) -> Readings | None:
+        """The ball-bar and laser readings, checked for a fit; None where there are none."""
+        return self._readings("readings", "lbb", "laser")
+
+    @cached_property
+    def drift(self) -> Readings:
+        """The drift readings."""
+        found = self._readings("drift", "drift")
+        if found is None:
+            raise self.missing("--drift FILE", "drift")
+        return found
+
+    def _readings(self, name: Kind, *roles: str) -> Readings | None:
+        files = [(path, role) for role in roles for path in self.files(role)]
+        if not files:
+            return None
+        from mtu_cli.files.readings import read_readings
+
+        for_fit = name == "readings"
+        known = self.machine.machine.components if for_fit or self.files("machine") else None
+        return self.taken(name, read_readings(files, known, for_fit=for_fit))
+
+    @cached_property
+    def points(self) -> Points:
+        """The measured points; nominals from the part file if there is one, else their own."""
+        from mtu_cli.files.points import read_points
+
+        self.only("cmm", "--cmm")
+        places = self.part.part.places() if self.files("part") else None
+        files = [(path, "cmm") for path in self.files("cmm")]
+        return self.taken("points", read_points(files, places))
+
+    def taken(self, name: Kind, item: T) -> T:
+        """The `item` of one kind of input, read by now, with its files and what the checks warn of.
+
+        Raises InputError for what makes a result meaningless.
+        """
+        self.__dict__[name] = item
+        known: Any = item
+        self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
+        if name == "reports":
+            return item
+        from mtu_cli import checks
+
+        made_here = self.options.command not in OF_ANY_MACHINE
+        machine = self.machine.machine if self.files("machine") and made_here else None
+        travels = machine.travels if machine else {}
+        data: Data
+        match name:
+            case "machine" | "part":
+                data = checks.DocumentData(known, travels)
+            case "points":
+                part = self.part if self.files("part") else None
+                data = checks.PointsData(known, part, travels, self.chosen.datum or "none")
+            case _:
+                data = checks.ReadingsData(known, machine.components if machine else {}, travels)
+        self.suspicions += checks.warnings_of(name, data)
+        return item
+
+    @cached_property
+    def chosen(self) -> StudySettings:
+        """The settings of the call: options over the study, by the contract of a study.
+
+        Raises InputError for every option that is out of range, at once.
+        """
+        options = {name: OPTION_OF.get(name, name) for name in StudySettings.model_fields}
+        given = {name: self.options.values.get(option) for name, option in options.items()}
+        given = {name: value for name, value in given.items() if value is not None}
+        stated = self.study.study.settings.model_dump() if self.study else {}
+        try:
+            return StudySettings.model_validate({**stated, **given})
+        except ValidationError as failed:
+            raise InputError(
+                finding(
+                    "out-of-range",
+                    path=f"--{options[str(item['loc'][0])]}".replace("_", "-"),
+                    value=str(item["input"]),
+                    expected=EXPECTED.get(item["type"], "{expected}").format(**item.get("ctx", {})),
+                )
+                for item in failed.errors()
+            ) from None
+
+    @cached_property
+    def settings(self) -> Settings:
+        """The settings of predictions; warns of a coverage factor that looks like a probability."""
+        names = ("coverage_factor", "seed", "correlation", "trials", "digits", "threads")
+        stated = {name: getattr(self.chosen, name) for name in names}
+        found = Settings(**{name: each for name, each in stated.items() if each is not None})
+        k = found.coverage_factor
+        if LIKE_PROBABILITY <= k < 1 or k >= LIKE_PERCENTAGE:
+            setting = "--k"
+            if self.options.k is None and self.study is not None:
+                setting = f"settings.coverage_factor of {self.study.source.shown}"
+            hint = {"setting": setting, "k": k, "expected": "2 for about 95 %"}
+            self.suspicions.append(finding("factor-like-probability", **hint))
+        return found
+
+    @cached_property
+    def at(self) -> dict[str, float]:
+        """The covariates given with --at; raises InputError with all faults of them."""
+
+        def value(name: str, text: str) -> float:
+            sign = direction_sign(text) if name.startswith("dir_") else None
+            found = number_of(f"--at {name}", text) if sign is None else float(sign)
+            check_cell(name, found)
+            return found
+
+        example = "--at T_02_degC=23.5"
+        return assigned("--at", self.options.at, "=", "NAME=VALUE", example, value)
+
+    def placed(self, findings: Iterable[Finding]) -> list[Finding]:
+        """Findings with the whole paths of files that lie outside the working folder.
+
+        Reports name such a file without its folder, wherever they are made; whoever reads a
+        message has to find it. Of two files that are called the same neither has one.
+        """
+        whole: dict[str, set[str]] = {}
+        for path in (path for _, path in self.named() if shown_path(path) == path.name):
+            here = resolved(path.parent) == resolved(Path())
+            whole.setdefault(path.name, set()).add(path.name if here else given_path(path))
+        single = {name: shown.pop() for name, shown in whole.items() if len(shown) == 1}
+        return [
+            replace(each, file=single[each.file]) if each.file in single else each
+            for each in findings
+        ]
+
+
+def check_cell(name: str, value: float) -> None:
+    """Raises InputError for a value that no cell of its column may have: a direction that is
+    neither forth nor back, or a broken count.
+    """
+    place = {"path": f"--at {name}", "value": cell_text(value)}
+    if name in DIRECTIONS and abs(value) != 1.0:
+        raise error("out-of-range", **place, expected="-1 or +1")
+    if name == "sequence" and isfinite(value) and value != int(value):
+        raise error("wrong-type", **place, kind="a whole number")

@@ -1,0 +1,210 @@
+"""From a call's files to a machine with all components known."""
+
+from __future__ import annotations
+
+import fnmatch
+import json
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.cli.load import Inputs, check_cell
+from mtu_cli.files.covariates import closest_covariate
+from mtu_cli.files.source import read_source, shown_path
+from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
+from mtu_cli.model.estimates import Estimates
+from mtu_cli.model.fit import (
+    MachineFit,
+    beaten_warnings,
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+    machine_warnings,
+)
+from mtu_cli.model.fit_warnings import LIMITS, limit_warnings, limits_of, scatter_warnings
+from mtu_cli.model.machine_model import AXES, MachineModel, build_model
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.thermal_fit.result import ThermalFit
+    from mtu_cli.files.machine import LoadedMachine
+    from mtu_cli.files.readings import Readings
+    from mtu_cli.model.thermal import ThermalEstimate
+
+REFERENCE_WITHOUT_MACHINE = 20.0
+"""ISO 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Modelled:
+    """The model of a call, what it was made of, and what to warn of."""
+
+    model: MachineModel
+    estimates: Estimates
+    fit: MachineFit | None
+    warnings: tuple[Finding, ...]
+
+
+def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
+    """A components report wins over readings, readings over the machine file. Covariates that the
+    command needs `also`, beside those of the model, may be given with --at.
+
+    Raises InputError for components that nothing is known of.
+    """
+    machine = inputs.machine
+    try:
+        estimates, fit, of_components = _components(inputs)
+        thermal, of_drift = drift_estimates(inputs)
+        model = build_model(machine, replace(estimates, thermal=thermal))
+    except InputError as fault:
+        if inputs.study is not None or inputs.study_file is None:
+            raise
+        unread = f"{inputs.study_file.name} is not read where -m is given without a study"
+        expected = f"the study's folder as an argument too ({unread})"
+        raise InputError(
+            replace(each, expected=expected) if "estimate_of" in each.facts else each
+            for each in fault.findings
+        ) from None
+    warnings = [*machine_warnings(machine, estimates), *searched_warnings(machine)]
+    warnings += [*of_components, *of_drift, *_limits(inputs, fit, model)]
+    # Of a column that no equation has a declared effect may tell where it holds.
+    used = (*model.covariates(), *(name for effect in model.effects for name in effect.within))
+    _expand(inputs.at, dict.fromkeys((*used, *also)))
+    unused = [name for name in inputs.at if name not in (*used, *also)]
+    warnings += [_not_needed(name, inputs, model) for name in unused]
+    return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+
+
+def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Finding]]:
+    """The components, the fit that they are of, and what to warn of where they are from."""
+    machine = inputs.machine
+    report = inputs.reports.components
+    if report is not None:
+        estimates = estimates_from_report(machine, report)
+        warnings = effect_warnings(machine, estimates.effects, report.source.shown)
+        warnings += _not_read(inputs, ("lbb", "laser"), report.readings, report.source.shown)
+        return estimates, None, warnings
+    readings = inputs.readings
+    if readings is None:
+        return estimates_from_fit(machine, None), None, []
+    fit = fit_machine(machine, readings)
+    estimates = _as_reported(machine, fit, estimates_from_fit(machine, fit))
+    return estimates, fit, [*fit.warnings, *scatter_warnings(fit)]
+
+
+def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
+    """The estimates as a fit-components report holds them.
+
+    Reports are in the components' own units. Going through them makes readings and their
+    report give the same bits, which the Monte Carlo would tell apart in the seventh digit.
+    """
+    from mtu_cli.analyses.fit_components import fit_result
+    from mtu_cli.files.json_file import report_bytes
+    from mtu_cli.files.reports_read import COMPONENTS, components_from
+    from mtu_cli.reports.fit_components import document
+
+    results = document(fit_result(machine.machine.name, fit, estimates)).record()
+    written = report_bytes({"schema": COMPONENTS, "results": results})
+    return estimates_from_report(machine, components_from(machine.source, json.loads(written)))
+
+
+def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
+    """A thermal-fit report wins over drift readings, those over the machine file."""
+    from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
+
+    machine = inputs.machine
+    stated = thermal_from_machine_file(machine)
+    report = inputs.reports.thermal
+    if report is not None:
+        own, winners = thermal_from_report(machine, report), set(report.components)
+        unread = _not_read(inputs, ("drift",), report.readings, report.source.shown)
+        warnings = [*report.doubts, *unread]
+    elif inputs.files("drift"):
+        fit = fitted_drift(inputs, inputs.drift, "auto")
+        own, winners = {x.name: x.estimate for x in fit.components.values()}, set(fit.components)
+        warnings = [*fit.warnings]
+    else:
+        return stated, []
+    beaten = [name for name in stated if name in winners]
+    return stated | own, [*warnings, *beaten_warnings(machine, beaten, "thermal")]
+
+
+def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
+    """The thermal models of drift readings."""
+    from mtu_cli.analyses.thermal_fit import thermal_fit
+    from mtu_cli.stats.threads import one_blas_thread
+
+    components, reference = None, REFERENCE_WITHOUT_MACHINE
+    if inputs.files("machine"):
+        machine = inputs.machine.machine
+        components = {name: (item.of, item.unit) for name, item in machine.components.items()}
+        reference = machine.reference_temperature_degC
+    with one_blas_thread():
+        return thermal_fit([readings], components, reference=reference, method=method)
+
+
+def _not_read(
+    inputs: Inputs, roles: Sequence[str], fitted: frozenset[str], report: str
+) -> list[Finding]:
+    """That readings are not read beside the `report` of their fit: a warning only where they are
+    not, to the byte, those that it was fitted to.
+
+    Raises InputError for a file that cannot be read.
+    """
+    given = [(path, role) for role in roles for path in inputs.files(role)]
+    found = {path: read_source(path, role)[0].sha256 for path, role in given}
+    if not found:
+        return []
+    facts = {"report": report, "what": "drifts" if roles == ("drift",) else "components"}
+    if set(found.values()) == fitted:
+        return [finding("readings-of-report", **facts)]
+    other = [path for path, digest in found.items() if digest not in fitted]
+    names = [shown_path(path) for path in other or found]
+    reason = f"{report} gives the {facts['what']}; it was fitted to other files"
+    return [finding("not-used", what="readings", names=names, reason=reason)]
+
+
+def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Finding]:
+    """What u of a part does not contain (LIMITS), from the fit or from the report of it."""
+    used = {term.estimate.name for term in model.terms}
+    report = inputs.reports.components
+    if report is None:
+        return [] if fit is None else limits_of(limit_warnings(fit), used)
+    entries: Any = report.document.get("warnings")
+    limits = []
+    for item in entries if isinstance(entries, list) else ():
+        code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
+        # Earlier versions reported no facts.
+        component = facts.get("component") if isinstance(facts, dict) else None
+        if code in LIMITS and (component is None or component in used):
+            what = {"of": code, "message": str(item.get("message"))}
+            limits.append(finding("reported", file=report.source.shown, **what))
+    return list(dict.fromkeys(limits))
+
+
+def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> Finding:
+    """The warning, with the nearest of those names alone that the call would take."""
+    facts = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
+    if name in AXES:
+        expected = f"a covariate: {name} is the position of a feature"
+        return finding("option-not-used", **facts, expected=expected)
+    near = closest_covariate(name, [each for each in model.covariates() if each not in inputs.at])
+    return finding("option-not-used", **facts, meant=() if near is None else (near,))
+
+
+def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:
+    """The warning of one approach direction for all features: between them a reversal cancels."""
+    names = [name for name in inputs.at if name.startswith("dir_") and name in model.covariates()]
+    return [finding("one-direction", names=names)] if names else []
+
+
+def _expand(at: dict[str, float], needed: Iterable[str]) -> None:
+    """Names with * and ? stand for all covariates they match that are not given by themselves."""
+    known = list(needed)
+    for pattern in [name for name in at if "*" in name or "?" in name]:
+        matched = fnmatch.filter(known, pattern)
+        if matched:
+            value = at.pop(pattern)
+            at |= {name: value for name in matched if name not in at}
+    for name, value in at.items():
+        check_cell(name, value)

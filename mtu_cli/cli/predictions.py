@@ -1,0 +1,82 @@
+"""What a part will be like: `mtu predict-points`, `mtu lengths`, `mtu orthogonality`."""
+
+from __future__ import annotations
+
+from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
+from mtu_cli.analyses.orthogonality import predict_orthogonality
+from mtu_cli.analyses.predict_points import predict_places
+from mtu_cli.analyses.predict_points import predict_points as predict_features
+from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import modelled, one_direction
+from mtu_cli.findings import error
+from mtu_cli.model.settings import Settings
+from mtu_cli.model.volume import grid_of, grid_warnings
+
+
+def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
+    """Errors of the features of a part, or of a grid over the machine's travels."""
+    from mtu_cli.reports import predict_points as report
+
+    found = modelled(inputs)
+    model, grid = found.model, inputs.options.grid
+    if grid is None:
+        result = predict_features(model, inputs.part, settings, inputs.at)
+    else:
+        ids, places = grid_of(inputs.machine, model, grid)
+        beyond = grid_warnings(inputs.machine, model, grid)
+        result = predict_places(model, ids, places, settings, inputs.at, beyond)
+    covariance = bool(inputs.options.covariance)
+    return Outcome.of(
+        report.document(result, settings.digits, grid=bool(grid), with_covariance=covariance),
+        warnings=[*found.warnings, *result.warnings],
+    )
+
+
+def lengths(inputs: Inputs, settings: Settings) -> Outcome:
+    """Feature-to-feature lengths."""
+    from mtu_cli.reports import lengths as report
+
+    found = modelled(inputs)
+    result = predict_lengths(found.model, inputs.part, settings, inputs.at)
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=[
+            *found.warnings,
+            *inputs.part.warnings,
+            *one_direction(inputs, found.model),
+            *result.warnings,
+        ],
+        gates={"nonconforming": lambda limit: _nonconforming(result, limit)},
+    )
+
+
+def _nonconforming(result: LengthsResult, limit: float) -> str | None:
+    """The lengths, and the whole part, that do not conform with a probability above `limit`."""
+    checked = {x.id: 1 - x.conformance.probability for x in result.lengths if x.conformance}
+    if not checked:
+        expected = "tolerance_um at a length of the part"
+        raise error("gate-undefined", gate="nonconforming", expected=expected)
+    if result.joint_conformance is not None:
+        checked["the whole part"] = 1 - result.joint_conformance.probability
+    above = {name: p for name, p in checked.items() if p > limit}
+    if not above:
+        return None
+    shown = ", ".join(f"{name} {100 * p:.{2 if p < 0.995 else 4}g} %" for name, p in above.items())
+    return f"probability of a nonconforming part above {100 * limit:g} %: {shown}"
+
+
+def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
+    """Right angles between rows and columns of features."""
+    from mtu_cli.reports import orthogonality as report
+
+    found = modelled(inputs)
+    result = predict_orthogonality(found.model, inputs.part, settings, inputs.at)
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=[
+            *found.warnings,
+            *one_direction(inputs, found.model),
+            *result.warnings,
+        ],
+    )

@@ -1,0 +1,105 @@
+"""Tables wider than what there is: columns below each other, and nothing cut off."""
+
+from __future__ import annotations
+
+import io
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from mtu_cli.reports.tables import Column, Sheet, plain_text
+
+
+def shown_at(sheet: Sheet, width: int) -> str:
+    """What a terminal of this width receives, without its colours."""
+    out = io.StringIO()
+    Console(file=out, force_terminal=True, width=width).print(sheet, crop=False)
+    return re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
+
+
+def sheet(widths: list[int], begins: tuple[int, ...] = ()) -> Sheet:
+    """Names of eight letters and numbers of these widths."""
+    columns = [Column(title="name", text=True)]
+    columns += [Column(title="n", begins=i in begins) for i in range(len(widths))]
+    return Sheet(title="t", columns=columns, rows=[["n" * 8, *("1" * w for w in widths)]])
+
+
+def blocks(table: Sheet) -> list[str]:
+    """The lines of numbers, one a group of columns."""
+    return [line for line in plain_text([table]).splitlines() if line.startswith("nnnnnnnn")]
+
+
+def test_columns_stand_side_by_side_where_there_is_room() -> None:
+    assert blocks(sheet([44, 44])) == [f"{'n' * 8}  {'1' * 44}  {'1' * 44}"]
+    assert blocks(sheet([45, 45])) == [f"{'n' * 8} {'1' * 45} {'1' * 45}"]
+    assert [len(line) for line in blocks(sheet([46, 45]))] == [56, 55]
+
+
+def test_a_group_rather_ends_before_what_begins() -> None:
+    assert [line.count(" 1") for line in blocks(sheet([20] * 6, begins=(0, 3)))] == [3, 3]
+    assert [line.count(" 1") for line in blocks(sheet([20] * 6))] == [4, 2]
+
+
+def test_names_break_before_columns_stand_below_each_other() -> None:
+    columns = [Column(title="name", text=True, folds=True), Column(title="number")]
+    for digits, lines in ((87, 3), (10, 1)):
+        table = Sheet(title="t", columns=columns, rows=[["n" * 36, "1" * digits]])
+        assert len(plain_text([table]).splitlines()) == 2 + lines
+
+
+@given(st.lists(st.integers(1, 120), min_size=1, max_size=12), st.integers(1, 120))
+def test_no_column_is_lost(widths: list[int], width: int) -> None:
+    shown = shown_at(sheet(widths), width)
+    found = [word for word in shown.split() if set(word) == {"1"}]
+    assert [len(word) for word in found] == widths
+
+
+SHEET = Sheet(
+    title="Errors",
+    columns=[
+        Column(title="feature\n", text=True, folds=True),
+        Column(title="of\n", text=True),
+        *(Column(title=f"value {i}\num") for i in range(9)),
+    ],
+    rows=[
+        ["bore_of_the_flange_04", "x", *(f"-12{i}.4 ± 5.6" for i in range(9))],
+        ["b", "y", *["1"] * 9],
+    ],
+    notes=["a note"],
+)
+
+
+@pytest.mark.parametrize("width", [10, 20, 34, 60, 80, 90, 100, 200])
+def test_no_digit_and_no_name_is_lost_on_any_terminal(width: int) -> None:
+    shown = shown_at(SHEET, width)
+    for i in range(9):
+        assert f"-12{i}.4 ± 5.6" in shown
+        assert f"value {i}" in shown
+    heads = [line for line in shown.splitlines() if line.startswith("feature")]
+    assert len(heads) == shown.count("bore_of_the_") > 1
+    if width >= 34:
+        assert max(map(len, shown.splitlines())) <= min(width, 100)
+
+
+def test_a_pipe_has_the_same_groups() -> None:
+    first, second = plain_text([SHEET]).split("\n\n")
+    assert first.startswith("Errors\nfeature")
+    assert second.startswith("feature")
+    assert second.endswith("a note\n")
+    assert max(map(len, plain_text([SHEET]).splitlines())) <= 100
+
+
+def test_numbers_that_name_a_row_are_repeated_as_names_are() -> None:
+    numbers = [Column(title=f"n{i}") for i in range(2)]
+    wide = Sheet(
+        title="t",
+        columns=[Column(title="repeat", names=True), *numbers],
+        rows=[["17", "1" * 70, "2" * 70]],
+    )
+    assert plain_text([wide]).count("17") == 2
+    # The first column names the row where no text does.
+    bare = Sheet(title="t", columns=[Column(title="round"), *numbers], rows=wide.rows)
+    assert plain_text([bare]).count("17") == 2
