@@ -445,6 +445,10 @@ def test_what_no_equation_describes_is_left_out(
     assert made(inputs, [outlier]) == ["effect-not-written", "nothing-added"]
     assert (work / "new.yaml").read_bytes() == (work / "machine.yaml").read_bytes()
     assert read_components(work / "new.json").effects is None
+    # Nothing is said of a machine that is not asked for.
+    report = {"out": work / "r.json"}
+    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **report)
+    assert made(inputs, [outlier]) == []
 
 
 @pytest.mark.parametrize(

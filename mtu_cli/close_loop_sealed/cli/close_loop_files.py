@@ -109,7 +109,8 @@ def written(
 
     Raises InputError for effects that no machine file can hold.
     """
-    targets = written_files(inputs.options)
+    asked = written_files(inputs.options)
+    targets = {name: path for name, path in asked.items() if name.startswith("write_")}
     if not targets:
         return Written(files={}, warnings=())
     stated = [_equations(inputs, effect) for effect in effects]
