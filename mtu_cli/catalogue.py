@@ -127,13 +127,10 @@ CATALOGUE: dict[str, Kind] = {
     "no-formula": _warning("no formula: {reason}"),
     "unrelated": _warning("{output} does not depend on {names}"),
     "errors-left": _warning("after the correction {what}: {cause}"),
-    "oval-left": _warning(
-        "{names} stay oval after the correction ({worst}): the rings are not round, or the model "
-        "lacks {lacks}"
-    ),
-    "heights-differ": _warning(
-        "the points of {names} lie at different heights along {axis} ({worst}: inclined by "
-        "{angle_deg:.3g} degrees, which makes it {larger_um:.3g} um larger)"
+    "form-left": _warning(
+        "the form of {names} after the correction is more than the model's uncertainty and the "
+        "points' scatter explain ({worst}: rms {rms_um:.3g} um against {explained_um:.3g} um): the "
+        "rings are not round, or the model lacks a squareness or a scale"
     ),
     "no-uncertainty": _warning("{names} without an uncertainty, taken as exactly known"),
     "machine-written-anew": _warning(

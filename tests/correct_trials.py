@@ -16,8 +16,7 @@ from correct_examples import ring_places, ring_points
 from machine_trials import AXY, CENTRE, COMPONENTS, Drift, Z, pass_states, read_machine
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.correct import correct
-from mtu_cli.analyses.correct.quantity import Size
+from mtu_cli.analyses.correct import Size, correct
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
@@ -87,8 +86,8 @@ def diameter_coverage(
     return np.array(shares)
 
 
-def called_oval(fitted: FittedMachines, part: LoadedPart, *, probing: float, repeats: int) -> int:
-    """How many machines call the one round ring that they measure oval."""
+def with_form(fitted: FittedMachines, part: LoadedPart, *, probing: float, repeats: int) -> int:
+    """How many machines report a form of the one round ring that they measure."""
     true = ring_places(CENTRE_OF_RING, DIAMETER)
     nominal = np.tile(true, (repeats, 1))
     nominal[:, 2] = np.nan
@@ -98,7 +97,8 @@ def called_oval(fitted: FittedMachines, part: LoadedPart, *, probing: float, rep
         noise = probing * rng.standard_normal((repeats, *true.shape))
         measured = (true + errors_at(rng, fitted.drift, true) + noise).reshape(-1, 3)
         points = ring_points(measured, ["ring"] * repeats, list(range(1, repeats + 1)))
-        called += bool(correct(model, part, replace(points, nominal=nominal), Settings()).ovals)
+        result = correct(model, part, replace(points, nominal=nominal), Settings())
+        called += "form-left" in [item.code for item in result.warnings]
     return called
 
 

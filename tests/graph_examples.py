@@ -7,8 +7,8 @@ from pathlib import Path
 from support import CONFIGS
 
 from mtu_cli.files.graph import load_graph
-from mtu_cli.model.graph.examine import examine
-from mtu_cli.model.graph.measurement_graph import MeasurementGraph, build_graph
+from mtu_cli.model.graph.trials import MeasurementGraph, build_graph
+from mtu_cli.model.graph.units import examine
 
 SHIPPED = sorted((CONFIGS / "graphs").glob("*.yaml"))
 HEAD = "schema: mtu/graph/1\nname: example\n"

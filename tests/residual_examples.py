@@ -224,8 +224,8 @@ def check_factors(model: MachineModel, points: Points, table: ResidualTable) -> 
         return wide.reshape(P * H, A, -1)[there].reshape(-1, factor.shape[-1])
 
     C = flat(table.common)
-    mean_covariance = sum(b.G @ b.C @ b.G.T for b in whole.blocks)
-    expected = mean @ np.asarray(mean_covariance) @ mean.T
+    known = sum(b.G @ b.C @ b.G.T for b in whole.blocks)
+    expected = mean @ np.asarray(known) @ mean.T
     size = np.abs(expected).max()
     np.testing.assert_allclose(C @ C.T, expected, rtol=0, atol=1e-9 * size)
     D = sum(b.G @ drawable_passes(b.D, b.C) @ b.G.T for b in whole.blocks)

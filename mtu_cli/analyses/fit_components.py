@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -24,13 +24,14 @@ from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import FTest, Shift
 from mtu_cli.stats.positive_part import positive_part
+from mtu_cli.units import Unit
 
 NOTHING = 1e-9
 """Share of the figures beside it below which a scatter is the rounding of their sums."""
-Coefficient = tuple[float, float | None] | None
 Scatter = tuple[float | None, float | None]
-Test = Callable[[InstrumentFit], FTest | Shift | None]
-TESTS: dict[str, Test] = {
+Significant = Mapping[str, set[str]]
+"""By test the ``component\\nrole`` that are significant among all of their kind."""
+TESTS: dict[str, Callable[[InstrumentFit], FTest | Shift | None]] = {
     "drift": lambda item: item.scatter,
     "trend": lambda item: item.trend,
     "lack_of_fit": lambda item: item.lack_of_fit,
@@ -41,8 +42,7 @@ TESTS: dict[str, Test] = {
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tested:
     """A test: F or the size of a shift as `value` with its `u` (None of F), p, degrees of
-    freedom; `significant` among all components (Bonferroni). `size` is that of the component's
-    unit.
+    freedom; `significant` among all components (Bonferroni). `unit` is that of the component.
     """
 
     value: float
@@ -50,7 +50,7 @@ class Tested:
     p: float
     dof: int | tuple[int, int]
     significant: bool
-    size: float
+    unit: Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,278 +62,63 @@ class Run:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Component:
-    """One component as the report has it: all that predictions need, and what people ask.
+class Line:
+    """What a line of the table states: of a component, or of one instrument that read it.
 
-    `fit` is None where the component is known from the machine file only.
+    `coefficients` with their `covariance`; `scatter` are s_repeat and s_pass, each only where the
+    readings separate it from the other, and s_pass at the component's `pass_center`.
     """
 
-    name: str
-    says: str | None
+    label: str
+    of: str | None
+    unit: Unit
+    source: str
+    coefficients: FloatArray
+    covariance: FloatArray
+    passes_read: int | None
+    runs_read: int | None
+    s_repeat: float
+    scatter: Scatter
+    tests: Mapping[str, Tested]
+    r2: float | None
+    agreement_p: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instrument(Line):
+    """One instrument's readings of a component; `s` and `dof` of all readings as repeats."""
+
+    role: str
+    n: int
+    n_passes: int | None
+    s: float
+    dof: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Component(Line):
+    """One component: all that predictions need, and what people ask.
+
+    `pass_center` is the position (mm) at which the pass-to-pass intercept is stated: 0 without
+    readings; with several instruments the mean of all their readings. There are, (q, q) of this
+    intercept and the slope (q is 1 for a constant), the unbiased `pass_covariance_moment` that
+    predictions use, which may have a negative part, `pass_covariance` less that part, which
+    stands for passes that differ by less than repeatability alone would make them, the mean square
+    `half_differences` of runs there and back (None without runs), and their `run_covariance`, of
+    several instruments, else None.
+    """
+
     estimate: ComponentEstimate
-    fit: ComponentFit | None
-    significant: Mapping[str, set[str]]
-
-    @property
-    def size(self) -> float:
-        """Of its unit in mm or rad."""
-        return self.estimate.unit.to_internal
-
-    @property
-    def size2(self) -> float:
-        """Its square."""
-        return self.size**2
-
-    @property
-    def source(self) -> str:
-        """Where it is known from."""
-        return "machine file" if self.fit is None else "readings"
-
-    @property
-    def n(self) -> int | None:
-        """Number of readings."""
-        return None if self.fit is None else sum(len(item.error) for item in self.fit.instruments)
-
-    @property
-    def passes_read(self) -> int | None:
-        """Number of passes of the readings; None where one instrument has none."""
-        counts = [len(item.keys_read) for item in self.fit.instruments] if self.fit else []
-        return sum(counts) if counts and all(counts) else None
-
-    @property
-    def runs(self) -> tuple[Run, ...] | None:
-        """The passes of each run there and back; None where no passes are given."""
-        found = [
-            Run(role=item.role, passes=tuple((f + 1, n, way) for f, n, way in keys))
-            for item in (() if self.fit is None else self.fit.instruments)
-            if item.read is not None
-            for keys in runs_of(item.read)
-        ]
-        return tuple(found) or None
-
-    @property
-    def runs_read(self) -> int | None:
-        """Number of runs there and back."""
-        return None if self.runs is None else len(self.runs)
-
-    @property
-    def one(self) -> InstrumentFit | None:
-        """The fit of the one instrument that read it; None for none or several."""
-        alone = self.fit is not None and len(self.fit.instruments) == 1
-        return self.fit.instruments[0] if self.fit is not None and alone else None
-
-    @property
-    def pass_center(self) -> float:
-        """Position (mm) at which the pass-to-pass intercept is stated: 0 without readings; with
-        several instruments the mean of all their readings.
-        """
-        if self.fit is None:
-            return 0.0
-        if self.one is not None:
-            return float(self.one.fit.center)
-        return float(np.concatenate([item.position for item in self.fit.instruments]).mean())
-
-    @cached_property
-    def pass_covariance(self) -> FloatArray:
-        """D (q, q) of the intercept at `pass_center` and the slope, as a covariance.
-
-        q is 2, or 1 for a constant. The moment estimate less its negative part, which stands for
-        passes that differ by less than repeatability alone would make them.
-        """
-        if self.one is not None:
-            return self._padded(self.one.fit.D)
-        D = self.pass_covariance_moment
-        return D if np.linalg.eigvalsh(D)[0] >= 0 else positive_part(D)
-
-    @cached_property
-    def pass_covariance_moment(self) -> FloatArray:
-        """The unbiased D (q, q) that predictions use, at `pass_center`; it may have a negative
-        part.
-        """
-        if self.one is not None:
-            return self._padded(self.one.fit.D_moment)
-        return to_centre(self.pass_center, self.estimate.pass_covariance)
-
-    @property
-    def half_differences(self) -> FloatArray | None:
-        """The mean square S_h (q, q) of runs there and back at `pass_center`; None without runs."""
-        if self.one is not None:
-            halves = self.one.fit.half_differences
-            return None if halves is None else self._padded(halves)
-        halves = self.estimate.half_differences
-        return None if halves is None else to_centre(self.pass_center, halves)
-
-    @property
-    def run_covariance(self) -> FloatArray | None:
-        """K (q, q) of runs there and back at `pass_center`, of several instruments; else None."""
-        K = self.estimate.run_covariance
-        return None if K is None else to_centre(self.pass_center, K)
-
-    def _padded(self, D: FloatArray) -> FloatArray:
-        """Where some pass has one position only the level varies from pass to pass, not the
-        slope.
-        """
-        q = min(2, len(self.estimate.coefficients))
-        whole = np.zeros((q, q))
-        whole[: len(D), : len(D)] = D
-        return whole
-
-    @property
-    def s_pass(self) -> float:
-        """Pass-to-pass standard deviation at `pass_center`."""
-        return float(np.sqrt(self.pass_covariance[0, 0]))
-
-    @property
-    def dof(self) -> int | None:
-        """Of the straight fit to all readings of the one instrument."""
-        return None if self.one is None else int(self.one.fit.plain.dof)
-
-    @property
-    def r2(self) -> float | None:
-        """Share of the variance that the polynomial explains."""
-        return None if self.one is None else r2_of(self.one)
-
-    @property
-    def agreement_p(self) -> float | None:
-        """p that the instruments agree."""
-        return None if self.fit is None else self.fit.agreement_p
-
-    @property
-    def u(self) -> FloatArray:
-        """Standard uncertainties of the coefficients."""
-        u: FloatArray = np.sqrt(np.diag(self.estimate.covariance))
-        return u
-
-    @cached_property
-    def tests(self) -> dict[str, Tested]:
-        """By name, of the one instrument."""
-        return {} if self.one is None else self.tests_of(self.one)
-
-    def tests_of(self, item: InstrumentFit) -> dict[str, Tested]:
-        """By name, those that the readings allow."""
-        made = {name: test(item) for name, test in TESTS.items()}
-        return {
-            name: _tested(each, f"{self.name}\n{item.role}" in self.significant[name], self.size)
-            for name, each in made.items()
-            if each is not None
-        }
-
-    @property
-    def instruments(self) -> tuple[Instrument, ...]:
-        """Every instrument that read it."""
-        known = () if self.fit is None else self.fit.instruments
-        return tuple(Instrument(item=item, component=self) for item in known)
-
-    @property
-    def label(self) -> str:
-        """Its name."""
-        return self.name
-
-    @property
-    def of(self) -> str | None:
-        """Its axis."""
-        return self.estimate.of
-
-    def coefficient(self, power: int) -> Coefficient:
-        """A coefficient and its u."""
-        return _coefficient(self.estimate.coefficients, self.estimate.covariance, power)
-
-    @property
-    def scatter(self) -> Scatter:
-        """s_repeat and s_pass, each only where the readings separate it from the other."""
-        fits = () if self.fit is None else self.fit.instruments
-        level = float(self.estimate.coefficients[0])
-        return _scatter(self.estimate.s_repeat, self.s_pass, level, fits)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Instrument:
-    """One instrument's readings of a component."""
-
-    item: InstrumentFit
-    component: Component
-
-    @property
-    def size(self) -> float:
-        """Of the component's unit."""
-        return self.component.size
-
-    @property
-    def size2(self) -> float:
-        """Its square."""
-        return self.component.size2
-
-    @property
-    def label(self) -> str:
-        """Its role, below the name of the component."""
-        return f"  {self.item.role}"
-
-    @property
-    def of(self) -> str:
-        """Stated with the component."""
-        return ""
-
-    @property
-    def source(self) -> str:
-        """Where it is known from."""
-        return "readings"
-
-    @property
-    def estimate(self) -> ComponentEstimate:
-        """Of the component, for its unit."""
-        return self.component.estimate
-
-    @property
-    def agreement_p(self) -> None:
-        """Stated with the component."""
-
-    def coefficient(self, power: int) -> Coefficient:
-        """A coefficient and its u."""
-        return _coefficient(self.item.fit.plain.coefficients, self.item.fit.covariance, power)
-
-    @property
-    def scatter(self) -> Scatter:
-        """As of the component, at the place that the component's own is of."""
-        fit, b = self.item.fit, self.item.fit.plain.coefficients
-        T = from_centre(fit.center, len(b), len(fit.D))
-        D = to_centre(self.component.pass_center, T @ fit.D @ T.T)
-        s_pass = float(np.sqrt(max(D[0, 0], 0.0)))
-        return _scatter(self.s_repeat, s_pass, float(b[0]), [self.item])
-
-    @property
-    def n_passes(self) -> int | None:
-        """Of the mean square between passes."""
-        return self.item.fit.n_passes if self.item.fit.separated else None
-
-    @property
-    def s(self) -> float:
-        """Residual standard deviation, all readings as repeats."""
-        return float(np.sqrt(self.item.fit.plain.s2))
-
-    @property
-    def s_repeat(self) -> float:
-        """Repeatability of one visit."""
-        return float(np.sqrt(self.item.fit.s2))
-
-    @property
-    def tests(self) -> dict[str, Tested]:
-        """By name."""
-        return self.component.tests_of(self.item)
-
-    @property
-    def r2(self) -> float | None:
-        """Share of the variance that the polynomial explains."""
-        return r2_of(self.item)
-
-    @property
-    def passes_read(self) -> int | None:
-        """Number of passes of the readings; None where no pass is given."""
-        return len(self.item.keys_read) or None
-
-    @property
-    def runs_read(self) -> int | None:
-        """Number of runs there and back."""
-        return None if self.item.read is None else len(runs_of(self.item.read))
+    says: str | None
+    n: int | None
+    dof: int | None
+    runs: tuple[Run, ...] | None
+    pass_center: float
+    pass_covariance: FloatArray
+    pass_covariance_moment: FloatArray
+    half_differences: FloatArray | None
+    run_covariance: FloatArray | None
+    instruments: tuple[Instrument, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -349,46 +134,20 @@ class SharedPasses:
     correlation: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FitResult:
-    """All components of a machine, those of the machine file too."""
+    """All components of a machine, those of the machine file too. `observability` is what the data
+    do not determine, and which readings would.
+    """
 
     machine: str
     fit: MachineFit
     estimates: Estimates
     components: Mapping[str, Component]
     joint: tuple[SharedPasses, ...]
-    coverage_factor: float = 2.0
-
-    @cached_property
-    def observability(self) -> tuple[NotDetermined, ...]:
-        """What the data do not determine, and which readings would."""
-        return tuple(observability(self.fit, self.estimates))
-
-    @property
-    def says(self) -> dict[str, str]:
-        """The meaning of components in words."""
-        return {name: item.says for name, item in self.components.items() if item.says}
-
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """Why figures are not estimable, and what trends rest on."""
-        noted = not_estimable(self.observability)
-        several = [x.name for x in self.components.values() if x.fit and len(x.fit.instruments) > 1]
-        if several:
-            reason = "several instruments: see `instruments`"
-            noted.append(
-                finding("not-estimable", quantity="dof and r2", names=several, reason=reason)
-            )
-        # Of trends through several files without times the order of the files is their time.
-        of_files = [
-            name
-            for name, component in self.fit.components.items()
-            if any(x.trend is not None and x.trend_of_files for x in component.instruments)
-        ]
-        if of_files:
-            noted.append(finding("order-of-files", names=of_files, expected="a column time"))
-        return tuple(noted)
+    observability: tuple[NotDetermined, ...]
+    coverage_factor: float
+    warnings: tuple[Finding, ...]
 
 
 def fit_result(
@@ -400,24 +159,132 @@ def fit_result(
     coverage_factor: float = 2.0,
 ) -> FitResult:
     """The figures of a fit; `estimates` holds the components of the machine file too."""
-    flags = {name: _significant(fit, test) for name, test in TESTS.items()}
+    flags = {}
+    for name, test in TESTS.items():
+        p_values = {
+            f"{component.name}\n{item.role}": made.p
+            for component in fit.components.values()
+            for item in component.instruments
+            if (made := test(item)) is not None
+        }
+        flags[name] = set(significant(p_values))
+    undetermined = tuple(observability(fit, estimates))
     return FitResult(
         machine=machine,
         fit=fit,
         estimates=estimates,
         components={
-            name: Component(
-                name=name,
-                says=(says or {}).get(name),
-                estimate=estimate,
-                fit=fit.components.get(name),
-                significant=flags,
-            )
+            name: _component(estimate, fit.components.get(name), (says or {}).get(name), flags)
             for name, estimate in estimates.components.items()
         },
         joint=tuple(_shared(fit, estimates, group) for group in estimates.joint),
+        observability=undetermined,
         coverage_factor=coverage_factor,
+        warnings=(*not_estimable(undetermined), *_warnings(fit)),
     )
+
+
+def _warnings(fit: MachineFit) -> list[Finding]:
+    """Why figures of several instruments are not estimable, and what trends rest on."""
+    noted = []
+    if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
+        reason = "several instruments: see `instruments`"
+        noted.append(finding("not-estimable", quantity="dof and r2", names=several, reason=reason))
+    # Of trends through several files without times the order of the files is their time.
+    of_files = [
+        name
+        for name, component in fit.components.items()
+        if any(x.trend is not None and x.trend_of_files for x in component.instruments)
+    ]
+    if of_files:
+        noted.append(finding("order-of-files", names=of_files, expected="a column time"))
+    return noted
+
+
+def _component(
+    estimate: ComponentEstimate, fit: ComponentFit | None, says: str | None, flags: Significant
+) -> Component:
+    items = () if fit is None else fit.instruments
+    one = items[0] if len(items) == 1 else None
+    if one is not None:
+        # Where some pass has one position only the level varies from pass to pass, not the slope.
+        q, centre = min(2, len(estimate.coefficients)), float(one.fit.center)
+        D, moment = _padded(one.fit.D, q), _padded(one.fit.D_moment, q)
+        halves = one.fit.half_differences
+        halves = None if halves is None else _padded(halves, q)
+    else:
+        read = [item.position for item in items]
+        centre = float(np.concatenate(read).mean()) if read else 0.0
+        moment = to_centre(centre, estimate.pass_covariance)
+        D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
+        halves = _at(centre, estimate.half_differences)
+    counts = [len(item.keys_read) for item in items]
+    runs = tuple(run for item in items for run in _runs(item))
+    s_pass, level = float(np.sqrt(D[0, 0])), float(estimate.coefficients[0])
+    return Component(
+        label=estimate.name,
+        of=estimate.of,
+        unit=estimate.unit,
+        source="machine file" if fit is None else "readings",
+        coefficients=estimate.coefficients,
+        covariance=estimate.covariance,
+        passes_read=sum(counts) if counts and all(counts) else None,
+        runs_read=len(runs) or None,
+        s_repeat=estimate.s_repeat,
+        scatter=_scatter(estimate.s_repeat, s_pass, level, items),
+        tests={} if one is None else _tests(estimate, one, flags),
+        r2=None if one is None else _r2(one),
+        agreement_p=None if fit is None else fit.agreement_p,
+        estimate=estimate,
+        says=says,
+        n=sum(len(item.error) for item in items) if items else None,
+        dof=None if one is None else int(one.fit.plain.dof),
+        runs=runs or None,
+        pass_center=centre,
+        pass_covariance=D,
+        pass_covariance_moment=moment,
+        half_differences=halves,
+        run_covariance=_at(centre, estimate.run_covariance),
+        instruments=tuple(_instrument(estimate, item, centre, flags) for item in items),
+    )
+
+
+def _instrument(
+    estimate: ComponentEstimate, item: InstrumentFit, centre: float, flags: Significant
+) -> Instrument:
+    fit, b, s_repeat = item.fit, item.fit.plain.coefficients, float(np.sqrt(item.fit.s2))
+    T = from_centre(fit.center, len(b), len(fit.D))
+    variance = max(to_centre(centre, T @ fit.D @ T.T)[0, 0], 0.0)
+    runs = _runs(item)
+    return Instrument(
+        label=f"  {item.role}",
+        of="",
+        unit=estimate.unit,
+        source="readings",
+        coefficients=b,
+        covariance=fit.covariance,
+        passes_read=len(item.keys_read) or None,
+        runs_read=None if item.read is None else len(runs),
+        s_repeat=s_repeat,
+        scatter=_scatter(s_repeat, float(np.sqrt(variance)), float(b[0]), [item]),
+        tests=_tests(estimate, item, flags),
+        r2=_r2(item),
+        role=item.role,
+        n=len(item.error),
+        n_passes=fit.n_passes if fit.separated else None,
+        s=float(np.sqrt(fit.plain.s2)),
+        dof=int(fit.plain.dof),
+    )
+
+
+def _padded(D: FloatArray, q: int) -> FloatArray:
+    whole = np.zeros((q, q))
+    whole[: len(D), : len(D)] = D
+    return whole
+
+
+def _at(centre: float, D: FloatArray | None) -> FloatArray | None:
+    return None if D is None else to_centre(centre, D)
 
 
 def runs_of(read: Passes) -> list[list[tuple[int, int, int]]]:
@@ -426,40 +293,12 @@ def runs_of(read: Passes) -> list[list[tuple[int, int, int]]]:
     return [[read.keys[g] for g in in_time if read.runs[g] == run] for run in np.unique(read.runs)]
 
 
-def r2_of(item: InstrumentFit) -> float | None:
-    """Share of the readings' variance that the polynomial explains; None for a constant."""
-    about_mean = float(((item.error - item.error.mean()) ** 2).sum())
-    if len(item.fit.plain.coefficients) < 2 or about_mean == 0:
-        return None
-    return float(1.0 - item.fit.plain.rss / about_mean)
-
-
-def _significant(fit: MachineFit, test: Test) -> set[str]:
-    """``component\\nrole`` of those that are significant among all of their kind."""
-    p_values = {
-        f"{name}\n{item.role}": made.p
-        for name, component in fit.components.items()
-        for item in component.instruments
-        if (made := test(item)) is not None
-    }
-    return set(significant(p_values))
-
-
-def _tested(test: FTest | Shift, among_all: bool, size: float) -> Tested:
-    if isinstance(test, FTest):
-        df = (test.df_numerator, test.df_denominator)
-        return Tested(value=test.F, u=None, p=test.p, dof=df, significant=among_all, size=1.0)
-    return Tested(
-        value=test.value, u=test.u, p=test.p, dof=test.dof, significant=among_all, size=size
-    )
-
-
-def _coefficient(b: FloatArray, C: FloatArray, power: int) -> Coefficient:
-    """None beyond the degree; u None where the machine file states none."""
-    if power >= len(b):
-        return None
-    u = float(np.sqrt(C[power, power]))
-    return float(b[power]), u if u > 0 else None
+def _runs(item: InstrumentFit) -> list[Run]:
+    """The runs of an instrument, files numbered from 1; none where no passes are given."""
+    return [
+        Run(role=item.role, passes=tuple((file + 1, number, way) for file, number, way in keys))
+        for keys in (runs_of(item.read) if item.read is not None else ())
+    ]
 
 
 def _scatter(
@@ -473,13 +312,36 @@ def _scatter(
     return s_repeat if repeated else None, s_pass if several else None
 
 
+def _tests(
+    estimate: ComponentEstimate, item: InstrumentFit, flags: Significant
+) -> dict[str, Tested]:
+    """By name, those that the readings allow."""
+    found = {}
+    for name, test in TESTS.items():
+        made = test(item)
+        if made is None:
+            continue
+        figures: dict[str, Any] = (
+            {"value": made.F, "u": None, "dof": (made.df_numerator, made.df_denominator)}
+            if isinstance(made, FTest)
+            else {"value": made.value, "u": made.u, "dof": made.dof}
+        )
+        flag = f"{estimate.name}\n{item.role}" in flags[name]
+        found[name] = Tested(**figures, p=made.p, significant=flag, unit=estimate.unit)
+    return found
+
+
+def _r2(item: InstrumentFit) -> float | None:
+    """Share of the readings' variance that the polynomial explains; None for a constant."""
+    about_mean = float(((item.error - item.error.mean()) ** 2).sum())
+    if len(item.fit.plain.coefficients) < 2 or about_mean == 0:
+        return None
+    return float(1.0 - item.fit.plain.rss / about_mean)
+
+
 def _shared(fit: MachineFit, estimates: Estimates, group: JointPasses) -> SharedPasses:
-    sizes = np.concatenate(
-        [
-            np.full(width, estimates.components[name].unit.to_internal)
-            for name, width in zip(group.components, group.widths, strict=True)
-        ]
-    )
+    units = [estimates.components[name].unit.to_internal for name in group.components]
+    sizes = np.repeat(units, group.widths)
     names: list[str] = []
     columns = []
     for name in group.components:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.part import Length as LengthEntry
-from mtu_cli.files.part import LoadedPart
+from mtu_cli.files.part import Length, LoadedPart
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.conformance import Conformance, conformance_of, joint_conformance
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
-from mtu_cli.model.length_geometry import differences, length_gradient, length_measure
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.measurands import differences, length_gradient, length_measure
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import (
     PROBABILITY,
@@ -24,82 +22,14 @@ from mtu_cli.model.settings import (
     validation_warnings,
 )
 from mtu_cli.model.temperatures import temperature_warnings
-from mtu_cli.model.trials import Measure, PointTrials
-from mtu_cli.model.variance import Shares, root
+from mtu_cli.model.trials import Conformance, PointTrials, conformance_of, joint_conformance
+from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
-
-Bounds = tuple[tuple[float, float], tuple[str, str] | None]
-"""u with a correlation of -1 and of +1, and the pair that is correlated."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Length:
-    """One length; mm and mm^2. `variance` follows the settings' correlation.
-
-    `variance_uncorrelated` leaves out the measured correlation between components;
-    `u_bounds` are what u could be if the two largest contributors among components that do
-    not share passes were correlated with -1 or +1 (`pair` names them, None where there are
-    not two). `shares` split the variance; None under the papers' independence and where there
-    is no variance. `outside`: whether an end is beyond the measured range of a component.
-    """
-
-    id: str
-    start: str
-    end: str
-    nominal: float
-    error: float
-    variance: float
-    dof: float
-    k: float
-    interval95: tuple[float, float]
-    independent_variance: float
-    variance_uncorrelated: float
-    u_bounds: tuple[float, float]
-    pair: tuple[str, str] | None
-    shares: Shares | None
-    conformance: Conformance | None
-    validation: Validation
-    outside: bool
-
-    @property
-    def estimated(self) -> float:
-        """The predicted length."""
-        return self.nominal + self.error
-
-    @property
-    def u(self) -> float:
-        """Standard uncertainty."""
-        return float(np.sqrt(self.variance))
-
-    @property
-    def U(self) -> float:
-        """Expanded uncertainty k u."""
-        return self.k * self.u
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """error -+ U."""
-        return self.error - self.U, self.error + self.U
-
-    @property
-    def independent_u(self) -> float:
-        """Standard uncertainty where ends and components are independent."""
-        return root(self.independent_variance)
-
-    @property
-    def independent_U(self) -> float:
-        """k times it."""
-        return self.k * self.independent_u
-
-    @property
-    def u_uncorrelated(self) -> float:
-        """Standard uncertainty without the measured correlation between components."""
-        return root(self.variance_uncorrelated)
 
 
 class JointConformance(NamedTuple):
@@ -114,10 +44,34 @@ class JointConformance(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LengthsResult:
-    """All lengths of a part; `joint_conformance` None where fewer than two have a tolerance."""
+    """All m lengths of a part, from and to the features `ends`; arrays (m,) in mm and mm^2.
+
+    `variance` with its `dof` follows the settings' correlation; `interval95` (m, 2) by t.
+    `independent_variance` is that of the papers, `u_uncorrelated` leaves out the measured
+    correlation between components; `u_bounds` (m, 2) are what u could be if the two largest
+    contributors among components that do not share passes were correlated with -1 or +1 (`pair`
+    names them, None where there are not two). `shares` split the variance; None under the papers'
+    independence and where there is no variance. `outside`: whether an end is beyond the measured
+    range of a component. `joint_conformance` is None where fewer than two have a tolerance.
+    """
 
     prediction: Prediction
-    lengths: tuple[Length, ...]
+    ids: tuple[str, ...]
+    ends: tuple[tuple[str, str], ...]
+    nominal: FloatArray
+    error: FloatArray
+    variance: FloatArray
+    dof: FloatArray
+    interval95: FloatArray
+    independent_variance: FloatArray
+    u_uncorrelated: FloatArray
+    u_bounds: FloatArray
+    pair: tuple[tuple[str, str] | None, ...]
+    shares: tuple[Shares | None, ...]
+    conformance: tuple[Conformance | None, ...]
+    validation: tuple[Validation, ...]
+    outside: tuple[bool, ...]
+    coverage_factor: float
     joint_conformance: JointConformance | None
     run: MonteCarloResult
     warnings: tuple[Finding, ...]
@@ -134,56 +88,66 @@ def predict_lengths(
 
     Raises InputError for a missing covariate or coordinate, or a part without lengths.
     """
-    geometry, prediction, warnings = _predicted(model, part, covariates)
-    alone = settings.independent
-    variances = _variances(model, geometry, prediction, covariates, independent=alone)
-    trials = _trials(geometry, prediction, variances.dof, independent=alone)
-    run = settings.run(trials)
-    lengths = tuple(
-        _length(entry, i, geometry, variances, settings, run, prediction.beyond)
-        for i, entry in enumerate(part.part.lengths)
-    )
-    joint = joint_conformance(trials, [length.conformance for length in lengths], settings)
-    toleranced = tuple(length.id for length in lengths if length.conformance is not None)
+    entries = _entries(part)
+    names, ends = tuple(x.id for x in entries), tuple((x.from_, x.to) for x in entries)
+    features, points, noted = feature_points(part, model, [name for pair in ends for name in pair])
+    prediction = predict(model, features, points, covariates)
+    pairs = np.array([[features.index(name) for name in pair] for pair in ends])
+    delta = differences(points, pairs, names, part.source.shown)
+    gradient = length_gradient(prediction, pairs, delta)
+    shared = prediction.variance(gradient)
+    independent = gradient**2 @ prediction.independent_variance
+    variance, dof = shared.total, shared.dof
+    if settings.independent:
+        variance, dof = independent, np.full(len(names), np.inf)
+    u = np.sqrt(variance)
+    trials = _trials(prediction, names, pairs, delta, gradient, dof, settings)
+    run, errors = settings.run(trials), trials.linear_mean
+    half = np.array([coverage_factor(PROBABILITY, each) for each in dof]) * u
+    separate = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
+    uncorrelated = separate.variance(gradient).total
+    bounds = [_bounds(prediction, by_block) for by_block in shared.by_block.T]
+    rows = list(zip(errors.tolist(), u.tolist(), dof.tolist(), strict=True))
+    conformance = [
+        conformance_of(x.tolerance_um, *row) for x, row in zip(entries, rows, strict=True)
+    ]
+    validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
+    joint = joint_conformance(trials, conformance, settings)
+    toleranced = tuple(x.id for x, each in zip(entries, conformance, strict=True) if each)
     return LengthsResult(
         prediction=prediction,
-        lengths=lengths,
+        ids=names,
+        ends=ends,
+        nominal=np.linalg.norm(delta, axis=1),
+        error=errors,
+        variance=variance,
+        dof=dof,
+        interval95=np.column_stack([errors - half, errors + half]),
+        independent_variance=independent,
+        u_uncorrelated=np.sqrt(np.where(uncorrelated >= 0, uncorrelated, np.nan)),
+        u_bounds=np.array([ends for ends, _ in bounds]),
+        pair=tuple(pair for _, pair in bounds),
+        shares=tuple(None if settings.independent else shared.shares(i) for i in range(len(names))),
+        conformance=tuple(conformance),
+        validation=validation,
+        outside=tuple(not prediction.beyond.keys().isdisjoint(pair) for pair in ends),
+        coverage_factor=settings.coverage_factor,
         joint_conformance=None if joint is None else JointConformance(toleranced, *joint),
         run=run,
         warnings=(
-            *warnings,
-            *_planar_warnings(model, geometry.delta, geometry.names),
+            *noted,
+            *_planar_warnings(model, delta, names),
             *outside_warnings(prediction),
-            *temperature_warnings(model, prediction.points, covariates or {}),
-            *effect_warnings_at(model, prediction.points, covariates or {}),
-            *dof_warnings(geometry.names, variances.dof),
-            *validation_warnings(
-                geometry.names, [length.validation for length in lengths], "um", UM
-            ),
+            *temperature_warnings(model, points, covariates or {}),
+            *effect_warnings_at(model, points, covariates or {}),
+            *dof_warnings(names, dof),
+            *validation_warnings(names, validation, "um", UM),
             *convergence_warnings(run),
         ),
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Geometry:
-    """The m lengths as functions of the predicted errors, in mm.
-
-    `delta` (m, 3) end minus start, `errors` (m,) at the mean of the prediction, `gradient`
-    (m, rows); `measure` of the combinations `combine` of errors, as `PointTrials` has them.
-    """
-
-    names: tuple[str, ...]
-    delta: FloatArray
-    errors: FloatArray
-    gradient: FloatArray
-    measure: Measure
-    combine: FloatArray
-
-
-def _predicted(
-    model: MachineModel, part: LoadedPart, covariates: Mapping[str, float] | None
-) -> tuple[_Geometry, Prediction, list[Finding]]:
+def _entries(part: LoadedPart) -> Sequence[Length]:
     entries = part.part.lengths
     if not entries:
         raise error(
@@ -192,124 +156,46 @@ def _predicted(
             file=part.source.shown,
             expected="lengths: [{from: '3', to: '9'}]",
         )
-    used = [name for entry in entries for name in (entry.from_, entry.to)]
-    ids, points, warnings = feature_points(part, model, used)
-    prediction = predict(model, ids, points, covariates)
-    names = tuple(entry.id for entry in entries)
-    pairs = np.array([[ids.index(entry.from_), ids.index(entry.to)] for entry in entries])
-    delta = differences(points, pairs, names, part.source.shown)
-    measure, combine = length_measure(prediction, pairs, delta)
-    geometry = _Geometry(
-        names=names,
-        delta=delta,
-        errors=measure((combine @ prediction.mean)[:, None], Workspace())[:, 0],
-        gradient=length_gradient(prediction, pairs, delta),
-        measure=measure,
-        combine=combine,
-    )
-    return geometry, prediction, list(warnings)
+    return entries
 
 
 def _trials(
-    geometry: _Geometry, prediction: Prediction, dof: FloatArray, *, independent: bool
+    prediction: Prediction,
+    names: tuple[str, ...],
+    pairs: np.ndarray,
+    delta: FloatArray,
+    gradient: FloatArray,
+    dof: FloatArray,
+    settings: Settings,
 ) -> PointTrials:
-    names = geometry.names
+    """The lengths as functions of the predicted errors, and their first-order form."""
+    measure, combine = length_measure(prediction, pairs, delta)
     return PointTrials(
         prediction,
         names,
-        geometry.measure,
-        geometry.combine,
+        measure,
+        combine,
         np.tile(np.arange(len(names)), len(prediction.axes)),
-        geometry.errors,
-        geometry.gradient,
+        measure((combine @ prediction.mean)[:, None], Workspace())[:, 0],
+        gradient,
         dof,
-        independent=independent,
+        independent=settings.independent,
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Variances:
-    """Variances (m,) of the lengths, mm^2, and what they could be; see `Length`.
-
-    `total` with `dof` and `shares` follows the settings' correlation; `bounds` are (u's, their
-    pair).
-    """
-
-    total: FloatArray
-    dof: FloatArray
-    independent: FloatArray
-    uncorrelated: FloatArray
-    bounds: tuple[Bounds, ...]
-    shares: tuple[Shares | None, ...]
-
-
-def _variances(
-    model: MachineModel,
-    geometry: _Geometry,
-    prediction: Prediction,
-    covariates: Mapping[str, float] | None,
-    *,
-    independent: bool,
-) -> _Variances:
-    gradient = geometry.gradient
-    shared = prediction.variance(gradient)
-    alone = gradient**2 @ prediction.independent_variance
-    apart = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
-    return _Variances(
-        total=alone if independent else shared.total,
-        dof=np.full(len(alone), np.inf) if independent else shared.dof,
-        independent=alone,
-        uncorrelated=apart.variance(gradient).total,
-        bounds=tuple(_bounds(prediction, own) for own in shared.by_block.T),
-        shares=tuple(None if independent else shared.shares(i) for i in range(len(alone))),
-    )
-
-
-def _length(
-    entry: LengthEntry,
-    i: int,
-    geometry: _Geometry,
-    variances: _Variances,
-    settings: Settings,
-    run: MonteCarloResult,
-    beyond: Collection[str],
-) -> Length:
-    error, variance = float(geometry.errors[i]), float(variances.total[i])
-    u, dof = float(np.sqrt(variance)), float(variances.dof[i])
-    k95 = coverage_factor(PROBABILITY, dof)
-    bounds, pair = variances.bounds[i]
-    return Length(
-        id=entry.id,
-        start=entry.from_,
-        end=entry.to,
-        nominal=float(np.linalg.norm(geometry.delta, axis=1)[i]),
-        error=error,
-        variance=variance,
-        dof=dof,
-        k=settings.coverage_factor,
-        interval95=(error - k95 * u, error + k95 * u),
-        independent_variance=float(variances.independent[i]),
-        variance_uncorrelated=float(variances.uncorrelated[i]),
-        u_bounds=bounds,
-        pair=pair,
-        shares=variances.shares[i],
-        conformance=conformance_of(entry.tolerance_um, error, u, dof),
-        validation=settings.validate(error, u, dof, run, i),
-        outside=entry.from_ in beyond or entry.to in beyond,
-    )
-
-
-def _bounds(prediction: Prediction, by_block: FloatArray) -> Bounds:
-    """u if the two largest blocks were correlated with -1 or +1."""
+def _bounds(
+    prediction: Prediction, by_block: FloatArray
+) -> tuple[tuple[float, float], tuple[str, str] | None]:
+    """u if the two largest blocks were correlated with -1 or +1, and their names."""
     total = float(by_block.sum())
     largest = np.argsort(-by_block, kind="stable")[:2]
     if len(largest) < 2 or by_block[largest[1]] <= 0:
         u = float(np.sqrt(total))
         return (u, u), None
     cross = 2 * float(np.sqrt(by_block[largest[0]] * by_block[largest[1]]))
-    names = [" + ".join(prediction.blocks[b].names) for b in largest]
-    low = float(np.sqrt(max(total - cross, 0.0)))
-    return (low, float(np.sqrt(total + cross))), (names[0], names[1])
+    first, second = (" + ".join(prediction.blocks[b].names) for b in largest)
+    low, high = np.sqrt(max(total - cross, 0.0)), np.sqrt(total + cross)
+    return (float(low), float(high)), (first, second)
 
 
 def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Finding]:

@@ -16,7 +16,6 @@ from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 FEWEST_OF_TREND = 3
 """Runs there and back from which on a straight line leaves a degree of freedom."""
 _ALONE = "correlation of its drift with that of other components"
-BY_ONE = "read it by one instrument, in the same passes as the others"
 _GROUPS = "correlation of their drift with that of the other groups"
 _SAID = {
     _ALONE: "correlation of the drift of {} with that of other components",
@@ -24,7 +23,7 @@ _SAID = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class NotDetermined:
     """One thing that the data leave open, in plain words."""
 
@@ -49,17 +48,19 @@ def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
     for name in estimates.components:
         component = fit.components.get(name)
         if component is None:
-            found.append(
-                NotDetermined(
-                    component=name,
-                    not_determined="drift, reversal and lack of fit",
-                    because="it is known from the machine file only",
-                    reading_that_would="readings of it, given with --lbb or --laser",
-                )
+            what, because = (
+                "drift, reversal and lack of fit",
+                "it is known from the machine file only",
             )
+            would = "readings of it, given with --lbb or --laser"
+            found.append(NotDetermined(name, what, because, would))
             continue
+        without_axis = component.estimate.of is None
         for item in component.instruments:
-            found += _of_instrument(name, component, item)
+            by = f" by {item.role}" if len(component.instruments) > 1 else ""
+            checks = [*_of_scatter(item, without_axis=without_axis)]
+            checks += [] if without_axis else [*_of_shape(item)]
+            found += [NotDetermined(name, f"{what}{by}", why, would) for what, why, would in checks]
     return found + list(_apart(fit, estimates))
 
 
@@ -74,110 +75,67 @@ def not_estimable(found: Iterable[NotDetermined]) -> list[Finding]:
     ]
 
 
-def _of_instrument(name: str, fit: ComponentFit, item: InstrumentFit) -> list[NotDetermined]:
-    by = f" by {item.role}" if len(fit.instruments) > 1 else ""
-    without_axis = fit.estimate.of is None
-    checks = [_uncertainty(item), _drift(item, without_axis), _slope(item), _trend(item)]
-    checks += [_repeatability(item)]
-    if not without_axis:
-        checks += [_reversal(item), _lack_of_fit(item)]
-    return [
-        NotDetermined(
-            component=name,
-            not_determined=f"{what}{by}",
-            because=because,
-            reading_that_would=would,
+Checks = Iterator[tuple[str, str, str]]
+"""What is not determined, why, and which readings would."""
+
+
+def _of_scatter(item: InstrumentFit, *, without_axis: bool) -> Checks:
+    """What readings, passes and repeats are too few for."""
+    fit, passes = item.fit, len(item.keys_read)
+    if not fit.plain.dof > 0:
+        because = f"{_count(len(item.error), 'reading')} for as many coefficients"
+        yield "uncertainty", because, "more readings of it, best in several passes"
+    if not fit.separated:
+        what = "pass-to-pass drift apart from repeatability"
+        because = f"{_count(passes, 'reading' if without_axis else 'pass')} only"
+        would = "repeat the run at least 3 times, numbered in `pass`"
+        yield what, because if passes else "no `pass` is given", would
+        return
+    if len(fit.D) != min(2, len(fit.plain.coefficients)):
+        what, because = "pass-to-pass change of slope", "some passes have one position only"
+        yield what, because, "read every pass at two positions or more"
+    if item.trend is None:
+        enough, few = fit.pass_dof >= 2, f"{_count(fit.n_passes, 'pass')} only"
+        would = "at least 4 passes, in each direction where both are read"
+        if by_runs(fit):
+            runs = len(fit.pairs)
+            enough, few = runs >= FEWEST_OF_TREND, f"{_count(runs, 'run')} there and back only"
+            would = f"at least {FEWEST_OF_TREND} runs there and back"
+        because = "the levels of its passes do not differ" if enough else few
+        yield "steady drift from pass to pass", because, would
+    if not fit.within_dof > 0:
+        yield (
+            "repeatability of one visit",
+            "nothing is repeated within a pass (a move from the other side is no repeat): all its "
+            "scatter counts as pass-to-pass",
+            "read it at least twice in a pass from the same side, in the same set-up",
         )
-        for what, because, would in (check for check in checks if check is not None)
-    ]
 
 
-Check = tuple[str, str, str] | None
-
-
-def _uncertainty(item: InstrumentFit) -> Check:
-    if item.fit.plain.dof > 0:
-        return None
-    return (
-        "uncertainty",
-        f"{_count(len(item.error), 'reading')} for as many coefficients",
-        "more readings of it, best in several passes",
-    )
-
-
-def _drift(item: InstrumentFit, without_axis: bool) -> Check:
-    if item.fit.separated:
-        return None
-    count = len(item.keys_read) or None
-    what = "pass-to-pass drift apart from repeatability"
-    if count is None:
-        return what, "no `pass` is given", "repeat the run at least 3 times, numbered in `pass`"
-    because = f"{_count(count, 'reading' if without_axis else 'pass')} only"
-    return what, because, "repeat the run at least 3 times, numbered in `pass`"
-
-
-def _slope(item: InstrumentFit) -> Check:
-    if not item.fit.separated or len(item.fit.D) == min(2, len(item.fit.plain.coefficients)):
-        return None
-    return (
-        "pass-to-pass change of slope",
-        "some passes have one position only",
-        "read every pass at two positions or more",
-    )
-
-
-def _trend(item: InstrumentFit) -> Check:
-    if not item.fit.separated or item.trend is not None:
-        return None
-    enough, few = item.fit.pass_dof >= 2, f"{_count(item.fit.n_passes, 'pass')} only"
-    would = "at least 4 passes, in each direction where both are read"
-    if by_runs(item.fit):
-        runs = len(item.fit.pairs)
-        enough, few = runs >= FEWEST_OF_TREND, f"{_count(runs, 'run')} there and back only"
-        would = f"at least {FEWEST_OF_TREND} runs there and back"
-    because = "the levels of its passes do not differ" if enough else few
-    return "steady drift from pass to pass", because, would
-
-
-def _repeatability(item: InstrumentFit) -> Check:
-    if not item.fit.separated or item.fit.within_dof > 0:
-        return None
-    return (
-        "repeatability of one visit",
-        "nothing is repeated within a pass (a move from the other side is no repeat): all its "
-        "scatter counts as pass-to-pass",
-        "read it at least twice in a pass from the same side, in the same set-up",
-    )
-
-
-def _reversal(item: InstrumentFit) -> Check:
-    if item.reversal is not None:
-        return None
-    would = "run each pass in both directions, given in `direction`"
+def _of_shape(item: InstrumentFit) -> Checks:
+    """What directions and positions are too few for."""
     seen = {int(sign) for sign in np.sign(item.direction)}
-    if not seen & {-1, 1}:
-        return "reversal", "no `direction` is given", would
-    if {-1, 1} - seen:
-        return "reversal", f"read {'forward' if 1 in seen else 'in reverse'} only", would
-    if item.fit.separated and item.fit.n_passes >= FEWEST_PASSES:
-        return "reversal", "its passes do not differ", "readings that scatter"
-    few = "too few passes to judge it by their scatter"
-    return "reversal", few, "at least 3 passes there and back"
-
-
-def _lack_of_fit(item: InstrumentFit) -> Check:
-    if item.lack_of_fit is not None:
-        return None
-    positions = len(np.unique(item.position))
-    k = len(item.fit.plain.coefficients)
-    if positions <= k:
-        because = f"{_count(positions, 'position')} for {_count(k, 'coefficient')}"
-        return "lack of fit", because, f"readings at {k + 1} positions or more"
-    if positions > MAX_POSITIONS:
-        because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
-    else:
+    if item.reversal is None:
+        would = "run each pass in both directions, given in `direction`"
+        if not seen & {-1, 1}:
+            yield "reversal", "no `direction` is given", would
+        elif {-1, 1} - seen:
+            yield "reversal", f"read {'forward' if 1 in seen else 'in reverse'} only", would
+        elif item.fit.separated and item.fit.n_passes >= FEWEST_PASSES:
+            yield "reversal", "its passes do not differ", "readings that scatter"
+        else:
+            few = "too few passes to judge it by their scatter"
+            yield "reversal", few, "at least 3 passes there and back"
+    if item.lack_of_fit is None:
+        positions, k = len(np.unique(item.position)), len(item.fit.plain.coefficients)
+        would = "the same positions again, in two passes or more"
         because = "no position is repeated often enough"
-    return "lack of fit", because, "the same positions again, in two passes or more"
+        if positions <= k:
+            because = f"{_count(positions, 'position')} for {_count(k, 'coefficient')}"
+            would = f"readings at {k + 1} positions or more"
+        elif positions > MAX_POSITIONS:
+            because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
+        yield "lack of fit", because, would
 
 
 def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
@@ -193,20 +151,14 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     for name, found in separated.items():
         if name in grouped or len(separated) < 2:
             continue
-        several = len(found.instruments) > 1
-        yield NotDetermined(
-            component=name,
-            not_determined=_ALONE,
-            because="read by several instruments" if several else "read in passes of its own",
-            reading_that_would=BY_ONE if several else would,
-        )
+        because, reading = "read in passes of its own", would
+        if len(found.instruments) > 1:
+            because = "read by several instruments"
+            reading = "read it by one instrument, in the same passes as the others"
+        yield NotDetermined(name, _ALONE, because, reading)
+    because = "each group was read in passes of its own, or in other directions"
     for group in groups if len(groups) > 1 else ():
-        yield NotDetermined(
-            component=", ".join(group),
-            not_determined=_GROUPS,
-            because="each group was read in passes of its own, or in other directions",
-            reading_that_would=would,
-        )
+        yield NotDetermined(", ".join(group), _GROUPS, because, would)
 
 
 def _together(components: Iterable[ComponentFit]) -> str:

@@ -10,10 +10,10 @@ import numpy as np
 
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.angles import AngleTrials, Line, angle_error, check_square, contrasts
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import NO_U, dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.measurands import AngleTrials, Line, angle_error, check_square, contrasts
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import (
     PROBABILITY,
@@ -37,27 +37,27 @@ DRAWN = 2**18
 
 
 class FirstOrder(NamedTuple):
-    """A mean and its standard uncertainty of first order, with effective degrees of freedom."""
+    """A mean and its standard uncertainty of first order, with effective degrees of freedom and
+    mean -+ t u at these.
+    """
 
     mean: float
     u: float
     dof: float
-
-    @property
-    def interval95(self) -> tuple[float, float]:
-        """mean -+ t u at the effective degrees of freedom."""
-        k = coverage_factor(PROBABILITY, self.dof)
-        return self.mean - k * self.u, self.mean + k * self.u
+    interval95: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Orthogonality:
     """One angle less 90 degrees, in rad, from the row's +x to the column's +y.
 
-    `run` holds the Monte Carlo (mean, u, interval, samples), `independent` the same trials under
-    the papers' independence; `k` the coverage factor. `shares` split the variance of first order;
-    None under that independence and where there is no variance. `outside`: whether a feature is
-    beyond the measured range of a component.
+    `run` holds the Monte Carlo (mean, u, interval, samples; u is nan where the trials'
+    distribution has none), `independent` the same trials under the papers' independence, with
+    `independent_u` of first order; `k` the coverage factor. `u_of_next_trial` is of one more trial
+    about the mean of all (Gilsinn & Ling 2004, eq. (28)), and `scale` the u that figures are
+    rounded to: that of first order where the trials have none. `shares` split the variance of first
+    order; None under that independence and where there is no variance. `outside`: whether a feature
+    is beyond the measured range of a component.
     """
 
     id: str
@@ -65,37 +65,15 @@ class Orthogonality:
     column: tuple[str, ...]
     prediction: Prediction
     run: MonteCarloResult
+    u_of_next_trial: float
+    scale: float
     first_order: FirstOrder
     independent: MonteCarloResult
-    independent_first_order: tuple[float, float]
+    independent_u: float
     validation: Validation
     shares: Shares | None
+    outside: bool
     k: float
-
-    @property
-    def u(self) -> float:
-        """Standard uncertainty; nan where the trials' distribution has none."""
-        return float(self.run.u[0])
-
-    @property
-    def U(self) -> float:
-        """Expanded uncertainty k u."""
-        return self.k * self.u
-
-    @property
-    def u_of_next_trial(self) -> float:
-        """Of one more trial about the mean of all: Gilsinn & Ling 2004, eq. (28)."""
-        return float(self.u * np.sqrt(1.0 + 1.0 / self.run.trials))
-
-    @property
-    def scale(self) -> float:
-        """The u that figures are rounded to: that of first order where the trials have none."""
-        return self.u if np.isfinite(self.u) else self.first_order.u
-
-    @property
-    def outside(self) -> bool:
-        """Whether a feature is beyond the measured range of a component."""
-        return bool(self.prediction.outside)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,17 +121,13 @@ def predict_orthogonality(
         angles.append(_angle(entry.id, entry.row, entry.column, prediction, settings))
         warnings += [*noted, *outside_warnings(prediction)]
         warnings += effect_warnings_at(model, points, covariates or {})
-        warnings += dof_warnings([entry.id], np.array([angles[-1].first_order[2]]))
-    warnings += _monte_carlo_warnings(angles)
+        warnings += dof_warnings([entry.id], np.array([angles[-1].first_order.dof]))
+    names, validations = [x.id for x in angles], [x.validation for x in angles]
+    if without_u := [x.id for x in angles if not np.isfinite(x.run.u[0])]:
+        warnings.append(finding("few-degrees-of-freedom", names=without_u, how=NO_U))
+    warnings += validation_warnings(names, validations, "arcsec", ARCSEC)
+    warnings += [each for item in angles for each in convergence_warnings(item.run)]
     return OrthogonalityResult(angles=tuple(angles), warnings=tuple(dict.fromkeys(warnings)))
-
-
-def _monte_carlo_warnings(angles: Sequence[Orthogonality]) -> list[Finding]:
-    names = [item.id for item in angles]
-    without_u = [item.id for item in angles if not np.isfinite(item.u)]
-    found = [finding("few-degrees-of-freedom", names=without_u, how=NO_U)] if without_u else []
-    found += validation_warnings(names, [item.validation for item in angles], "arcsec", ARCSEC)
-    return [*found, *(each for item in angles for each in convergence_warnings(item.run))]
 
 
 def _angle(
@@ -163,30 +137,30 @@ def _angle(
     prediction: Prediction,
     settings: Settings,
 ) -> Orthogonality:
-    apart = angle_trials(name, row, column, prediction, independent=True)
+    papers = angle_trials(name, row, column, prediction, independent=True)
     chosen = angle_trials(name, row, column, prediction, independent=settings.independent)
-    independent = settings.run(apart, keep=DRAWN)
+    independent = settings.run(papers, keep=DRAWN)
     run = independent if settings.independent else settings.run(chosen, keep=DRAWN)
     mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
-    u = float(chosen.linear_u[0, 0])
+    u, by_trials = float(chosen.linear_u[0, 0]), float(run.u[0])
+    half = coverage_factor(PROBABILITY, dof) * u
+    gradient = angle_gradient(prediction, *_places(prediction, row, column))[None, :]
     return Orthogonality(
         id=name,
         row=tuple(row),
         column=tuple(column),
         prediction=prediction,
         run=run,
-        first_order=FirstOrder(mean, u, dof),
+        u_of_next_trial=float(by_trials * np.sqrt(1.0 + 1.0 / run.trials)),
+        scale=by_trials if np.isfinite(by_trials) else u,
+        first_order=FirstOrder(mean, u, dof, (mean - half, mean + half)),
         independent=independent,
-        independent_first_order=(mean, float(apart.linear_u[0, 0])),
+        independent_u=float(papers.linear_u[0, 0]),
         validation=settings.validate(mean, u, dof, run, 0),
-        shares=None if settings.independent else _shares(row, column, prediction),
+        shares=None if settings.independent else prediction.variance(gradient).shares(0),
+        outside=bool(prediction.outside),
         k=settings.coverage_factor,
     )
-
-
-def _shares(row: Sequence[str], column: Sequence[str], prediction: Prediction) -> Shares | None:
-    gradient = angle_gradient(prediction, *_places(prediction, row, column))[None, :]
-    return prediction.variance(gradient).shares(0)
 
 
 def angle_trials(

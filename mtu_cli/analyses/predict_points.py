@@ -13,11 +13,10 @@ from mtu_cli.findings import Finding
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.reportable import reportable, reportable_of_points
+from mtu_cli.model.prediction import Prediction, predict, reportable
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.model.temperatures import temperature_warnings
-from mtu_cli.model.variance import Shares, Variance
+from mtu_cli.model.variance import Variance
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -57,40 +56,7 @@ class PointsResult:
         if self.independent:
             apart: FloatArray = self.variance.reshape(n, a, 1) * np.eye(a)
             return apart
-        return reportable_of_points(self.prediction, self.variance.reshape(n, a))
-
-    @cached_property
-    def u(self) -> FloatArray:
-        """Standard uncertainties (rows,), mm."""
-        u: FloatArray = np.sqrt(self.variance)
-        return u
-
-    @cached_property
-    def U(self) -> FloatArray:
-        """Expanded uncertainties k u (rows,), mm (JCGM 100, eq. (18))."""
-        return self.coverage_factor * self.u
-
-    @cached_property
-    def independent_u(self) -> FloatArray:
-        """Standard uncertainties (rows,) under the papers' independence, mm."""
-        u: FloatArray = np.sqrt(self.prediction.independent_variance)
-        return u
-
-    @cached_property
-    def independent_U(self) -> FloatArray:
-        """k times them."""
-        return self.coverage_factor * self.independent_u
-
-    @cached_property
-    def outside(self) -> list[list[str]]:
-        """By feature the components beyond their measured range."""
-        return [self.prediction.beyond.get(name, []) for name in self.prediction.ids]
-
-    def shares(self, row: int) -> Shares | None:
-        """What u^2 of a row consists of; None under the papers' independence, which does not tell
-        coefficients from passes, and where u is 0.
-        """
-        return None if self.independent else self.split.shares(row)
+        return reportable(self.prediction, self.variance, by_point=True)
 
     def of_axis(self, values: FloatArray, axis: str) -> FloatArray:
         """What belongs to one axis, (features,), of `values` (rows,)."""

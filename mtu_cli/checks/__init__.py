@@ -28,8 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.model.datum import freed
-from mtu_cli.model.visits import Visits, axes_of, distinct, visits_of
+from mtu_cli.model.visits import Visits, axes_of, distinct, freed, visits_of
 
 Rows = NDArray[np.int64]
 Floats = NDArray[np.float64]

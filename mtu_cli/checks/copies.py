@@ -12,7 +12,7 @@ from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, ch
 from mtu_cli.checks.plausible import CHANCE, FEWEST_EQUAL, LEAST_REPEAT_MM
 from mtu_cli.checks.readings import profiles
 from mtu_cli.files.points import SAME_MM
-from mtu_cli.model.resolution import last_digit
+from mtu_cli.model.columns import last_digit
 
 MEAN_RANGE = 1.128
 """Mean difference of two normal readings in standard deviations (Tippett, 1925)."""

@@ -11,13 +11,13 @@ from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, number_of
 from mtu_cli.findings import error
-from mtu_cli.model.graph.measurement_graph import MeasurementGraph
+from mtu_cli.model.graph.trials import MeasurementGraph
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from mtu_cli.reports.graph_net import Net
+    from mtu_cli.reports.graph_layout import Net
 
 EXAMPLE = "--vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
 DIGITS = 12
@@ -46,8 +46,8 @@ def budget(inputs: Inputs, settings: Settings) -> Outcome:
 def _graph(inputs: Inputs) -> MeasurementGraph:
     """The graph of the call's file, checked whole."""
     from mtu_cli.files.graph import load_graph
-    from mtu_cli.model.graph.examine import examine
-    from mtu_cli.model.graph.measurement_graph import build_graph
+    from mtu_cli.model.graph.trials import build_graph
+    from mtu_cli.model.graph.units import examine
 
     loaded = load_graph(inputs.options.file, examine)
     inputs.sources.append(loaded.source)
@@ -93,8 +93,8 @@ def drawing(net: Net) -> Figure:
 
 def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
     """What is drawn, with the shares of the variance of `of` where a place is given."""
-    from mtu_cli.analyses.graph.shares import shares_by_place
-    from mtu_cli.reports.graph_net import net_of
+    from mtu_cli.analyses.graph.check import shares_by_place
+    from mtu_cli.reports.graph_layout import net_of
 
     shares = None if of is None else shares_by_place(graph, of)
     return net_of(graph.graph, graph.loaded.reported, of, shares)

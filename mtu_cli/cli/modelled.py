@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.thermal_fit.result import ThermalFit
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
-    from mtu_cli.model.thermal import ThermalEstimate
+    from mtu_cli.model.estimates import ThermalEstimate
 
 REFERENCE_WITHOUT_MACHINE = 20.0
 """ISO 1."""
@@ -110,7 +110,7 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
 
 def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Finding]]:
     """A thermal-fit report wins over drift readings, those over the machine file."""
-    from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
+    from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 
     machine = inputs.machine
     stated = thermal_from_machine_file(machine)

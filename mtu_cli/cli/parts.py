@@ -9,7 +9,7 @@ from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_varianc
 from mtu_cli.analyses.compare import CompareResult
 from mtu_cli.analyses.compare import compare as compare_parts
 from mtu_cli.analyses.correct import correct as correct_points
-from mtu_cli.analyses.correct.warmth import unused_warmth
+from mtu_cli.analyses.correct import unused_warmth
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled

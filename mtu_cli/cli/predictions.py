@@ -10,8 +10,8 @@ from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled, one_direction
 from mtu_cli.findings import error
+from mtu_cli.model.features import grid_of, grid_warnings
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.volume import grid_of, grid_warnings
 
 
 def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
@@ -53,7 +53,8 @@ def lengths(inputs: Inputs, settings: Settings) -> Outcome:
 
 def _nonconforming(result: LengthsResult, limit: float) -> str | None:
     """The lengths, and the whole part, that do not conform with a probability above `limit`."""
-    checked = {x.id: 1 - x.conformance.probability for x in result.lengths if x.conformance}
+    known = zip(result.ids, result.conformance, strict=True)
+    checked = {name: 1 - each.probability for name, each in known if each is not None}
     if not checked:
         expected = "tolerance_um at a length of the part"
         raise error("gate-undefined", gate="nonconforming", expected=expected)

@@ -27,12 +27,19 @@ from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, num
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.findings import Finding, InputError, error, finding
-from mtu_cli.model.calibrated_places import growth
 from mtu_cli.model.effect_parameters import EFFECT_MARK
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.simulate import PartsPlan, large_errors, simulate_points
+from mtu_cli.model.simulate import (
+    PartsPlan,
+    covariate_equations,
+    errors_by_axis,
+    growth,
+    large_errors,
+    simulate_points,
+)
 from mtu_cli.model.simulate_drift import (
     Climate,
     DriftPlan,
@@ -41,9 +48,7 @@ from mtu_cli.model.simulate_drift import (
     settled,
     simulate_drift,
 )
-from mtu_cli.model.simulate_equations import covariate_equations, errors_by_axis
 from mtu_cli.model.simulate_readings import ReadingsPlan, cut_warnings, simulate_readings
-from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS

@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
+from typing import Any
 
 from mtu_cli.files.contract import Faults, check_contract, is_unknown_key, present
 from mtu_cli.files.graph_contract import Graph, Place, Transition
@@ -75,9 +76,10 @@ class LoadedGraph:
         made = {name for item in self.graph.transitions if item.do != "meas" for name in item.out}
         return tuple(self.graph.report) or tuple(n for n in self.graph.places if n in made - used)
 
-    def line_of(self, *path: str | int) -> int | None:
-        """The line of a value of the file."""
-        return self.document.line_of(*path)
+    def place_of(self, index: int) -> dict[str, Any]:
+        """Where a transition stands, for a finding."""
+        line = self.document.line_of("transitions", index)
+        return {"file": self.source.shown, "line": line, "path": f"transitions[{index}]"}
 
 
 def load_graph(path: Path, examine: Examine | None = None) -> LoadedGraph:

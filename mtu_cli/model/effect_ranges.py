@@ -10,9 +10,8 @@ import numpy as np
 
 from mtu_cli.files.covariates import NEAR_K, is_temperature
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.design import design, places, theta
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
-from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.model.machine_model import AXES, MachineModel, design, places, theta
 from mtu_cli.stats.least_squares import FloatArray
 
 SLACK = 0.1

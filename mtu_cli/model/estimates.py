@@ -1,15 +1,80 @@
-"""What is known of the components: coefficients, their covariance, scatter of future passes."""
+"""What is known of components and their drifts: coefficients, covariance, scatter of passes."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from math import inf
 
 import numpy as np
 
-from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalEstimate:
+    """The drift of one component, in internal units (mm or rad, per degC and per mm^m).
+
+    `coefficients` (m, s): ascending powers of the position along `of` (one row where the drift
+    does not depend on it), one column a sensor. `covariance` (m*s, m*s) of them, powers first,
+    with `coefficient_dof`. `leftover` (m, m) is the covariance of what the model leaves of the
+    drift, as a polynomial of the same powers: the machine's state, shared by all points of a
+    part, with `leftover_dof`. `time_constants` (s,) in min, 0 for a sensor without lag;
+    `sensor_u` (s,) in degC; `temperature_range` (s, 2) in degC and `position_range` in mm are
+    what the fit saw (None: not known).
+    """
+
+    component: str
+    of: str | None
+    unit: Unit
+    sensors: tuple[str, ...]
+    reference: float
+    coefficients: FloatArray
+    covariance: FloatArray
+    coefficient_dof: float
+    leftover: FloatArray
+    leftover_dof: float
+    time_constants: FloatArray
+    sensor_u: FloatArray
+    temperature_range: FloatArray | None = None
+    position_range: tuple[float, float] | None = None
+
+    @property
+    def degree(self) -> int:
+        """Degree of the polynomial in position; 0: the drift is the same everywhere."""
+        return len(self.coefficients) - 1
+
+    def gradient_u(self, sensor: int, position: float) -> float:
+        """Standard uncertainty of a sensor's gradient at `position` (mm): mm or rad per degC.
+
+        u^2 = x' C x with x the powers of the position and C the sensor's block of the covariance.
+        """
+        x = position ** np.arange(self.degree + 1.0)
+        count = len(self.sensors)
+        C = self.covariance[sensor::count, sensor::count]
+        return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
+
+    def drift(self, position: FloatArray, temperature: Mapping[str, FloatArray]) -> FloatArray:
+        """The drift (n,) in mm or rad at `position` (n,) and sensors' temperatures (n,), degC.
+
+        Temperatures of sensors with a time constant are taken as lagged already.
+        """
+        total = np.zeros(len(position))
+        for s, sensor in enumerate(self.sensors):
+            u = np.asarray(temperature[sensor]) - self.reference
+            total += np.polynomial.polynomial.polyval(position, self.coefficients[:, s]) * u
+        return total
+
+
+def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
+    """Powers (degree + 1, s) of the polynomial through `values` (positions, s), eq. (13).
+
+    With fewer powers than positions the least-squares polynomial.
+    """
+    from mtu_cli.stats.least_squares import least_squares, polynomial
+
+    X = polynomial(positions, degree)
+    return np.column_stack([least_squares(X, column).coefficients for column in values.T])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,60 +227,45 @@ def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:
     return n * C if halves is None else n / 2 * C + halves
 
 
-def known_component(
-    *,
-    name: str,
-    of: str | None,
-    unit: Unit,
-    coefficients: FloatArray,
-    covariance: FloatArray | None,
-    pass_covariance: FloatArray | None,
-    pass_center: float | None,
-    s_repeat: float | None,
-    u_future: float | None,
-    dof: float | None,
-    pass_dof: float | None,
-    repeat_dof: float | None,
-) -> ComponentEstimate:
-    """A component whose figures a machine file states, in the component's own unit.
+TEMPERATURE_MARK = ".temperature"
+LEFTOVER_MARK = ".leftover"
 
-    Without a `covariance` the coefficients are taken as known; of `u_future` see `_scatter`.
-    """
-    f = unit.to_internal
-    k = len(coefficients)
-    C = np.zeros((k, k)) if covariance is None else np.asarray(covariance, float)
-    D, repeat = _scatter(of, min(2, k), pass_covariance, s_repeat, u_future)
-    T = from_centre(pass_center or 0.0, k, min(2, k))
-    overall = inf if dof is None else float(dof)
-    shared = pass_covariance is not None or (of is None and u_future is not None)
+
+def term_label(name: str) -> str:
+    """The name of a term as messages have it: the drift of its component for a thermal one."""
+    component = name.removesuffix(TEMPERATURE_MARK)
+    return name if component == name else f"the drift of {component}"
+
+
+def temperature_estimate(drift: ThermalEstimate) -> ComponentEstimate:
+    """The coefficients of a drift as those of a component, powers first, then sensors."""
+    size = drift.coefficients.size
     return ComponentEstimate(
-        name=name,
-        of=of,
-        unit=unit,
-        coefficients=np.asarray(coefficients, float) * f,
-        covariance=C * f**2,
-        pass_covariance=T @ D @ T.T * f**2,
-        s_repeat=repeat * f,
-        pass_dof=(overall if pass_dof is None else float(pass_dof)) if shared else 0.0,
-        repeat_dof=overall if repeat_dof is None else float(repeat_dof),
+        name=f"{drift.component}{TEMPERATURE_MARK}",
+        of=drift.of,
+        unit=drift.unit,
+        coefficients=drift.coefficients.reshape(-1),
+        covariance=drift.covariance,
+        pass_covariance=np.zeros((size, size)),
+        s_repeat=0.0,
+        pass_dof=drift.coefficient_dof,
+        repeat_dof=np.inf,
+        # What does not depend on the position holds beyond the positions where it was read.
+        position_range=drift.position_range if drift.degree else None,
     )
 
 
-def _scatter(
-    of: str | None,
-    q: int,
-    pass_covariance: FloatArray | None,
-    s_repeat: float | None,
-    u_future: float | None,
-) -> tuple[FloatArray, float]:
-    """D (q, q) and s_repeat of a component that a machine file states.
-
-    `u_future`, the standard uncertainty of a future observation, is all that many published
-    tables give: it counts as repeatability, independent from point to point, or, without an
-    axis, as shared by all points of a part.
-    """
-    D = np.zeros((q, q)) if pass_covariance is None else np.asarray(pass_covariance, float)
-    repeat = 0.0 if s_repeat is None else s_repeat
-    if u_future is None:
-        return D, repeat
-    return (np.array([[u_future**2]]), repeat) if of is None else (D, u_future)
+def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
+    """What the thermal model leaves: mean 0, one draw for all points of a part."""
+    size = len(drift.leftover)
+    return ComponentEstimate(
+        name=f"{drift.component}{LEFTOVER_MARK}",
+        of=drift.of,
+        unit=drift.unit,
+        coefficients=np.zeros(size),
+        covariance=np.zeros((size, size)),
+        pass_covariance=drift.leftover,
+        s_repeat=0.0,
+        pass_dof=drift.leftover_dof,
+        repeat_dof=np.inf,
+    )

@@ -1,20 +1,28 @@
-"""Readings of error components to estimates, one component and one instrument at a time."""
+"""Readings of error components to estimates, by instrument, combined, and jointly by passes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError, finding
-from mtu_cli.model.estimates import ComponentEstimate, from_centre
-from mtu_cli.model.instruments import at_both_ways, combine
+from mtu_cli.model.estimates import (
+    ComponentEstimate,
+    JointPasses,
+    between_passes,
+    covariance_in_run,
+    from_centre,
+)
 from mtu_cli.model.passes import Passes, PassKey, passes_of
+from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
+from mtu_cli.stats.pass_pairs import covariance_in_runs
 from mtu_cli.stats.pass_tests import (
     FTest,
     Shift,
@@ -24,10 +32,8 @@ from mtu_cli.stats.pass_tests import (
     reversal,
     trend_units,
 )
+from mtu_cli.stats.positive_part import as_covariance
 from mtu_cli.units import UNITS, Unit
-
-if TYPE_CHECKING:
-    from mtu_cli.files.readings import Readings
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +130,20 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     )
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     if len(fits) > 1:
-        _check_weights(readings, name, fits, estimates)
+        # Without scatter an instrument has no weight against the others.
+        problems = [
+            finding(
+                "too-little-data",
+                what=f"the readings of {name!r} by {fit.role} do not scatter, so that they have no "
+                "weight beside the others",
+                file=", ".join(s.shown for s in readings.sources if s.role == fit.role) or None,
+                expected="more readings, with all their digits",
+            )
+            for fit, estimate in zip(fits, estimates, strict=True)
+            if not (np.diag(estimate.covariance) > 0).all()
+        ]
+        if problems:
+            raise InputError(problems)
         ways, reversals = [fit.way for fit in fits], [fit.reversal for fit in fits]
         estimates = at_both_ways(estimates, ways, reversals)
     estimate, agreement = combine(estimates, [len(fit.error) for fit in fits])
@@ -133,36 +152,21 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     )
 
 
-def _check_weights(
-    readings: Readings,
-    name: str,
-    fits: Sequence[InstrumentFit],
-    estimates: Sequence[ComponentEstimate],
-) -> None:
-    """Without scatter an instrument has no weight against the others."""
-    problems = [
-        finding(
-            "too-little-data",
-            what=f"the readings of {name!r} by {fit.role} do not scatter, so that they have no "
-            "weight beside the others",
-            file=", ".join(s.shown for s in readings.sources if s.role == fit.role) or None,
-            expected="more readings, with all their digits",
-        )
-        for fit, estimate in zip(fits, estimates, strict=True)
-        if not (np.diag(estimate.covariance) > 0).all()
-    ]
-    if problems:
-        raise InputError(problems)
-
-
 def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentFit:
     position = readings.position_mm[rows].astype(np.float64)
     if component.of is None:
         position = np.zeros(len(rows))
     error = readings.error[rows]
     direction = readings.direction[rows].astype(np.float64)
-    group, read = _passes(readings, rows, component.of is None)
-    runs = None if read is None else read.runs[group]
+    group = read = runs = None
+    numbers, sign = readings.pass_number[rows], readings.direction[rows].astype(np.int64)
+    numbered = bool(readings.has_pass[rows].all())
+    if not numbered and component.of is None:
+        # Read once a pass: readings without a number are passes of their own.
+        numbers, sign = np.arange(1, len(rows) + 1), np.zeros(len(rows), np.int64)
+    if numbered or component.of is None:
+        group, read = passes_of(readings, rows, numbers, sign)
+        runs = read.runs[group]
     fit = fit_passes(error, position, component.degree, group, direction, runs)
     return InstrumentFit(
         role=role,
@@ -175,20 +179,6 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
         passes=read.only(fit.groups) if read is not None and fit.separated else read,
         fit=fit,
     )
-
-
-def _passes(
-    readings: Readings, rows: IntArray, without_axis: bool
-) -> tuple[IntArray, Passes] | tuple[None, None]:
-    """The pass of every reading, and the passes; None where a reading has none. A component
-    without a position is read once a pass: readings without a number are passes of their own.
-    """
-    numbers, sign = readings.pass_number[rows], readings.direction[rows].astype(np.int64)
-    if not readings.has_pass[rows].all():
-        if not without_axis:
-            return None, None
-        numbers, sign = np.arange(1, len(rows) + 1), np.zeros(len(rows), np.int64)
-    return passes_of(readings, rows, numbers, sign)
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
@@ -214,3 +204,231 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         position_range=None if component.of is None else (low, high),
         half_differences=None if halves is None else (halves + halves.T) / 2,
     )
+
+
+def combine(
+    estimates: Sequence[ComponentEstimate], counts: Sequence[int]
+) -> tuple[ComponentEstimate, float | None]:
+    """One estimate from several instruments' and the p value that they agree.
+
+    b = sum W_i b_i with scalar weights from each instrument's own repeatability over its `counts`
+    n_i readings and the machine's pass-to-pass drift, which is one for all instruments:
+    1/W_i proportional to d^2/G_i + s_i^2/n_i. The inverses of whole covariances that few
+    passes estimate would follow their errors (95 % intervals then cover 80 %).
+    C = sum W_i^2 C_i whatever the weights. The scatter of passes and of visits is pooled by
+    degrees of freedom, and so is what passes there and back of a run share: an instrument's own
+    noise stays in s_repeat, which is then an upper bound of the machine's.
+    """
+    if len(estimates) == 1:
+        return estimates[0], None
+    first = estimates[0]
+    passes = np.array([item.pass_dof for item in estimates])
+    repeats = np.array([item.repeat_dof for item in estimates])
+    D = _pooled([item.pass_covariance for item in estimates], passes)
+    n = np.array(counts, dtype=np.float64)
+    W, plain = _weights(estimates, D, n), n - len(first.coefficients)
+    ranges = [item.position_range for item in estimates if item.position_range is not None]
+    runs = [(K, item.pass_dof) for item in estimates if (K := covariance_in_run(item)) is not None]
+    combined = ComponentEstimate(
+        name=first.name,
+        of=first.of,
+        unit=first.unit,
+        coefficients=_weighted([item.coefficients for item in estimates], W),
+        covariance=_weighted([item.covariance for item in estimates], W**2),
+        pass_covariance=D,
+        s_repeat=_pooled_deviation([item.s_repeat for item in estimates], repeats),
+        pass_dof=_combined_dof(estimates, W, passes, repeats),
+        repeat_dof=float(repeats.sum()),
+        independent_covariance=_weighted(
+            [e.independent_covariance for e in estimates if e.independent_covariance is not None],
+            W**2,
+        ),
+        independent_s=_pooled_deviation([item.independent_s or 0.0 for item in estimates], plain),
+        position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
+        run_covariance=_pooled([K for K, _ in runs], np.array([dof for _, dof in runs]))
+        if runs
+        else None,
+    )
+    return combined, agreement(estimates[0], estimates[1])
+
+
+def at_both_ways(
+    estimates: Sequence[ComponentEstimate],
+    ways: Sequence[int | None],
+    reversals: Sequence[Shift | None],
+) -> list[ComponentEstimate]:
+    """Lines of the mean of both directions, which predictions are for.
+
+    An instrument that ran one way alone (`ways`: +1 forward, -1; None: both, or not told) reads
+    the line of that way, which is half of the reversal value h away: b_0 - w h/2, with u(h)^2/4
+    more variance, h of one that ran both ways. Without such a one it stays as it is.
+    """
+    known = next((own for own in reversals if own is not None), None)
+    if known is None:
+        return list(estimates)
+    found = []
+    for item, way in zip(estimates, ways, strict=True):
+        if way is None:
+            found.append(item)
+            continue
+        b, C = item.coefficients.copy(), item.covariance.copy()
+        b[0] -= way * known.value / 2
+        C[0, 0] += known.u**2 / 4
+        found.append(replace(item, coefficients=b, covariance=C))
+    return found
+
+
+def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArray) -> FloatArray:
+    """W (instruments,), summing to 1, by the variance of the level in the middle of the range."""
+    middle = np.mean([np.mean(item.position_range or (0.0, 0.0)) for item in estimates])
+    x = middle ** np.arange(len(D))
+    drift = max(float(x @ D @ x), 0.0)
+    variance = np.array(
+        [
+            (drift / item.n_passes if item.n_passes else 0.0) + item.s_repeat**2 / count
+            for item, count in zip(estimates, n, strict=True)
+        ]
+    )
+    # One reading a pass has no repeatability of its own to weigh it by.
+    known = variance if (variance > 0).all() else 1.0 / n
+    W: FloatArray = (1.0 / known) / np.sum(1.0 / known)
+    return W
+
+
+def _weighted(values: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
+    total: FloatArray = np.tensordot(weights, np.array(values), axes=1)
+    return total
+
+
+def _combined_dof(
+    estimates: Sequence[ComponentEstimate], W: FloatArray, passes: FloatArray, repeats: FloatArray
+) -> float:
+    """Welch-Satterthwaite over the instruments' mean squares behind C, by its trace.
+
+    0 where no instrument tells passes apart: then one mean square stands behind all.
+    """
+    if not passes.any():
+        return 0.0
+    scale = np.diag(_weighted([item.covariance for item in estimates], W**2))
+    traces = [
+        float(w**2 * np.sum(np.diag(item.covariance) / scale))
+        for w, item in zip(W, estimates, strict=True)
+    ]
+    dofs = [float(p or r) for p, r in zip(passes, repeats, strict=True)]
+    return welch_satterthwaite(np.array(traces), np.array(dofs))
+
+
+def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
+    """p value that two instruments read the same line.
+
+    T^2 = d' (C_a + C_b)^-1 d with d = b_a - b_b, referred to F with the effective degrees of
+    freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
+    all coefficients): a chi-square would reject far too often, the covariances being estimated.
+    """
+    from mtu_cli.stats.joint_test import hotelling_p
+
+    d = a.coefficients - b.coefficients
+    V = a.covariance + b.covariance
+    scale = np.sqrt(np.diag(V))
+    inverse = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-9, hermitian=True)
+    inverse /= np.outer(scale, scale)
+    k = int(np.linalg.matrix_rank(inverse * np.outer(scale, scale)))
+    sources: list[tuple[FloatArray, float]] = []
+    for item in (a, b):
+        # The mean squares that make up C, with their degrees of freedom.
+        S, halves = between_passes(item), item.half_differences
+        if S is None or item.n_passes is None:
+            sources.append((item.covariance, item.pass_dof or item.repeat_dof))
+            continue
+        of_passes = (S if halves is None else 2 * (S - halves)) / item.n_passes
+        sources.append((of_passes, item.pass_dof))
+        sources.append((item.covariance - of_passes, item.repeat_dof))
+    shares = np.array([float(np.trace(part @ inverse)) / k for part, _ in sources])
+    nu = dof_of_shares(shares, np.array([dof for _, dof in sources]))
+    return hotelling_p(float(d @ inverse @ d), k, nu)
+
+
+def _pooled_deviation(values: Sequence[float], dofs: FloatArray) -> float:
+    return float(np.sqrt(_pooled([np.array(s**2) for s in values], dofs)))
+
+
+def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:
+    """Mean weighted by degrees of freedom; those without any have no say."""
+    finite = np.where(np.isinf(dofs), 1e9, dofs)
+    if finite.sum() == 0:
+        return np.zeros_like(values[0])
+    pooled: FloatArray = np.tensordot(finite / finite.sum(), np.array(values), axes=1)
+    return pooled
+
+
+def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
+    """The groups of components that share passes, with their joint covariances.
+
+    Two components share passes if one instrument read both in the same (pass, direction)
+    pairs and the same runs there and back and, with a `setup` column, in the same set-ups, or,
+    with times, in passes that overlap. Without either, passes of one ball-bar file are shared;
+    those of two files are not, nor those of a laser, which reads one component a set-up.
+    """
+    groups: list[list[ComponentFit]] = []
+    for fit in fits.values():
+        if len(fit.instruments) != 1 or not fit.instruments[0].fit.separated:
+            continue
+        for group in groups:
+            if _share(group[0].instruments[0], fit.instruments[0]):
+                group.append(fit)
+                break
+        else:
+            groups.append([fit])
+    return tuple(_joint(group) for group in groups if len(group) > 1)
+
+
+def _share(first: InstrumentFit, second: InstrumentFit) -> bool:
+    a, b = first.passes, second.passes
+    if first.role != second.role or a is None or b is None:
+        return False
+    if [key[1:] for key in a.keys] != [key[1:] for key in b.keys]:
+        return False
+    if not np.array_equal(first.fit.pairs, second.fit.pairs):
+        return False
+    if any(a.setups) or any(b.setups):
+        return a.setups == b.setups
+    if np.isfinite([a.starts, b.starts]).all():
+        return bool(((a.starts <= b.ends) & (b.starts <= a.ends)).all())
+    return first.role == "lbb" and a.keys == b.keys
+
+
+def _joint(group: Sequence[ComponentFit]) -> JointPasses:
+    fits = [item.instruments[0].fit for item in group]
+    widths = tuple(len(fit.plain.coefficients) for fit in fits)
+    T = _block([from_centre(f.center, w, len(f.D)) for f, w in zip(fits, widths, strict=True)])
+    deviations = np.column_stack([fit.deviations for fit in fits])
+    n = fits[0].n_passes
+    S = deviations.T @ deviations / fits[0].divisor
+    inside = _block([np.ones_like(fit.D) for fit in fits]) > 0
+    off = np.where(inside, 0.0, S)
+    D = _block([fit.D_moment for fit in fits]) + off
+    # All were read in the same passes: their runs are the same, too.
+    pairs = fits[0].pairs
+    K = 2 * len(pairs) / n * covariance_in_runs(deviations, pairs, S)
+    off_runs = np.where(inside, 0.0, K)
+    C = _block([item.estimate.covariance for item in group]) + (T @ (off + off_runs) @ T.T) / n
+    own = [fit.half_differences for fit in fits if fit.half_differences is not None]
+    halves = _block(own) + (off - off_runs) / 2 if own else None
+    return JointPasses(
+        components=tuple(item.name for item in group),
+        widths=widths,
+        covariance=as_covariance(C),
+        pass_covariance=(T @ D @ T.T + (T @ D @ T.T).T) / 2,
+        pass_dof=float(fits[0].pass_dof),
+        n_passes=n,
+        half_differences=None if halves is None else as_covariance(T @ halves @ T.T),
+    )
+
+
+def _block(parts: Sequence[FloatArray]) -> FloatArray:
+    """Block-diagonal matrix of the parts."""
+    ends = np.cumsum([part.shape for part in parts], axis=0)
+    whole = np.zeros(ends[-1])
+    for part, (row, column) in zip(parts, ends, strict=True):
+        whole[row - part.shape[0] : row, column - part.shape[1] : column] = part
+    return whole

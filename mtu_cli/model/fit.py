@@ -1,21 +1,24 @@
-"""A machine's components from readings, from a components report, or from its own file."""
+"""A machine's components and their drifts from readings, from a report, or from its own file."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.readings import drift_problem
+from mtu_cli.files.machine_contract import Component, Thermal
+from mtu_cli.files.readings import Readings, drift_problem
 from mtu_cli.files.reports_read import (
     ComponentsReport,
     ReportedComponent,
+    ReportedDrift,
     ReportedEffects,
     ReportedGroup,
+    ThermalReport,
 )
 from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.model.estimates import (
@@ -23,17 +26,14 @@ from mtu_cli.model.estimates import (
     EffectEstimates,
     Estimates,
     JointPasses,
+    ThermalEstimate,
     from_centre,
-    known_component,
+    through_positions,
 )
-from mtu_cli.model.estimation import ComponentFit, fit_component
-from mtu_cli.model.joint import shared_passes
+from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
 from mtu_cli.model.reading_layout import without_effects
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
-
-if TYPE_CHECKING:
-    from mtu_cli.files.readings import Readings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +55,7 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     coefficients.
     """
     components = machine.machine.components
-    read = set(readings.components)
+    read, shown = set(readings.components), ", ".join(each.shown for each in readings.sources)
     missing = [
         finding(
             "missing-input",
@@ -64,14 +64,19 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
             file=machine.source.shown,
             line=machine.line_of("components", name),
             path=f"components.{name}",
-            expected=f"readings of it in {_shown(readings)}, or coefficients here"
+            expected=f"readings of it in {shown}, or coefficients here"
             + ("" if name in machine.used else "; or no such component, as no equation uses it"),
         )
         for name, component in components.items()
         if name not in read and component.coefficients is None
     ]
+    sensors = [name for name in readings.covariates if is_temperature(name)]
+    moved = readings.has_pass.any() or readings.direction.any()
+    if missing and sensors and readings.cycles and not moved:
+        # They look like those of drifts: then these are not the machine's components.
+        raise InputError(drift_problem(shown, sensors))
     if missing:
-        raise InputError(_drift_instead(readings) or missing)
+        raise InputError(missing)
     left, warned = without_effects(machine, readings)
     fits = {
         name: fit_component(left, name, component)
@@ -79,18 +84,6 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
         if name in read
     }
     return MachineFit(components=fits, joint=shared_passes(fits), warnings=warned)
-
-
-def _drift_instead(readings: Readings) -> list[Finding]:
-    """That the readings look like those of drifts: then these are not the machine's components."""
-    sensors = [name for name in readings.covariates if is_temperature(name)]
-    if not sensors or not readings.cycles or readings.has_pass.any() or readings.direction.any():
-        return []
-    return [drift_problem(_shown(readings), sensors)]
-
-
-def _shown(readings: Readings) -> str:
-    return ", ".join(source.shown for source in readings.sources)
 
 
 def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:
@@ -136,30 +129,40 @@ def beaten_warnings(
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
-    """The components whose coefficients the machine file states."""
+    """The components whose coefficients the machine file states, in their own units there.
+
+    Without a covariance the coefficients are taken as known. `u_future`, the standard uncertainty
+    of a future observation, is all that many published tables give: it counts as repeatability,
+    independent from point to point, or, without an axis, as shared by all points of a part.
+    """
     found: dict[str, ComponentEstimate] = {}
     for name, entry in machine.machine.components.items():
         if entry.coefficients is None:
             continue
-        found[name] = known_component(
+        unit = UNITS[entry.unit]
+        f, k = unit.to_internal, len(entry.coefficients)
+        C = np.zeros((k, k)) if entry.covariance is None else np.asarray(entry.covariance, float)
+        D, repeat = entry.pass_covariance, entry.s_repeat or 0.0
+        if entry.u_future is not None and entry.of is None:
+            D = [[entry.u_future**2]]
+        elif entry.u_future is not None:
+            repeat = entry.u_future
+        q = min(2, k)
+        T = from_centre(entry.pass_center_mm or 0.0, k, q)
+        overall = np.inf if entry.dof is None else float(entry.dof)
+        of_passes = overall if entry.pass_dof is None else float(entry.pass_dof)
+        found[name] = ComponentEstimate(
             name=name,
             of=entry.of,
-            unit=UNITS[entry.unit],
-            coefficients=np.asarray(entry.coefficients, float),
-            covariance=_matrix(entry.covariance),
-            pass_covariance=_matrix(entry.pass_covariance),
-            pass_center=entry.pass_center_mm,
-            s_repeat=entry.s_repeat,
-            u_future=entry.u_future,
-            dof=entry.dof,
-            pass_dof=entry.pass_dof,
-            repeat_dof=entry.repeat_dof,
+            unit=unit,
+            coefficients=np.asarray(entry.coefficients, float) * f,
+            covariance=C * f**2,
+            pass_covariance=T @ np.asarray(np.zeros((q, q)) if D is None else D) @ T.T * f**2,
+            s_repeat=repeat * f,
+            pass_dof=0.0 if D is None else of_passes,
+            repeat_dof=overall if entry.repeat_dof is None else float(entry.repeat_dof),
         )
     return found
-
-
-def _matrix(values: list[list[float]] | None) -> FloatArray | None:
-    return None if values is None else np.asarray(values, float)
 
 
 def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> Estimates:
@@ -169,15 +172,7 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     or degree.
     """
     found = from_machine_file(machine)
-    problems: list[Finding] = []
-    for name, item in report.components.items():
-        path = f"results.components.{name}"
-        problems += [
-            own.at(file=report.source.shown, path=path)
-            for own in _disagreements(machine, name, item)
-        ]
-    if problems:
-        raise InputError(problems)
+    _check_report(machine, report)
     found |= {name: _reported(name, item) for name, item in report.components.items()}
     return Estimates(
         components=found,
@@ -186,29 +181,37 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     )
 
 
-def _disagreements(machine: LoadedMachine, name: str, item: ReportedComponent) -> list[Finding]:
-    """What the report says otherwise than the machine file."""
-    file = machine.source.shown
-    entry = machine.machine.components.get(name)
-    if entry is None:
-        known = machine.machine.components
-        return [
-            finding(
-                "unknown-name", what=f"component in {file}", value=name, **suggestion(name, known)
-            )
-        ]
-    found = []
-    degree = len(item.coefficients) - 1
-    if degree != entry.degree:
-        found.append((f"of degree {degree}", f"degree {entry.degree}: fit again"))
-    same_unit = UNITS[entry.unit].dimension == UNITS[item.unit].dimension
-    if entry.of != item.of or not same_unit:
-        expected = f"of {entry.of} in {entry.unit}"
-        found.append((f"of {item.of} in {item.unit}", expected))
-    return [
-        finding("contradicts", other=file, value=reported, expected=expected)
-        for reported, expected in found
-    ]
+def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalReport) -> None:
+    """Raises InputError where a report and the machine file disagree on a component."""
+    known, shown = machine.machine.components, machine.source.shown
+    reference = machine.machine.reference_temperature_degC
+    problems: list[Finding] = []
+    for name, item in report.components.items():
+        place = {"file": report.source.shown, "path": f"results.components.{name}"}
+        entry, axis = known.get(name), item.of
+        if entry is None:
+            place |= {"what": f"component in {shown}", "value": name}
+            problems.append(finding("unknown-name", **place, **suggestion(name, known)))
+            continue
+        differ = []
+        if isinstance(item, ReportedDrift):
+            # A drift that is the same everywhere needs no axis.
+            axis = entry.of if item.of is None and item.degree == 0 else item.of
+            if abs(item.reference_temperature_degC - reference) > SAME_TEMPERATURE:
+                wanted = f"{reference:g} degC, its reference temperature: fit again"
+                stated = f"{item.reference_temperature_degC:g} degC"
+                differ.append((".reference_temperature_degC", stated, wanted))
+        elif item.degree != entry.degree:
+            differ.append(("", f"of degree {item.degree}", f"degree {entry.degree}: fit again"))
+        if axis != entry.of or UNITS[entry.unit].dimension != UNITS[item.unit].dimension:
+            wanted = f"of {entry.of} in {entry.unit}"
+            differ.append(("", f"of {item.of} in {item.unit}", wanted))
+        for key, stated, wanted in differ:
+            facts = {"other": shown, "value": stated, "expected": wanted}
+            own = {**place, "path": place["path"] + key}
+            problems.append(finding("contradicts", **own, **facts))
+    if problems:
+        raise InputError(problems)
 
 
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
@@ -266,4 +269,85 @@ def _effects(item: ReportedEffects) -> EffectEstimates:
         units=units,
         values=np.asarray(item.values, float) * f,
         covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
+    )
+
+
+SAME_TEMPERATURE = 1e-9
+"""degC; less is the rounding of a number that went through text."""
+
+
+def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
+    """The drifts that the machine file states, by component."""
+    reference = machine.machine.reference_temperature_degC
+    return {
+        name: _stated(name, entry, entry.thermal, reference)
+        for name, entry in machine.machine.components.items()
+        if entry.thermal is not None
+    }
+
+
+def _stated(name: str, entry: Component, thermal: Thermal, reference: float) -> ThermalEstimate:
+    """Exactly known coefficients; what they leave is a shift of the component as a whole."""
+    unit = UNITS[entry.unit]
+    sensors = tuple(thermal.gradients)
+    gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
+    positions = thermal.positions_mm
+    powers = thermal.degree + 1
+    coefficients = gradients
+    if positions is not None:
+        coefficients = through_positions(np.array(positions, float), gradients, thermal.degree)
+    leftover = np.zeros((powers, powers))
+    leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
+    size = powers * len(sensors)
+    return ThermalEstimate(
+        component=name,
+        of=entry.of,
+        unit=unit,
+        sensors=sensors,
+        reference=reference,
+        coefficients=coefficients * unit.to_internal,
+        covariance=np.zeros((size, size)),
+        coefficient_dof=np.inf,
+        leftover=leftover,
+        leftover_dof=np.inf,
+        time_constants=np.array([thermal.time_constants_min.get(s, 0.0) for s in sensors], float),
+        sensor_u=np.array([thermal.sensor_u_degC.get(s, 0.0) for s in sensors], float),
+        position_range=None if positions is None else (min(positions), max(positions)),
+    )
+
+
+def thermal_from_report(
+    machine: LoadedMachine, report: ThermalReport
+) -> dict[str, ThermalEstimate]:
+    """The drifts of a thermal-fit report, which win over those of the machine file.
+
+    Raises InputError where the report and the machine disagree on a component, its axis, its
+    kind of unit, or the reference temperature.
+    """
+    _check_report(machine, report)
+    stated = thermal_from_machine_file(machine)
+    return stated | {name: _reported_drift(name, item) for name, item in report.components.items()}
+
+
+def _reported_drift(name: str, item: ReportedDrift) -> ThermalEstimate:
+    unit = UNITS[item.unit]
+    f = unit.to_internal
+    powers, sensors = item.degree + 1, len(item.sensors)
+    size = powers * sensors
+    ranges = item.temperature_range_degC
+    return ThermalEstimate(
+        component=name,
+        of=item.of,
+        unit=unit,
+        sensors=tuple(item.sensors),
+        reference=item.reference_temperature_degC,
+        coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
+        covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
+        coefficient_dof=np.inf if item.coefficient_dof is None else item.coefficient_dof,
+        leftover=np.array(item.leftover_covariance, float) * f**2,
+        leftover_dof=np.inf if item.leftover_dof is None else item.leftover_dof,
+        time_constants=np.array(item.time_constants_min, float),
+        sensor_u=np.array(item.sensor_u_degC, float),
+        temperature_range=None if ranges is None else np.array(ranges, float).reshape(sensors, 2),
+        position_range=item.position_range_mm,
     )

@@ -13,6 +13,7 @@ from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.family import FAMILY_RATE, significant
+from mtu_cli.stats.pass_tests import FTest, Shift
 from mtu_cli.units import LENGTH, Unit
 
 SCATTERS = 1e-12
@@ -22,6 +23,7 @@ TOO_WELL = 1 / 300
 FEWEST_OTHERS = 3
 LARGER_UNIT = {"nm": "um", "um": "mm", "urad": "mrad", "mrad": "rad", "arcsec": "deg"}
 NO_SCATTER = "they do not scatter, and their uncertainty counts as 0"
+ONE_RUN = "read in one run there and back: scatter from run to run is not seen"
 ALL_REPEATABILITY = "one pass, or no column `pass`: all of it counts as repeatability"
 LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 """Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
@@ -33,7 +35,32 @@ FIRST = "correct its outlying reading first, else raise its degree"
 
 def scatter_warnings(fit: MachineFit) -> list[Finding]:
     """That readings do not give all of the scatter: what is predicted from them has less of it."""
-    return [*_not_separated(fit), *_one_run(fit), *_without_scatter(fit)]
+    mixed, one_run, still, alike = ([] for _ in range(4))
+    for name, component in fit.components.items():
+        fits = [instrument.fit for instrument in component.instruments]
+        if not all(each.separated for each in fits):
+            mixed.append(name)
+        if any(each.separated and each.n_passes == 2 == 2 * len(each.pairs) for each in fits):
+            one_run.append(name)
+        s = component.estimate.independent_s
+        if s is not None and s < SCATTERS:
+            still.append(name)
+        elif not np.diag(component.estimate.covariance).all():
+            alike.append(name)
+    warnings = []
+    if mixed:
+        facts = {"what": f"the scatter from pass to pass of {listed(mixed)}", "names": mixed}
+        facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
+        warnings.append(finding("not-separable", **facts))
+    for what, names, consequence in (
+        ("readings", one_run, ONE_RUN),
+        ("readings", still, NO_SCATTER),
+        ("means of the passes", alike, NO_SCATTER),
+    ):
+        if names:
+            facts = {"what": what, "names": names, "consequence": consequence}
+            warnings.append(finding("no-scatter-known", **facts))
+    return warnings
 
 
 def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Finding]:
@@ -73,28 +100,21 @@ def limits_of(warnings: Iterable[Finding], used: Container[str]) -> list[Finding
 
 def _significant(fit: MachineFit, codes: Iterable[str]) -> list[Finding]:
     """Of each kind of test on the passes those that hold out among all of it."""
+    read = {
+        f"{name} ({instrument.role})": (name, component.unit, instrument)
+        for name, component in fit.components.items()
+        for instrument in component.instruments
+    }
     warnings = []
     for code in codes:
-        p_of, facts_of = TESTS[code]
-        tested: dict[str, float] = {}
-        where: dict[str, tuple[str, Unit, InstrumentFit]] = {}
-        for name, component in fit.components.items():
-            for instrument in component.instruments:
-                p = p_of(instrument)
-                if p is not None:
-                    key = f"{name} ({instrument.role})"
-                    tested[key] = p
-                    where[key] = (name, component.unit, instrument)
-        warnings += [
-            finding(
-                code,
-                component=where[key][0],
-                p=p,
-                unit=where[key][1].name,
-                **facts_of(*where[key][1:]),
-            )
-            for key, p in significant(tested).items()
-        ]
+        test, facts_of = TESTS[code]
+        tested = {
+            key: found.p for key, item in read.items() if (found := test(item[2])) is not None
+        }
+        for key, p in significant(tested).items():
+            name, unit, instrument = read[key]
+            facts = {"component": name, "p": p, "unit": unit.name} | facts_of(unit, instrument)
+            warnings.append(finding(code, **facts))
     return warnings
 
 
@@ -104,51 +124,6 @@ def _disagreeing(fit: MachineFit) -> list[Finding]:
         for name, component in fit.components.items()
         if component.agreement_p is not None
         and component.agreement_p * len(fit.components) <= FAMILY_RATE
-    ]
-
-
-def _not_separated(fit: MachineFit) -> list[Finding]:
-    names = [
-        name
-        for name, component in fit.components.items()
-        if not all(instrument.fit.separated for instrument in component.instruments)
-    ]
-    facts = {"what": f"the scatter from pass to pass of {listed(names)}", "names": names}
-    facts |= {"others": ["repeatability"], "consequence": ALL_REPEATABILITY}
-    return [finding("not-separable", **facts)] if names else []
-
-
-def _one_run(fit: MachineFit) -> list[Finding]:
-    """Components of which an instrument read one run there and back alone."""
-    names = [
-        name
-        for name, component in fit.components.items()
-        if any(
-            item.fit.separated and item.fit.n_passes == 2 == 2 * len(item.fit.pairs)
-            for item in component.instruments
-        )
-    ]
-    consequence = "read in one run there and back: scatter from run to run is not seen"
-    facts = {"what": "readings", "names": names, "consequence": consequence}
-    return [finding("no-scatter-known", **facts)] if names else []
-
-
-def _without_scatter(fit: MachineFit) -> list[Finding]:
-    still = [
-        name
-        for name, component in fit.components.items()
-        if component.estimate.independent_s is not None
-        and component.estimate.independent_s < SCATTERS
-    ]
-    alike = [
-        name
-        for name, component in fit.components.items()
-        if name not in still and not np.diag(component.estimate.covariance).all()
-    ]
-    return [
-        finding("no-scatter-known", what=what, names=names, consequence=NO_SCATTER)
-        for what, names in (("readings", still), ("means of the passes", alike))
-        if names
     ]
 
 
@@ -193,14 +168,12 @@ def _trend(unit: Unit, found: InstrumentFit) -> dict[str, Any]:
     return {"size": size, "each": "a pass there and back" if len(found.fit.pairs) else "a pass"}
 
 
+Test = Callable[[InstrumentFit], FTest | Shift | None]
 Facts = Callable[[Unit, InstrumentFit], dict[str, Any]]
 
-TESTS: dict[str, tuple[Callable[[InstrumentFit], float | None], Facts]] = {
-    "reversal": (lambda f: f.reversal.p if f.reversal else None, _reversal),
-    "passes-drift": (lambda f: f.trend.p if f.trend else None, _trend),
-    "lack-of-fit": (
-        lambda f: f.lack_of_fit.p if f.lack_of_fit else None,
-        lambda unit, found: {"advice": RAISE},
-    ),
+TESTS: dict[str, tuple[Test, Facts]] = {
+    "reversal": (lambda fit: fit.reversal, _reversal),
+    "passes-drift": (lambda fit: fit.trend, _trend),
+    "lack-of-fit": (lambda fit: fit.lack_of_fit, lambda unit, found: {"advice": RAISE}),
 }
-"""By code: p of an instrument's readings (None: not tested), and the facts of the warning."""
+"""By code: the test of an instrument's readings (None: not tested), the facts of its warning."""

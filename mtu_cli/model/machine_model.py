@@ -1,9 +1,14 @@
-"""A machine with all its components known, term by term."""
+"""A machine with all its components known: its terms, and the design matrix at points.
+
+E = J theta + remainder. What a component's coefficients multiply are powers of a position, or those
+times temperatures.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,13 +16,111 @@ from mtu_cli.files.covariates import expected_temperature, no_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.yaml_file import path_text
 from mtu_cli.findings import Finding, InputError, error, finding, listed
-from mtu_cli.language import LinearForm, Node, names
+from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call
-from mtu_cli.model.basis import Basis, PolynomialBasis, ThermalBasis
-from mtu_cli.model.effect_parameters import DeclaredEffect, declared_effects, effects_of
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
-from mtu_cli.model.thermal import ThermalEstimate
-from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
+from mtu_cli.model.effect_parameters import (
+    EFFECT_MARK,
+    DeclaredEffect,
+    declared_effects,
+    effects_of,
+)
+from mtu_cli.model.estimates import (
+    ComponentEstimate,
+    Estimates,
+    JointPasses,
+    ThermalEstimate,
+    leftover_estimate,
+    temperature_estimate,
+)
+from mtu_cli.stats.lag import farthest_at_once, lag_of_moments
+from mtu_cli.stats.least_squares import FloatArray, polynomial
+
+Covariates = Mapping[str, FloatArray | float]
+TIME = "time_min"
+AGREE_DEGC = 0.5
+"""Readings of one sensor at one moment differ by less: what differs by more is another time."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PolynomialBasis:
+    """1, p, p^2, ... of the position along `of`; without an axis the constant alone."""
+
+    of: str | None
+    degree: int
+
+    def rows(self, place: Mapping[str, FloatArray], covariates: Covariates, n: int) -> FloatArray:
+        """The columns (n, degree + 1) at n places."""
+        return np.ones((n, 1)) if self.of is None else polynomial(place[self.of], self.degree)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermalBasis:
+    """Powers of the position times temperature rises: p^m u_s, powers first."""
+
+    estimate: ThermalEstimate
+
+    def rows(self, place: Mapping[str, FloatArray], covariates: Covariates, n: int) -> FloatArray:
+        """The columns (n, powers * sensors) at n places, with each sensor's lag."""
+        estimate = self.estimate
+        powers = PolynomialBasis(of=estimate.of, degree=estimate.degree).rows(place, covariates, n)
+        rise = self.temperatures(covariates, n) - estimate.reference
+        product: FloatArray = (powers[:, :, None] * rise[:, None, :]).reshape(n, -1)
+        return product
+
+    def temperatures(self, covariates: Covariates, n: int) -> FloatArray:
+        """Temperatures (n, s), lagged where the model says so and the rows tell a history.
+
+        One temperature for all rows, or rows without times, count as settled. What lags is the
+        mean over the rows of a moment; a sensor without lag is every row's own.
+
+        Raises InputError for rows of a moment that cannot both be right.
+        """
+        found = np.empty((n, len(self.estimate.sensors)))
+        for s, sensor in enumerate(self.estimate.sensors):
+            found[:, s] = covariates[sensor]
+        times = row_times(covariates)
+        if times is None or not self.estimate.time_constants.any():
+            return found
+        apart = disagreement(self.estimate, covariates)
+        if apart is not None:
+            sensor, i, j = apart
+            first, second = (float(np.asarray(covariates[sensor])[k]) for k in (i, j))
+            raise error(
+                "contradicts",
+                path=sensor,
+                other=f"{first:g} degC at the same time ({times[i]:g} min)",
+                value=f"{second:g} degC",
+                expected=f"one temperature a moment: {TIME} that runs on over all rows",
+            )
+        order = np.argsort(times, kind="stable")
+        constants, index = np.unique(self.estimate.time_constants, return_inverse=True)
+        lagged = lag_of_moments(found[order], times[order], constants)
+        found[order] = lagged[index, :, np.arange(found.shape[1])].T
+        return found
+
+
+def row_times(covariates: Covariates) -> FloatArray | None:
+    """Times (n,) of the rows, min; None where they tell no history."""
+    times = covariates.get(TIME)
+    return None if times is None or np.ndim(times) == 0 else np.asarray(times, float)
+
+
+def disagreement(drift: ThermalEstimate, covariates: Covariates) -> tuple[str, int, int] | None:
+    """(sensor, row, row): two rows of one time whose temperatures cannot both be right, for the
+    drift lags behind them; None where no times are given, or all rows of every moment agree.
+    """
+    times = row_times(covariates)
+    for sensor, tau in zip(drift.sensors, drift.time_constants.tolist(), strict=True):
+        value = np.asarray(covariates[sensor], float)
+        if times is not None and tau > 0 and value.ndim:
+            i, j, apart = farthest_at_once(value, times)
+            if apart > AGREE_DEGC:
+                return sensor, i, j
+    return None
+
+
+Basis = PolynomialBasis | ThermalBasis
+
 
 AXES = ("x", "y", "z")
 MOST_SENSORS = 4
@@ -62,16 +165,11 @@ class MachineModel:
 
     def covariates(self) -> tuple[str, ...]:
         """Names that the equations use beside positions, constants and components."""
-        used: dict[str, int] = {}
-        for term in self.terms:
-            used |= dict.fromkeys(term.basis.inputs(), 0)
-            for lever in term.levers.values():
-                used |= names(lever)
-        for nodes in self.remainders.values():
-            for node in nodes:
-                used |= names(node)
-        known = {*AXES, *self.constants}
-        return tuple(sorted(name for name in used if name not in known))
+        levers = [lever for term in self.terms for lever in term.levers.values()]
+        nodes = [node for own in self.remainders.values() for node in own]
+        used = {name for node in (*levers, *nodes) for name in names(node)}
+        used |= {sensor for drift in self.drifts() for sensor in drift.sensors}
+        return tuple(sorted(used - {*AXES, *self.constants}))
 
     def drifts(self) -> tuple[ThermalEstimate, ...]:
         """The thermal models among the terms."""
@@ -83,6 +181,10 @@ class MachineModel:
         return {name: self.constants[name][0] for name in AXES if name in self.constants}
 
 
+Part = tuple[Mapping[str, LinearForm], Mapping[str, str]]
+"""Linear forms of the machine's equations or of an effect, whose parameters are renamed."""
+
+
 def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     """Joins a machine file and the estimates of its components.
 
@@ -90,79 +192,74 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     coefficients, or too few readings for an uncertainty, with the line of the machine file.
     """
     effects = effects_of(machine, estimates.effects)
-    parts = [_Part(form=machine.forms, rename={})]
-    parts += [
-        _Part(form=form, rename=rename)
-        for form, rename in zip(machine.effect_forms, effects.renames, strict=True)
-    ]
+    parts: list[Part] = [(machine.forms, {})]
+    parts += zip(machine.effect_forms, effects.renames, strict=True)
     found = estimates.components | effects.components
-    axes = tuple(axis for axis in AXES if any(f"E{axis}" in part.form for part in parts))
+    axes = tuple(axis for axis in AXES if any(f"E{axis}" in form for form, _ in parts))
     levers = _levers(parts)
     terms = [polynomial_term(found[name], levers[name]) for name in found if name in levers]
     _check_terms(machine, terms, [name for name in levers if name not in found])
-    return MachineModel(
-        name=machine.machine.name,
-        axes=axes,
-        terms=(*terms, *_thermal_terms(estimates, levers)),
-        remainders=_remainders(parts, axes),
-        constants={
-            name: (constant.value, constant.u)
-            for name, constant in machine.machine.constants.items()
-        },
-        joint=(*estimates.joint, *effects.joint),
-        effects=declared_effects(machine),
-        places=_places(machine),
-    )
-
-
-def _places(machine: LoadedMachine) -> dict[tuple[str, str], tuple[str, int | None, str]]:
     paths: dict[tuple[str, str], tuple[str | int, ...]] = {
         ("", name[1:]): ("equations", name) for name in machine.machine.equations
     }
     for index, effect in enumerate(machine.machine.effects):
         for name in effect.equations:
             paths[effect.name, name[1:]] = ("effects", index, "equations", name)
-    shown = machine.source.shown
-    return {key: (shown, machine.line_of(*path), path_text(path)) for key, path in paths.items()}
+    shown, entries = machine.source.shown, machine.machine.constants.items()
+    forms = {axis: [form[f"E{axis}"] for form, _ in parts if f"E{axis}" in form] for axis in axes}
+    return MachineModel(
+        name=machine.machine.name,
+        axes=axes,
+        terms=(*terms, *_thermal_terms(estimates, levers)),
+        remainders={
+            axis: tuple(form.remainder for form in own if form.remainder is not None)
+            for axis, own in forms.items()
+        },
+        constants={name: (constant.value, constant.u) for name, constant in entries},
+        joint=(*estimates.joint, *effects.joint),
+        effects=declared_effects(machine),
+        places={
+            key: (shown, machine.line_of(*path), path_text(path)) for key, path in paths.items()
+        },
+    )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Part:
-    """Linear forms of the machine's equations or of an effect, whose parameters are renamed."""
-
-    form: Mapping[str, LinearForm]
-    rename: Mapping[str, str]
-
-
-def _levers(parts: Sequence[_Part]) -> dict[str, dict[str, Node]]:
+def _levers(parts: Sequence[Part]) -> dict[str, dict[str, Node]]:
     """Lever arm by component and axis; an effect may hold a component of the equations."""
     levers: dict[str, dict[str, Node]] = {}
-    for part in parts:
-        for equation, linear in part.form.items():
+    for form, rename in parts:
+        for equation, linear in form.items():
             for name, lever in linear.coefficients.items():
-                own = levers.setdefault(part.rename.get(name, name), {})
-                own[equation[1:]] = _added(own.get(equation[1:]), lever)
+                own = levers.setdefault(rename.get(name, name), {})
+                known, axis = own.get(equation[1:]), equation[1:]
+                own[axis] = lever if known is None else Call("+", (known, lever), lever.column)
     return levers
 
 
-def _remainders(parts: Sequence[_Part], axes: Sequence[str]) -> dict[str, tuple[Node, ...]]:
-    """What equations and effects hold beside components, by axis."""
-    forms = {axis: [part.form.get(f"E{axis}") for part in parts] for axis in axes}
-    return {
-        axis: tuple(
-            linear.remainder
-            for linear in own
-            if linear is not None and linear.remainder is not None
-        )
-        for axis, own in forms.items()
-    }
-
-
 def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequence[str]) -> None:
-    problems = [_no_estimate(machine, name) for name in missing]
-    problems += [
-        _no_uncertainty(machine, term.estimate.name) for term in terms if not _is_known(term)
+    """Raises InputError for `missing` components, and for one without an uncertainty: not where
+    nothing is left over for scatter.
+    """
+    problems = []
+    known = [item.estimate for item in terms]
+    faults = [("missing-input", name) for name in missing]
+    faults += [
+        ("too-little-data", item.name)
+        for item in known
+        if not (np.isfinite(item.covariance).all() and np.isfinite(item.s_repeat))
     ]
+    for code, name in faults:
+        line = machine.line_of("components", name)
+        place = {"file": machine.source.shown, "line": line, "path": f"components.{name}"}
+        facts: dict[str, object] = {
+            "what": f"as many readings of {name!r} as coefficients",
+            "expected": "more readings of it, best in several passes",
+        }
+        if code == "missing-input":
+            expected = "readings of it (--lbb, --laser), coefficients here, or a components report"
+            facts = {"what": f"an estimate of {name}", "estimate_of": name}
+            facts["expected"] = f"{expected} (-c)"
+        problems.append(finding(code, **place, **facts))
     if not terms and not problems:
         reason = "no equation contains a component"
         problems = [finding("not-applicable", reason=reason, file=machine.source.shown)]
@@ -187,91 +284,39 @@ def _thermal_terms(estimates: Estimates, levers: Mapping[str, dict[str, Node]]) 
     return terms
 
 
-def _added(lever: Node | None, more: Node) -> Node:
-    return more if lever is None else Call("+", (lever, more), more.column)
-
-
-def _no_estimate(machine: LoadedMachine, name: str) -> Finding:
-    return finding(
-        "missing-input",
-        what=f"an estimate of {name}",
-        estimate_of=name,
-        file=machine.source.shown,
-        line=machine.line_of("components", name),
-        path=f"components.{name}",
-        expected="readings of it (--lbb, --laser), coefficients here, or a components report (-c)",
-    )
-
-
-def _is_known(term: Term) -> bool:
-    """Whether the component has an uncertainty: not where nothing is left over for scatter."""
-    return bool(np.isfinite(term.estimate.covariance).all() and np.isfinite(term.estimate.s_repeat))
-
-
-def _no_uncertainty(machine: LoadedMachine, name: str) -> Finding:
-    return finding(
-        "too-little-data",
-        what=f"as many readings of {name!r} as coefficients",
-        file=machine.source.shown,
-        line=machine.line_of("components", name),
-        path=f"components.{name}",
-        expected="more readings of it, best in several passes",
-    )
-
-
 MEANT = {"sequence": ", the number of the part, or of the pass of readings, in their order"}
 """What a column is that a file may have under another name, or not at all."""
 
 
 def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
     """Raises InputError naming every covariate that the equations need and nobody gave."""
-    _check_temperatures(model, given)
-    missing = [name for name in model.covariates() if name not in given]
-    if not missing:
-        return
     drifts = sensors_of(model)
-    sensors = [name for name in missing if name in drifts]
-    together = sensors if len(sensors) > MOST_SENSORS else []
-    groups = [together, *([name] for name in missing if name not in together)]
-    raise InputError(_needed(model, drifts, names, given) for names in groups if names)
-
-
-def _needed(
-    model: MachineModel,
-    drifts: Mapping[str, Sequence[str]],
-    names: Sequence[str],
-    given: Mapping[str, object],
-) -> Finding:
-    """Covariates that the equations, or the drift of components, need and nobody gave."""
-    owner = f"the machine {model.name!r}"
-    if names[0] in drifts:
-        of = dict.fromkeys(name for sensor in names for name in drifts[sensor])
-        owner = f"the drift of {listed(of)}"
-    expected = f"--at {names[0]}=VALUE{MEANT.get(names[0], '')}"
-    if len(names) > 1:
-        expected += " and so on, or --at 'T_*_degC=VALUE' for all of them"
-    expected += _given(given)
-    each = "each of " if len(names) > 1 else ""
-    what = f"a value of {each}{listed(names)} for {owner}"
-    return finding("missing-input", what=what, names=list(names), expected=expected)
-
-
-def _given(given: Mapping[str, object]) -> str:
-    return f"; given: {', '.join(given)}" if given else ""
-
-
-def _check_temperatures(model: MachineModel, given: Mapping[str, object]) -> None:
-    for sensor in sensors_of(model):
+    for sensor in drifts:
         values = np.atleast_1d(np.asarray(given.get(sensor, 0.0), float))
         faulty = no_temperature(values)
         if faulty.any():
             value = float(values[faulty][0])
-            raise error(
-                "out-of-range",
-                path=sensor,
-                value=f"{value:g}",
-                expected=expected_temperature(value),
-            )
+            place = {"path": sensor, "value": f"{value:g}"}
+            raise error("out-of-range", **place, expected=expected_temperature(value))
+    missing = [name for name in model.covariates() if name not in given]
+    sensors = [name for name in missing if name in drifts]
+    together = sensors if len(sensors) > MOST_SENSORS else []
+    groups = [together, *([name] for name in missing if name not in together)]
+    problems = []
+    for own in filter(None, groups):
+        owner = f"the machine {model.name!r}"
+        if own[0] in drifts:
+            of = dict.fromkeys(name for sensor in own for name in drifts[sensor])
+            owner = f"the drift of {listed(of)}"
+        expected = f"--at {own[0]}=VALUE{MEANT.get(own[0], '')}"
+        if len(own) > 1:
+            expected += " and so on, or --at 'T_*_degC=VALUE' for all of them"
+        if given:
+            expected += f"; given: {', '.join(given)}"
+        what = f"a value of {'each of ' if len(own) > 1 else ''}{listed(own)} for {owner}"
+        problems.append(finding("missing-input", what=what, names=own, expected=expected))
+    if problems:
+        raise InputError(problems)
 
 
 def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:
@@ -281,3 +326,148 @@ def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:
         for sensor in drift.sensors:
             found[sensor] = (*found.get(sensor, ()), drift.component)
     return found
+
+
+LARGEST = 1e30
+"""Of a lever arm or error in mm: squares of larger ones are no numbers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """The machine at n points: rows are (point, axis), points first.
+
+    `J` (n*a, K) in theta, `columns` of each term in it, `levers` (n*a, c) of each term,
+    `remainder` (n*a,) in mm.
+    """
+
+    J: FloatArray
+    levers: FloatArray
+    remainder: FloatArray
+    columns: tuple[slice, ...]
+
+
+def places(model: MachineModel, points: FloatArray) -> dict[str, FloatArray]:
+    """Coordinates (n,) by axis, those that a constant fixes at its value."""
+    fixed = model.position_constants()
+    return {
+        axis: np.full(len(points), fixed[axis]) if axis in fixed else points[:, i]
+        for i, axis in enumerate(AXES)
+    }
+
+
+def design(
+    model: MachineModel, points: FloatArray, covariates: Mapping[str, FloatArray | float]
+) -> Design:
+    """J, lever arms and remainder at `points` (n, 3) in mm (nan where a coordinate is unknown).
+
+    Row (i, axis) holds dE_axis/dtheta at point i: lever arm times powers of the component's
+    position. Gilsinn & Ling 2004, eq. (1), or any other set of linear equations.
+
+    Raises InputError where a needed coordinate is unknown or a value is not finite.
+    """
+    values: dict[str, FloatArray | float] = {
+        name: pair[0] for name, pair in model.constants.items()
+    }
+    place = places(model, points)
+    values |= place
+    values |= {name: covariates[name] for name in model.covariates()}
+    n, a = len(points), len(model.axes)
+    widths = [len(term.estimate.coefficients) for term in model.terms]
+    starts = np.concatenate([[0], np.cumsum(widths)]).astype(int)
+    J = np.zeros((n, a, starts[-1]))
+    levers = np.zeros((n, a, len(model.terms)))
+    for t, term in enumerate(model.terms):
+        rows = term.basis.rows(place, covariates, n)
+        for i, axis in enumerate(model.axes):
+            if axis in term.levers:
+                levers[:, i, t] = evaluate(term.levers[axis], values)
+                # An infinite lever arm is reported by _check_finite, in words.
+                with np.errstate(invalid="ignore"):
+                    J[:, i, starts[t] : starts[t + 1]] = levers[:, i, t, None] * rows
+    remainder = np.zeros((n, a))
+    for i, axis in enumerate(model.axes):
+        for node in model.remainders[axis]:
+            remainder[:, i] += evaluate(node, values)
+    _check_finite(model, J, remainder, points)
+    return Design(
+        J=J.reshape(n * a, -1),
+        levers=levers.reshape(n * a, -1),
+        remainder=remainder.reshape(n * a),
+        columns=tuple(slice(starts[t], starts[t + 1]) for t in range(len(widths))),
+    )
+
+
+def _check_finite(
+    model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
+) -> None:
+    with np.errstate(invalid="ignore"):
+        bad = ~((np.abs(J) < LARGEST).all(axis=2) & (np.abs(remainder) < LARGEST))
+    if not bad.any():
+        return
+    i, a = np.argwhere(bad)[0]
+    problem = not_finite(model, model.axes[a], points[i])
+    owners = [
+        term.estimate.name.rpartition(EFFECT_MARK)[0]
+        for term in model.terms
+        for _ in term.estimate.coefficients
+    ]
+    with np.errstate(invalid="ignore"):
+        first = np.flatnonzero(~(np.abs(J[i, a]) < LARGEST))
+    owner = owners[first[0]] if len(first) else ""
+    if (place := model.places.get((owner, model.axes[a]))) is not None:
+        problem = replace(problem, file=place[0], line=place[1], path=place[2])
+    raise InputError(problem)
+
+
+def coordinates_of(model: MachineModel, axis: str) -> tuple[str, ...]:
+    """The coordinates that the equation of an axis is of, without those that a constant fixes."""
+    used: set[str] = set()
+    for term in model.terms:
+        if axis in term.levers:
+            used |= {*names(term.levers[axis]), term.estimate.of or ""}
+    for node in model.remainders[axis]:
+        used |= set(names(node))
+    return tuple(name for name in AXES if name in used and name not in model.constants)
+
+
+def not_finite(model: MachineModel, axis: str, point: FloatArray) -> Finding:
+    """The finding of the equation of an axis that has no value at `point` (3,), mm."""
+    used = coordinates_of(model, axis)
+    unknown = [name for k, name in enumerate(AXES) if np.isnan(point[k]) and name in used]
+    known = [f"{name}={point[AXES.index(name)]:g}" for name in used if name not in unknown]
+    where = f" at {', '.join(known)}" if known else ""
+    if unknown:
+        where += f" without a {unknown[0]}"
+        expected = f"{unknown[0]}_mm in the part or nominal_{unknown[0]}_mm of the points, or a "
+        expected += "constant of the machine"
+    else:
+        expected = "an equation that is defined at every feature (no division by 0, no root or "
+        expected += "logarithm of a negative number, no exponential of millimetres)"
+    what = f"the equation E{axis} of {model.name!r}"
+    return finding("no-finite-value", what=what, where=where, expected=expected)
+
+
+def of_feature(problem: Finding, name: str, more: int, **place: Any) -> Finding:
+    """The same finding of a feature, and of so many more, at its place in a file."""
+    others = f" (and {more} more)" if more else ""
+    where = f"{problem.facts['where']}, of feature {name!r}{others}"
+    return replace(problem, facts={**problem.facts, "where": where}, **place)
+
+
+def without_coordinate(
+    model: MachineModel, points: FloatArray
+) -> tuple[np.ndarray, Finding] | None:
+    """Which of `points` (n, 3) lack a coordinate that an equation needs, and the Problem of the
+    first of them; None where none does.
+    """
+    for axis in model.axes:
+        columns = [AXES.index(name) for name in coordinates_of(model, axis)]
+        lacking = np.flatnonzero(np.isnan(points[:, columns]).any(axis=1))
+        if len(lacking):
+            return lacking, not_finite(model, axis, points[lacking[0]])
+    return None
+
+
+def theta(model: MachineModel) -> FloatArray:
+    """The coefficients of all terms, one after the other, (K,)."""
+    return np.concatenate([term.estimate.coefficients for term in model.terms])

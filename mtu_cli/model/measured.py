@@ -1,34 +1,32 @@
-"""Measured parts as arrays: errors of features, lengths and angles, part by part."""
+"""Measured parts as arrays: errors of features, lengths and angles, and features that scatter."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.files.csv_table import perhaps_equal
+from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, error, finding, listed
-from mtu_cli.model.angles import Line, angle_error, check_square
-from mtu_cli.model.length_geometry import differences, length_error
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.visits import MOST_TOLD as MOST_TOLD
-from mtu_cli.model.visits import IntArray as IntArray
-from mtu_cli.model.visits import Visits as Visits
-from mtu_cli.model.visits import axes_of as axes_of
-from mtu_cli.model.visits import occurrence as occurrence
-from mtu_cli.model.visits import only_features as only_features
-from mtu_cli.model.visits import operations_of as operations_of
-from mtu_cli.model.visits import refuse_doubled
-from mtu_cli.model.visits import visits_of as visits_of
+from mtu_cli.model.measurands import Line, angle_error, check_square, differences, length_error
+from mtu_cli.model.visits import (
+    IntArray,
+    Visits,
+    axes_of,
+    only_features,
+    operations_of,
+    refuse_doubled,
+)
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
-
-if TYPE_CHECKING:
-    from mtu_cli.files.part import LoadedPart
+from mtu_cli.stats.loose_columns import loose_columns
+from mtu_cli.units import p_text, um_text
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,16 +43,12 @@ class MeasuredTables:
 
     def only(self, kept: list[int]) -> MeasuredTables:
         """The tables at the indices `kept`."""
-        cells = Cells(
-            origin=self.cells.origin[kept],
-            n=self.cells.n[kept],
-            mean=self.cells.mean[kept],
-            within=self.cells.within[kept],
-            within_part=self.cells.within_part[kept],
-        )
-        return MeasuredTables(
-            labels=tuple(self.labels[i] for i in kept), parts=self.parts, cells=cells
-        )
+        labels = tuple(self.labels[i] for i in kept)
+        cells = Cells(**{name: getattr(self.cells, name)[kept] for name in ARRAYS})
+        return MeasuredTables(labels=labels, parts=self.parts, cells=cells)
+
+
+ARRAYS = tuple(each.name for each in fields(Cells))
 
 
 def feature_tables(points: Points) -> MeasuredTables:
@@ -73,7 +67,7 @@ def feature_tables(points: Points) -> MeasuredTables:
     table = group if len(used) == len(seen) else (np.cumsum(seen) - 1)[group]
     cell = np.multiply(table, parts, dtype=np.int64)
     cell += points.part
-    _check_repeats(points, cell)
+    check_repeats(points, cell)
 
     def along(axis: int) -> Cells:
         errors = points.measured[:, axis] - points.nominal[:, axis]
@@ -90,16 +84,14 @@ def feature_tables(points: Points) -> MeasuredTables:
     return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
 
 
-def check_repeats(points: Points) -> None:
-    """Raises InputError for a feature that stands twice in one repeat of one part."""
-    _, operation = operations_of(points)
-    features, parts = len(points.features), len(points.parts)
-    cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
-    _check_repeats(points, cell)
-
-
-def _check_repeats(points: Points, cell: IntArray) -> None:
-    """Refuses a repeat that stands twice in a cell."""
+def check_repeats(points: Points, cell: IntArray | None = None) -> None:
+    """Raises InputError for a feature that stands twice in one repeat of one part, each of which is
+    a `cell` (n,).
+    """
+    if cell is None:
+        _, operation = operations_of(points)
+        features, parts = len(points.features), len(points.parts)
+        cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
     given = points.repeat >= 0
     if perhaps_equal([cell[given], points.repeat[given]]).any():
         code = np.unique(points.repeat, return_inverse=True)[1].reshape(-1)
@@ -109,24 +101,16 @@ def _check_repeats(points: Points, cell: IntArray) -> None:
 
 
 def _stacked(found: list[Cells]) -> Cells:
-    return Cells(
-        origin=np.concatenate([cells.origin for cells in found]),
-        n=np.concatenate([cells.n for cells in found]),
-        mean=np.concatenate([cells.mean for cells in found]),
-        within=np.concatenate([cells.within for cells in found]),
-        within_part=np.concatenate([cells.within_part for cells in found]),
-    )
+    """The cells of tables, one below the other."""
+    return Cells(**{name: np.concatenate([getattr(x, name) for x in found]) for name in ARRAYS})
 
 
 def left_out(points: Points) -> list[Finding]:
     """Axes that only some points have, or that have no nominal: they are not analysed."""
-    measured = np.isfinite(points.measured).any(axis=0)
-    lost = [k for k in np.flatnonzero(measured).tolist() if k not in axes_of(points)]
+    measured = np.asarray(np.isfinite(points.measured).any(axis=0))
     what = "some of the points, or of their nominal places,"
-    return [
-        finding("axis-not-measured", what=what, axis=AXES[k], consequence=f"{AXES[k]} is left out")
-        for k in lost
-    ]
+    lost = [name for k, name in enumerate(AXES) if measured[k] and k not in axes_of(points)]
+    return [_axis_lost(what, name, f"{name} is left out") for name in lost]
 
 
 def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int]) -> InputError:
@@ -147,14 +131,12 @@ def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
     measured = np.asarray(np.isfinite(points.measured).any(axis=0))
     lost = [name for k, name in enumerate(AXES) if name in predicted and not measured[k]]
     return [
-        finding(
-            "axis-not-measured",
-            what="the points",
-            axis=name,
-            consequence=f"the E{name} of the machine is not judged",
-        )
-        for name in lost
+        _axis_lost("the points", name, f"the E{name} of the machine is not judged") for name in lost
     ]
+
+
+def _axis_lost(what: str, axis: str, consequence: str) -> Finding:
+    return finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
@@ -251,3 +233,98 @@ def _visit_tables(
     if not found:
         return None
     return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
+
+
+FEWEST_LINES = 6
+"""Features from which on parts may turn and grow for themselves."""
+
+
+def smooth_of(places: FloatArray) -> FloatArray:
+    """A constant and, of enough features, the slopes along each axis that they differ along, all in
+    one unit of length.
+    """
+    ones = np.ones((len(places), 1))
+    if len(places) < FEWEST_LINES:
+        return ones
+    known = np.isfinite(places).all(axis=0) & (np.ptp(places, axis=0) > 0)
+    slopes = places[:, known] - places[:, known].mean(axis=0)
+    reach = float(np.abs(slopes).max(initial=1e-300))
+    return np.concatenate([ones, slopes / reach], axis=1)
+
+
+CODE = "feature-scatters"
+ROUNDING = 1e-12
+"""Of the mean square of the errors: what scatters less does not."""
+BEYOND = 0.1
+"""Of the largest range of the other features."""
+MOST_COLUMNS = 300
+"""Features that are looked at: of more the others are not known better, and time grows."""
+
+
+def loose_of_tables(tables: MeasuredTables, points: Points) -> list[Finding]:
+    """Of measured features, means of their repeats."""
+    axes = list(dict.fromkeys(label[2] for label in tables.labels))
+    by_axis = [[i for i, own in enumerate(tables.labels) if own[2] == axis] for axis in axes]
+    names = [[tables.labels[i][:2] for i in own] for own in by_axis]
+    if not names or any(own != names[0] for own in names):
+        return []
+    mean = np.stack([tables.cells.mean[own].T for own in by_axis], axis=2)
+    there = (tables.cells.n[by_axis[0]] > 0).T
+    nominal = np.full((len(points.features), 3), np.nan)
+    nominal[points.feature] = points.nominal
+    index = {name: i for i, name in enumerate(points.features)}
+    places = nominal[[index[name] for _, name in names[0]]]
+    columns = [" ".join(filter(None, own)) for own in names[0]]
+    return loose_features(mean, there, places, columns, axes)
+
+
+def loose_features(
+    errors: FloatArray,
+    there: NDArray[np.bool_],
+    places: FloatArray,
+    columns: Sequence[str],
+    axes: Sequence[str],
+) -> list[Finding]:
+    """A warning on each of the loosest `columns` of errors (P, H, A), mm, that are `there` (P, H),
+    features at `places` (H, 3), mm.
+    """
+    if len(columns) > MOST_COLUMNS:
+        return []
+    known = np.where(there[:, :, None], errors, 0.0)
+    least = ROUNDING * float(np.mean(known**2))
+    smooth = smooth_of(places)
+    found = [
+        own
+        for own in loose_columns(known, there, smooth)
+        if own.s**2 > least and not _stands_apart(places, smooth, own.column)
+    ]
+    # Of a column that a single slip makes loose nothing is left without the entry farthest off its
+    # median.
+    kept = there.copy()
+    for own in found:
+        parts = np.flatnonzero(there[:, own.column])
+        values = errors[parts, own.column, own.axis]
+        kept[parts[np.argmax(np.abs(values - np.median(values)))], own.column] = False
+    again = loose_columns(known, kept, smooth) if found else []
+    still = {(own.column, own.axis) for own in again}
+    found = [own for own in found if (own.column, own.axis) in still]
+    warnings = []
+    for column in dict.fromkeys(own.column for own in found):
+        each = [own for own in found if own.column == column]
+        sizes = ", ".join(f"{axes[own.axis]} {um_text(own.s)}" for own in each)
+        others = ", ".join(f"{axes[own.axis]} {um_text(own.others)}" for own in each)
+        p = max(own.p for own in each)
+        warnings.append(finding(CODE, feature=columns[column], s=sizes, others=others, p=p_text(p)))
+    return warnings
+
+
+def _stands_apart(places: FloatArray, smooth: FloatArray, column: int) -> bool:
+    """Whether one of so few features that parts have no lines lies beyond all others: a machine or
+    a part that turns from part to part moves it more than them.
+    """
+    if smooth.shape[1] > 1:
+        return False
+    others = np.delete(places, column, axis=0)
+    low, high = others.min(axis=0), others.max(axis=0)
+    margin = BEYOND * float(np.max(high - low))
+    return bool(((places[column] < low - margin) | (places[column] > high + margin)).any())

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.files.readings import Readings
 from mtu_cli.stats.least_squares import FloatArray
-
-if TYPE_CHECKING:
-    from mtu_cli.files.readings import Readings
 
 IntArray = NDArray[np.int64]
 PassKey = tuple[int, int, int]
@@ -34,11 +31,6 @@ class Passes:
     ends: FloatArray
     setups: tuple[str, ...]
     runs: IntArray
-
-    @property
-    def timed_each(self) -> bool:
-        """Whether every pass has its times, of whatever clock."""
-        return bool(np.isfinite(self.starts).all())
 
     def only(self, kept: IntArray) -> Passes:
         """The passes `kept` (m,)."""

@@ -13,29 +13,85 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.model.blocks import component_blocks
-from mtu_cli.model.constants import constant_effects
-from mtu_cli.model.design import design, places, theta
-from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.machine_model import MachineModel, check_covariates
+from mtu_cli.model.estimates import ComponentEstimate, term_label
+from mtu_cli.model.machine_model import (
+    Design,
+    MachineModel,
+    check_covariates,
+    design,
+    places,
+    theta,
+)
 from mtu_cli.model.temperatures import temperature_blocks
-from mtu_cli.model.thermal_terms import term_label
 from mtu_cli.model.variance import (
     Block,
     PassSquare,
     Variance,
     block_variance,
+    component_blocks,
     drawable_passes,
     joined,
     noise_covariance,
+    normal_block,
     of_rows,
     pass_squares,
 )
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
+
+NEGLIGIBLE = 1e-9
+"""A change of lever arms below this share of the arms is rounding."""
+
+
+class ConstantEffects(NamedTuple):
+    """What the constants' uncertainties do to the errors: blocks, and a shift (rows,) of the mean,
+    mm.
+    """
+
+    blocks: tuple[Block, ...]
+    shift: FloatArray
+
+
+def constant_effects(
+    model: MachineModel,
+    points: FloatArray,
+    covariates: Mapping[str, FloatArray | float],
+    centre: Design,
+) -> ConstantEffects:
+    """First and second order in every uncertain constant c (JCGM 100, 5.1.2, note).
+
+    dE/dc and d2E/dc2 by central differences over one standard uncertainty. A constant is a
+    lever arm of components that are uncertain themselves: their product adds
+    u(c)^2 (dJ/dc) (C + D) (dJ/dc)', which is all there is where the components' mean is 0.
+    `centre` is the design at the constants' values.
+    """
+    mean = centre.J @ theta(model) + centre.remainder
+    blocks: list[Block] = []
+    shift = np.zeros(len(mean))
+    for name, (value, u) in model.constants.items():
+        if u == 0:
+            continue
+        up, down = (
+            design(replace(model, constants=model.constants | {name: (end, u)}), points, covariates)
+            for end in (value + u, value - u)
+        )
+        at_up, at_down = (side.J @ theta(model) + side.remainder for side in (up, down))
+        curve = (at_up + at_down - 2 * mean) / 2
+        # Rounding of a difference of errors is no curvature.
+        curve = np.where(np.abs(curve) > NEGLIGIBLE * np.abs(at_up - mean), curve, 0.0)
+        blocks.append(normal_block(name, ((at_up - at_down) / 2)[:, None]))
+        if curve.any():
+            blocks.append(normal_block(f"{name}^2", np.sqrt(2.0) * curve[:, None]))
+        shift += curve
+        change = (up.J - down.J) / 2
+        if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
+            levers = (up.levers - down.levers) / 2
+            blocks += component_blocks(model, change, levers, centre.columns)
+    return ConstantEffects(blocks=tuple(blocks), shift=shift)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,22 +124,32 @@ class Prediction:
 
         It may have a negative part where D has; `drawable` has none.
         """
-        return self._assembled([block.D for block in self.blocks])
+        return self._assembled(drawable=False)
 
     @cached_property
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
-        return self._assembled([drawable_passes(block.D, block.C) for block in self.blocks])
+        return self._assembled(drawable=True)
 
-    @cached_property
-    def of_points(self) -> FloatArray:
-        """Covariances (n, a, a) of the errors of each point alone: blocks of `covariance`."""
-        return self._assembled_of_points([block.D for block in self.blocks])
+    def _assembled(self, *, drawable: bool) -> FloatArray:
+        total = np.zeros((len(self.mean), len(self.mean)))
+        for block in self.blocks:
+            D = drawable_passes(block.D, block.C) if drawable else block.D
+            total += block.G @ (block.C + D) @ block.G.T
+            total += noise_covariance(block.noise, len(self.axes))
+        return total
 
-    @cached_property
-    def drawable_of_points(self) -> FloatArray:
-        """The same of `drawable`."""
-        return self._assembled_of_points([drawable_passes(b.D, b.C) for b in self.blocks])
+    def of_points(self, *, drawable: bool) -> FloatArray:
+        """Covariances (n, a, a) of the errors of each point alone: blocks of `covariance`, or of
+        `drawable`.
+        """
+        n, a = len(self.points), len(self.axes)
+        total = np.zeros((n, a, a))
+        for block in self.blocks:
+            D = drawable_passes(block.D, block.C) if drawable else block.D
+            G, noise = (rows.reshape(n, a, rows.shape[1]) for rows in (block.G, block.noise))
+            total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
+        return total
 
     def covariance_of(self, A: FloatArray) -> FloatArray:
         """Covariance (m, m) of the linear measurands A E, A (m, n*a); as `covariance` has it."""
@@ -119,22 +185,6 @@ class Prediction:
     def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
         """What of the mean squares of `variance`, in their order, is of passes."""
         return [found for block in self.blocks for found in pass_squares(block, A)]
-
-    def _assembled(self, passes: Sequence[FloatArray]) -> FloatArray:
-        rows = len(self.mean)
-        total = np.zeros((rows, rows))
-        for block, D in zip(self.blocks, passes, strict=True):
-            total += block.G @ (block.C + D) @ block.G.T
-            total += noise_covariance(block.noise, len(self.axes))
-        return total
-
-    def _assembled_of_points(self, passes: Sequence[FloatArray]) -> FloatArray:
-        n, a = len(self.points), len(self.axes)
-        total = np.zeros((n, a, a))
-        for block, D in zip(self.blocks, passes, strict=True):
-            G, noise = (rows.reshape(n, a, rows.shape[1]) for rows in (block.G, block.noise))
-            total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
-        return total
 
     def row(self, point: str, axis: str) -> int:
         """Row of a point's error along an axis."""
@@ -186,19 +236,34 @@ def predict(
     blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
     noise = temperature_blocks(model, points, given, rows.levers)
     constants = constant_effects(model, points, given, rows)
+    independent = np.zeros(len(rows.J))
+    for t, term in enumerate(model.terms):
+        C, s2 = independent_parts(term.estimate)
+        G = rows.J[:, rows.columns[t]]
+        independent += np.einsum("ri,ij,rj->r", G, C, G) + rows.levers[:, t] ** 2 * s2
+    of_sensors, of_constants = np.zeros((2, len(rows.J)))
+    for block in noise:
+        of_sensors += (block.G**2).sum(axis=1) + (block.noise**2).sum(axis=1)
+    for block in constants.blocks:
+        C, visits = block.C + block.D, (block.noise**2).sum(axis=1)
+        of_constants += np.einsum("ri,ij,rj->r", block.G, C, block.G) + visits
+    outside = []
+    place = places(model, points)
+    for estimate in (term.estimate for term in model.terms):
+        if estimate.of is None or estimate.position_range is None:
+            continue
+        (low, high), position = estimate.position_range, place[estimate.of]
+        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
+        name = term_label(estimate.name)
+        outside += [(ids[int(i)], name, float(position[i]), low, high) for i in beyond]
     return Prediction(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
         mean=rows.J @ theta(model) + rows.remainder + constants.shift,
         blocks=(*blocks, *noise, *constants.blocks),
-        independent_variance=_independent(model, rows.J, rows.levers, rows.columns)
-        + sum(
-            ((block.G**2).sum(axis=1) + (block.noise**2).sum(axis=1) for block in noise),
-            np.zeros(len(rows.J)),
-        )
-        + constants.variance,
-        outside=_outside(model, ids, points),
+        independent_variance=independent + of_sensors + of_constants,
+        outside=tuple(outside),
     )
 
 
@@ -213,29 +278,51 @@ def independent_parts(estimate: ComponentEstimate) -> tuple[FloatArray, float]:
     return estimate.covariance + estimate.pass_covariance, estimate.s_repeat**2
 
 
-def _independent(
-    model: MachineModel, J: FloatArray, levers: FloatArray, columns: Sequence[slice]
+INDEFINITE = 1e-9
+"""Of the largest eigenvalue: what is further below 0 is no rounding."""
+
+
+def reportable(
+    prediction: Prediction, variance: FloatArray, *, by_point: bool = False
 ) -> FloatArray:
-    total = np.zeros(len(J))
-    for t, term in enumerate(model.terms):
-        C, s2 = independent_parts(term.estimate)
-        G = J[:, columns[t]]
-        total += np.einsum("ri,ij,rj->r", G, C, G) + levers[:, t] ** 2 * s2
-    return total
+    """The covariance (rows, rows), or those (n, a, a) of each point alone, with the variances
+    (rows,), without negative eigenvalues, as reports and pictures show it.
+
+    D that is estimated without bias may have a negative part, and then so may the covariance of
+    errors: correlations are those without it, variances the estimated ones. The prediction's own
+    where it has both already.
+    """
+    wanted = variance.reshape(-1, len(prediction.axes)) if by_point else variance
+    own = prediction.of_points(drawable=False) if by_point else prediction.covariance
+    if np.allclose(np.einsum("...ii->...i", own), wanted, rtol=1e-9, atol=0.0):
+        # C + D of every block a covariance: then so is their sum, however many rows.
+        sound = not any(_indefinite(block.C + block.D) for block in prediction.blocks)
+        if sound or not (by_point or _indefinite(own)):
+            return own
+    own = prediction.of_points(drawable=True) if by_point else prediction.drawable
+    drawn = np.einsum("...ii->...i", own)
+    ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+    scaled: FloatArray = own * ratio[..., :, None] * ratio[..., None, :]
+    return scaled
 
 
-def _outside(
-    model: MachineModel, ids: Sequence[str], points: FloatArray
-) -> tuple[tuple[str, str, float, float, float], ...]:
-    found = []
-    place = places(model, points)
-    for term in model.terms:
-        estimate = term.estimate
-        if estimate.of is None or estimate.position_range is None:
-            continue
-        low, high = estimate.position_range
-        name = term_label(estimate.name)
-        position = place[estimate.of]
-        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
-        found += [(ids[int(i)], name, float(position[i]), low, high) for i in beyond]
-    return tuple(found)
+def _indefinite(matrix: FloatArray) -> bool:
+    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    return bool(values[0] < -INDEFINITE * abs(values[-1]))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VisitScatter:
+    """`variance` (A,), mm^2, of one visit by axis, the mean over the features: what s_repeat of
+    the components makes of it; `dof` are the fewest that any of these is known with.
+    """
+
+    variance: FloatArray
+    dof: float
+
+
+def visit_scatter(model: MachineModel, at: Prediction, own: Sequence[int]) -> VisitScatter:
+    """Of the features of a prediction `at`, along `own` of the model's axes."""
+    variance = at.variance().repeatability.reshape(-1, len(at.axes))[:, list(own)]
+    dof = [t.estimate.repeat_dof for t in model.terms if t.estimate.s_repeat > 0]
+    return VisitScatter(variance=np.mean(variance, axis=0), dof=float(min(dof, default=np.inf)))

@@ -5,26 +5,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language import evaluate, names
+from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.linear import LinearForm
-from mtu_cli.model.basis import TIME
 from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
-from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.machine_model import AXES, TIME
 from mtu_cli.model.passes import Passes, passes_of
 from mtu_cli.model.residual_layout import Cells, IntArray, cells_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
-
-if TYPE_CHECKING:
-    from mtu_cli.files.machine import LoadedMachine
-    from mtu_cli.files.readings import Readings
 
 
 def reading_columns(
@@ -92,9 +87,12 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
     names = _row_names(readings, passes)
+    # Runs, in their order, that two numbers of passes are of.
+    numbered = {(int(run), key[:2]) for run, key in zip(passes.runs, passes.keys, strict=True)}
+    of_two = [a for (a, _), (b, _) in pairwise(sorted(numbered)) if a == b]
     return ReadingLayout(
         passes=names,
-        pairs=tuple(names[run] for run in _of_two(passes)),
+        pairs=tuple(names[run] for run in of_two),
         columns=tuple(
             f"{labels[k // 3]} {SIGNS[int(sign)]}".rstrip() if several else labels[k // 3]
             for k, sign in zip(columns.tolist(), signs, strict=True)
@@ -102,13 +100,6 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
         direction=signs,
         cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
     )
-
-
-def _of_two(passes: Passes) -> list[int]:
-    """Runs, in their order, that two numbers of passes are of."""
-    numbered = {(int(run), key[:2]) for run, key in zip(passes.runs, passes.keys, strict=True)}
-    runs = [run for run, _ in sorted(numbered)]
-    return [a for a, b in pairwise(runs) if a == b]
 
 
 def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
@@ -161,11 +152,11 @@ def _groups(distinct: FloatArray) -> IntArray:
 
 def _labels(means: FloatArray) -> list[str]:
     """Positions with as many digits as tell them apart."""
-    for digits in (6, 9, 12):
+    for digits in (6, 9, 12, 17):
         found = [f"{value:.{digits}g}" for value in means]
         if len(set(found)) == len(found):
-            return found
-    return [repr(float(value)) for value in means]
+            break
+    return found
 
 
 def without_effects(
@@ -208,65 +199,46 @@ def effects_on_readings(
     arm: f = (L f) / L. An effect whose covariate the readings lack is left out, with a warning.
     """
     total = np.zeros(len(places))
-    warned = []
-    own_columns = _numeric(columns) | {axis: places[:, i] for i, axis in enumerate(AXES)}
+    warned: list[Finding] = []
+    numeric = {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
+    own_columns = numeric | {axis: places[:, i] for i, axis in enumerate(AXES)}
+    here = {axis: np.nan_to_num(places[:, i], nan=ELSEWHERE) for i, axis in enumerate(AXES)}
+    known: dict[str, FloatArray | float] = {
+        **here,
+        **{name: item.value for name, item in machine.machine.constants.items()},
+        **{name: column for name, column in numeric.items() if np.isfinite(column).all()},
+    }
     for effect, form, declared in zip(
         machine.machine.effects, machine.effect_forms, declared_effects(machine), strict=True
     ):
         if effect.found.get("component") != component:
             continue
-        values = _values(machine, places, columns)
-        values |= {
+        values = known | {
             name: p.value * PARAMETER_UNITS[p.unit].to_internal
             for name, p in effect.parameters.items()
         }
-        pair = _equation(machine, form, component)
-        missing = [] if pair is None else sorted(_needed(pair) - set(values))
-        if pair is None or missing:
-            warned.append(_left_out(effect.name, component, missing))
+        # An equation of the effect, and the same of the machine, that hold the component.
+        both = [name for name in form if component in _coefficients(machine.forms.get(name))]
+        own = _coefficients(form[both[0]]) if both else {}
+        needed = {name for node in own.values() for name in names(node)}
+        missing = sorted(needed - set(values))
+        if not both or missing:
+            columns_lacking = f"they have no column {', '.join(missing)}"
+            reason = columns_lacking if missing else "no equation holds both"
+            facts: dict[str, object] = {"effect": effect.name, "component": component}
+            facts |= {"reason": reason}
+            read = [f"the readings of {component}"]
+            warned.append(
+                finding("not-used", what=f"the effect {effect.name}", names=read, **facts)
+            )
             continue
-        own, lever = pair
         said = np.zeros(len(places))
-        for name, node in own.coefficients.items():
+        for name, node in own.items():
             said = said + np.asarray(values[name]) * evaluate(node, values)
         warned += outside_seen([declared], own_columns)
-        total += said / evaluate(lever.coefficients[component], values)
+        total += said / evaluate(machine.forms[both[0]].coefficients[component], values)
     return total, warned
 
 
-def _values(
-    machine: LoadedMachine, places: FloatArray, columns: Mapping[str, np.ndarray]
-) -> dict[str, FloatArray | float]:
-    found: dict[str, FloatArray | float] = {
-        name: item.value for name, item in machine.machine.constants.items()
-    }
-    for i, axis in enumerate(AXES):
-        found.setdefault(axis, np.where(np.isfinite(places[:, i]), places[:, i], ELSEWHERE))
-    return found | {n: c for n, c in _numeric(columns).items() if np.isfinite(c).all()}
-
-
-def _numeric(columns: Mapping[str, np.ndarray]) -> dict[str, FloatArray]:
-    return {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
-
-
-def _equation(
-    machine: LoadedMachine, form: Mapping[str, LinearForm], component: str
-) -> tuple[LinearForm, LinearForm] | None:
-    """An equation of the effect, and the same of the machine, that hold the component."""
-    for name, own in form.items():
-        lever = machine.forms.get(name)
-        if lever is not None and component in lever.coefficients:
-            return own, lever
-    return None
-
-
-def _needed(pair: tuple[LinearForm, LinearForm]) -> set[str]:
-    own, _ = pair
-    return {name for node in own.coefficients.values() for name in names(node)}
-
-
-def _left_out(effect: str, component: str, missing: list[str]) -> Finding:
-    reason = f"they have no column {', '.join(missing)}" if missing else "no equation holds both"
-    names = [f"the readings of {component}"]
-    facts = {"effect": effect, "component": component, "reason": reason}
-    return finding("not-used", what=f"the effect {effect}", names=names, **facts)
+def _coefficients(form: LinearForm | None) -> Mapping[str, Node]:
+    return {} if form is None else form.coefficients

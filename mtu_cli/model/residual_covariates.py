@@ -14,12 +14,17 @@ from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, finding, listed
-from mtu_cli.model.basis import TIME
-from mtu_cli.model.design import of_feature, without_coordinate
-from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
-from mtu_cli.model.measured import MOST_TOLD
-from mtu_cli.model.moments import moment_problem
+from mtu_cli.model.machine_model import (
+    AXES,
+    TIME,
+    MachineModel,
+    of_feature,
+    sensors_of,
+    without_coordinate,
+)
 from mtu_cli.model.residual_layout import Cells, IntArray, only_rows
+from mtu_cli.model.temperatures import moment_problem
+from mtu_cli.model.visits import MOST_TOLD
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW = 0.05

@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.language import names
-from mtu_cli.model.basis import TIME
-from mtu_cli.model.blocks import component_blocks
-from mtu_cli.model.constants import constant_effects
-from mtu_cli.model.design import design, theta
-from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
+from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, sensors_of, theta
+from mtu_cli.model.prediction import constant_effects
 from mtu_cli.model.residual_layout import Cells, IntArray, filled
-from mtu_cli.model.temperatures import noise_columns
-from mtu_cli.model.variance import drawable_passes
+from mtu_cli.model.temperatures import temperature_gradients
+from mtu_cli.model.variance import component_blocks, drawable_passes
 from mtu_cli.stats.least_squares import FloatArray
 
 PIECE = 8192
@@ -262,7 +259,9 @@ def _evaluated(
     read = {sensor: shapes.get(sensor, (1, 1)) for sensor in sensors_of(model)}
     # The noise of a reading of its own at every cell is none of the two.
     if any(shape[1] == 1 for shape in read.values()):
-        for sensor, column in noise_columns(model, place, centre.levers).items():
+        for sensor, column in temperature_gradients(
+            model, place, centre.levers, noise=True
+        ).items():
             kind = shared if read[sensor] == (1, 1) else drawn if read[sensor][1] == 1 else {}
             kind[(sensor,)] = _by_row(column[:, None], size)
     return _Evaluated(mean=mean.reshape(size), shared=shared, drawn=drawn)

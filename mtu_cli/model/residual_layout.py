@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
-from mtu_cli.model.datum import Datum, basis, incomplete_datum, without
-from mtu_cli.model.measured import operations_of, visits_of
+from mtu_cli.model.visits import Datum, basis, incomplete_datum, operations_of, visits_of, without
 from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.covariate_texts import text_warnings
-from mtu_cli.model.datum import Datum
-from mtu_cli.model.design import places as fixed_places
+from mtu_cli.model.columns import resolution, text_warnings, without_written_errors
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import axes_of, check_repeats, left_out, no_shared_axis, not_measured
-from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.machine_model import places as fixed_places
+from mtu_cli.model.measured import check_repeats, left_out, no_shared_axis, not_measured
+from mtu_cli.model.prediction import Prediction, VisitScatter, predict, visit_scatter
 from mtu_cli.model.residual_covariates import (
     needed_covariates,
     point_columns,
@@ -49,9 +48,7 @@ from mtu_cli.model.residual_layout import (
     only_rows,
     visited_of,
 )
-from mtu_cli.model.resolution import resolution
-from mtu_cli.model.visit_scatter import VisitScatter, visit_scatter
-from mtu_cli.model.written_errors import without_written_errors
+from mtu_cli.model.visits import Datum, axes_of
 from mtu_cli.stats.least_squares import FloatArray
 
 

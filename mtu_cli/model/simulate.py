@@ -11,24 +11,174 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.findings import Finding, InputError, finding
-from mtu_cli.language import Node
-from mtu_cli.model.design import Design, design, theta
+from mtu_cli.files.covariates import (
+    PLACE,
+    as_temperature,
+    column_dimensions,
+    looks_like_temperature,
+    own_columns,
+)
+from mtu_cli.files.headers import LARGEST_READING
+from mtu_cli.files.part import Circle
+from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest, suggestion
+from mtu_cli.language import Node, check_dimension, evaluate, parse
+from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_ranges import LARGE_MM, STEEP
-from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.simulate_equations import (
-    Visits,
-    check_coordinates,
-    covariate_values,
-    deviation_values,
-    error_values,
+from mtu_cli.model.geometry import GeometryError, fit_circle
+from mtu_cli.model.machine_model import (
+    AXES,
+    Design,
+    MachineModel,
+    design,
+    sensors_of,
+    theta,
 )
 from mtu_cli.model.simulate_readings import PassDraws, pass_draws
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
 
+PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 1, 2, 3, 8
+"""Further ones: 0 of readings, 4 of the climate, 6 of drifts."""
+LARGEST_MM = 1e6
+"""No machine is a kilometre long."""
+TAKEN = {
+    *("part", "feature", "operation", "repeat", "sequence", "time", "time_min"),
+    *(f"{start}{axis}" for axis in AXES for start in ("", "dir_")),
+    *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
+}
+"""Columns that points have anyway: no covariate may be called so."""
+
+
+def errors_by_axis(
+    option: str, texts: Sequence[str], axes: Sequence[str]
+) -> tuple[tuple[str, Node], ...]:
+    """Equations named Ex, Ey or Ez, by their axis, which is one of `axes`."""
+    known = [f"E{axis}" for axis in axes]
+    equations = [named_equation(option, text) for text in texts]
+    for name, _ in equations:
+        if name not in known:
+            hint = suggestion(name, known)
+            raise error("unknown-name", path=option, what="equation", value=name, **hint)
+    return tuple((name[1:], node) for name, node in equations)
+
+
+def covariate_equations(option: str, texts: Sequence[str]) -> tuple[tuple[str, Node], ...]:
+    """Declared covariates; none may take a column that the points have anyway."""
+    found: dict[str, Node] = {}
+    for text in texts:
+        name, node = named_equation(option, text, column=True)
+        if name in TAKEN or name in found:
+            place = {"path": option, "value": text, "taken": "a column of the points"}
+            raise error("name-taken", **place, expected="another name, such as T_spindle_degC")
+        found[name] = node
+    return tuple(found.items())
+
+
+def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str, Node]:
+    """Name and equation of an error in mm, or of a `column` in the unit that its name tells.
+
+    The numbers of an equation may have units: ``0.004*dir_x`` are mm. Without a number in it a
+    term must be what the equation is, as in a machine file.
+
+    Raises InputError for what is no such text, for a column that looks like a sensor's and is
+    none, and for terms of another dimension.
+    """
+    name, colon, equation = text.partition(":")
+    blanks, name = " " * len(name + colon), name.strip()
+    if not (colon and name.isascii() and name.isidentifier()):
+        example = "'T_spindle_degC: 20 + 2*(sequence - 1)'" if column else "'Ex: 0.004*dir_x'"
+        place = {"path": option, "value": text, "expected": f"{example}, say"}
+        raise error("wrong-type", kind="NAME: EQUATION", **place)
+    if column and looks_like_temperature(name):
+        # What reads the points would refuse the column.
+        place = {"value": name, "expected": as_temperature(name) or "T_<sensor>_degC"}
+        raise error("wrong-type", path=option, kind="the name of a temperature", **place)
+    try:
+        # Blanks for the name: columns count from the start of the option's text.
+        tree = parse(blanks + equation)
+        wanted = column_dimensions(name) if column else PLACE
+        check_dimension(tree, wanted, own_columns(names_of(tree), ()), free=True)
+    except InputError as fault:
+        place = {"path": f"{option} {name}", "value": text}
+        raise InputError(each.at(**place) for each in fault.findings) from None
+    return name, tree
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visits:
+    """One part, counted from 1: features `ids` (n,) at `points` (n, 3) mm under `values` (n,)."""
+
+    part: int
+    ids: Sequence[str]
+    points: FloatArray
+    values: Mapping[str, FloatArray]
+
+    def named(self, index: int) -> str:
+        """A feature of this part in words."""
+        return f"in part {self.part} at feature {self.ids[index]!r}"
+
+
+def values_of(option: str, node: Node, visits: Visits, least: float, most: float) -> FloatArray:
+    """Values (n,) of an equation, an error or a standard deviation in mm, or a covariate.
+
+    Raises InputError for an unknown name, and for a value that no points file could hold.
+    """
+    known = {axis: visits.points[:, k] for k, axis in enumerate(AXES)} | dict(visits.values)
+    names = names_of(node)
+    for name in names:
+        if name not in known:
+            meant = nearest(name, known)
+            expected = f"one of {listed(known, 12)}, or a covariate (--covariate '{name}: ...')"
+            place = {"path": option, "column": names[name], "meant": meant, "expected": expected}
+            raise error("unknown-name", what="name", value=name, **place)
+    found = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(visits.ids)))
+    if not np.isfinite(found).all():
+        i = int(np.argmin(np.isfinite(found)))
+        at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
+        raise error(
+            "no-finite-value",
+            what="the equation",
+            path=option,
+            where=f" at {at} {visits.named(i)}".rstrip(),
+            expected="an equation that has one at every feature",
+        )
+    beyond = (found < least) | (found > most)
+    if beyond.any():
+        i = int(np.argmax(beyond))
+        unit = " mm" if most == LARGEST_MM else ""
+        expected = f"at most {most:g}{unit} in size"
+        if found[i] < least == 0:
+            expected = "a standard deviation of 0 or more, mm"
+        place = {"path": f"{option} {visits.named(i)}", "value": f"{found[i]:g}"}
+        raise error("out-of-range", **place, expected=expected)
+    return found
+
+
+def check_coordinates(measured: FloatArray, axes: Sequence[str], visits: Visits) -> None:
+    """Raises InputError for `measured` (repeats, n, axes) in mm that no points file could hold:
+    the part may not say where a feature is, the machine's components, an offset or the CMM's
+    uncertainty may be as large.
+    """
+    sound = np.abs(measured) <= LARGEST_MM
+    if sound.all():
+        return
+    repeat, i, k = np.argwhere(~sound)[0]
+    if np.isnan(visits.points[i, AXES.index(axes[k])]):
+        raise error(
+            "missing-key",
+            key=f"{axes[k]}_mm",
+            path=f"features.{visits.ids[i]}",
+            expected=f"{axes[k]}_mm of every feature in the part file",
+        )
+    raise error(
+        "out-of-range",
+        path=f"the measured {axes[k]} {visits.named(int(i))}",
+        value=f"{measured[repeat, i, k]:g}",
+        expected=f"at most {LARGEST_MM:g} mm in size, of nominal place and all errors together",
+    )
+
+
 IntArray = np.ndarray
-Equations = Sequence[tuple[str, Node]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,11 +240,27 @@ def simulate_points(
     range at a feature; for a covariate of the machine that nothing gives; for coordinates that
     no points file could hold.
     """
-    _check_covariates(model, _visits(ids, points, plan, 0))
+    first = _visits(ids, points, plan, 0)
+    sensors = sensors_of(model)
+    missing = []
+    for name in model.covariates():
+        if name not in first.values:
+            expected = f"--covariate '{name}: EQUATION'"
+            expected += ", or --cmm-room DEGC" if name in sensors else ""
+            what = f"a value of {name} for the machine {model.name!r}"
+            missing.append(finding("missing-input", what=what, names=[name], expected=expected))
+    if missing:
+        raise InputError(missing)
     n = len(ids)
     visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
     covariates = [own.values for own in visits]
-    measured = _measured(model, plan, visits, seed)
+    passes = pass_draws(model)
+    # Without covariates in the equations the places alone make the design, of every part.
+    fixed = None if model.covariates() else design(model, points, {})
+    measured = [
+        _measured(model, plan, own, seed, fixed or design(model, points, own.values), passes)
+        for own in visits
+    ]
     repeats = [len(own) for own in measured]
     axes = _written(model)
     return SimulatedPoints(
@@ -124,7 +290,9 @@ def large_errors(plan: PartsPlan, ids: Sequence[str], points: FloatArray) -> lis
     for option, equations in (("--effect", plan.effects), ("--scatter", plan.scatter)):
         for axis, node in equations:
             name = f"{option} E{axis}"
-            values = np.concatenate([error_values(name, node, each) for each in visits])
+            values = np.concatenate(
+                [values_of(name, node, each, -LARGEST_MM, LARGEST_MM) for each in visits]
+            )
             row = int(np.argmax(np.abs(values)))
             if abs(values[row]) > max(LARGE_MM, STEEP * extent):
                 part, feature = divmod(row, len(ids))
@@ -136,45 +304,40 @@ def large_errors(plan: PartsPlan, ids: Sequence[str], points: FloatArray) -> lis
 
 
 def _measured(
-    model: MachineModel, plan: PartsPlan, visits: Sequence[Visits], seed: int
-) -> list[FloatArray]:
-    """Measured coordinates (repeats, n, axes) of every part's features, mm."""
-    passes = pass_draws(model)
-    # Without covariates in the equations the places alone make the design, of every part.
-    fixed = None if model.covariates() else design(model, visits[0].points, {})
-    return [
-        _one_part(model, plan, own, seed, (fixed or design(model, own.points, own.values), passes))
-        for own in visits
-    ]
-
-
-def _one_part(
-    model: MachineModel,
-    plan: PartsPlan,
-    visits: Visits,
-    seed: int,
-    machine: tuple[Design, PassDraws],
+    model: MachineModel, plan: PartsPlan, visits: Visits, seed: int, rows: Design, passes: PassDraws
 ) -> FloatArray:
-    """Measured coordinates (repeats, n, axes) of one part's features, mm.
-
-    `machine` is the design at them, and what parts differ by.
+    """Measured coordinates (repeats, n, axes) of one part's features, mm: `rows` are the design at
+    them, `passes` what parts differ by.
     """
     first, more = plan.first_repeats
     part, points = visits.part - 1, visits.points
-    repeats = more if part < first else plan.repeats
-    rng = stream(seed, 1, part)
-    errors = _part_errors(model, *machine, rng)
-    errors += plan.part_offset * rng.standard_normal(errors.shape[1])
-    errors += _effects(model, plan.effects, visits)
-    errors += _scatter(model, plan.scatter, visits, stream(seed, 3, part))
-    cmm = stream(seed, 2, part).standard_normal((repeats, *errors.shape)) * plan.cmm_u
+    n, a, repeats = len(points), len(model.axes), more if part < first else plan.repeats
+    rng = stream(seed, PARTS_STREAM, part)
+    noise, levers, normal = np.zeros((n, a)), rows.levers.reshape(n, a, -1), []
+    for t, term in enumerate(model.terms):
+        normal.append(rng.standard_normal(len(term.estimate.coefficients)))
+        scatter = rng.standard_normal(n) * term.estimate.s_repeat
+        noise += levers[:, :, t] * scatter[:, None]
+    state = theta(model) + np.concatenate(passes.of(normal))
+    errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise
+    errors += plan.part_offset * rng.standard_normal(a)
+    effects, deviations = np.zeros((n, a)), np.zeros((n, a))
+    for axis, node in plan.effects:
+        own = values_of(f"--effect E{axis}", node, visits, -LARGEST_MM, LARGEST_MM)
+        effects[:, model.axes.index(axis)] += own
+    for axis, node in plan.scatter:
+        own = values_of(f"--scatter E{axis}", node, visits, 0.0, LARGEST_MM)
+        deviations[:, model.axes.index(axis)] += own
+    errors += effects
+    errors += deviations * stream(seed, SCATTER_STREAM, part).standard_normal((n, a))
+    cmm = stream(seed, CMM_STREAM, part).standard_normal((repeats, n, a)) * plan.cmm_u
     axes = _written(model)
     measured = np.tile(points[:, [AXES.index(axis) for axis in axes]], (repeats, 1, 1))
-    own = [axes.index(axis) for axis in model.axes]
-    measured[:, :, own] = measured[:, :, own] + errors + cmm
-    others = [i for i in range(len(axes)) if i not in own]
-    noise = stream(seed, 8, part).standard_normal((repeats, len(points), len(others)))
-    measured[:, :, others] += plan.cmm_u * noise
+    with_equation = [axes.index(axis) for axis in model.axes]
+    measured[:, :, with_equation] = measured[:, :, with_equation] + errors + cmm
+    others = [i for i in range(len(axes)) if i not in with_equation]
+    of_others = stream(seed, OTHER_AXES_STREAM, part).standard_normal((repeats, n, len(others)))
+    measured[:, :, others] += plan.cmm_u * of_others
     check_coordinates(measured, axes, visits)
     return measured
 
@@ -184,24 +347,6 @@ def _written(model: MachineModel) -> tuple[str, ...]:
     machine has an equation for.
     """
     return tuple(axis for axis in AXES if axis in {"x", "y", *model.axes})
-
-
-def _check_covariates(model: MachineModel, visits: Visits) -> None:
-    missing = [name for name in model.covariates() if name not in visits.values]
-    if missing:
-        sensors = {sensor for drift in model.drifts() for sensor in drift.sensors}
-        raise InputError(
-            [
-                finding(
-                    "missing-input",
-                    what=f"a value of {name} for the machine {model.name!r}",
-                    names=[name],
-                    expected=f"--covariate '{name}: EQUATION'"
-                    + (", or --cmm-room DEGC" if name in sensors else ""),
-                )
-                for name in missing
-            ]
-        )
 
 
 def _visits(ids: Sequence[str], points: FloatArray, plan: PartsPlan, part: int) -> Visits:
@@ -221,7 +366,8 @@ def _visits(ids: Sequence[str], points: FloatArray, plan: PartsPlan, part: int) 
     visits = Visits(part=part + 1, ids=ids, points=points, values=values)
     for name, node in plan.covariates:
         # One may use those before it.
-        values[name] = covariate_values(f"--covariate {name}", node, visits)
+        option, most = f"--covariate {name}", LARGEST_READING
+        values[name] = values_of(option, node, visits, -most, most)
     return visits
 
 
@@ -237,40 +383,37 @@ def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
     return result
 
 
-def _part_errors(
-    model: MachineModel,
-    rows: Design,
-    passes: PassDraws,
-    rng: np.random.Generator,
+def growth(
+    found: SimulatedPoints, ids: Sequence[str], points: FloatArray, circles: Sequence[Circle]
 ) -> FloatArray:
-    """Errors (n, axes) of one part's features."""
-    a = len(model.axes)
-    n = len(rows.J) // a
-    noise = np.zeros((n, a))
-    levers = rows.levers.reshape(n, a, -1)
-    normal = []
-    for t, term in enumerate(model.terms):
-        normal.append(rng.standard_normal(len(term.estimate.coefficients)))
-        visits = rng.standard_normal(n) * term.estimate.s_repeat
-        noise += levers[:, :, t] * visits[:, None]
-    state = theta(model) + np.concatenate(passes.of(normal))
-    errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise
-    return errors
+    """What the circles' features stand off their nominal places, (n, axes) in mm.
 
+    They stand on the diameter D(T) of the calibration: p - c grows by D(T)/D0 - 1, with c the
+    centre and D0 the diameter of the circle through the nominal features `ids` at `points`
+    (features, 3); D between calibrated temperatures is linear, beyond them constant. A circle
+    whose temperature no covariate gives stays nominal.
 
-def _effects(model: MachineModel, effects: Equations, visits: Visits) -> FloatArray:
-    total = np.zeros((len(visits.ids), len(model.axes)))
-    for axis, node in effects:
-        total[:, model.axes.index(axis)] += error_values(f"--effect E{axis}", node, visits)
-    return total
-
-
-def _scatter(
-    model: MachineModel, scatter: Equations, visits: Visits, rng: np.random.Generator
-) -> FloatArray:
-    deviations = np.zeros((len(visits.ids), len(model.axes)))
-    for axis, node in scatter:
-        own = deviation_values(f"--scatter E{axis}", node, visits)
-        deviations[:, model.axes.index(axis)] += own
-    drawn: FloatArray = deviations * rng.standard_normal(deviations.shape)
-    return drawn
+    Raises InputError for features that do not determine their circle.
+    """
+    columns = ["xyz".index(axis) for axis in found.axes]
+    code = np.array([ids.index(name) for name in found.feature])
+    moved = np.zeros_like(found.measured)
+    for circle in circles:
+        if circle.calibrated_mm is None or circle.temperature not in found.covariates:
+            continue
+        own = [ids.index(name) for name in circle.features]
+        try:
+            ring = fit_circle(points[own])
+        except GeometryError as error:
+            raise InputError(
+                finding(
+                    "too-little-data",
+                    what=f"no circle goes through the nominal points of {circle.id!r}: {error}",
+                )
+            ) from None
+        known = np.array(sorted(circle.calibrated_mm.items()))
+        diameter = np.interp(found.covariates[circle.temperature], known[:, 0], known[:, 1])
+        rows = np.isin(code, own)
+        away = (points[code] - ring.centre)[:, columns]
+        moved[rows] = (away * (diameter / (2.0 * ring.radius) - 1.0)[:, None])[rows]
+    return moved

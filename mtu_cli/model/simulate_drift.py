@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.findings import error
-from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.positive_part import covariance_root
@@ -52,21 +53,6 @@ class Sensors:
     lags: FloatArray
     shares: FloatArray
     twins: tuple[tuple[str, str], ...] = ()
-
-    def columns(self) -> tuple[str, ...]:
-        """All columns of temperatures, the twins behind the others."""
-        return (*self.names, *(name for name, _ in self.twins))
-
-
-def drawn_sensors(
-    names: tuple[str, ...], climate: Climate, twins: tuple[tuple[str, str], ...], seed: int
-) -> Sensors:
-    """Lags and shares of the sensors, each from its own stream."""
-    draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
-    low, high = climate.sensor_lag
-    lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
-    shares = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
-    return Sensors(names=names, lags=lags, shares=shares, twins=twins)
 
 
 def followed(
@@ -112,15 +98,9 @@ def settled(
 
     Each has its own draughts at the sensors, of standard deviation `wobble`.
     """
-    draughts = np.array(
-        [
-            [
-                stream(seed, _CLIMATE_STREAM, 3, r, s).standard_normal()
-                for s in range(len(sensors.names))
-            ]
-            for r in range(len(rooms))
-        ]
-    ).reshape(len(rooms), len(sensors.names))
+    draughts = np.empty((len(rooms), len(sensors.names)))
+    for r, s in np.ndindex(draughts.shape):
+        draughts[r, s] = stream(seed, _CLIMATE_STREAM, 3, r, s).standard_normal()
     rise = sensors.shares * (rooms[:, None] - climate.reference)
     temperatures: FloatArray = climate.reference + rise + wobble * draughts
     return temperatures
@@ -164,35 +144,22 @@ class DriftProfile:
 def drift_profile(estimate: ThermalEstimate, observed: Sequence[float]) -> DriftProfile:
     """The model's drift in its three states; `observed` are the positions of the readings, mm."""
     ranged = estimate.temperature_range is not None and len(estimate.sensors) > 0
-    states = _states(estimate)
+    states = np.repeat(estimate.reference + np.array(STEPS)[:, None], len(estimate.sensors), axis=1)
+    if estimate.temperature_range is not None and ranged:
+        low, high = estimate.temperature_range.T
+        states = np.array([low, (low + high) / 2, high])
     positions = np.array(observed, float)
     places = np.zeros(1)
     if estimate.degree > 0 and len(positions) > 1:
         low, high = estimate.position_range or (positions.min(), positions.max())
         places = np.linspace(low, high, PLACES)
+    known = [dict(zip(estimate.sensors, state[:, None], strict=True)) for state in states]
     return DriftProfile(
         temperatures=states,
         ranged=ranged,
         places=places,
-        drift=_drifts(estimate, places, states),
-        at_observed=_drifts(estimate, positions, states),
-    )
-
-
-def _states(estimate: ThermalEstimate) -> FloatArray:
-    if estimate.temperature_range is None or not estimate.sensors:
-        uniform = estimate.reference + np.array(STEPS)
-        return np.repeat(uniform[:, None], len(estimate.sensors), axis=1)
-    low, high = estimate.temperature_range.T
-    return np.array([low, (low + high) / 2, high])
-
-
-def _drifts(estimate: ThermalEstimate, places: FloatArray, states: FloatArray) -> FloatArray:
-    return np.array(
-        [
-            estimate.drift(places, dict(zip(estimate.sensors, state[:, None], strict=True)))
-            for state in states
-        ]
+        drift=np.array([estimate.drift(places, each) for each in known]),
+        at_observed=np.array([estimate.drift(positions, each) for each in known]),
     )
 
 
@@ -258,26 +225,28 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     Raises InputError where the sensors cannot give the drifts that are asked for.
     """
     names = tuple(sorted({sensor for drift in drifts for sensor in drift.sensors}))
-    found = drawn_sensors(names, plan.climate, plan.twins, seed)
-    rise = plan.climate.high - plan.climate.reference
-    each = [_Target.of(item, plan, names, found.shares, rise) for item in drifts]
+    climate = plan.climate
+    draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
+    low, high = climate.sensor_lag
+    lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
+    shares = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
+    rise = climate.high - climate.reference
+    each = [_target(drift, plan, names, rise, shares) for drift in drifts]
     asked = [item for item in each if item.asked]
-    if rise == 0 and not asked:
-        return found
-    shares, kept = found.shares, _kept(each, found.shares, rise)
-    if kept is None:
-        _check_reached(asked, _nearest(asked, shares, rise), rise)
-        kept = asked
-        # Limits come last: they may give way, and what is within them shall stay so.
-        for item in sorted(each, key=lambda item: item.limited):
-            if not item.asked:
-                kept = _kept([*kept, item], shares, rise) or kept
-    shares = _nearest(kept, shares, rise)
-    return Sensors(names=names, lags=found.lags, shares=shares, twins=plan.twins)
+    if rise != 0 or asked:
+        kept = _kept(each, shares, rise)
+        if kept is None:
+            _check_reached(asked, _nearest(asked, shares, rise), rise)
+            kept = asked
+            # Limits come last: they may give way, and what is within them shall stay so.
+            for item in sorted(each, key=lambda item: item.limited):
+                if not item.asked:
+                    kept = _kept([*kept, item], shares, rise) or kept
+        shares = _nearest(kept, shares, rise)
+    return Sensors(names=names, lags=lags, shares=shares, twins=plan.twins)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Target:
+class _Target(NamedTuple):
     """Settled drifts `value` (places,) of a component in its own unit, `G` (places, s) per degC.
 
     `asked` for, else its own ones, which may be `limited`.
@@ -290,32 +259,25 @@ class _Target:
     asked: bool
     limited: bool
 
-    @classmethod
-    def of(
-        cls,
-        drift: ThermalEstimate,
-        plan: DriftPlan,
-        names: tuple[str, ...],
-        shares: FloatArray,
-        rise: float,
-    ) -> _Target:
-        scale, positions = drift.unit.to_internal, _places(drift, plan)
-        G = _gradients(drift, names, positions) / scale
-        limit = plan.limits[drift.unit.dimension]
-        own = rise * G @ shares * scale
-        asked = plan.settled.get(drift.component)
-        return cls(
-            drift=drift,
-            positions=positions,
-            G=G,
-            value=(np.clip(own, -limit, limit) if asked is None else asked) / scale,
-            asked=asked is not None,
-            limited=asked is None and bool((np.abs(own) > limit).any()),
-        )
 
-    def missed(self, shares: FloatArray, rise: float) -> FloatArray:
-        """How far (places,) the drifts are from it."""
-        return np.abs(rise * self.G @ shares - self.value)
+def _target(
+    drift: ThermalEstimate,
+    plan: DriftPlan,
+    names: tuple[str, ...],
+    rise: float,
+    shares: FloatArray,
+) -> _Target:
+    scale, positions = drift.unit.to_internal, plan.positions[drift.component]
+    G = np.zeros((len(positions), len(names)))
+    place = np.zeros(len(positions)) if drift.degree == 0 else positions
+    by_sensor = np.polynomial.polynomial.polyval(place, drift.coefficients).T
+    G[:, [names.index(sensor) for sensor in drift.sensors]] = by_sensor
+    G /= scale
+    limit = plan.limits[drift.unit.dimension]
+    own, asked = rise * G @ shares * scale, plan.settled.get(drift.component)
+    value = (np.clip(own, -limit, limit) if asked is None else asked) / scale
+    limited = asked is None and bool((np.abs(own) > limit).any())
+    return _Target(drift, positions, G, value, asked is not None, limited)
 
 
 def _nearest(targets: Sequence[_Target], shares: FloatArray, rise: float) -> FloatArray:
@@ -331,20 +293,18 @@ def _nearest(targets: Sequence[_Target], shares: FloatArray, rise: float) -> Flo
 def _kept(targets: list[_Target], shares: FloatArray, rise: float) -> list[_Target] | None:
     """The targets, where there are shares that reach all of them."""
     moved = _nearest(targets, shares, rise)
-    reach = _reach(targets)
-    return targets if all((t.missed(moved, rise) <= reach).all() for t in targets) else None
+    reach = _REACHED * max([1.0, *(float(np.abs(item.value).max()) for item in targets)])
+    missed = (np.abs(rise * item.G @ moved - item.value) for item in targets)
+    return targets if all((each <= reach).all() for each in missed) else None
 
 
-def _reach(targets: Sequence[_Target]) -> float:
-    return _REACHED * max([1.0, *(float(np.abs(item.value).max()) for item in targets)])
-
-
-def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) -> None:
+def _check_reached(asked: list[_Target], shares: FloatArray, rise: float) -> None:
     """Refuses settled drifts that are asked for and undefined, the one missed by most."""
-    if not asked or _kept(list(asked), shares, rise) is not None:
+    if not asked or _kept(asked, shares, rise) is not None:
         return
-    worst = max(asked, key=lambda item: float(item.missed(shares, rise).max()))
-    i = int(np.argmax(worst.missed(shares, rise)))
+    missed = [np.abs(rise * item.G @ shares - item.value) for item in asked]
+    k = int(np.argmax([each.max() for each in missed]))
+    i, worst = int(np.argmax(missed[k])), asked[k]
     name, unit = worst.drift.component, worst.drift.unit.name
     at = "" if np.isnan(worst.positions[i]) else f" at {worst.positions[i]:g} mm"
     nearest = float(rise * worst.G[i] @ shares)
@@ -358,19 +318,6 @@ def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) ->
     )
 
 
-def _places(drift: ThermalEstimate, plan: DriftPlan) -> FloatArray:
-    return plan.positions[drift.component]
-
-
-def _gradients(drift: ThermalEstimate, names: tuple[str, ...], positions: FloatArray) -> FloatArray:
-    """The drift at `positions` (p,) per degC of each sensor, (p, s)."""
-    G = np.zeros((len(positions), len(names)))
-    own = [names.index(sensor) for sensor in drift.sensors]
-    place = np.zeros(len(positions)) if drift.degree == 0 else positions
-    G[:, own] = np.polynomial.polynomial.polyval(place, drift.coefficients).T
-    return G
-
-
 def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> SimulatedDrift:
     """Readings of every component that drifts, cycle by cycle: warm-ups first, in turn."""
     sensors = sensors_for(drifts, plan, seed)
@@ -378,60 +325,38 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
     cool = np.repeat(np.arange(plan.cycles) % 2, period)
     targets = np.where(cool, plan.climate.low, plan.climate.high)
     true = followed(plan.climate, sensors, targets, plan.interval, seed)
-    times = np.arange(len(true), dtype=np.float64) * plan.interval
+    count = len(true)
+    times = np.arange(count, dtype=np.float64) * plan.interval
     read = as_read(plan.climate, sensors, dict(zip(sensors.names, true.T, strict=True)), seed)
-    kept = (np.arange(len(true)) % period < plan.moments).nonzero()[0]
+    kept = (np.arange(count) % period < plan.moments).nonzero()[0].reshape(plan.cycles, -1)
     rows: list[tuple[str, str, float, FloatArray]] = []
     for number, item in enumerate(drifts):
-        known = _known(item, sensors.names, true, times)
-        for p, position in enumerate(_places(item, plan)):
-            errors = item.drift(np.full(len(true), np.nan_to_num(position)), known)
-            errors += _leftover(item, position, plan, seed, number)[np.arange(len(true)) // period]
+        # A drift follows a sensor's temperature, or its lag.
+        known = {
+            sensor: _lagged(true[:, sensors.names.index(sensor)], times, float(lag))
+            for sensor, lag in zip(item.sensors, item.time_constants, strict=True)
+        }
+        for p, position in enumerate(plan.positions[item.component]):
+            errors = item.drift(np.full(count, np.nan_to_num(position)), known)
+            # What the model leaves at a position, one draw a cycle.
+            power = np.nan_to_num(position) ** np.arange(len(item.leftover))
+            draws = stream(seed, _DRIFT_STREAM, 0, number).standard_normal(
+                (plan.cycles, len(power))
+            )
+            leftover = draws @ (power @ covariance_root(item.leftover))
+            errors += leftover[np.arange(count) // period]
             rng = stream(seed, _DRIFT_STREAM, 1, number, p)
-            errors += plan.noise[item.unit.dimension] * rng.standard_normal(len(true))
+            errors += plan.noise[item.unit.dimension] * rng.standard_normal(count)
             rows.append((item.component, item.unit.name, position, errors / item.unit.to_internal))
-    return _by_cycle(rows, kept.reshape(plan.cycles, -1), times, read, sensors)
-
-
-def _known(
-    drift: ThermalEstimate, names: tuple[str, ...], true: FloatArray, times: FloatArray
-) -> dict[str, FloatArray]:
-    """The temperatures that a drift follows: a sensor's, or its lag."""
-    columns = true[:, [names.index(sensor) for sensor in drift.sensors]]
-    return {
-        sensor: first_order_lag(columns[:, [s]], times, drift.time_constants[[s]])[0, :, 0]
-        for s, sensor in enumerate(drift.sensors)
-    }
-
-
-def _leftover(
-    drift: ThermalEstimate, position: float, plan: DriftPlan, seed: int, number: int
-) -> FloatArray:
-    """What the model leaves at a position, one draw a cycle (cycles,)."""
-    power = np.nan_to_num(position) ** np.arange(len(drift.leftover))
-    deviations = power @ covariance_root(drift.leftover)
-    draws = stream(seed, _DRIFT_STREAM, 0, number).standard_normal((plan.cycles, len(power)))
-    drawn: FloatArray = draws @ deviations
-    return drawn
-
-
-def _by_cycle(
-    rows: Sequence[tuple[str, str, float, FloatArray]],
-    kept: np.ndarray,
-    times: FloatArray,
-    read: Mapping[str, FloatArray],
-    sensors: Sensors,
-) -> SimulatedDrift:
-    cycles, n = kept.shape
-    each = [(c, row) for c in range(cycles) for row in rows]
-    at = np.concatenate([kept[c] for c, _ in each])
+    each = [(cycle, row) for cycle in range(plan.cycles) for row in rows]
+    n, at = kept.shape[1], np.concatenate([kept[cycle] for cycle, _ in each])
     return SimulatedDrift(
         component=tuple(row[0] for _, row in each for _ in range(n)),
         unit=tuple(row[1] for _, row in each for _ in range(n)),
         position=np.repeat([row[2] for _, row in each], n),
-        cycle=np.repeat([c + 1 for c, _ in each], n),
+        cycle=np.repeat([cycle + 1 for cycle, _ in each], n),
         time=times[at],
-        error=np.concatenate([row[3][kept[c]] for c, row in each]),
+        error=np.concatenate([row[3][kept[cycle]] for cycle, row in each]),
         temperatures={name: values[at] for name, values in read.items()},
         sensors=sensors,
     )

@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mtu_cli.findings import Finding, error, finding, listed
-from mtu_cli.model.blocks import component_blocks, positions_in_group
 from mtu_cli.model.effect_parameters import EFFECT_MARK
-from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.variance import Block, drawable_passes
+from mtu_cli.model.variance import Block, component_blocks, drawable_passes, positions_in_group
 from mtu_cli.stats.least_squares import FloatArray, polynomial
 from mtu_cli.stats.positive_part import covariance_root
 from mtu_cli.stats.streams import stream
 
+READINGS_STREAM = 0
 SEEN = 0.1
 """Share of its variances from which on it is told that a covariance was changed."""
 
@@ -84,12 +83,17 @@ def _is_cut(D: FloatArray, C: FloatArray) -> bool:
 
 def _blocks(model: MachineModel) -> list[Block]:
     """Of components read together one, where it is known how far they vary together."""
-    joint = tuple(group for group in model.joint if _known_together(group, model))
+    used = {term.estimate.name for term in model.terms}
+    joint = []
+    for group in model.joint:
+        kept = positions_in_group(group, [name for name in group.components if name in used])
+        if np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all():
+            joint.append(group)
     widths = [len(term.estimate.coefficients) for term in model.terms]
     ends = np.cumsum(widths).tolist()
     columns = [slice(end - k, end) for end, k in zip(ends, widths, strict=True)]
     nothing, none = np.zeros((0, sum(widths))), np.zeros((0, len(widths)))
-    found = component_blocks(replace(model, joint=joint), nothing, none, columns)
+    found = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
     unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
     if unknown:
         raise error(
@@ -99,13 +103,6 @@ def _blocks(model: MachineModel) -> list[Block]:
             expected="a report of readings in several passes",
         )
     return found
-
-
-def _known_together(group: JointPasses, model: MachineModel) -> bool:
-    """Whether it is known how far those of a group that the machine has vary together."""
-    used = {term.estimate.name for term in model.terms}
-    kept = positions_in_group(group, [name for name in group.components if name in used])
-    return bool(np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all())
 
 
 IntArray = np.ndarray
@@ -140,17 +137,29 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
     reads them.
     """
     estimates = [term.estimate for term in model.terms]
-    places = [_places(estimate, plan) for estimate in estimates]
-    drawn = [
-        _numbers(len(estimate.coefficients), own, plan.passes, stream(seed, 0, c))
-        for c, (estimate, own) in enumerate(zip(estimates, places, strict=True))
+    # Direction and positions of each run through them in a pass.
+    places = [
+        [(0, np.zeros(1))]
+        if estimate.of is None
+        else [(sign, plan.positions[estimate.of][::sign]) for sign in plan.directions]
+        for estimate in estimates
     ]
-    # A component without an axis is read in the first direction alone.
+    # Of coefficients (passes, directions, k), and of readings (passes, directions, n); a component
+    # without an axis is read in the first direction alone.
     each = max(len(own) for own in places)
-    normal = [np.broadcast_to(z, (plan.passes, each, z.shape[-1])) for z, _ in drawn]
+    drawn, normal = [], []
+    for c, (estimate, own) in enumerate(zip(estimates, places, strict=True)):
+        rng, shape = stream(seed, READINGS_STREAM, c), (plan.passes, len(own))
+        z = np.empty((*shape, len(estimate.coefficients)))
+        noise = np.empty((*shape, len(own[0][1])))
+        for one_pass in np.ndindex(shape):
+            z[one_pass] = rng.standard_normal(z.shape[2])
+            noise[one_pass] = rng.standard_normal(noise.shape[2])
+        drawn.append(noise)
+        normal.append(np.broadcast_to(z, (plan.passes, each, z.shape[2])))
     passes = pass_draws(model).of(normal)
     rows: list[tuple[str, str, float, int, int, float]] = []
-    for estimate, own, deviations, (_, noise) in zip(estimates, places, passes, drawn, strict=True):
+    for estimate, own, deviations, noise in zip(estimates, places, passes, drawn, strict=True):
         if EFFECT_MARK in estimate.name:
             continue
         for number in range(1, plan.passes + 1):
@@ -172,24 +181,3 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
         direction=np.array(direction),
         error=np.array(error),
     )
-
-
-def _places(estimate: ComponentEstimate, plan: ReadingsPlan) -> list[tuple[int, FloatArray]]:
-    """Direction and positions of each run through them in a pass."""
-    if estimate.of is None:
-        return [(0, np.zeros(1))]
-    return [(sign, plan.positions[estimate.of][::sign]) for sign in plan.directions]
-
-
-def _numbers(
-    k: int, places: Sequence[tuple[int, FloatArray]], passes: int, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Standard normal numbers of a component: of its coefficients (passes, directions, k), and
-    of its readings (passes, directions, n).
-    """
-    normal = np.empty((passes, len(places), k))
-    noise = np.empty((passes, len(places), len(places[0][1])))
-    for one_pass in np.ndindex(normal.shape[:2]):
-        normal[one_pass] = rng.standard_normal(k)
-        noise[one_pass] = rng.standard_normal(noise.shape[2])
-    return normal, noise

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
+from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding, listed
-from mtu_cli.model.basis import TIME, Covariates, ThermalBasis, row_times
-from mtu_cli.model.design import design, places
-from mtu_cli.model.machine_model import MachineModel, sensors_of
-from mtu_cli.model.thermal import ThermalEstimate
-from mtu_cli.model.variance import Block
+from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.model.machine_model import (
+    TIME,
+    Covariates,
+    MachineModel,
+    ThermalBasis,
+    design,
+    disagreement,
+    places,
+    row_times,
+    sensors_of,
+)
+from mtu_cli.model.variance import Block, normal_block
 from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -22,12 +29,13 @@ def temperature_gradients(
     model: MachineModel,
     points: FloatArray,
     levers: FloatArray,
-    share: dict[str, dict[str, float]] | None = None,
+    *,
+    noise: bool = False,
 ) -> dict[str, FloatArray]:
     """dE/dT_s (rows,) in mm per degC of every sensor: lever sum_m g[m, s] p^m over all drifts.
 
-    `points` (n, 3), `levers` (rows, terms) as `design` gives them. `share` (component, sensor)
-    multiplies the part of one drift.
+    `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
+    mm: what one standard uncertainty of a reading does to the errors once they have settled.
     """
     place, n = places(model, points), len(points)
     found: dict[str, FloatArray] = {}
@@ -35,23 +43,10 @@ def temperature_gradients(
         position = np.zeros(n) if drift.of is None else place[drift.of]
         gradients = np.polynomial.polynomial.polyval(position, drift.coefficients)
         for s, sensor in enumerate(drift.sensors):
-            factor = 1.0 if share is None else share[drift.component][sensor]
+            factor = float(drift.sensor_u[s]) if noise else 1.0
             own = levers[:, t] * np.repeat(gradients[s] * factor, len(levers) // n)
             found[sensor] = found.get(sensor, np.zeros(len(levers))) + own
     return found
-
-
-def noise_columns(
-    model: MachineModel, points: FloatArray, levers: FloatArray
-) -> dict[str, FloatArray]:
-    """dE/dT_s u(T_s) (rows,) in mm of every sensor: what one standard uncertainty of a reading
-    does to the errors at `points` (n, 3) once they have settled.
-    """
-    share = {
-        drift.component: dict(zip(drift.sensors, drift.sensor_u.tolist(), strict=True))
-        for _, drift in _drifts(model)
-    }
-    return temperature_gradients(model, points, levers, share)
 
 
 def temperature_blocks(
@@ -69,7 +64,8 @@ def temperature_blocks(
     columns: dict[str, dict[float, FloatArray]] = {}
     for t, drift in _drifts(model):
         one = replace(model, terms=(model.terms[t],))
-        for sensor, column in noise_columns(one, points, levers[:, [t]]).items():
+        own_noise = temperature_gradients(one, points, levers[:, [t]], noise=True)
+        for sensor, column in own_noise.items():
             tau = float(drift.time_constants[drift.sensors.index(sensor)])
             by_lag = columns.setdefault(sensor, {})
             by_lag[tau] = by_lag.get(tau, np.zeros(len(levers))) + column
@@ -78,7 +74,7 @@ def temperature_blocks(
         own = np.ones((n, 1)) if np.ndim(covariates[sensor]) == 0 else readings
         F = _factor({tau: g for tau, g in by_lag.items() if g.any()}, own, covariates, a)
         if F is not None:
-            found.append(_noise_block(sensor, F))
+            found.append(normal_block(sensor, F, of_part=True))
     return found
 
 
@@ -124,22 +120,6 @@ def _factor(
     return F
 
 
-def _noise_block(sensor: str, F: FloatArray) -> Block:
-    """Standard normal quantities times F (rows, K), or one a point times F (rows,)."""
-    rows, of_its_own = len(F), F.ndim == 1
-    K = 1 if of_its_own else F.shape[1]
-    return Block(
-        names=(sensor,),
-        columns=(slice(0, K),),
-        G=np.zeros((rows, 1)) if of_its_own else F,
-        C=np.zeros((K, K)),
-        D=np.eye(K),
-        noise=F[:, None] if of_its_own else np.zeros((rows, 1)),
-        pass_dof=np.inf,
-        repeat_dof=(np.inf,),
-    )
-
-
 SLACK = 0.05
 """Share of the fitted range of temperatures that may be exceeded without a word."""
 
@@ -147,51 +127,29 @@ SLACK = 0.05
 def temperature_warnings(
     model: MachineModel, points: FloatArray, covariates: Covariates
 ) -> list[Finding]:
-    """Temperatures beyond those of the fit, and lags without a history.
+    """Temperatures beyond those of the fit, one warning a sensor and range for all drifts that were
+    read in it, and lags without a history.
 
     `points` (n, 3) in mm, `covariates` one value for all or one a point.
     """
-    drifts = model.drifts()
-    if not drifts:
-        return []
-
-    @cache
-    def steepest() -> dict[str, float]:
-        levers = design(model, points, covariates).levers
-        gradients = temperature_gradients(model, points, levers)
-        return {sensor: float(np.abs(own).max()) for sensor, own in gradients.items()}
-
-    return [
-        *_outside(drifts, covariates, steepest),
-        *_settled(drifts, covariates),
-    ]
-
-
-Steepest = Callable[[], dict[str, float]]
-"""The largest |dE/dT| among the points by sensor, mm per degC."""
-
-
-def _outside(
-    drifts: tuple[ThermalEstimate, ...], covariates: Covariates, steepest: Steepest
-) -> list[Finding]:
-    """One a sensor and range, for all drifts that were read in it."""
     left: dict[tuple[str, float, float], list[str]] = {}
-    for drift in drifts:
-        if drift.temperature_range is None:
-            continue
-        for sensor, (low, high) in zip(
-            drift.sensors, drift.temperature_range.tolist(), strict=True
-        ):
+    for drift in model.drifts():
+        ranges = [] if drift.temperature_range is None else drift.temperature_range.tolist()
+        for sensor, (low, high) in zip(drift.sensors, ranges, strict=False):
             given = np.asarray(covariates[sensor], float)
             if max(low - given.min(), given.max() - high) > max(SLACK * (high - low), 1e-9):
                 left.setdefault((sensor, low, high), []).append(drift.component)
-    found = []
+    gradients = {}
+    if left:
+        levers = design(model, points, covariates).levers
+        gradients = temperature_gradients(model, points, levers)
+    warnings = []
     for (sensor, low, high), names in left.items():
         given = np.atleast_1d(np.asarray(covariates[sensor], float))
         beyond = np.maximum(low - given, given - high)
         worst = int(np.argmax(beyond))
-        wrong = 1e3 * steepest()[sensor] * float(beyond[worst])
-        found.append(
+        wrong = 1e3 * float(np.abs(gradients[sensor]).max()) * float(beyond[worst])
+        warnings.append(
             finding(
                 "outside-measured-range",
                 what=f"{sensor} at {given[worst]:.4g} degC (up to {wrong:.2g} um)",
@@ -202,14 +160,31 @@ def _outside(
                 unit="degC",
             )
         )
-    return found
-
-
-def _settled(drifts: tuple[ThermalEstimate, ...], covariates: Covariates) -> list[Finding]:
     times = covariates.get(TIME)
-    lagged = [drift for drift in drifts if drift.time_constants.any()]
-    if not lagged or (times is not None and np.ndim(times) > 0 and np.ptp(times) > 0):
-        return []
-    slowest = max(float(drift.time_constants.max()) for drift in lagged)
-    names = [drift.component for drift in lagged]
-    return [finding("settled-temperatures", components=names, minutes=slowest)]
+    lagged = [drift for drift in model.drifts() if drift.time_constants.any()]
+    if lagged and (times is None or np.ndim(times) == 0 or np.ptp(times) == 0):
+        slowest = max(float(drift.time_constants.max()) for drift in lagged)
+        names = [drift.component for drift in lagged]
+        warnings.append(finding("settled-temperatures", components=names, minutes=slowest))
+    return warnings
+
+
+def moment_problem(model: MachineModel, points: Points, covariates: Covariates) -> Finding | None:
+    """The disagreement of measured points (n,) with their covariates (n,), with file and rows."""
+    found = [disagreement(drift, covariates) for drift in model.drifts()]
+    first = next((each for each in found if each is not None), None)
+    if first is None:
+        return None
+    sensor, i, j = first
+    value = np.asarray(covariates[sensor])
+    files = [points.sources[points.file_index[k]].shown for k in (i, j)]
+    other = f"row {points.row[i]}" + (f" of {files[0]}" if files[0] != files[1] else "")
+    return finding(
+        "contradicts",
+        other=f"{value[i]:g} degC at the same time ({other})",
+        value=f"{value[j]:g} degC",
+        file=files[1],
+        row=int(points.row[j]),
+        column=sensor,
+        expected="times that run on over all parts: the drift lags behind its temperatures",
+    )

@@ -13,12 +13,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova.parts import FAMILY_RATE
+from mtu_cli.analyses.anova.operations import AxisScatter
+from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, RowOf, count, read, record, rows_of
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, count, read, record, root, rows_of
 from mtu_cli.reports.numbers import p_value
 
 SHOWN = 24
@@ -50,11 +53,11 @@ def entry(kind: Kind) -> Fields:
         *place("tables.labels", "feature" if kind == "feature" else "id"),
         Field("parts", count("one_way.parts"), "number of parts"),
         Field("n", count("one_way.N"), "number of readings", head="n", show="count"),
-        Field(f"mean_error_{unit}", "one_way.mean", MEAN, head="mean", u="rounding"),
+        Field(f"mean_error_{unit}", "one_way.mean", MEAN, head="mean", u=_rounding),
         *_squares(unit),
         Field(f"var_part_{unit}2", "components.part", "variance from part to part"),
-        Field("", "s_part", head="s_part", unit=unit),
-        Field("", "s_both", head="s_part+repeat", unit=unit),
+        Field("", root("components.part"), head="s_part", unit=unit),
+        Field("", root("both"), head="s_part+repeat", unit=unit),
         Field(
             f"var_part_estimate_{unit}2",
             "components.part_estimate",
@@ -72,10 +75,15 @@ def entry(kind: Kind) -> Fields:
             detail=True,
         ),
         Field("method", meaning="of the components: paper, anova or reml"),
-        Field(f"s_pooled_{unit}", "s_pooled", "root of ms_within", head="s_repeat"),
+        Field(f"s_pooled_{unit}", root("one_way.ms_within"), "root of ms_within", head="s_repeat"),
         Field(f"u_mean_{unit}", "u_mean", "standard uncertainty of the mean", head="u", u="u_mean"),
         Field(f"u_future_{unit}", "u_future", "standard uncertainty of a future part"),
-        Field(f"U_future_{unit}", "U_future", "k u_future", head="U future"),
+        Field(
+            f"U_future_{unit}",
+            lambda x: x.coverage_factor * x.u_future,
+            "k u_future",
+            head="U future",
+        ),
         Field("unusual_parts", "unusual", "outlying parts", head="outlying\nparts", show=_names),
         Field("", lambda item: item.tables.labels[1], "name of feature, length or angle", csv="id"),
         Field("p_familywise", "p_parts", f"p of F, {all_of}", head="p (Holm)", show="p"),
@@ -101,7 +109,7 @@ def entry(kind: Kind) -> Fields:
         Field("p_mean_familywise", "p_mean", f"p of a mean of zero (t test), {all_of}"),
         Field(
             "var_part_limits_below_zero",
-            "below_zero",
+            _below_zero,
             "whether both limits of var_part were below 0: its interval is then [0, 0]",
         ),
     )
@@ -121,6 +129,16 @@ def _squares(unit: str) -> Iterator[Field]:
     yield Field("n0", "one_way.n0", "E ms_between = var_repeat + n0 var_part")
 
 
+def _rounding(item: Any) -> float:
+    """What a mean is rounded to: its u, of one part the scatter of its repeats."""
+    return float(item.u_mean if item.u_mean > 0 else np.sqrt(item.one_way.ms_within))
+
+
+def _below_zero(item: Any) -> bool:
+    """Whether both limits for the part variance were below 0: [0, 0] is no bound on it."""
+    return bool(item.one_way.ms_within > 0 and (item.interval == 0).all())
+
+
 def _names(names: Sequence[str], u: None, digits: int) -> str:
     return " ".join(names)
 
@@ -130,8 +148,14 @@ def _of_unit(field: Field, unit: str) -> Field:
     if not field.unit_name:
         return field
     return replace(
-        field, value=lambda item: read(item, field.source) if item.unit == unit else None
+        field, value=lambda item: read(item, field.source) if _unit(item) == unit else None
     )
+
+
+def _unit(item: Any) -> str:
+    """Of the figures of an outlying part or of a table."""
+    kind = item.where[2] if hasattr(item, "where") else item.kind
+    return "arcsec" if kind == "angle" else "um"
 
 
 def listing() -> Fields:
@@ -175,9 +199,9 @@ TOTAL: Fields = (
     Field("mean_var_part_um2", "part", "mean variance from part to part"),
     Field("mean_var_repeat_um2", "repeat", "mean variance of repeated measurement"),
     Field("mean_var_both_um2", "both", "mean variance of both, without repeats"),
-    Field("", "s_part", head="s_part", unit="um"),
-    Field("", "s_both", head="s_part+repeat", unit="um"),
-    Field("", "s_repeat", head="s_repeat", unit="um"),
+    Field("", root("part"), head="s_part", unit="um"),
+    Field("", root("both"), head="s_part+repeat", unit="um"),
+    Field("", root("repeat"), head="s_repeat", unit="um"),
     Field(
         "repeat_share",
         meaning="share of the CMM in the variance of one measured point (REML)",
@@ -207,8 +231,8 @@ SCATTER: Fields = (
     Field("parts", "test.rows", "number of parts", head="parts", show="count"),
     Field("variance_ratio_y_to_x", "test.ratio", "variance in y over that in x"),
     Field("variance_ratio_interval95", "interval", "its 95 % interval"),
-    Field("", "s_ratio", head="s ratio\ny/x"),
-    Field("", "s_interval", head="95 %", show="interval", u="s_ratio"),
+    Field("", root("test.ratio"), head="s ratio\ny/x"),
+    Field("", root("interval"), head="95 %", show="interval", u=root("test.ratio")),
     Field(
         "of", lambda item: "parts" if item.apart else "part means, CMM included", "what scatters"
     ),
@@ -232,7 +256,7 @@ def unusual_part(*units: str) -> Fields:
 def _unusual(result: AnovaResult) -> list[dict[str, Any]] | None:
     if result.unusual is None:
         return None
-    return [record(unusual_part(item.unit), item) for item in result.unusual]
+    return [record(unusual_part(_unit(item)), item) for item in result.unusual]
 
 
 def _rows(kind: Kind) -> Callable[[AnovaResult], list[RowOf]]:
@@ -305,16 +329,15 @@ def _tables(result: AnovaResult) -> Iterator[Table]:
         footer="deviation from the mean error of the other features of the operation and axis",
     )
     yield Table(title="Scatter in y over x", fields=SCATTER, items=result.axis_scatter, detail=True)
-    for found in (result.lengths, result.angles, result.features):
-        if found is not None:
-            yield _listed(found, rows[found.kind])
+    for found in (*result.kinds[1:], result.features):
+        yield _listed(found, rows[found.kind])
 
 
 def _listed(found: Analysed, rows: Sequence[RowOf]) -> Table:
     """All tables of a kind where they are few, else those of the largest errors."""
     title, footer, chosen = TITLES[found.kind], "", rows
     if len(rows) > SHOWN:
-        chosen = [rows[i] for i in found.largest()[:WORST]]
+        chosen = [rows[i] for i in found.order[:WORST]]
         title += f": the {WORST} of {len(rows)} with the largest errors"
     if found.kind == "feature":
         footer = f"mean and its u; U future = {found.coverage_factor:g} u of a future part"
@@ -339,9 +362,11 @@ def _verdict(result: AnovaResult) -> str:
     if result.unusual_features:
         names = listed(" ".join(filter(None, item.where)) for item in result.unusual_features)
         said.append(f"Outlying features: {names}.")
-    for item in result.axis_scatter:
-        if item.significant:
-            of = f", {item.operation}" if item.operation else ""
-            p = p_value(item.test.p_familywise)
-            said.append(f"Parts scatter more in {item.wider}{of} (p {p}).")
+    said += [_wider(item) for item in result.axis_scatter if item.test.p_familywise <= FAMILY_RATE]
     return " ".join(said) or "Too few parts or repeats for the F test and for outliers."
+
+
+def _wider(item: AxisScatter) -> str:
+    of = f", {item.operation}" if item.operation else ""
+    axis, p = "x" if item.test.ratio < 1 else "y", p_value(item.test.p_familywise)
+    return f"Parts scatter more in {axis}{of} (p {p})."

@@ -85,8 +85,8 @@ def _rows(result: AnovaResult) -> list[dict[str, int]]:
 
 
 def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
-    found, k = result.features, result.coverage_factor
-    mean, parts = found.part_means(i) / UM, found.tables.parts
+    found, parts = result.features, result.features.tables.parts
+    k, (mean, u) = found.coverage_factor, (each / UM for each in found.part_means(i))
     count = len(parts)
     at = np.arange(count) + 1.0
     panel.axhline(
@@ -95,7 +95,7 @@ def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
     for limit in result.limits(i) / UM:
         if np.isfinite(limit).any():
             panel.step(at, limit, where="mid", color=figures.RED, lw=1.0, ls="--", label=LIMITS)
-    half = k * found.u_repeat(i) / UM
+    half = k * u
     bars = count <= MANY and np.nanmax(half) > 0
     size = 4.0 if count <= NAMED else 2.0 if count <= MANY else 0.7
     out = np.array([part in found.unusual[i] for part in parts], dtype=bool)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from mtu_cli.analyses.compare import CompareResult, Range, Summary
+from mtu_cli.analyses.compare import CompareResult, Summary
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, count, rows_of
 from mtu_cli.reports.numbers import MISSING, p_value, significant, span
@@ -47,7 +47,7 @@ def _ratio(path: str, value: str, meaning: str, head: str = "") -> Field:
 ROW: Fields = (
     Field("", lambda x: "feature" if x.labels[2] else "length", "of item", csv="kind"),
     Field("", lambda x: " ".join(filter(None, x.labels)), head="item", show="text"),
-    Field("", "stated", head="verdict", show="text"),
+    Field("", lambda x: x.table.stated(x.index), head="verdict", show="text"),
     Field("id", "labels.1", "name of the feature or length"),
     Field("axis", lambda x: x.labels[2] or None, "null: a length"),
     Field("operation", lambda x: x.labels[0] or None, "null: not stated"),
@@ -102,13 +102,13 @@ def verdict_text(item: Summary) -> str:
     """
     few = "mean off by {} um, too few parts to distinguish bias from scatter"
     faults = (
-        ("under-predicted", item.under_predicted, item.under_factor, "scatter {} times predicted"),
-        ("biased", item.biased, item.bias_size, "mean off by {} um"),
-        ("inconsistent", item.inconsistent, item.bias_size, few),
-        ("over-predicted", item.over_predicted, item.over_factor, "scatter {} times predicted"),
+        ("under-predicted", item.under_predicted, "under_factor", "scatter {} times predicted"),
+        ("biased", item.biased, "bias_size", "mean off by {} um"),
+        ("inconsistent", item.inconsistent, "bias_size", few),
+        ("over-predicted", item.over_predicted, "over_factor", "scatter {} times predicted"),
     )
     said = [
-        f"{name} ({number} of {item.items}{_size(size, text)})"
+        f"{name} ({number} of {item.items}{_size(item, size, text)})"
         for name, number, size, text in faults
         if number
     ]
@@ -124,16 +124,16 @@ def verdict_text(item: Summary) -> str:
     return f"{item.operation} {item.kind}: ".lstrip() + "; ".join(said)
 
 
-def _size(found: Range | None, text: str) -> str:
-    if found is None:
+def _size(item: Summary, name: str, text: str) -> str:
+    if name not in item.ranges:
         return ""
     scale = UM if "um" in text else 1.0
-    ends = (significant(end / scale) for end in found.ends)
+    ends = (significant(end / scale) for end in item.ranges[name].ends)
     return f": {text.format(span(*ends))}"
 
 
 def _ends(name: str, meaning: str, head: str = "") -> Field:
-    return Field(name, f"{name}.ends", f"least and largest {meaning}", head=head, show=_span)
+    return Field(name, f"ranges.{name}.ends", f"least and largest {meaning}", head=head, show=_span)
 
 
 def _span(ends: tuple[float, float], u: None, digits: int) -> str:
@@ -145,7 +145,7 @@ def _some(value: int, u: None, digits: int) -> str:
 
 
 def _median(name: str, value: str, meaning: str) -> Field:
-    return Field(name, f"{value}.median", f"median {meaning}")
+    return Field(name, f"ranges.{value}.median", f"median {meaning}")
 
 
 def summary(kind: str) -> Fields:
@@ -176,7 +176,7 @@ def summary(kind: str) -> Fields:
         ),
         Field(
             "under_predicted_factor",
-            lambda x: x.under_factor.ends if x.under_factor else [],
+            lambda x: x.ranges["under_factor"].ends if "under_factor" in x.ranges else [],
             "least and largest scatter ratio of the under-predicted",
         ),
         *([pooled] if kind == "features" else []),
@@ -190,7 +190,9 @@ def summary(kind: str) -> Fields:
         _median("median_bias_um", "bias", "bias"),
         _median("n0", "n0", "n0"),
         Field(
-            "sqrt_ms_between_over_s_part", "ms_share.ends", "least and largest of the items' figure"
+            "sqrt_ms_between_over_s_part",
+            "ranges.ms_share.ends",
+            "least and largest of the items' figure",
         ),
     )
 

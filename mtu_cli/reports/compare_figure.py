@@ -159,7 +159,7 @@ def _rows(panel: Axes, kind: _Listed, k: float) -> None:
         )
     ]
     names = [" ".join(word for word in found.labels[i] if word) for i in items]
-    figures.intervals(panel, names, bars, [found.stated[i] for i in items])
+    figures.intervals(panel, names, bars, [found.stated(i) for i in items])
     panel.set_xlabel("minus the predicted mean, um" if far else "actual minus nominal, um")
     for text, i in zip(panel.texts, items, strict=True):
         text.set_color(COLOURS.get(found.verdicts[i], figures.GREY))

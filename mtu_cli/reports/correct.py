@@ -14,9 +14,8 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from mtu_cli.analyses.correct.quantity import Kind
-from mtu_cli.analyses.correct.result import CorrectResult
-from mtu_cli.analyses.correct.summary import SizeErrors
+from mtu_cli.analyses.correct.result import CorrectResult, SizeErrors
+from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports.document import Document, Table
@@ -185,26 +184,19 @@ SUMMARY: Fields = (
     *_over_parts("mean_error_um", "mean", "mean error", "mean"),
     *_over_parts("rms_error_um", "rms", "root mean square error", "rms"),
 )
-OVAL: Fields = (
+FORM_LEFT: Fields = (
     Field("kind", meaning="circle or sphere"),
-    Field("id", meaning="its name"),
-    Field("operation", lambda oval: oval.operation or None, "its operation"),
-    Field("longer_um", "longer", "difference of two diameters"),
-    Field("u_longer_um", "u", "its standard uncertainty"),
-    Field("along", "directions.0", "direction of the longer; null: none of the axes"),
-    Field("than_along", "directions.1", "direction of the shorter"),
-    Group(
-        "may_lack",
-        (
-            Field("effect", meaning="squareness or scale that the model may lack"),
-            Field("axes", "sorted_axes", "axes of the effect"),
-            Field("value", lambda oval: abs(oval.size), "its size", size="unit.to_internal"),
-            Field("u", "u_size", "its standard uncertainty", size="unit.to_internal"),
-            Field("unit", "unit.name", "of both"),
-        ),
-        lambda oval: oval if oval.axes else None,
-    ),
-)
+    Field("id", meaning="its name", head="id", show="text"),
+    Field("operation", lambda form: form.operation or None, "its operation", head="operation",
+          show="text"),
+    Field("visits", meaning="in how many visits it was measured", head="visits", show="count"),
+    Field("rms_um", "rms", "rms of its mean radial residuals", head="rms"),
+    Field("explained_um", "explained", "rms by the model's uncertainty and the points' scatter",
+          head="explained"),
+    Field("F", meaning="ratio of the two mean squares", head="F",
+          show=lambda value, u, digits: significant(value, 3)),
+    Field("p", meaning="p that nothing else is left", head="p", show="p"),
+)  # fmt: skip
 AXIS: Fields = (
     Field("", "axis", head="axis", show="text"),
     Field("", "points", head="points", show="count"),
@@ -232,7 +224,7 @@ RESULTS: Fields = (
         for each, name in KINDS.items()
     ),
     Group("summary", SUMMARY, CorrectResult.by_size, many=True),
-    Group("ovals", OVAL, many=True),
+    Group("form_left", FORM_LEFT, "forms", many=True),
 )
 
 
@@ -264,6 +256,13 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
                 detail=several and len(result.of_kind(each)) > SHOWN,
             )
             for each, name in KINDS.items()
+        ),
+        Table(
+            title="Form left",
+            fields=FORM_LEFT,
+            items=result.forms,
+            footer="mean form over the visits; explained: u of the model and scatter of the points",
+            detail=True,
         ),
         Table(
             title="Corrections of the points",

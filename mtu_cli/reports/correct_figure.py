@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.correct.quantity import Size
 from mtu_cli.analyses.correct.result import CorrectResult
+from mtu_cli.analyses.correct.sizes import Size
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Side, page_of

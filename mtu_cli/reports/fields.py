@@ -245,6 +245,11 @@ def count(path: str) -> Callable[[Any], int]:
     return lambda item: int(read(item, path))
 
 
+def root(path: str) -> Callable[[Any], Any]:
+    """The standard deviation of a variance, or those of several."""
+    return lambda item: np.sqrt(read(item, path))
+
+
 def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any]:
     """The item as JSON holds it, keys in the order of the declaration."""
     found: dict[str, Any] = {}

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import numpy as np
+
 from mtu_cli.analyses.fit_components import TESTS, FitResult
 from mtu_cli.analyses.observability import NotDetermined
 from mtu_cli.findings import listed
@@ -20,6 +22,14 @@ from mtu_cli.stats.family import FAMILY_RATE
 MM_PER_M = 1000.0
 SHOWN = 12
 """Names in a note."""
+SIZE = "unit.to_internal"
+"""Of the unit of a component, in mm or rad."""
+
+
+def SIZE2(item: Any) -> float:
+    """Its square."""
+    size: float = item.unit.to_internal
+    return size**2
 
 
 def _star(test: Any) -> str:
@@ -41,8 +51,8 @@ def _f_test(name: str, title: str, meaning: str, *, begins: bool = False) -> Gro
 TREND = Group(
     "trend",
     (
-        Field("per_pass", "value", "steady change from pass to pass", size="size"),
-        Field("u", meaning="its standard uncertainty", size="size"),
+        Field("per_pass", "value", "steady change from pass to pass", size=SIZE),
+        Field("u", meaning="its standard uncertainty", size=SIZE),
         Field("p", meaning="p that there is none", head="trend\np", show="p", mark=_star),
         Field("dof", meaning="its degrees of freedom", csv=""),
     ),
@@ -55,13 +65,13 @@ REVERSAL = Group(
             "mean",
             "value",
             "forward minus reverse",
-            size="size",
+            size=SIZE,
             head="reversal\nunit",
             show="plus-minus",
             u="u",
             mark=_star,
         ),
-        Field("u", meaning="its standard uncertainty", size="size"),
+        Field("u", meaning="its standard uncertainty", size=SIZE),
         Field("p", meaning="p that there is none"),
         Field("dof", meaning="its degrees of freedom", csv=""),
     ),
@@ -75,15 +85,15 @@ TESTED: Fields = (
     Field("r2", meaning="share of the variance of the readings that the polynomial explains"),
 )
 INSTRUMENT: Fields = (
-    Field("role", "item.role", "lbb or laser"),
-    Field("n", lambda x: len(x.item.error), "number of readings"),
+    Field("role", meaning="lbb or laser"),
+    Field("n", meaning="number of readings"),
     Field("n_passes", meaning="passes in the mean square between passes"),
     Field("passes_read", meaning="passes of the readings"),
-    Field("coefficients", "item.fit.plain.coefficients", "as of the component", size="size"),
-    Field("covariance", "item.fit.covariance", "their covariance", size="size2"),
-    Field("s", meaning="residual standard deviation, all readings as repeats", size="size"),
-    Field("dof", "item.fit.plain.dof", "its degrees of freedom"),
-    Field("s_repeat", meaning="repeatability of one visit", size="size"),
+    Field("coefficients", meaning="as of the component", size=SIZE),
+    Field("covariance", meaning="their covariance", size=SIZE2),
+    Field("s", meaning="residual standard deviation, all readings as repeats", size=SIZE),
+    Field("dof", meaning="its degrees of freedom"),
+    Field("s_repeat", meaning="repeatability of one visit", size=SIZE),
     *TESTED,
 )
 RUN: Fields = (
@@ -106,7 +116,7 @@ def component(powers: int) -> Fields:
     return (
         Field("", "label", "name", csv="component", head="component", show="text"),
         Field("of", meaning="its axis; null: a constant", head="of", show="text"),
-        Field("unit", "estimate.unit.name", "of its figures", head="unit", show="text"),
+        Field("unit", "unit.name", "of its figures", head="unit", show="text"),
         Field("says", meaning="its meaning in words, of the machine file", csv=""),
         Field(
             "source",
@@ -130,51 +140,50 @@ def component(powers: int) -> Fields:
         Group("runs", RUN, many=True),
         Field(
             "coefficients",
-            "estimate.coefficients",
-            "ascending powers of mm",
-            size="size",
+            meaning="ascending powers of mm",
+            size=SIZE,
             csv="",
         ),
-        Field("covariance", "estimate.covariance", "of the coefficients", size="size2", csv=""),
+        Field("covariance", meaning="of the coefficients", size=SIZE2, csv=""),
         Field(
             "covariance_independent",
             "estimate.independent_covariance",
             "s^2 (X'X)^-1, all readings as repeats (Gilsinn & Ling 2004)",
-            size="size2",
+            size=SIZE2,
             csv="",
         ),
-        Field("s", "estimate.independent_s", "residual standard deviation of that", size="size"),
+        Field("s", "estimate.independent_s", "residual standard deviation of that", size=SIZE),
         Field("dof", meaning="its degrees of freedom"),
-        Field("s_repeat", "estimate.s_repeat", "repeatability of one visit", size="size"),
-        Field("", "scatter.0", head="s_repeat\nunit", size="size"),
+        Field("s_repeat", meaning="repeatability of one visit", size=SIZE),
+        Field("", "scatter.0", head="s_repeat\nunit", size=SIZE),
         Field(
             "pass_covariance",
             meaning="of intercept at pass_center_mm and slope, between passes",
-            size="size2",
+            size=SIZE2,
             csv="",
         ),
         Field(
             "pass_covariance_moment",
             meaning="the same before a negative part was set to zero, for predictions",
-            size="size2",
+            size=SIZE2,
             csv="",
         ),
         Field(
             "half_difference_mean_square",
             "half_differences",
             "part of the mean square between passes that is of runs there and back; null: none",
-            size="size2",
+            size=SIZE2,
             csv="",
         ),
         Field(
             "run_covariance",
             meaning="covariance of the two passes of a run, of several instruments",
-            size="size2",
+            size=SIZE2,
             csv="",
         ),
         # To the last bit the root of pass_covariance as the report states it.
-        Field("s_pass", lambda x: math.sqrt(x.pass_covariance[0, 0] / x.size2), scatter),
-        Field("", "scatter.1", head="s_pass\nunit", size="size"),
+        Field("s_pass", lambda x: math.sqrt(x.pass_covariance[0, 0] / SIZE2(x)), scatter),
+        Field("", "scatter.1", head="s_pass\nunit", size=SIZE),
         Field("pass_center_mm", "pass_center", "mean position of the readings"),
         Field("pass_dof", "estimate.pass_dof", "of pass_covariance; null: infinite"),
         Field("repeat_dof", "estimate.repeat_dof", "of s_repeat; null: infinite"),
@@ -192,13 +201,21 @@ def component(powers: int) -> Fields:
     )
 
 
-def _part(power: int, which: int, scale: float = 1.0) -> Callable[[Any], float | None]:
-    """Coefficient (0) or its u (1)."""
+def _value(power: int, scale: float = 1.0) -> Callable[[Any], float | None]:
+    """A coefficient, per mm^power times `scale`; None beyond the degree."""
 
     def value(item: Any) -> float | None:
-        known = item.coefficient(power)
-        number = None if known is None else known[which]
-        return None if number is None else number * scale
+        return item.coefficients[power] * scale if power < len(item.coefficients) else None
+
+    return value
+
+
+def _u(power: int, scale: float = 1.0) -> Callable[[Any], float | None]:
+    """Its standard uncertainty, 0 where the machine file states none."""
+
+    def value(item: Any) -> float | None:
+        known = power < len(item.covariance)
+        return float(np.sqrt(item.covariance[power, power])) * scale if known else None
 
     return value
 
@@ -207,27 +224,23 @@ def _coefficient(power: int) -> Field:
     """As people read it, per m^power."""
     scale = MM_PER_M**power
     title = ("at 0\nunit", "slope\nunit/m")[power] if power < 2 else f"x^{power}\nunit/m^{power}"
-    u = _part(power, 1, scale)
+    u = _u(power, scale)
     return Field(
         "",
-        _part(power, 0, scale),
+        _value(power, scale),
         head=title,
-        size="size",
-        u=u,
+        size=SIZE,
+        u=lambda item: u(item) or None,
         show="plus-minus",
         begins=power > 1,
     )
 
 
 def _in_csv(power: int) -> Iterator[Field]:
-    def u(item: Any) -> float | None:
-        return float(item.u[power]) if power < len(item.u) else None
-
-    yield Field(
-        "", _part(power, 0), f"coefficient of mm^{power}", csv=f"coefficient_{power}", size="size"
-    )
-    meaning = f"standard uncertainty of the coefficient of mm^{power}"
-    yield Field("", u, meaning, csv=f"u_coefficient_{power}", size="size")
+    meaning = f"coefficient of mm^{power}"
+    yield Field("", _value(power), meaning, csv=f"coefficient_{power}", size=SIZE)
+    meaning = f"standard uncertainty of the {meaning}"
+    yield Field("", _u(power), meaning, csv=f"u_coefficient_{power}", size=SIZE)
 
 
 JOINT: Fields = (
@@ -274,7 +287,8 @@ def document(result: FitResult, digits: int = 2) -> Document:
     from mtu_cli.reports.fit_figure import figure
 
     components = list(result.components.values())
-    fields = component(max((len(x.estimate.coefficients) for x in components), default=0))
+    says = {name: x.says for name, x in result.components.items() if x.says}
+    fields = component(max((len(x.coefficients) for x in components), default=0))
     table = Table(
         title=f"Components of {result.machine}",
         fields=fields,
@@ -292,9 +306,7 @@ def document(result: FitResult, digits: int = 2) -> Document:
         title="Components",
         results=(results(fields), result),
         tables=[table],
-        figure=lambda: figure(
-            result.fit, result.estimates, result.coverage_factor, says=result.says
-        ),
+        figure=lambda: figure(result.fit, result.estimates, result.coverage_factor, says=says),
         verdict=_verdict(result),
         digits=digits,
     )
@@ -305,7 +317,7 @@ def _verdict(result: FitResult) -> str:
     found = []
     for name in TESTS:
         keys = {
-            x.name: None
+            x.label: None
             for x in result.components.values()
             for y in x.instruments
             if name in y.tests and y.tests[name].significant

@@ -19,7 +19,7 @@ from mtu_cli.analyses.graph.sweep import Sweep
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import VERDICTS, Field, Fields, Group, validation
-from mtu_cli.reports.graph_net import shares_text, small_unit
+from mtu_cli.reports.graph_layout import shares_text, small_unit
 from mtu_cli.reports.numbers import UNSEEN, chance_text, plus_minus, significant, with_u
 
 MOST = 12

@@ -8,8 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.reports import figures
-from mtu_cli.reports.graph_layout import INSIDE, RADIUS, Layout, label_width, lay_out
-from mtu_cli.reports.graph_net import LEAST_SHARE, Net, Node, share_percent
+from mtu_cli.reports.graph_layout import (
+    INSIDE,
+    LEAST_SHARE,
+    RADIUS,
+    Layout,
+    Net,
+    Node,
+    label_width,
+    lay_out,
+    share_percent,
+)
 from mtu_cli.reports.labels import cut
 from mtu_cli.stats.least_squares import FloatArray
 

@@ -13,7 +13,7 @@ from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.figures import Spread
-from mtu_cli.reports.graph_net import shares_text, small_unit
+from mtu_cli.reports.graph_layout import shares_text, small_unit
 from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import chance_text, significant, with_u
 from mtu_cli.stats.coverage import coverage_factor

@@ -2,33 +2,45 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
 from mtu_cli.analyses.lengths import LengthsResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, shares, validation
+from mtu_cli.reports.fields import Field, Fields, Group, root, rows_of, shares, validation
 from mtu_cli.reports.numbers import chance, percent, significant
 from mtu_cli.units import UM
 
+u = root("variance")
+
+
+def U(item: Any) -> float:
+    """Expanded uncertainty k u."""
+    return float(item.coverage_factor * u(item))
+
+
 ROW: Fields = (
-    Field("id", meaning="name of the length", head="length", show="text", mark=MARK),
-    Field("from", "start", "feature at which it starts"),
-    Field("to", "end", "feature at which it ends"),
+    Field("id", "ids", "name of the length", head="length", show="text", mark=MARK),
+    Field("from", "ends.0", "feature at which it starts"),
+    Field("to", "ends.1", "feature at which it ends"),
     Field("nominal_mm", "nominal", "distance of the nominal places", head="nominal", show="mm"),
-    Field("estimated_mm", "estimated", "nominal plus error"),
-    Field("error_um", "error", "actual minus nominal length", head="error", u="u"),
+    Field("estimated_mm", lambda x: x.nominal + x.error, "nominal plus error"),
+    Field("error_um", "error", "actual minus nominal length", head="error", u=u),
     Field("variance_um2", "variance", "variance of the error of one future part"),
-    Field("u_um", "u", "standard uncertainty, its square root", head="u", u="u"),
-    Field("U_um", "U", "expanded uncertainty k u", head="U", u="u"),
-    Field("k", meaning="coverage factor"),
+    Field("u_um", u, "standard uncertainty, its square root", head="u", u=u),
+    Field("U_um", U, "expanded uncertainty k u", head="U", u=u),
+    Field("k", "coverage_factor", "coverage factor"),
     Field("dof_effective", "dof", "effective degrees of freedom (Welch-Satterthwaite); null: inf"),
-    Field("interval_um", "interval", "error -+ U", show="interval"),
+    Field("interval_um", lambda x: (x.error - U(x), x.error + U(x)), "error -+ U", show="interval"),
     Field(
         "interval95_um",
         "interval95",
         "interval that holds the error of 95 of 100 future parts (Student's t)",
         head="95 % interval",
         show="interval",
-        u="u",
+        u=u,
     ),
     Field(
         "independent.variance_um2",
@@ -37,12 +49,16 @@ ROW: Fields = (
     ),
     Field(
         "independent.u_um",
-        "independent_u",
+        root("independent_variance"),
         "standard uncertainty with ends and components independent",
         head="u indep.",
         detail=True,
     ),
-    Field("independent.U_um", "independent_U", "k times it"),
+    Field(
+        "independent.U_um",
+        lambda x: x.coverage_factor * np.sqrt(x.independent_variance),
+        "k times it",
+    ),
     Field(
         "between_components.u_uncorrelated_um",
         "u_uncorrelated",
@@ -86,7 +102,7 @@ ROW: Fields = (
     validation("um"),
 )
 RESULTS: Fields = (
-    Group("lengths", ROW, many=True),
+    Group("lengths", ROW, lambda result: rows_of(result, len(result.ids)), many=True),
     Group(
         "joint_conformance",
         (
@@ -104,12 +120,11 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
     """One row a length; a length with an end beyond a measured range is marked."""
     from mtu_cli.reports.lengths_figure import figure
 
-    outside = any(item.outside for item in result.lengths)
-    k = result.lengths[0].k
+    k, outside = result.coverage_factor, any(result.outside)
     table = Table(
         title="Lengths",
         fields=ROW,
-        items=result.lengths,
+        items=rows_of(result, len(result.ids)),
         footer=f"U = {k:g} u of one future part; error = actual minus nominal{OUTSIDE * outside}",
         notes=[
             "u indep.: ends and components independent (Gilsinn & Ling 2004, eq. (22)); first "
@@ -129,12 +144,13 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
 
 
 def _verdict(result: LengthsResult) -> str:
-    known = [item for item in result.lengths if item.conformance is not None]
+    known = {x: c.probability for x, c in zip(result.ids, result.conformance, strict=True) if c}
     if not known:
-        worst = max(result.lengths, key=lambda item: item.u)
-        return f"The largest expanded uncertainty is {significant(worst.U / UM)} um, of {worst.id}."
-    low = min(item.conformance.probability for item in known if item.conformance)
-    worst_names = [x.id for x in known if x.conformance and x.conformance.probability == low]
+        worst = int(np.argmax(result.variance))
+        U = result.coverage_factor * np.sqrt(result.variance[worst]) / UM
+        return f"The largest expanded uncertainty is {significant(U)} um, of {result.ids[worst]}."
+    low = min(known.values())
+    worst_names = [name for name, probability in known.items() if probability == low]
     sentence = f"The least probability of conformance is {percent(low)} %, of {listed(worst_names)}"
     joint = result.joint_conformance
     if joint is None:

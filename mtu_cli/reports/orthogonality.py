@@ -16,12 +16,18 @@ ROW: Fields = (
     Field("mean_arcsec", "run.mean.0", "angle minus 90 degrees", head="mean", u="scale"),
     Field(
         "u_arcsec",
-        "u",
+        "run.u.0",
         "standard uncertainty; null where a source has two degrees of freedom or fewer",
         head="u",
-        u="u",
+        u="run.u.0",
     ),
-    Field("U_arcsec", "U", "expanded uncertainty k u", head="U", u="u"),
+    Field(
+        "U_arcsec",
+        lambda x: x.k * x.run.u[0],
+        "expanded uncertainty k u",
+        head="U",
+        u="run.u.0",
+    ),
     Field("k", meaning="coverage factor", csv=""),
     Field(
         "u_eq28_arcsec",
@@ -87,7 +93,7 @@ ROW: Fields = (
     Field("independent.trials", meaning="trials of the independent features", csv=""),
     Field(
         "independent.first_order_u_arcsec",
-        "independent_first_order.1",
+        "independent_u",
         "standard uncertainty of first order with all features independent",
         csv="",
     ),

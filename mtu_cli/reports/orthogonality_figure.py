@@ -50,6 +50,6 @@ def _of_angle(item: Orthogonality, letters: int) -> str:
     run, scale = item.run, item.scale / ARCSEC
     ends = interval(run.low[0] / ARCSEC, run.high[0] / ARCSEC, scale)
     mean, _ = with_u(run.mean[0] / ARCSEC, scale)
-    text = f"mean {mean}, u {significant(item.u / ARCSEC)} arcsec, 95 % {ends}"
+    text = f"mean {mean}, u {significant(run.u[0] / ARCSEC)} arcsec, 95 % {ends}"
     long = len(item.id) + len(text) > letters
     return f"{cut(item.id, letters)}:{chr(10) if long else ' '}{text}"

@@ -51,7 +51,7 @@ def _by_feature(result: PointsResult) -> Figure:
     page = figures.blank(3.2 + 4.0 * len(axes), figures.rows_height(len(rows)) + 0.4)
     for panel, axis in zip(figures.panels_of(page, len(axes), len(axes)), axes, strict=True):
         value = result.of_axis(result.prediction.mean, axis)[rows] / UM
-        half = result.of_axis(result.U, axis)[rows] / UM
+        half = k * np.sqrt(result.of_axis(result.variance, axis)[rows]) / UM
         bars = Intervals(label="", colour=figures.BLUE, value=value, half=half)
         figures.intervals(panel, [ids[i] for i in rows], [bars])
         panel.set_xlabel(f"E{axis}, um")

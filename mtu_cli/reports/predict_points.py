@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import Any
 
+import numpy as np
+
 from mtu_cli.analyses.predict_points import PointsResult
-from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, RowOf, rows_of, shares
+from mtu_cli.reports.document import DAGGER, OUTSIDE, Document, Table
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, read, rows_of, shares
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -20,11 +21,21 @@ NATURES = {
 }
 
 
+def _outside(item: Any) -> list[str]:
+    """Components whose measured range the feature leaves."""
+    found: list[str] = item.table.prediction.beyond.get(item.prediction.ids, [])
+    return found
+
+
+def _mark(item: Any) -> str:
+    return DAGGER if _outside(item) else ""
+
+
 def point(axes: tuple[str, ...], *, independent: bool = False) -> Fields:
     """The figures of one feature; of every axis its error with uncertainty."""
     return (
         Field(
-            "id", "prediction.ids", "name of the feature", head="feature", show="text", mark=MARK
+            "id", "prediction.ids", "name of the feature", head="feature", show="text", mark=_mark
         ),
         *(
             Field(
@@ -39,7 +50,7 @@ def point(axes: tuple[str, ...], *, independent: bool = False) -> Fields:
         ),
         Field(
             "outside_measured_range",
-            "outside",
+            _outside,
             "components whose measured range the feature leaves",
             csv="",
         ),
@@ -47,30 +58,34 @@ def point(axes: tuple[str, ...], *, independent: bool = False) -> Fields:
 
 
 def _of_axis(axis: str, j: int, count: int, *, independent: bool) -> Iterator[Field | Group]:
-    def row(values: Callable[[PointsResult], Any]) -> Callable[[Any], Any]:
+    def at(path: str) -> Callable[[Any], Any]:
         """What belongs to the feature and the axis; rows are (feature, axis)."""
-        return lambda item: values(item.table)[item.index * count + j]
+        return lambda item: read(item.table, path)[item.index * count + j]
 
-    u, u_apart = row(lambda result: result.u), row(lambda result: result.independent_u)
+    def of_k(value: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        return lambda item: item.table.coverage_factor * value(item)
+
+    u, variance = _rooted(at("variance")), at("prediction.independent_variance")
+    u_apart = _rooted(variance)
     yield Field(
         f"E{axis}_um",
-        row(lambda result: result.prediction.mean),
+        at("prediction.mean"),
         f"error along {axis}: actual minus nominal",
         head=f"E{axis}",
         u=u,
         begins=True,
     )
     yield Field(f"u_{axis}_um", u, "standard uncertainty of one future part", head="u", u=u)
-    yield Field(f"U_{axis}_um", row(lambda r: r.U), "expanded uncertainty k u", head="U", u=u)
-    yield Field(f"var_{axis}_um2", row(lambda r: r.variance), "variance, u squared")
+    yield Field(f"U_{axis}_um", of_k(u), "expanded uncertainty k u", head="U", u=u)
+    yield Field(f"var_{axis}_um2", at("variance"), "variance, u squared")
     yield Field(
         f"dof_effective_{axis}",
-        row(lambda result: result.dof),
+        at("dof"),
         "effective degrees of freedom (Welch-Satterthwaite); null: infinite",
     )
     yield Field(
         f"interval95_{axis}_um",
-        row(lambda result: tuple(result.interval95)),
+        at("interval95"),
         "interval that holds the error of 95 of 100 future parts (Student's t)",
         head="95 %",
         show="interval",
@@ -83,27 +98,25 @@ def _of_axis(axis: str, j: int, count: int, *, independent: bool) -> Iterator[Fi
         head="u indep.",
         detail=True,
     )
-    yield Field(
-        f"independent.var_{axis}_um2",
-        row(lambda result: result.prediction.independent_variance),
-        "its square",
-        csv="",
+    yield Field(f"independent.var_{axis}_um2", variance, "its square", csv="")
+    yield Field(f"independent.U_{axis}_um", of_k(u_apart), "k times it", csv="")
+    # The papers' independence does not separate coefficients from passes.
+    yield shares(
+        f"shares.{axis}",
+        lambda item: None if independent else item.table.split.shares(item.index * count + j),
     )
-    yield Field(f"independent.U_{axis}_um", row(lambda r: r.independent_U), "k times it", csv="")
-    yield shares(f"shares.{axis}", lambda item: item.table.shares(item.index * count + j))
     for name, meaning in () if independent else NATURES.items():
         yield Field(
             f"variance_{axis}_um2.{name}",
-            row(partial(_of_split, name)),
+            at(f"split.{name}"),
             f"variance {meaning}",
             unit="um2",
             csv="",
         )
 
 
-def _of_split(name: str, result: PointsResult) -> FloatArray:
-    values: FloatArray = getattr(result.split, name)
-    return values
+def _rooted(value: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    return lambda item: np.sqrt(value(item))
 
 
 def _rows(result: PointsResult) -> list[RowOf]:
@@ -177,10 +190,11 @@ def _verdict(result: PointsResult, digits: int) -> str:
         feature, axis = divmod(row, len(result.prediction.axes))
         return row, f"E{result.prediction.axes[axis]} of {result.prediction.ids[feature]}"
 
+    U = result.coverage_factor * np.sqrt(result.variance) / UM
     row, largest = name(abs(result.prediction.mean))
-    error = plus_minus(result.prediction.mean[row] / UM, result.U[row] / UM, digits)
-    worst, least_known = name(result.U)
+    error = plus_minus(result.prediction.mean[row] / UM, U[row], digits)
+    worst, least_known = name(U)
     return (
         f"The largest predicted error is {largest}, {error} um; the largest expanded uncertainty "
-        f"{significant(result.U[worst] / UM, digits)} um, of {least_known}."
+        f"{significant(U[worst], digits)} um, of {least_known}."
     )

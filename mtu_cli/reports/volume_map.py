@@ -38,7 +38,7 @@ def figure(result: PointsResult) -> Figure:
     page = figures.blank(PANEL[0] * len(levels) + 1.6, PANEL[1] * len(axes) + 0.4)
     panels: Any = page.subplots(len(axes), len(levels), squeeze=False, sharex=True, sharey=True)
     for row, axis in zip(panels, axes, strict=True):
-        U = result.of_axis(result.U, axis) / UM
+        U = result.coverage_factor * np.sqrt(result.of_axis(result.variance, axis)) / UM
         E = result.of_axis(result.prediction.mean, axis) / UM
         limits = float(U.min()), max(float(U.max()), float(U.min()) + 1e-9)
         for panel, value in zip(row, levels, strict=True):

@@ -1,68 +1,53 @@
-"""One block of Monte Carlo trials: what a model returns, and what is kept of it."""
+"""Blocks of Monte Carlo trials: how long they are, what a model draws, what is kept of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import math
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import groupby
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.block_plan import BlockPlan
-from mtu_cli.stats.mixture_quantile import mixture_quantile
-from mtu_cli.stats.ordered_tails import OrderedTails
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
+Quantiles = Callable[[FloatArray], FloatArray]
 
-AT_ONCE = 2**15
-"""Values of short blocks that are summarised together: they stay in the processor's cache."""
+FIXED_BLOCK = 8192
+"""Trials a block for a given count: 26 inputs of a block are 1.7 MB and stay in cache."""
+ADAPTIVE_BLOCK = 2048
+"""Trials a block for an adaptive count: small, so that a first look has many blocks."""
+LONG_BLOCK = 2**15
+"""Trials a block of a given count where the model draws them in pieces that stay in cache: what
+a block costs by itself, whatever its length, is a tenth of a block of `FIXED_BLOCK`."""
+LEAST_BLOCKS = 10
+"""Fewest blocks whose scatter is taken as the Monte Carlo's own standard uncertainty."""
+ENOUGH_BLOCKS = 30
+"""Blocks whose scatter is known well enough to make them longer instead of more."""
+FIRST_LOOK = 20
+"""Blocks before an adaptive count is first judged: the decision needs a surer scatter."""
+MARGIN = 0.15
+"""Share of a tail by which a cut is set further in: four standard deviations of the count of
+values beyond it where a tail has 700, fewer in shorter ones."""
+WORTH_IT = 1000
+"""Trials from which on a cut is quicker than to order the block."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """What a model returns for one block of m trials; of b blocks of one length, taken together,
-    every array has their axis before that of the outputs.
+    """What a model returns for one block of m trials.
 
-    `values` (outputs, m): the outputs of the model.
-    `linear` (outputs, m): their first-order form, evaluated on the same draws.
-    `ranked` (outputs, m): `linear` mapped, rank for rank, to a distribution of known quantiles,
-    which then serves the ends of the interval; None where `linear` is of one itself.
-    `linear_u` (outputs, m) or (outputs, 1): standard deviation of `ranked` (of `linear` where
-    that is None) given the trial's variance scales (the chi-square draw of a scaled t). Given
-    these it must be exactly normal about `linear_mean`, unless the model states `linear_dof`.
-    None where it is not normal (rectangular inputs): then the first-order form serves the mean,
-    and u if the model states `linear_variance`.
-
-    The engine reads the arrays before the next `draw` in the same thread and never writes
-    to them, so a model may return arrays of its `Workspace`.
+    `values` (outputs, m): the outputs of the model. `linear` (outputs, m): their first-order
+    form, evaluated on the same draws. The engine reads the arrays before the next `draw` in the
+    same thread and never writes to them, so a model may return arrays of its `Workspace`.
     """
 
     values: FloatArray
     linear: FloatArray | None = None
-    ranked: FloatArray | None = None
-    linear_u: FloatArray | None = None
-
-    def copy(self) -> Draws:
-        """Arrays of its own."""
-        return joined([self], lambda arrays: arrays[0].copy())
-
-
-def joined(parts: Sequence[Draws], join: Callable[[Sequence[FloatArray]], FloatArray]) -> Draws:
-    """Each array of several draws made one by `join`, where they have it."""
-
-    def one(arrays: Iterable[FloatArray | None]) -> FloatArray | None:
-        found = [item for item in arrays if item is not None]
-        return join(found) if found else None
-
-    return Draws(
-        values=join([item.values for item in parts]),
-        linear=one(item.linear for item in parts),
-        ranked=one(item.ranked for item in parts),
-        linear_u=one(item.linear_u for item in parts),
-    )
 
 
 class TrialModel(Protocol):
@@ -71,16 +56,13 @@ class TrialModel(Protocol):
     `names`: one for each output. `linear_mean` (outputs,): exact expectation of
     `Draws.linear`; None where the model has no first-order form.
 
-    Optional attributes: `linear_variance` (outputs,), the exact variance of `linear` over
-    everything, scales included (nan where unknown); without it the variance comes from
-    `linear_u`. `linear_dof` (outputs,): `linear`, or `ranked` where it is mapped, is exactly
-    Student's t with these degrees of freedom (inf: normal), shifted by `linear_mean` and scaled
-    by `linear_u` (outputs, 1), so that no scale needs to be averaged out. `u_exists` (outputs,) of
+    Optional attributes: `linear_variance` (outputs,), the exact variance of `linear`;
+    `linear_quantiles`, from probabilities (n,) to exact quantiles (outputs, n) of `linear` less its
+    mean, about which it is symmetric: nan in either where it is unknown. `u_exists` (outputs,) of
     bool, False where an output has no standard deviation (a t distribution of 2 degrees of freedom
-    or fewer).
-    `smooth` True: the outputs are smooth functions of what is drawn, without jumps or values
-    that many trials share, so that few trials tell how far they are from their first-order form.
-    `in_pieces` True: `draw` keeps to the processor's cache by itself, however large m is.
+    or fewer). `smooth` True: the outputs are smooth functions of what is drawn, nearly their
+    first-order form, so that few trials tell how far they are from it. `in_pieces` True: `draw`
+    keeps to the processor's cache, however large m is.
 
     `draw` is called from several threads at once and must take all randomness from `rng`.
     """
@@ -94,62 +76,149 @@ class TrialModel(Protocol):
     def draw(self, rng: np.random.Generator, m: int) -> Draws: ...
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BlockSummary:
-    """All that is kept of a block; of b blocks of one length, taken together, every array has
-    their axis before that of the outputs.
-
-    `statistics` (4, outputs): mean, variance, low end, high end of the block. `controls`
-    (4, outputs): the same statistics of the first-order form minus their exact expectation,
-    so of mean zero; 0 where that is unknown; None without a first-order form. `squares`
-    (outputs, outputs): sums of products about the block's mean. `lower`, `upper`
-    (outputs, tail): ordered values from the lowest up and from the highest down, on the
-    plan's grid; `linear_lower`, `linear_upper` the same of the first-order form minus the
-    normal expectation.
-    """
-
-    count: int
-    statistics: FloatArray
-    controls: FloatArray | None
-    squares: FloatArray
-    lower: FloatArray
-    upper: FloatArray
-    linear_lower: FloatArray | None
-    linear_upper: FloatArray | None
-
-    def of(self, block: int) -> BlockSummary:
-        """That of one of the blocks of which all arrays have an axis before that of the outputs."""
-        controls, linear_lower, linear_upper = self.controls, self.linear_lower, self.linear_upper
-        return BlockSummary(
-            count=self.count,
-            statistics=self.statistics[:, block],
-            controls=None if controls is None else controls[:, block],
-            squares=self.squares[block],
-            lower=self.lower[block],
-            upper=self.upper[block],
-            linear_lower=None if linear_lower is None else linear_lower[block],
-            linear_upper=None if linear_upper is None else linear_upper[block],
-        )
-
-
 def block_generator(seed: int, block: int) -> np.random.Generator:
     """The stream of one block: it depends on the seed and the block's number alone."""
     sequence = np.random.SeedSequence(seed, spawn_key=(block,))
     return np.random.Generator(np.random.SFC64(sequence))
 
 
-def not_finite_in(draws: Draws) -> NDArray[np.int64]:
-    """Trials (outputs,) whose value or first-order form is infinite or not a number."""
-    values, linear = draws.values, draws.linear
-    # A sum that is finite has finite terms; to look at each takes three times as long.
-    with np.errstate(over="ignore", invalid="ignore"):
-        total = float(values.sum()) + (0.0 if linear is None else float(linear.sum()))
-    if np.isfinite(total):
-        return np.zeros(len(values), np.int64)
-    finite = np.isfinite(values)
-    if linear is not None:
-        finite &= np.isfinite(linear)
-    return np.asarray(np.count_nonzero(~finite, axis=1))
+def trials_for_tails(probability: float) -> int:
+    """J = smallest integer at or above 100/(1 - p) of JCGM 101:2008, 7.9.4 b): 50 a tail."""
+    return math.ceil(round(100.0 / (1.0 - probability), 6))
+
+
+def least_block(probability: float, *, smooth: bool = False) -> int:
+    """Fewest trials a block: J, or a quarter of it for a `smooth` model. The control takes off
+    what so short a block's quantiles are biased by: it is the same for the first-order form.
+    """
+    return trials_for_tails(probability) // (4 if smooth else 1)
+
+
+def is_one_block(trials: int | None, probability: float, *, smooth: bool = False) -> bool:
+    """Whether that many trials are too few for blocks: no control variate is then used."""
+    return trials is not None and trials < LEAST_BLOCKS * least_block(probability, smooth=smooth)
+
+
+@dataclass(frozen=True)
+class BlockPlan:
+    """Blocks of `size` trials; the first `longer` of them have one trial more.
+
+    `blocks` is None where the count adapts. Equal blocks weigh the same in an average of
+    block quantiles; a short last block would not.
+    """
+
+    probability: float
+    size: int
+    blocks: int | None
+    longer: int = 0
+
+    @classmethod
+    def fixed(
+        cls, trials: int, probability: float, *, smooth: bool = False, in_pieces: bool = False
+    ) -> BlockPlan:
+        """Exactly `trials`: one block where ten would be too short for their quantiles; longer
+        blocks of a model that draws `in_pieces`.
+        """
+        if is_one_block(trials, probability, smooth=smooth):
+            return cls(probability, trials, 1)
+        least = trials_for_tails(probability)
+        blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least))
+        if in_pieces:
+            blocks = max(min(blocks, ENOUGH_BLOCKS), trials // max(LONG_BLOCK, least))
+        return cls(probability, trials // blocks, blocks, trials % blocks)
+
+    @classmethod
+    def adaptive(cls, probability: float, *, smooth: bool = False) -> BlockPlan:
+        size = least_block(probability, smooth=smooth)
+        return cls(probability, size if smooth else max(ADAPTIVE_BLOCK, size), None)
+
+    def trials_in(self, block: int) -> int:
+        return self.size + (block < self.longer)
+
+    def first_trial(self, block: int) -> int:
+        return self.size * block + min(block, self.longer)
+
+    @property
+    def end_probability(self) -> float:
+        """(1 - p)/2, the probability beyond either end of the symmetric interval."""
+        return 0.5 * (1.0 - self.probability)
+
+    @cached_property
+    def tail(self) -> int:
+        """Ordered values kept at either end: 1 - p of the block and half as many again.
+
+        The lower end of the shortest interval lies within the first share (JCGM 101:2008,
+        7.7.2); the rest lets a second difference reach beyond it.
+        """
+        return min(self.size, math.ceil(1.5 * (1.0 - self.probability) * (self.size + 1)) + 2)
+
+    @cached_property
+    def end_weights(self) -> FloatArray:
+        """Weights (tail,) of the ordered values that give the end of the symmetric interval."""
+        return self.weights_at(self.end_probability * (self.size + 1))
+
+    def weights_at(self, rank: float) -> FloatArray:
+        """Weights (tail,) of the ordered values that estimate Q(a), a = rank/(m + 1).
+
+        E y_(j) = Q(a) + a (1 - a) Q''(a) / (2 (m + 2)) + O(1/m^2) (David & Johnson 1954). The
+        second term, 8e-4 u at an end of a normal output and m = 8192, would not average out over
+        blocks. It is taken off, with Q'' from the ordered values by the central difference of
+        fourth order, which is right to 2 % where the quantile runs as a logarithm.
+        """
+        at = self._interpolation
+        m = self.size
+        step = 0.25 * min(rank, m + 1 - rank)
+        if rank - 2.0 * step < 1.0 or rank + 2.0 * step > self.tail:
+            return at(rank)
+        a, h = rank / (m + 1), step / (m + 1)
+        near, far = at(rank - step) + at(rank + step), at(rank - 2 * step) + at(rank + 2 * step)
+        second_derivative = (16.0 * near - far - 30.0 * at(rank)) / (12.0 * h * h)
+        bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
+        return at(rank) - bias
+
+    def expected_ordered(self, quantiles: Quantiles) -> FloatArray:
+        """E y_(j) (outputs, tail) of a distribution of known `quantiles`, to the second order of
+        `weights_at`; of a known function a near difference gives Q'' to a part in 1e3.
+        """
+        m = self.size
+        a = np.arange(1, self.tail + 1) / (m + 1)
+        h = np.minimum(a, 1.0 - a) / 16.0
+        q = quantiles(a)
+        second_derivative = (quantiles(a - h) - 2.0 * q + quantiles(a + h)) / (h * h)
+        return q + a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
+
+    def on_grid(self, ordered: FloatArray, m: int) -> FloatArray:
+        """Ordered values (outputs, tail) of a block of `m` at the probabilities j/(size + 1)."""
+        if m == self.size:
+            return ordered[:, : self.tail]
+        share = np.arange(1, self.tail + 1) / (self.size + 1)
+        return ordered[:, : self.tail] + share * np.diff(ordered[:, : self.tail + 1], axis=1)
+
+    def _interpolation(self, rank: float) -> FloatArray:
+        weights = np.zeros(self.tail)
+        j = min(max(1, math.floor(rank)), self.tail - 1)
+        weights[j - 1], weights[j] = 1.0 - (rank - j), rank - j
+        return weights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BlockSummary:
+    """All that is kept of a block of `count` trials.
+
+    `statistics` (4, outputs): mean, variance, low end, high end of the block. `controls`
+    (4, outputs): the same statistics of the first-order form minus their exact expectation,
+    so of mean zero; 0 where that is unknown. `squares` (outputs, outputs): sums of products about
+    the block's mean. `tails` (2, outputs, tail): ordered values from the lowest up and from the
+    highest down, on the plan's grid; `linear_tails` the same of the first-order form minus their
+    expectation, 0 where that is unknown.
+    """
+
+    count: int
+    statistics: FloatArray
+    controls: FloatArray
+    squares: FloatArray
+    tails: FloatArray
+    linear_tails: FloatArray
 
 
 class BlockSummariser:
@@ -158,106 +227,111 @@ class BlockSummariser:
     def __init__(self, model: TrialModel, plan: BlockPlan) -> None:
         self.plan = plan
         self.linear_mean = model.linear_mean
-        self.linear_variance: FloatArray | None = getattr(model, "linear_variance", None)
-        dof: FloatArray | None = getattr(model, "linear_dof", None)
-        self._end, self._scores = plan.standard_ends(dof)
-        self._weights = plan.unbiased_end_weights(dof) if plan.is_short else plan.end_weights
+        unknown = np.full(len(model.names), np.nan)
+        self.linear_variance: FloatArray = getattr(model, "linear_variance", unknown)
+        quantiles: Quantiles | None = getattr(model, "linear_quantiles", None)
+        self._knows_ends = quantiles is not None and self.linear_mean is not None
+        if self._knows_ends and quantiles is not None:
+            self._end = quantiles(np.array([plan.end_probability]))[:, 0]
+            self._expected = plan.expected_ordered(quantiles)
         self._work = Workspace()
         self._ordered, self._ordered_linear = OrderedTails(), OrderedTails()
 
-    def summarise_short(self, blocks: Sequence[Draws]) -> Iterator[BlockSummary]:
-        """`summarise` of short blocks in order, many at once: one by one the calls take longer
-        than the work. Not where each has scales of its own, of which a quantile is sought.
-        """
-        for _, alike in groupby(blocks, lambda draws: draws.values.shape[1]):
-            own = list(alike)
-            u = own[0].linear_u
-            fixed = u is None or u.shape[1] == 1
-            if not fixed:
-                yield from map(self.summarise, own)
-                continue
-            many = max(1, AT_ONCE // own[0].values.size)
-            for first in range(0, len(own), many):
-                some = own[first : first + many]
-                whole = self.summarise(joined(some, np.stack))
-                yield from (whole.of(block) for block in range(len(some)))
-
     def summarise(self, draws: Draws) -> BlockSummary:
-        """Summary of one block of finite values, or of blocks of the same length (b, outputs, m):
-        every array of it then has their axis before that of the outputs.
-        """
+        """Summary of one block of finite values."""
         values = draws.values
-        mean, squares = self._moments(values)
-        m = values.shape[-1]
+        m = values.shape[1]
+        mean = values.mean(axis=1)
+        centred = self._work.array("centred", values.shape)
+        np.subtract(values, mean[:, np.newaxis], out=centred)
+        squares = centred @ centred.T
         lower, upper = self._tails(values, self._ordered)
-        variance = np.diagonal(squares, axis1=-2, axis2=-1) / (m - 1)
-        statistics = np.array([mean, variance, self._ends(lower), self._ends(upper)])
-        controls, linear_lower, linear_upper = self._control(draws)
+        weights = self.plan.end_weights
+        ends = lower @ weights, upper @ weights
+        controls, linear_tails = self._control(draws)
         return BlockSummary(
             count=m,
-            statistics=statistics,
+            statistics=np.array([mean, np.diagonal(squares) / (m - 1), *ends]),
             controls=controls,
             squares=squares,
-            lower=lower,
-            upper=upper,
-            linear_lower=linear_lower,
-            linear_upper=linear_upper,
+            tails=np.array([lower, upper]),
+            linear_tails=linear_tails,
         )
 
-    def _moments(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        mean: FloatArray = values.mean(axis=-1)
-        centred = self._work.array("centred", values.shape)
-        np.subtract(values, mean[..., np.newaxis], out=centred)
-        return mean, centred @ centred.swapaxes(-1, -2)
-
     def _tails(self, values: FloatArray, ordered: OrderedTails) -> tuple[FloatArray, FloatArray]:
-        *blocks, m = values.shape
-        tails = ordered.of(values.reshape(-1, m), min(self.plan.tail + 1, m))
-        lower, upper = (self.plan.on_grid(tail, m) for tail in tails)
-        return lower.reshape(*blocks, -1), upper.reshape(*blocks, -1)
+        m = values.shape[1]
+        lower, upper = ordered.of(values, min(self.plan.tail + 1, m))
+        return self.plan.on_grid(lower, m), self.plan.on_grid(upper, m)
 
-    def _ends(self, ordered: FloatArray) -> FloatArray:
-        """Ends (..., outputs) of the symmetric interval from ordered values (..., tail)."""
-        if self._weights.ndim == 1:
-            return np.asarray(ordered @ self._weights)
-        return np.asarray((ordered * self._weights).sum(axis=-1))
-
-    def _control(
-        self, draws: Draws
-    ) -> tuple[FloatArray | None, FloatArray | None, FloatArray | None]:
-        linear, mean = draws.linear, self.linear_mean
+    def _control(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
+        linear, mean, outputs = draws.linear, self.linear_mean, len(draws.values)
+        controls = np.zeros((4, outputs))
         if linear is None or mean is None:
-            return None, None, None
-        m = linear.shape[-1]
+            return controls, np.zeros((2, outputs, self.plan.tail))
+        average = linear.mean(axis=1)
         centred = self._work.array("centred", linear.shape)
-        controls = np.zeros((4, *linear.shape[:-1]))
-        linear_average = linear.mean(axis=-1)
-        controls[0] = linear_average - mean
-        np.subtract(linear, linear_average[..., np.newaxis], out=centred)
-        variance = np.einsum("...j,...j->...", centred, centred) / (m - 1)
-        controls[1] = variance - self._expected_variance(draws, variance)
-        if draws.linear_u is None:
-            return controls, None, None
-        ranked = linear if draws.ranked is None else draws.ranked
-        lower, upper = self._tails(ranked, self._ordered_linear)
-        u, plan = draws.linear_u, self.plan
-        fixed = u.shape[-1] == 1
-        end = u[..., 0] * self._end if fixed else mixture_quantile(u, plan.end_probability)
-        controls[2] = self._ends(lower) - (mean + end)
-        controls[3] = self._ends(upper) - (mean - end)
-        if not fixed:
-            return controls, None, None
-        scores = u * self._scores
-        column = mean[:, np.newaxis]
-        return controls, lower - (column + scores), upper - (column - scores)
+        np.subtract(linear, average[:, np.newaxis], out=centred)
+        variance = np.einsum("ij,ij->i", centred, centred) / (linear.shape[1] - 1)
+        controls[0] = average - mean
+        controls[1] = variance - self.linear_variance
+        if not self._knows_ends:
+            return np.nan_to_num(controls), np.zeros((2, outputs, self.plan.tail))
+        lower, upper = self._tails(linear, self._ordered_linear)
+        weights, column = self.plan.end_weights, mean[:, np.newaxis]
+        controls[2] = lower @ weights - (mean + self._end)
+        controls[3] = upper @ weights - (mean - self._end)
+        tails = np.array([lower - (column + self._expected), upper - (column - self._expected)])
+        return np.nan_to_num(controls), np.nan_to_num(tails)
 
-    def _expected_variance(self, draws: Draws, observed: FloatArray) -> FloatArray:
-        given = np.full_like(observed, np.nan)
-        if self.linear_variance is not None:
-            given = np.asarray(self.linear_variance, dtype=np.float64)
-        if draws.linear_u is not None:
-            u = draws.linear_u
-            scale = np.einsum("...j,...j->...", u, u) / u.shape[-1]
-            given = np.where(np.isnan(given), scale, given)
-        # An unknown expectation makes the control 0, which leaves the statistic as it is.
-        return np.where(np.isnan(given), observed, given)
+
+class OrderedTails(threading.local):
+    """Finds the tails of block after block of the same outputs; one in each thread.
+
+    Where the last block's tail ended the next one's does too, or nearly so: only the values
+    beyond are taken and ordered. Where they turn out to be too few the block is partitioned.
+    So what is returned never depends on the cuts.
+    """
+
+    def __init__(self) -> None:
+        self._cuts: FloatArray | None = None
+        self._beyond = np.empty((2, 0), bool)
+
+    def of(self, values: FloatArray, tail: int) -> tuple[FloatArray, FloatArray]:
+        """The `tail` lowest values from the lowest up and the highest from the highest down.
+
+        `values` (outputs, m) -> (outputs, tail) each; `values` stay as they are.
+        """
+        outputs, m = values.shape
+        if m < WORTH_IT or 2 * tail >= m:
+            ordered = np.sort(values, axis=1)
+            return ordered[:, :tail].copy(), ordered[:, ::-1][:, :tail].copy()
+        known = self._cuts is not None and len(self._cuts) == outputs
+        cuts = self._cuts if known and self._cuts is not None else np.full((outputs, 2), np.nan)
+        lower, upper = np.empty((outputs, tail)), np.empty((outputs, tail))
+        if self._beyond.shape[1] != m:
+            self._beyond = np.empty((2, m), bool)
+        for row, low, high, (below, above) in zip(values, lower, upper, cuts, strict=True):
+            beyond, lows, highs = self._ordered_beyond(row, below, above)
+            few = np.sort(np.partition(row, tail - 1)[:tail]) if lows < tail else beyond[:tail]
+            top = np.sort(np.partition(row, m - tail)[m - tail :]) if highs < tail else beyond
+            low[:], high[:] = few, top[::-1][:tail]
+        inner = tail - 1 - int(MARGIN * tail)
+        self._cuts = np.stack(
+            [2.0 * end[:, -1] - end[:, inner] for end in (lower, upper)],
+            axis=1,
+        )
+        return lower, upper
+
+    def _ordered_beyond(
+        self, row: FloatArray, below: float, above: float
+    ) -> tuple[FloatArray, int, int]:
+        """The values of a row (m,) beyond either cut, in order, and how many are beyond each."""
+        one, other = self._beyond
+        np.less(row, below, out=one)
+        np.greater(row, above, out=other)
+        lows, highs = int(np.count_nonzero(one)), int(np.count_nonzero(other))
+        np.logical_or(one, other, out=one)
+        # Three times as quick as row[one].
+        found: FloatArray = row.take(np.flatnonzero(one))
+        found.sort()
+        return found, lows, highs

@@ -48,27 +48,6 @@ def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
     return np.asarray(item.half_width * np.where(p < 0.5, deviation, -deviation))
 
 
-def bounded_rank(item: Distribution, deviation: FloatArray) -> FloatArray:
-    """P(X <= x) (n,) of a bounded distribution about 0, at its stated half-width: the inverse of
-    `bounded_quantile`. 0 and 1 beyond its ends.
-
-    Raises ValueError for a normal one.
-    """
-    if not item.bounded:
-        raise ValueError(f"no closed rank: {item.kind}")
-    x = np.clip(np.asarray(deviation, dtype=np.float64) / item.half_width, -1.0, 1.0)
-    if item.kind in ("rectangular", "curvilinear-trapezoidal"):
-        return np.asarray(0.5 + 0.5 * x)
-    if item.kind == "arcsine":
-        return np.asarray(0.5 + np.arcsin(x) / np.pi)
-    b = item.top_share
-    far = np.abs(x)
-    flat = 0.5 - far / (1.0 + b)
-    side = (1.0 - far) ** 2 / (2.0 * (1.0 - b * b)) if b < 1.0 else flat
-    beyond = np.where(far > b, side, flat)
-    return np.asarray(np.where(x < 0.0, beyond, 1.0 - beyond))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marginal:
     """A distribution as a function of a standard normal z: X = Q(Phi(z)).

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
-
-MANY_DOF = 1e5
 
 
 def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
@@ -75,41 +72,28 @@ def coverage_factor(probability: float, dof: float = math.inf) -> float:
 
 
 def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
-    """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`.
+    """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`."""
+    from scipy.special import ndtri, stdtrit
 
-    From `MANY_DOF` on by the expansion in 1/dof about the normal quantile z (Abramowitz & Stegun,
-    26.7.5), whose next term is below 1e-19: it spares short commands the import of
-    scipy.special, which takes longer than all they do.
-    """
-    if dof < MANY_DOF:
-        from scipy.special import stdtrit
-
-        return np.asarray(stdtrit(dof, probability), dtype=np.float64)
-    normal = NormalDist()
-    z = np.array([normal.inv_cdf(float(p)) for p in probability])
-    # Beyond 1e20 the terms in 1/dof are below the rounding of z, and dof cubed overflows.
-    return z if dof > 1e20 else _near_normal(z, dof)
+    found = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
+    return np.asarray(found, dtype=np.float64)
 
 
-def _near_normal(z: FloatArray, dof: float) -> FloatArray:
-    first = (z**3 + z) / 4
-    second = (5 * z**5 + 16 * z**3 + 3 * z) / 96
-    third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / 384
-    quantile: FloatArray = z + first / dof + second / dof**2 + third / dof**3
-    return quantile
+def t_quantiles(probability: FloatArray, dof: FloatArray) -> FloatArray:
+    """The same (k, n) for several `dof` (k,); those that are equal are calculated once."""
+    values, which = np.unique(dof, return_inverse=True)
+    return np.array([t_quantile(probability, float(value)) for value in values])[which]
 
 
 def few_blocks_factor(blocks: int) -> float:
     """t(h - 1)/z at 97.5 %: by which two standard errors from the scatter of h blocks fall short.
 
-    1.07 for 20 blocks and 1.02 for 80. By the expansion of `t_quantile`, whose next term is below
-    3e-4 for the 10 blocks that there are at least; 1 for one block, whose standard errors do not
-    come from a scatter.
+    1.07 for 20 blocks and 1.02 for 80; 1 for one block, whose standard errors do not come from a
+    scatter.
     """
     if blocks == 1:
         return 1.0
-    z = np.array([NormalDist().inv_cdf(0.975)])
-    return float(_near_normal(z, blocks - 1.0)[0] / z[0])
+    return coverage_factor(0.95, blocks - 1.0) / coverage_factor(0.95)
 
 
 def numerical_tolerance(u: float, digits: int = 2) -> float:

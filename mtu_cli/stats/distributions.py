@@ -13,7 +13,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.coverage import MANY_DOF, t_quantile
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
@@ -206,43 +205,6 @@ _SHAPES: dict[str, Callable[[Distribution, np.random.Generator, FloatArray, Work
     "trapezoidal": _trapezoid,
     "arcsine": _arcsine,
 }
-
-
-def student_quantile(probability: float, dof: float) -> float:
-    """t with P(T <= t) = `probability` for Student's t of `dof` degrees of freedom; normal for inf.
-
-    With T = sqrt(nu) tan(theta), P(0 <= T <= t) = C integral of cos(theta)^(nu-1) from 0 to
-    atan(t/sqrt(nu)), C = Gamma((nu+1)/2)/(sqrt(pi) Gamma(nu/2)), by Gauss-Legendre; then
-    Newton's method. It spares a short command the import of scipy, which takes longer than all
-    it does.
-    """
-    if dof < 1.0 or dof >= MANY_DOF:
-        # Below 1 the integrand is singular; from `MANY_DOF` on there is an expansion.
-        return float(t_quantile(np.array([probability]), dof)[0])
-    if probability < 0.5:
-        return -student_quantile(1.0 - probability, dof)
-    nodes, weights = np.polynomial.legendre.leggauss(64)
-    c = math.exp(math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof)) / math.sqrt(math.pi)
-    target = (probability - 0.5) / c
-    # In theta the integral is concave: from below Newton's steps do not overshoot.
-    theta = 0.0
-    for _ in range(200):
-        at = 0.5 * theta * (nodes + 1.0)
-        area = 0.5 * theta * float(weights @ np.cos(at) ** (dof - 1.0))
-        step = (target - area) / math.cos(theta) ** (dof - 1.0)
-        theta = min(theta + step, 0.5 * (theta + 0.5 * math.pi))
-        if abs(step) <= 1e-14 * theta:
-            break
-    return math.sqrt(dof) * math.tan(theta)
-
-
-def quantile_curvature(t: FloatArray, dof: float) -> FloatArray:
-    """Q''(p) (n,) where Q(p) = `t` (n,), of Student's t; of the normal for infinite `dof`.
-
-    With the density f, Q' = 1/f and Q'' = -f'/f^3; f'/f is -(nu + 1) t/(nu + t^2), or -t.
-    """
-    bend = t if math.isinf(dof) else (dof + 1.0) * t / (dof + t * t)
-    return np.asarray(bend * np.exp(-2.0 * log_density(t, dof)))
 
 
 def log_density(t: FloatArray, dof: float) -> FloatArray:

@@ -3,24 +3,23 @@
 The characteristic function of c_1 X_1 + c_2 X_2 + ... is the product of those of the terms;
 its Fourier series is the distribution function (Gil-Pelaez 1951, on a period much wider than
 the distribution). So the first-order form of a budget, whatever its inputs, can serve as a
-control variate whose quantiles are known. A single bounded term has its own closed form.
+control variate whose quantiles are known. A single term has its own closed form.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
-from statistics import NormalDist
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.characteristic import NEGLIGIBLE, characteristic
 from mtu_cli.stats.copula import bounded_quantile
+from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution
 
 FloatArray = NDArray[np.float64]
+Quantile = Callable[[FloatArray], FloatArray]
 Term = tuple[float, Distribution]
 """(coefficient, distribution) of one independent contribution."""
 
@@ -34,81 +33,57 @@ LEAST_DOF = 3.0
 """With fewer degrees of freedom the tails of t reach from one period into the next."""
 LONG_TAILS = 6.0
 """Below this the tails that do reach into it are taken off."""
-SURE = 1e-7
-"""Probability beyond either end of the table."""
 CUT = 3e-6
 """What the characteristic function may still be where its series ends; over pi it is the error
 of the distribution function where that has a corner, elsewhere far more."""
 LAST = POINTS // 32
-FAR_TERMS = 6
-RANKS = 2**14
+NEGLIGIBLE = 1e-13
+SCALE_NODES = 96
+HALF_WIDTH_NODES = 48
+SLOW = 24.0
+"""Phase over the range of an inexact half-width, rad, up to which the nodes follow it."""
+FLAT = 1e-8
+"""A trapezoid whose sides are a smaller share of its base is a rectangle."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinearDistribution:
-    """A symmetric distribution about 0: P(X <= at[i]) = Phi(score[i]).
+def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
+    """Quantiles (n,) at probabilities (n,) of the sum of independent `terms`, which is symmetric
+    about 0; None where they are unknown.
 
-    `sigma`: the standard deviation. `at`, `score` (n,): rising. Beyond the table the score
-    stays at its ends, where it is -+5.2 or, of a heavy t, less. `at` is in equal steps; of a
-    distribution with a closed form the probability is, and `single` is its one term, with
-    a positive coefficient.
+    That is where a term of several is Student's t with fewer than 3 degrees of freedom, nothing
+    varies, or the sum has corners that its series does not follow, as an arcsine distribution with
+    little beside it. The distribution function is right to about 1e-6.
     """
-
-    sigma: float
-    at: FloatArray
-    score: FloatArray
-    single: Term | None = None
-
-    def quantile(self, probability: float) -> float:
-        """x with P(X <= x) = `probability`."""
-        if self.single is not None:
-            c, item = self.single
-            return c * float(bounded_quantile(item, np.array(probability)))
-        return float(np.interp(NormalDist().inv_cdf(probability), self.score, self.at))
-
-
-def linear_distribution(terms: Sequence[Term]) -> LinearDistribution | None:
-    """The distribution of the sum of independent `terms`; None where it is undefined.
-
-    That is where a term is Student's t with fewer than 3 degrees of freedom, nothing varies, or
-    the sum has corners that its series does not follow, as an arcsine distribution with little
-    beside it. The distribution function is right to about 1e-6.
-    """
-    terms = [(abs(c), item) for c, item in terms if c != 0.0 and item.u > 0.0]
-    if not terms or any(not item.bounded and item.dof < LEAST_DOF for _, item in terms):
+    terms = _gathered(terms)
+    if not terms:
+        return None
+    if len(terms) == 1 and terms[0][1].inexact == 0.0:
+        ((c, item),) = terms
+        if item.bounded:
+            return lambda p: c * bounded_quantile(item, p)
+        dof = item.dof if item.dof < NORMAL_DOF else math.inf
+        return lambda p: c * item.u * t_quantile(p, dof)
+    if any(not item.bounded and item.dof < LEAST_DOF for _, item in terms):
         return None
     sigma = math.sqrt(math.fsum(c * c * item.drawn_variance for c, item in terms))
     if not (math.isfinite(sigma) and sigma > 0.0):
         return None
-    if len(terms) == 1 and terms[0][1].bounded and terms[0][1].inexact == 0.0:
-        return _closed(sigma, terms[0])
     series = _series(terms, sigma)
     if series is None:
         return None
     above, x = series
-    inside = int(np.argmax(above >= 0.5 - SURE)) or len(x)
-    normal = NormalDist()
-    half = np.maximum.accumulate(above[1:inside])
-    score = np.array([normal.inv_cdf(0.5 + p) for p in half.tolist()])
-    at = x[1:inside] * sigma
-    return LinearDistribution(
-        sigma=sigma,
-        at=np.concatenate([-at[::-1], [0.0], at]),
-        score=np.concatenate([-score[::-1], [0.0], score]),
-    )
+    half, at = np.maximum.accumulate(above), x * sigma
+    return lambda p: np.sign(p - 0.5) * np.interp(np.abs(p - 0.5), half, at)
 
 
-def _closed(sigma: float, term: Term) -> LinearDistribution:
-    c, item = term
-    p = np.clip(np.linspace(0.0, 1.0, RANKS + 1), SURE, 1.0 - SURE)
-    normal = NormalDist()
-    score = np.array([normal.inv_cdf(value) for value in p[: RANKS // 2].tolist()])
-    return LinearDistribution(
-        sigma=sigma,
-        at=c * bounded_quantile(item, p),
-        score=np.concatenate([score, [0.0], -score[::-1]]),
-        single=term,
-    )
+def _gathered(terms: Sequence[Term]) -> list[Term]:
+    """Those that vary, with coefficients above 0; all normal ones as one."""
+    terms = [(abs(c), item) for c, item in terms if c != 0.0 and item.u > 0.0]
+    normal = [c * item.u for c, item in terms if not item.bounded and item.dof >= NORMAL_DOF]
+    others = [(c, item) for c, item in terms if item.bounded or item.dof < NORMAL_DOF]
+    if not normal:
+        return others
+    return [(1.0, Distribution(kind="normal", u=math.hypot(*normal))), *others]
 
 
 def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray] | None:
@@ -141,27 +116,91 @@ def _from_next_period(
 
     So far out a sum is as large as the one t that makes it so.
     """
+    from scipy.special import stdtr
+
     found = np.zeros_like(x)
     for c, item in terms:
         if not item.bounded and item.dof < LONG_TAILS:
             scale = sigma / (c * item.u)
             for period in (2.0 * reach, 4.0 * reach, 6.0 * reach):
-                found += _far_tail(item.dof, scale * (period - x))
-                found -= _far_tail(item.dof, scale * (period + x))
+                found += stdtr(item.dof, scale * (x - period))
+                found -= stdtr(item.dof, -scale * (x + period))
     return found
 
 
-def _far_tail(dof: float, t: FloatArray) -> FloatArray:
-    """P(T > t) (n,) of Student's t for t^2 far above `dof`: its density, integrated term by term.
+def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:
+    """E cos(omega X) (n,) of what is drawn for `item`, at angular frequencies `omega` (n,) > 0."""
+    if not item.bounded:
+        return _normal(item, omega)
+    if item.inexact == 0.0:
+        return _shape(item, item.half_width * omega)
+    # The half-width is rectangular: an average over it.
+    slow = item.inexact * item.half_width * omega <= SLOW
+    found = np.empty_like(omega)
+    found[slow] = _averaged(item, omega[slow])
+    if not np.all(slow):
+        # Beyond, the integral of the shape's own function in closed form.
+        high = item.half_width * (1.0 + item.inexact) * omega[~slow]
+        low = item.half_width * (1.0 - item.inexact) * omega[~slow]
+        found[~slow] = (_integral(item, high) - _integral(item, low)) / (high - low)
+    return found
 
-    f = K nu^((nu+1)/2) t^-(nu+1) (1 + nu/t^2)^(-(nu+1)/2), K as in `log_density`. It spares the
-    import of scipy, which takes longer than the rest.
+
+def _normal(item: Distribution, omega: FloatArray) -> FloatArray:
+    square = 0.5 * (item.u * omega) ** 2
+    if item.dof >= NORMAL_DOF:
+        return np.asarray(np.exp(-square))
+    # Student's t is a normal mixture: variance u^2 nu/g, g from chi-squared of nu. In log g its
+    # density is smooth and falls off at both ends, so that equal steps converge at once.
+    half = 0.5 * item.dof
+    spread = 9.0 / math.sqrt(half) + 9.0 / half
+    logs = np.linspace(-spread, min(spread, 9.0 / math.sqrt(half)), SCALE_NODES)
+    weights = np.exp(half * (logs - np.expm1(logs)))
+    weights /= weights.sum()
+    found = np.zeros_like(omega)
+    for log, weight in zip(logs, weights, strict=True):
+        if weight > NEGLIGIBLE:
+            found += weight * np.exp(-square * math.exp(-log))
+    return found
+
+
+def _averaged(item: Distribution, omega: FloatArray) -> FloatArray:
+    nodes, weights = np.polynomial.legendre.leggauss(HALF_WIDTH_NODES)
+    found = np.zeros_like(omega)
+    for node, weight in zip(nodes, weights, strict=True):
+        width = item.half_width * (1.0 + item.inexact * node)
+        found += 0.5 * weight * _shape(item, width * omega)
+    return found
+
+
+def _shape(item: Distribution, x: FloatArray) -> FloatArray:
+    """Characteristic function of the shape, x = half-width times frequency."""
+    match item.kind:
+        case "rectangular" | "curvilinear-trapezoidal":
+            return np.asarray(np.sinc(x / np.pi))
+        case "triangular":
+            return np.asarray(np.sinc(x / (2.0 * np.pi)) ** 2)
+        case "arcsine":
+            from scipy.special import j0
+
+            return np.asarray(j0(x))
+    first = 0.5 * (1.0 + item.top_share)
+    return np.asarray(np.sinc(first * x / np.pi) * np.sinc((1.0 - first) * x / np.pi))
+
+
+def _integral(item: Distribution, x: FloatArray) -> FloatArray:
+    """Integral (n,) of `_shape` from 0 to `x` (n,) >= 0.
+
+    Rectangle Si(x). Triangle and trapezoid of top b: the function is
+    2 (cos bt - cos t)/((1 - b^2) t^2), its integral by parts
+    2 ((cos x - cos bx)/x + Si(x) - b Si(bx))/(1 - b^2).
     """
-    half = 0.5 * (dof + 1.0)
-    log_k = math.lgamma(half) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    small = dof / (t * t)
-    series, factor = np.zeros_like(t), 1.0
-    for j in range(FAR_TERMS):
-        series += factor * small**j / (dof + 2.0 * j)
-        factor *= -(half + j) / (j + 1.0)
-    return np.asarray(np.exp(log_k + half * math.log(dof) - dof * np.log(t)) * series)
+    from scipy.special import itj0y0, sici
+
+    if item.kind == "arcsine":
+        return np.asarray(itj0y0(x)[0])
+    b = 0.0 if item.kind == "triangular" else item.top_share
+    if item.kind not in ("triangular", "trapezoidal") or 1.0 - b < FLAT:
+        return np.asarray(sici(x)[0])
+    fall = np.divide(np.cos(x) - np.cos(b * x), x, out=np.zeros_like(x), where=x > 0.0)
+    return np.asarray(2.0 * (fall + sici(x)[0] - b * sici(b * x)[0]) / (1.0 - b * b))

@@ -3,33 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.findings import error
-from mtu_cli.stats.atoms import with_atoms
-from mtu_cli.stats.block_plan import FIRST_LOOK, LEAST_BLOCKS, BlockPlan, trials_for_tails
-from mtu_cli.stats.blocks import TrialModel
-from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
-from mtu_cli.stats.pooling import Estimates, Gain, Pool
-from mtu_cli.stats.runner import BlockRunner, available_threads
-from mtu_cli.stats.short_blocks import (
-    all_controlled,
-    crossed_gain,
-    short_block_estimates,
+from mtu_cli.findings import InputError, error, finding
+from mtu_cli.stats.blocks import (
+    FIRST_LOOK,
+    BlockPlan,
+    BlockSummariser,
+    BlockSummary,
+    Draws,
+    TrialModel,
+    block_generator,
 )
-from mtu_cli.stats.single_block import single_block_estimates
+from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
+from mtu_cli.stats.pooling import Estimates, Gain, Pool, single_block_estimates, with_atoms
+from mtu_cli.stats.threads import available_threads, one_blas_thread
 
 FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int | None], None]
 
 LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
-SURELY = 0.5
-"""Share of what is asked for to which so few trials must have converged to be enough."""
+AHEAD = 4
+"""Blocks submitted ahead for each thread: bounds what waits to be pooled."""
+_Done = tuple[int, NDArray[np.int64], BlockSummary | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,62 +94,24 @@ def monte_carlo(
     no u exists, the ends alone decide, with the u of a normal distribution of equal interval.
 
     The same seed gives the same bits for any number of `threads`. `progress` is called with
-    trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials run
-    as one block, without the control variate; of a smooth model fewer than 100/(1 - p). A smooth
-    model's count is first judged after 200/(1 - p) trials (`_few`).
+    trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials, of
+    a smooth model a quarter of that, run as one block, without the control variate.
 
     Raises InputError for settings out of range, too few trials (fewer than 2/(1 - p)), or
     model values that are not finite, which are counted and never dropped.
     """
     _check(seed, trials, probability, digits, tolerance_fraction, threads, max_trials)
     criterion = _Criterion(probability, digits, tolerance_fraction)
-    few = None if trials else _few(model, seed, criterion, max_trials, keep, progress)
-    if few is not None:
-        return few
     plan, most = _plan(model, trials, max_trials, probability), trials or max_trials
-    kept = most if plan.is_short else min(keep, most)
-    with BlockRunner(model, plan, seed, threads or available_threads(), kept, progress) as run:
-        estimates = _estimates(model, run, plan, criterion, max_trials)
-    return _result(model, run, estimates, criterion, keep)
-
-
-def _few(
-    model: TrialModel,
-    seed: int,
-    criterion: _Criterion,
-    most: int,
-    keep: int,
-    progress: Progress | None,
-) -> MonteCarloResult | None:
-    """The result of a first look at a smooth model, where that is surely enough.
-
-    That is where the control variate gains much for every statistic and all of them are twice as
-    sure as is asked for. A count that then goes on starts anew: blocks of one length only.
-    """
-    trials = FIRST_LOOK * trials_for_tails(criterion.probability) // LEAST_BLOCKS
-    if not getattr(model, "smooth", False) or trials > most:
-        return None
-    plan = BlockPlan.short(trials, criterion.probability)
-    with BlockRunner(model, plan, seed, 1, trials, None) as run:
-        estimates = _estimates(model, run, plan, criterion, trials)
-    if not all_controlled(estimates, _exists(model)) or criterion.ratio(estimates) > SURELY:
-        return None
-    if progress is not None:
-        progress(run.trials, None)
-    return _result(model, run, estimates, criterion, keep)
-
-
-def _result(
-    model: TrialModel, run: BlockRunner, estimates: Estimates, criterion: _Criterion, keep: int
-) -> MonteCarloResult:
-    # Those of short blocks are stated with Student's factor already.
-    scatter = 1.0 if run.is_short else few_blocks_factor(run.blocks)
+    threads = threads or available_threads()
+    with _Runner(model, plan, seed, threads, min(keep, most), progress) as run:
+        estimates = _estimates(run, criterion, max_trials)
     return MonteCarloResult(
         names=tuple(model.names),
         trials=run.trials,
         blocks=run.blocks,
-        converged=criterion.ratio(estimates) * scatter <= 1.0,
-        probability=criterion.probability,
+        converged=criterion.ratio(estimates) * few_blocks_factor(run.blocks) <= 1.0,
+        probability=probability,
         samples=run.samples()[:, :keep],
         **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
     )
@@ -152,58 +119,154 @@ def _result(
 
 def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
     """Blocks for a given count, or for one that adapts where it leaves room for a first look."""
+    smooth, in_pieces = (bool(getattr(model, name, False)) for name in ("smooth", "in_pieces"))
     if trials is None:
-        plan = BlockPlan.adaptive(probability)
+        plan = BlockPlan.adaptive(probability, smooth=smooth)
         if max_trials >= FIRST_LOOK * plan.size:
             return plan
         trials = max_trials
-    return BlockPlan.fixed(
-        trials,
-        probability,
-        smooth=getattr(model, "smooth", False),
-        in_pieces=getattr(model, "in_pieces", False),
-    )
+    return BlockPlan.fixed(trials, probability, smooth=smooth, in_pieces=in_pieces)
 
 
-def _estimates(
-    model: TrialModel, run: BlockRunner, plan: BlockPlan, criterion: _Criterion, most: int
-) -> Estimates:
+def _estimates(run: _Runner, criterion: _Criterion, most: int) -> Estimates:
     """Runs the plan, at most `most` trials where the count adapts."""
-    exists = _exists(model)
+    plan, model = run.plan, run.model
+    exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
     if plan.blocks == 1:
         estimates = single_block_estimates(run.only_block(), plan.probability, exists)
         return with_atoms(estimates, run.samples(), plan.probability)
     pool = Pool(plan, exists)
-    if plan.is_short and plan.blocks is not None:
-        run.run_to(plan.blocks, pool)
-        pooled = pool.estimates()
-        gain = crossed_gain(pooled.gain, run.draws, run.summariser, exists)
-        estimates = short_block_estimates(pooled, gain, run.samples(), plan.probability, exists)
-        return with_atoms(estimates, run.samples(), plan.probability)
-    return _grow(run, pool, criterion, plan.blocks, most // plan.size)
-
-
-def _exists(model: TrialModel) -> NDArray[np.bool_]:
-    return np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
-
-
-def _grow(
-    run: BlockRunner, pool: Pool, criterion: _Criterion, blocks: int | None, most: int
-) -> Estimates:
-    if blocks is not None:
-        run.run_to(blocks, pool)
-        return with_atoms(pool.estimates(), run.samples(), pool.plan.probability)
-    goal = FIRST_LOOK
+    largest = plan.blocks or most // plan.size
+    goal = plan.blocks or FIRST_LOOK
     while True:
         run.run_to(goal, pool)
-        estimates = with_atoms(pool.estimates(), run.samples(), pool.plan.probability)
+        estimates = with_atoms(pool.estimates(), run.samples(), plan.probability)
+        if goal >= largest:
+            return estimates
         ratio = criterion.ratio(estimates)
-        if ratio * few_blocks_factor(goal) <= 1.0 or goal >= most:
+        if ratio * few_blocks_factor(goal) <= 1.0:
             return estimates
         # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
         # are the same for any number of threads; a quarter more at least, to look rarely.
-        wanted = goal * min(4.0, max(1.25, 1.1 * ratio * ratio))
-        goal = min(most, math.ceil(wanted))
+        goal = min(largest, math.ceil(goal * min(4.0, max(1.25, 1.1 * ratio * ratio))))
+
+
+class _Runner:
+    """Runs the blocks of a plan on threads and takes their summaries in the order of their
+    numbers; `trials` and `blocks` count what has been done.
+
+    Linear algebra is held to one thread of its own meanwhile: blocks are the unit of
+    parallel work, and a product split among threads would not give the same bits.
+    """
+
+    def __init__(
+        self,
+        model: TrialModel,
+        plan: BlockPlan,
+        seed: int,
+        threads: int,
+        keep: int,
+        progress: Progress | None,
+    ) -> None:
+        self.model, self.plan, self._seed, self._threads = model, plan, seed, threads
+        # Untouched pages of an empty array take no memory.
+        self._samples = np.empty((len(model.names), keep))
+        self._progress = progress
+        self.trials = 0
+        self.blocks = 0
+
+    def __enter__(self) -> Self:
+        self._stack = ExitStack()
+        self._stack.enter_context(one_blas_thread())
+        self._executor: ThreadPoolExecutor | None = None
+        if self._threads > 1 and self.plan.blocks != 1:
+            self._executor = self._stack.enter_context(ThreadPoolExecutor(self._threads))
+        if self.plan.blocks != 1:
+            self._summariser = BlockSummariser(self.model, self.plan)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def run_to(self, goal: int, pool: Pool) -> None:
+        """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order."""
+        for count, not_finite, summary in self._done(self.blocks, goal):
+            self._count(count, not_finite)
+            if summary is not None:
+                pool.add(summary)
+
+    def only_block(self) -> FloatArray:
+        """The values (outputs, m) of a plan of one block."""
+        m = self.plan.trials_in(0)
+        draws = self.model.draw(block_generator(self._seed, 0), m)
+        self._count(m, _not_finite(draws))
+        self._keep(draws.values, 0)
+        return draws.values
+
+    def samples(self) -> FloatArray:
+        """The first trials (outputs, kept), in order."""
+        return self._samples[:, : self.trials]
+
+    def _block(self, block: int) -> _Done:
+        m = self.plan.trials_in(block)
+        draws = self.model.draw(block_generator(self._seed, block), m)
+        not_finite = _not_finite(draws)
+        if np.any(not_finite):
+            return m, not_finite, None
+        self._keep(draws.values, self.plan.first_trial(block))
+        return m, not_finite, self._summariser.summarise(draws)
+
+    def _keep(self, values: FloatArray, start: int) -> None:
+        room = self._samples.shape[1] - start
+        if room > 0:
+            part = values[:, :room]
+            self._samples[:, start : start + part.shape[1]] = part
+
+    def _done(self, start: int, stop: int) -> Iterator[_Done]:
+        if self._executor is None:
+            yield from map(self._block, range(start, stop))
+            return
+        waiting: deque[Future[_Done]] = deque()
+        for block in range(start, stop):
+            if len(waiting) >= AHEAD * self._threads:
+                yield waiting.popleft().result()
+            waiting.append(self._executor.submit(self._block, block))
+        while waiting:
+            yield waiting.popleft().result()
+
+    def _count(self, trials: int, not_finite: NDArray[np.int64]) -> None:
+        self.blocks += 1
+        self.trials += trials
+        if np.any(not_finite):
+            raise InputError(
+                finding(
+                    "no-finite-value",
+                    output=name,
+                    what=repr(name),
+                    where=f" in {bad} of the first {self.trials} Monte Carlo trials",
+                    expected="a model that is defined for all values its inputs may take",
+                )
+                for name, bad in zip(self.model.names, not_finite, strict=True)
+                if bad
+            )
+        if self._progress is not None:
+            plan = self.plan
+            total = None if plan.blocks is None else plan.size * plan.blocks + plan.longer
+            self._progress(self.trials, total)
+
+
+def _not_finite(draws: Draws) -> NDArray[np.int64]:
+    """Trials (outputs,) whose value or first-order form is infinite or not a number."""
+    values, linear = draws.values, draws.linear
+    # A sum that is finite has finite terms; to look at each takes three times as long.
+    with np.errstate(over="ignore", invalid="ignore"):
+        total = float(values.sum()) + (0.0 if linear is None else float(linear.sum()))
+    if np.isfinite(total):
+        return np.zeros(len(values), np.int64)
+    finite = np.isfinite(values)
+    if linear is not None:
+        finite &= np.isfinite(linear)
+    return np.asarray(np.count_nonzero(~finite, axis=1))
 
 
 @dataclass(frozen=True, slots=True)

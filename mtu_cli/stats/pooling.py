@@ -1,21 +1,33 @@
-"""Block summaries pooled into estimates, with and without the control variate."""
+"""Estimates from trials: of blocks, with the first-order form as control variate; of one block,
+JCGM 101:2008 to the letter; of outputs that take few values.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.block_plan import LEAST_BLOCKS, BlockPlan
-from mtu_cli.stats.blocks import BlockSummary
-from mtu_cli.stats.tail_sums import TailSums
+from mtu_cli.stats.blocks import LEAST_BLOCKS, BlockPlan, BlockSummary
 
 FloatArray = NDArray[np.float64]
 
 GROUPS = 64
 """Groups of blocks for the control: their scatter tells its variance to a tenth or so."""
+KNOWN = 1e-6
+"""Share of the interval to which quantiles of a first-order form are known (`sum_quantile`): no end
+is stated to be surer, be the output equal to its form."""
+REACH = 2.0
+"""Binomial standard deviations about an end's rank: the interval of 95 % for a quantile, whatever
+the distribution (David & Nagaraja 2003, 7.1). The spread over one has half as many values in it
+and is itself so unsure that two standard errors hold 92 % of the errors."""
+MOST_VALUES = 64
+"""An output of no more values than this is a discrete one."""
+HEAD = 4096
+"""Trials that are looked at first for few values; of fewer nothing is said."""
 
 
 class Gain(NamedTuple):
@@ -68,8 +80,7 @@ class Pool:
     _squares: FloatArray
     _count: NDArray[np.int64]
     _sums: FloatArray
-    _lower: TailSums
-    _upper: TailSums
+    _tails: TailSums
 
     def __init__(self, plan: BlockPlan, u_exists: NDArray[np.bool_]) -> None:
         self.plan = plan
@@ -80,7 +91,12 @@ class Pool:
     def add(self, block: BlockSummary) -> None:
         """Takes in the next block."""
         if self.blocks == 0:
-            self._start(block)
+            self._mean = block.statistics[0]
+            self._squares = block.squares.copy()
+            self._tails = TailSums(block.tails)
+            self._origin = block.statistics
+            self._count = np.zeros(GROUPS, dtype=np.int64)
+            self._sums = np.zeros((5, GROUPS, *block.statistics.shape))
         else:
             # Chan, Golub & LeVeque 1983: sums of products of two samples into one.
             total = self.trials + block.count
@@ -88,28 +104,13 @@ class Pool:
             self._squares += block.squares
             self._squares += np.outer(apart, apart) * (self.trials * block.count / total)
             self._mean = self._mean + apart * (block.count / total)
+        group = self.blocks % GROUPS
         self.trials += block.count
-        self.add_statistics(block)
-        self._lower.add(block.lower, block.linear_lower)
-        self._upper.add(block.upper, block.linear_upper)
-
-    def add_statistics(self, block: BlockSummary) -> None:
-        """Takes in what `gain` alone needs of the next block."""
-        if self.blocks == 0:
-            self._origin = block.statistics
-            self._count = np.zeros(GROUPS, dtype=np.int64)
-            self._sums = np.zeros((5, GROUPS, *block.statistics.shape))
         self.blocks += 1
-        away = block.statistics - self._origin
-        c = np.zeros_like(away) if block.controls is None else block.controls
-        group = (self.blocks - 1) % GROUPS
+        away, c = block.statistics - self._origin, block.controls
         self._count[group] += 1
         self._sums[:, group] += np.array([away, away * away, c, c * c, away * c])
-
-    def _start(self, block: BlockSummary) -> None:
-        self._mean = block.statistics[0]
-        self._squares = block.squares.copy()
-        self._lower, self._upper = TailSums(block.lower), TailSums(block.upper)
+        self._tails.add(block.tails, block.linear_tails)
 
     def estimates(self) -> Estimates:
         """Estimates and their standard errors from all blocks so far (at least two).
@@ -124,8 +125,7 @@ class Pool:
         mean, variance, low, high = np.where(fit.slope == 0.0, plain, fit.value)
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         se = np.sqrt(fit.variance)
-        se_u = np.divide(se[1], 2.0 * u, out=np.zeros_like(u), where=u != 0.0)
-        shortest_low, shortest_high = self._shortest(low, high)
+        shortest_low, shortest_high = self._shortest()
         return Estimates(
             mean=mean,
             u=u,
@@ -133,18 +133,14 @@ class Pool:
             high=high,
             # Without a variance the scatter of block means says nothing about their error.
             se_mean=np.where(self.u_exists, se[0], np.nan),
-            se_u=se_u,
+            se_u=np.divide(se[1], 2.0 * u, out=np.zeros_like(u), where=u != 0.0),
             se_low=se[2],
             se_high=se[3],
             shortest_low=shortest_low,
             shortest_high=shortest_high,
-            covariance=rescaled(plain_covariance, u),
+            covariance=_rescaled(plain_covariance, u),
             gain=Gain(*fit.gain),
         )
-
-    def gain(self) -> Gain:
-        """The gain alone of `estimates`."""
-        return Gain(*self._controlled().gain)
 
     def _controlled(self) -> _Controlled:
         """Each statistic with and without its control; the one of less variance is used.
@@ -173,34 +169,63 @@ class Pool:
         scatter = ((adjusted - n * value) ** 2).sum(axis=0) / h**2
         variance = scatter * (len(groups) / max(len(groups) - 1, 1))
         better = usable & (variance < plain)
-        # Rounding leaves no less of the scatter than this, whatever the difference says.
-        variance = np.maximum(variance, np.finfo(np.float64).eps ** 2 * plain)
-        variance = np.where(better, variance, plain)
-        gain = np.divide(plain, variance, out=np.ones_like(plain), where=better & (variance > 0.0))
         value = self._origin + np.where(better, value, total_s / h)
+        # Rounding leaves no less of the scatter than this, whatever the difference says.
+        least = np.finfo(np.float64).eps ** 2 * plain
+        least[2:] = np.maximum(least[2:], (KNOWN * (value[3] - value[2])) ** 2)
+        variance = np.where(better, np.maximum(variance, np.minimum(least, plain)), plain)
+        gain = np.divide(plain, variance, out=np.ones_like(plain), where=better & (variance > 0.0))
         return _Controlled(value, variance, gain, np.where(better, slope.mean(axis=0), 0.0))
 
-    def _shortest(
-        self, symmetric_low: FloatArray, symmetric_high: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def _shortest(self) -> tuple[FloatArray, FloatArray]:
         """Shortest interval from the block averages of the ordered values.
 
         JCGM 101:2008, 7.7.2: among the intervals from y_(r) to y_(r+q) the one of least width.
-        Averages of ordered values stand for y_(r), and p (m + 1) for q, between ranks. Of short
-        blocks they only say how far its ends are from those of the symmetric one, which have no
-        bias.
+        Averages of ordered values stand for y_(r), and p (m + 1) for q, between ranks.
         """
-        plan = self.plan
-        lower, upper = self._lower.averages(self.blocks), self._upper.averages(self.blocks)
+        lower, upper = self._tails.averages(self.blocks)
         low, high = np.empty(len(lower)), np.empty(len(upper))
         for i in range(len(lower)):
-            rank, partner = _shortest_ranks(lower[i], upper[i], plan)
-            low[i] = lower[i] @ plan.weights_at(rank)
-            high[i] = upper[i] @ plan.weights_at(partner)
-        if plan.is_short:
-            low += symmetric_low - lower @ plan.end_weights
-            high += symmetric_high - upper @ plan.end_weights
+            rank, partner = _shortest_ranks(lower[i], upper[i], self.plan)
+            low[i] = lower[i] @ self.plan.weights_at(rank)
+            high[i] = upper[i] @ self.plan.weights_at(partner)
         return low, high
+
+
+class TailSums:
+    """Running sums over blocks of the ordered values at both ends, from the outermost inwards.
+
+    `control`: the ordered values of the first-order form less their expectation. A rank takes
+    the slope of its own: where an output runs as an exponential, a tenth of the slope that its
+    97.5 % quantile has is that of another rank, and the wrong slope is worse than none.
+    """
+
+    def __init__(self, values: FloatArray) -> None:
+        # Values about those of the first block, lest squares cancel.
+        self._origin = values
+        self._sums = np.zeros((4, *values.shape))
+
+    def add(self, values: FloatArray, control: FloatArray) -> None:
+        """One block's ordered values and control, both of one shape."""
+        away = values - self._origin
+        for total, more in zip(
+            self._sums, (away, control, control * control, away * control), strict=True
+        ):
+            total += more
+
+    def averages(self, blocks: int) -> FloatArray:
+        """Averages over `blocks`, less the slope times the control's average.
+
+        The slope is that of least squares over the blocks, S_vc/S_cc; 0 with fewer than
+        `LEAST_BLOCKS`.
+        """
+        value, control, control_squared, product = self._sums
+        spread = control_squared - control**2 / blocks
+        usable = (spread > 0.0) & (blocks >= LEAST_BLOCKS)
+        slope = np.divide(
+            product - value * control / blocks, spread, out=np.zeros_like(value), where=usable
+        )
+        return np.asarray(self._origin + (value - slope * control) / blocks)
 
 
 def _shortest_ranks(lower: FloatArray, upper: FloatArray, plan: BlockPlan) -> tuple[float, float]:
@@ -219,9 +244,132 @@ def _shortest_ranks(lower: FloatArray, upper: FloatArray, plan: BlockPlan) -> tu
     return float(rank), float(outside - rank)
 
 
-def rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:
+def _rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:
     """Covariance with the sample's correlations and the standard uncertainties `u`."""
     sample = np.sqrt(np.diagonal(covariance))
     ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)
     scaled: FloatArray = covariance * np.outer(ratio, ratio)
     return scaled
+
+
+def single_block_estimates(
+    values: FloatArray, probability: float, u_exists: NDArray[np.bool_]
+) -> Estimates:
+    """Estimates from `values` (outputs, M).
+
+    Mean and u by JCGM 101:2008, 7.6; q = pM rounded, the symmetric interval from
+    r = (M - q)/2 or (M - q + 1)/2 and the shortest as the least y_(r+q) - y_(r), by 7.7.2.
+
+    Standard errors are asymptotic: u/sqrt(M) for the mean, sqrt((m4 - u^4 (M-3)/(M-1))/M)/(2u)
+    for u with the fourth central moment m4; for an end half the way to the values `REACH` binomial
+    standard deviations sqrt(M a (1 - a)), a = (1 - p)/2, from its rank, rms of both sides.
+    """
+    outputs, trials = values.shape
+    mean = values.mean(axis=1)
+    centred = values - mean[:, np.newaxis]
+    covariance = centred @ centred.T / (trials - 1)
+    variance = np.where(u_exists, np.diagonal(covariance), np.nan)
+    u = np.sqrt(variance)
+    ordered = np.sort(values, axis=1)
+    q = covered_ranks(trials, probability)
+    r = symmetric_rank(trials, q)
+    widths = ordered[:, q:] - ordered[:, : trials - q]
+    best = np.argmin(widths, axis=1)
+    each = np.arange(outputs)
+    undefined = np.where(u_exists, 1.0, np.nan)
+    ones = np.ones(outputs)
+    return Estimates(
+        mean=mean,
+        u=u,
+        low=ordered[:, r - 1],
+        high=ordered[:, r + q - 1],
+        se_mean=u / math.sqrt(trials),
+        se_u=_u_error(centred, variance, u),
+        se_low=_end_error(ordered, r, probability),
+        se_high=_end_error(ordered, r + q, probability),
+        shortest_low=ordered[each, best],
+        shortest_high=ordered[each, best + q],
+        covariance=covariance * np.outer(undefined, undefined),
+        gain=Gain(ones, ones, ones, ones),
+    )
+
+
+def covered_ranks(trials: int, probability: float) -> int:
+    """q of JCGM 101:2008, 7.7.2: pM where that is an integer, else its integer part after 1/2."""
+    exact = probability * trials
+    # 0.95 * 1e6 is 949999.9999999999: an integer but for rounding is an integer.
+    nearest = round(exact)
+    return nearest if math.isclose(exact, nearest, rel_tol=1e-12) else math.floor(exact + 0.5)
+
+
+def symmetric_rank(trials: int, q: int) -> int:
+    """r of JCGM 101:2008, 7.7.2: (M - q)/2, or the integer part of (M - q + 1)/2; from 1."""
+    return max(1, (trials - q + 1) // 2)
+
+
+def _u_error(centred: FloatArray, variance: FloatArray, u: FloatArray) -> FloatArray:
+    outputs, trials = centred.shape
+    fourth = np.mean(centred**4, axis=1)
+    spread = np.maximum(fourth - variance**2 * (trials - 3) / (trials - 1), 0.0)
+    found = np.zeros(outputs)
+    np.divide(np.sqrt(spread / trials), 2.0 * u, out=found, where=u != 0.0)
+    return found
+
+
+def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray:
+    trials = ordered.shape[1]
+    a = 0.5 * (1.0 - probability)
+    deviation = math.sqrt(trials * a * (1.0 - a))
+    below = max(1, math.floor(rank - REACH * deviation))
+    above = min(trials, math.ceil(rank + REACH * deviation))
+    end = ordered[:, rank - 1]
+    sides = [
+        (ordered[:, above - 1] - end) / max(above - rank, 1),
+        (end - ordered[:, below - 1]) / max(rank - below, 1),
+    ]
+    return np.asarray(np.sqrt(np.mean(np.square(sides), axis=0)) * deviation)
+
+
+def with_atoms(estimates: Estimates, samples: FloatArray, probability: float) -> Estimates:
+    """The estimates with the interval ends of discrete outputs from the samples (outputs, kept).
+
+    Block averages of ordered values are quantiles of continuous distributions only: of a chance
+    of 0.977 they would give a lower end between 0 and 1, which no trial has. The ends of a
+    discrete distribution are values of it, the smallest v with F(v) >= (1 - p)/2 and
+    F(v) >= (1 + p)/2 (JCGM 101:2008, 7.7.1, for a G that has jumps); the shortest interval is
+    that of least width with a share of p or more. They have no standard error: an end is one
+    value or another.
+    """
+    ends = {
+        i: _ends(column, probability)
+        for i, column in enumerate(samples)
+        if len(column) >= HEAD and _is_discrete(column)
+    }
+    if not ends:
+        return estimates
+    names = ("low", "high", "shortest_low", "shortest_high")
+    columns = {name: getattr(estimates, name).copy() for name in names}
+    errors = {name: getattr(estimates, name).copy() for name in ("se_low", "se_high")}
+    for i, own in ends.items():
+        for name, value in zip(names, own, strict=True):
+            columns[name][i] = value
+        for error in errors.values():
+            error[i] = 0.0
+    return replace(estimates, **columns, **errors)
+
+
+def _is_discrete(column: FloatArray) -> bool:
+    return len(np.unique(column[:HEAD])) <= MOST_VALUES and len(np.unique(column)) <= MOST_VALUES
+
+
+def _ends(column: FloatArray, probability: float) -> tuple[float, float, float, float]:
+    values, counts = np.unique(column, return_counts=True)
+    F = np.cumsum(counts)
+    n, outside = int(F[-1]), 0.5 * (1.0 - probability)
+    low = values[np.searchsorted(F, outside * n)]
+    high = values[np.searchsorted(F, (1.0 - outside) * n)]
+    before = F - counts
+    last = np.searchsorted(F, before + probability * n)
+    first = np.flatnonzero(last < len(values))
+    i = int(first[np.argmin(values[last[first]] - values[first])])
+    return float(low), float(high), float(values[i]), float(values[last[i]])

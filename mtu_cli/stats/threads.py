@@ -1,11 +1,24 @@
-"""One thread for linear algebra: small matrices gain nothing from more, and bytes depend on it."""
+"""How many processors there are, and one thread for linear algebra: small matrices gain nothing
+from more, and bytes depend on it.
+"""
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import AbstractContextManager
 from functools import cache
 from typing import Any
+
+MOST_THREADS = 8
+"""Each thread holds its own scratch arrays: more would break the memory promised."""
+
+
+def available_threads() -> int:
+    """Processors this process may use, at most `MOST_THREADS`."""
+    if hasattr(os, "sched_getaffinity"):
+        return min(MOST_THREADS, len(os.sched_getaffinity(0)))
+    return min(MOST_THREADS, os.cpu_count() or 1)
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:

@@ -19,7 +19,7 @@ import pytest
 from measured_examples import part_file, planted_and_clean
 from watched_process import MTU, READ, watched
 
-from mtu_cli.analyses.anova.parts import PartsTable, unusual_parts
+from mtu_cli.analyses.anova.outliers import PartsTable, unusual_parts
 
 RUNS = 3
 ROWS = 5_000_000
@@ -84,7 +84,6 @@ def test_unusual_parts_of_a_large_table() -> None:
         raw=values,
         scale=np.ones_like(values),
         scaled=values,
-        group=tuple(("", "", "xy"[i % 2]) for i in range(200)),
     )
     start = time.perf_counter()
     unusual_parts(table, 1)

@@ -12,9 +12,7 @@ import pytest
 from graph_examples import shipped
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # no stubs published
 
-from mtu_cli.model.graph.first_order import first_order
-from mtu_cli.model.graph.measurement_graph import evaluation
-from mtu_cli.model.graph.trials import GraphTrials
+from mtu_cli.model.graph.trials import GraphTrials, evaluation, first_order
 from mtu_cli.stats.monte_carlo import monte_carlo
 
 TRIALS = 1_000_000

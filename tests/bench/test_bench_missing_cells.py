@@ -17,7 +17,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import prepare
 from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
 from mtu_cli.close_loop_sealed.analyses.loop.search import search
 from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
-from mtu_cli.model.datum import Datum
+from mtu_cli.model.visits import Datum
 
 ALPHA, COUNT, SAMPLES = 0.05, 200, 499
 DAY = 900

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.special import ndtri
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # no stubs published
 
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.monte_carlo import monte_carlo
-from mtu_cli.stats.runner import available_threads
+from mtu_cli.stats.threads import available_threads
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
@@ -53,8 +54,12 @@ class RowColumnAngle:
             ]
         )
         self.linear_mean = np.zeros(1)
-        self.linear_u = np.full((1, 1), np.linalg.norm(first_order))
+        self.linear_u = np.linalg.norm(first_order)
+        self.linear_variance = np.full(1, self.linear_u**2)
         self.work = Workspace()
+
+    def linear_quantiles(self, probability: FloatArray) -> FloatArray:
+        return np.asarray(self.linear_u * ndtri(probability)[np.newaxis])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         z = self.work.array("z", (self.factor.shape[1], m))
@@ -70,7 +75,7 @@ class RowColumnAngle:
         np.divide(sums[0::2], sums[1::2], out=sums[0::2])
         angle = np.add(sums[0:1], sums[2:3], out=sums[1:2])
         np.negative(angle, out=angle)
-        return Draws(values=angle, linear=e[28:29], linear_u=self.linear_u)
+        return Draws(values=angle, linear=e[28:29])
 
 
 def hole_covariance() -> FloatArray:

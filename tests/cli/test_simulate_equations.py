@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.simulate_equations import named_equation
+from mtu_cli.model.simulate import named_equation
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ from mtu_cli.files.readings import ComponentLike, Readings, read_readings
 from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.study import load_study
 from mtu_cli.findings import InputError
-from mtu_cli.model.graph.examine import examine
+from mtu_cli.model.graph.units import examine
 
 LIMIT_S = 10.0
 """Of processor time; with the clock of the wall other programs could make a hang."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mtu_cli.files.graph import Step
 from mtu_cli.files.graph_kinds import TRANSITIONS
 from mtu_cli.model.geometry import fit_circle, fit_sphere
-from mtu_cli.model.graph.nominal import construction
+from mtu_cli.model.graph.transitions import Computed, construction
 
 Floats = NDArray[np.float64]
 BOUND = {"ball", "hole", "meas", "compute"}
@@ -74,6 +74,13 @@ def moved(kind: str, value: Floats, R: Floats, t: Floats) -> Floats:
     return np.stack(rows)
 
 
+def made(step: Step, nominal: list[Floats], places: list[Floats]) -> tuple[Floats, ...]:
+    """The outputs of a step whose fits start from `nominal`."""
+    values = dict(zip(step.inputs, places, strict=True))
+    Computed(step=step, construct=construction(step, nominal)).run(values)
+    return tuple(values[name] for name in step.outputs)
+
+
 @pytest.mark.parametrize(("do", "variant", "count"), CASES, ids=lambda item: str(item))
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
@@ -92,9 +99,10 @@ def test_turned_and_moved(do: str, variant: str, count: int, seed: int) -> None:
     t = rng.normal(size=3) * 100
     turned = [moved(kind, value, R, t) for kind, value in zip(kinds, inputs, strict=True)]
     names = tuple(map(str, range(len(inputs))))
-    step = Step(index=0, do=do, variant=variant, inputs=names, outputs=("out",))
-    outputs = construction(step, [item[..., :1] for item in inputs])(*inputs)
-    others = construction(step, [item[..., :1] for item in turned])(*turned)
+    out = tuple(f"out{i}" for i in range(len(entry.outputs)))
+    step = Step(index=0, do=do, variant=variant, inputs=names, outputs=out)
+    outputs = made(step, [item[..., :1] for item in inputs], inputs)
+    others = made(step, [item[..., :1] for item in turned], turned)
     for slot, before, after in zip(entry.outputs, outputs, others, strict=False):
         if do == "transform":
             # What is seen from a frame that moves along does not move.
@@ -111,7 +119,7 @@ def fitted(do: str, points: list[Floats]) -> tuple[Floats, ...]:
     variant = "free" if do == "sphere" else ""
     step = Step(index=0, do=do, variant=variant, inputs=names, outputs=("C", "r"))
     nominal = [point[:, :1] for point in points]
-    return construction(step, nominal)(*(point[:, 1:] for point in points))
+    return made(step, nominal, [point[:, 1:] for point in points])
 
 
 @pytest.mark.parametrize("do", ["circle", "sphere"])

@@ -21,7 +21,7 @@ from support import CONFIGS
 from mtu_cli.analyses.budget import BudgetResult, evaluate_budget
 from mtu_cli.files.budget import load_budget
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.distributions import student_quantile
+from mtu_cli.stats.coverage import coverage_factor
 
 BUDGETS = CONFIGS / "budgets"
 
@@ -55,8 +55,8 @@ def test_h1_expanded_uncertainty() -> None:
     """
     output = single(shipped("gum-h1-end-gauge"))
     assert output.expanded == pytest.approx(91.9, abs=0.1)
-    assert student_quantile(0.995, 16.0) == pytest.approx(2.92, abs=0.005)
-    assert student_quantile(0.995, np.floor(output.first.dof)) * 32 == pytest.approx(93, abs=0.5)
+    assert coverage_factor(0.99, 16.0) == pytest.approx(2.92, abs=0.005)
+    assert coverage_factor(0.99, np.floor(output.first.dof)) * 32 == pytest.approx(93, abs=0.5)
 
 
 def test_h1_second_order() -> None:
@@ -186,7 +186,7 @@ def test_valdes_table_4_contradicts_itself() -> None:
     assert output.first.u == pytest.approx(0.0742, abs=5e-5)
     assert output.first.dof == pytest.approx(4.05, abs=0.006)
     assert output.k == pytest.approx(2.76, abs=0.005)
-    assert student_quantile(0.975, 4.0) == pytest.approx(2.78, abs=0.005)
+    assert coverage_factor(0.95, 4.0) == pytest.approx(2.78, abs=0.005)
     assert output.expanded == pytest.approx(0.205, abs=0.0005)
     assert 0.104 / output.first.u == pytest.approx(1.40, abs=0.005)
 

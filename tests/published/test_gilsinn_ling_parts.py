@@ -11,8 +11,7 @@ from mtu_cli.analyses.compare.evidence import (
     evidence,
     paper_length_variance,
 )
-from mtu_cli.analyses.compare.summary import summarised
-from mtu_cli.analyses.compare.verdicts import judged
+from mtu_cli.analyses.compare.verdicts import judged, summarised
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import cells_of
 
@@ -104,11 +103,9 @@ def test_ratios_of_table_10(
 ) -> None:
     """Drilled 4-7, milled 2-3 with the bias; of u alone 4.7-5.5 and 1.9-2.7; in the summary."""
     (summary,) = summarised(judged(table_10(kind), None)[0])
-    assert summary.paper_ratio_range is not None
-    assert summary.paper_ratio_u is not None
-    assert of_range[0] <= summary.paper_ratio_range.least
-    assert summary.paper_ratio_range.largest <= of_range[1]
-    ends = (summary.paper_ratio_u.least, summary.paper_ratio_u.largest)
+    assert of_range[0] <= summary.ranges["paper_ratio_range"].least
+    assert summary.ranges["paper_ratio_range"].largest <= of_range[1]
+    ends = (summary.ranges["paper_ratio_u"].least, summary.ranges["paper_ratio_u"].largest)
     # The ratios follow from u printed to 0.05 um in 7.
     assert ends == pytest.approx(of_u, abs=0.06)
 
@@ -118,9 +115,8 @@ def test_verdicts_of_table_10() -> None:
     5.4 times (u of 21 parts is 2.4 % more than their scatter), and the milled ones less so."""
     drilled, milled = (summarised(judged(table_10(kind), None)[0])[0] for kind in TABLE_8_AND_9)
     assert (drilled.under_predicted, milled.under_predicted) == (3, 3)
-    assert drilled.under_factor is not None
-    assert drilled.under_factor.least == pytest.approx(33.1 / 7.0 / 1.0235, abs=0.05)
-    assert drilled.under_factor.largest == pytest.approx(44.7 / 8.1 / 1.0235, abs=0.05)
+    assert drilled.ranges["under_factor"].least == pytest.approx(33.1 / 7.0 / 1.0235, abs=0.05)
+    assert drilled.ranges["under_factor"].largest == pytest.approx(44.7 / 8.1 / 1.0235, abs=0.05)
 
 
 def test_ms_between_is_not_the_part_variance() -> None:

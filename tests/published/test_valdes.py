@@ -21,8 +21,8 @@ from support import CONFIGS, DATA
 
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.readings import read_readings
-from mtu_cli.model.thermal import ThermalEstimate
-from mtu_cli.model.thermal_estimates import thermal_from_machine_file
+from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.model.fit import thermal_from_machine_file
 from mtu_cli.stats.coverage import welch_satterthwaite
 
 # Position: measured and modelled diameter (mm), residual (um), reduction (%).

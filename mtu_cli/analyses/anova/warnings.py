@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.anova.parts import FEWEST_PARTS
-from mtu_cli.analyses.anova.tables import Analysed, Method
+from mtu_cli.analyses.anova.outliers import FEWEST_PARTS
+from mtu_cli.analyses.anova.tables import Analysed, Label, Method
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import BELOW_THREE, FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import BoolArray
 
-if TYPE_CHECKING:
-    from mtu_cli.files.part import LoadedPart
-
-NO_MEASUREMENT = "no measurement of a part, in one operation, has all of its features"
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
 
 Condition = Callable[[Analysed], BoolArray]
@@ -51,34 +47,39 @@ def anova_warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
     """
     found = []
     for code, (condition, facts) in CONDITIONS.items():
-        met = [(item, condition(item)) for item in kinds]
-        every = all(rows.all() for _, rows in met)
-        items = ["all"] if every else [_some(item, rows) for item, rows in met if rows.any()]
-        found += [finding(code, items=each, names=[_future(each)], **facts) for each in items]
+        met = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
+        items = [some(rows, name) for name, rows in met if rows.any()]
+        names = [f"u of a future part ({each})" for each in items]
+        if all(rows.all() for _, rows in met):
+            items, names = ["all"], ["u of a future part"]
+        found += [
+            finding(code, items=each, names=[name], **facts)
+            for each, name in zip(items, names, strict=True)
+        ]
     if method == "paper":
         found.append(finding("paper-method"))
-    empty = [w for item in kinds for w in _empty(item)]
-    return [*found, *empty, *_few(kinds[0].tables)]
+    for kind in kinds:
+        what = "measurements" if kind.kind == "feature" else KINDS[kind.kind]
+        found += missing_cells(kind.tables, ~kind.tables.cells.present, what)
+    parts = len(kinds[0].tables.parts)
+    if 2 <= parts < FEWEST_PARTS:
+        consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
+        found.append(finding("few-parts", parts=parts, items="all", consequence=consequence))
+    return found
 
 
-def _some(item: Analysed, rows: BoolArray) -> str:
+def some(rows: BoolArray, name: str) -> str:
+    """How many of all, such as "2 of 6 features and axes"."""
     count, total = int(rows.sum()), len(rows)
-    name = KINDS[item.kind]
     return f"all {name}" if count == total else f"{count} of {total} {name}"
 
 
-def _future(items: str) -> str:
-    return "u of a future part" if items == "all" else f"u of a future part ({items})"
-
-
-def _empty(item: Analysed) -> list[Finding]:
-    tables = item.tables
-    empty = ~tables.cells.present
+def missing_cells(tables: MeasuredTables, empty: BoolArray, what: str) -> list[Finding]:
+    """Parts that were not measured everywhere: `empty` (tables, parts)."""
     if not empty.any():
         return []
     table, part = (int(index) for index in np.argwhere(empty)[0])
     name = " ".join(word for word in tables.labels[table] if word)
-    what = "measurements" if item.kind == "feature" else KINDS[item.kind]
     return [
         finding(
             "missing-values",
@@ -91,25 +92,9 @@ def _empty(item: Analysed) -> list[Finding]:
     ]
 
 
-def _few(tables: MeasuredTables) -> list[Finding]:
-    if len(tables.parts) >= FEWEST_PARTS or len(tables.parts) < 2:
-        return []
-    consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
-    count = len(tables.parts)
-    return [finding("few-parts", parts=count, items="all", consequence=consequence)]
-
-
-def missing_entries(
-    part: LoadedPart, lengths: MeasuredTables | None, angles: MeasuredTables | None
-) -> list[Finding]:
-    """Lengths and angles of the part file that no measurement of a part has all features of."""
-    found = []
-    for what, entries, tables in (
-        ("length", part.part.lengths, lengths),
-        ("right angle", part.part.orthogonality, angles),
-    ):
-        known = set() if tables is None else {label[1] for label in tables.labels}
-        lost = [f"{what} {entry.id}" for entry in entries if entry.id not in known]
-        if lost:
-            found.append(finding("not-measured", names=lost, reason=NO_MEASUREMENT))
-    return found
+def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) -> list[Finding]:
+    """Lengths or angles of the part file that no measurement of a part has all features of."""
+    known = {label[1] for label in labels}
+    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in known]
+    reason = "no measurement of a part, in one operation, has all of its features"
+    return [finding("not-measured", names=lost, reason=reason)] if lost else []

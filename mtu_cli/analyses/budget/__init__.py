@@ -21,9 +21,8 @@ from mtu_cli.analyses.budget.warnings import budget_warnings
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.model.settings import PROBABILITY, Settings
-from mtu_cli.stats.block_plan import is_one_block
-from mtu_cli.stats.coverage import numerical_tolerance
-from mtu_cli.stats.distributions import student_quantile
+from mtu_cli.stats.blocks import is_one_block
+from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
@@ -141,7 +140,7 @@ class _Judge:
         first = self.first[index]
         factor = math.nan
         if not math.isnan(first.dof):
-            factor = student_quantile(0.5 * (1.0 + self.probability), first.dof)
+            factor = coverage_factor(self.probability, first.dof)
         if math.isnan(first.u):
             verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
         else:

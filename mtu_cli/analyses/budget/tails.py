@@ -20,7 +20,7 @@ import numpy as np
 
 from mtu_cli.analyses.budget.quantities import InputQuantity
 from mtu_cli.analyses.budget.sources import Source
-from mtu_cli.stats.distributions import student_quantile
+from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW_DOF, NO_U = 4.0, 2.0
@@ -50,7 +50,7 @@ class Tail:
         form, of which `BudgetTrials` knows the variance where it is `controlled`.
         """
         p = 1.0 - 0.5 * CHANCE / trials
-        far = student_quantile(p, self.dof)
+        far = float(t_quantile(np.array([p]), self.dof)[0])
         whole = self.linear * far + self.squared * far * far + self.crossed * far
         known = self.linear * far if controlled else 0.0
         return (whole - known) * (whole + known) / (2.0 * trials)

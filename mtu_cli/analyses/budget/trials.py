@@ -15,12 +15,10 @@ from mtu_cli.analyses.budget.sources import ROUNDING, Source
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.copula import bounded_quantile
-from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, t_scales
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.linear_distribution import LEAST_DOF, Term, linear_distribution
+from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
 from mtu_cli.stats.monte_carlo import MonteCarloResult
-from mtu_cli.stats.rank_map import RankMap, rank_map
 from mtu_cli.stats.workspace import Workspace
 
 MOMENTS_FROM = 2.0
@@ -37,9 +35,8 @@ class BudgetTrials:
 
     The control variate is the first-order form, of which the engine knows the mean and, where all
     sources are independent, the variance exactly: of an equation that is linear, u is then free of
-    chance. Where its distribution is known too (see `linear_distribution`) each draw of it is
-    mapped, rank for rank, to a t or normal distribution much like it, of which the quantiles are
-    known as well. A form that is normal or a single t needs no map. Every output is
+    chance. Where its distribution is known too (see `sum_quantile`) so are its quantiles, which
+    serve the ends of the interval. Every output is
     divided by its `scale` (outputs,), lest its square overflow or vanish; `in_full` undoes it.
     Where it is not `controlled`, as a single block cannot be, the form is left out.
     """
@@ -74,14 +71,10 @@ class BudgetTrials:
             self._control()
 
     def _control(self) -> None:
-        """Chooses what the engine may know of the first-order form."""
-        outputs = len(self.names)
-        self.maps: list[RankMap | None] = [None] * outputs
-        self.linear_u: FloatArray | None = None
-        u, dof = np.zeros(outputs), np.full(outputs, math.inf)
-        variances = np.full(outputs, math.nan)
-        known = True
-        for k, g in enumerate(self.gradient):
+        """What the engine may know of the first-order form."""
+        variances: list[float] = []
+        self._quantiles: list[Quantile | None] = []
+        for g in self.gradient:
             # Inputs that cancel to first order still scatter where each has a scale of its own.
             counted = [
                 source
@@ -89,26 +82,16 @@ class BudgetTrials:
                 if source.variance(g) > 0.0
                 or (np.any(g[list(source.rows)]) and not source.is_simple)
             ]
-            alike = [source for source in counted if not source.is_normal]
-            variance = math.fsum(source.variance(g) for source in counted)
-            if not alike or (len(counted) == 1 and alike[0].is_t):
-                u[k] = math.sqrt(variance)
-                dof[k] = alike[0].members[0].dof if alike else math.inf
-                continue
-            variances[k] = math.fsum(source.drawn_variance(g) for source in counted)
-            found = _map(counted, g)
-            if found is None:
-                known = False
-                continue
-            self.maps[k] = found
-            u[k], dof[k] = found.scale, found.dof
-        with np.errstate(invalid="ignore", divide="ignore"):
-            inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2.0, dof / (dof - 2.0), np.nan))
-        # Where no quantiles are known the variance of the form may be, and serves u.
-        unknown = np.isnan(variances)
-        self.linear_variance = np.where(unknown & (u > 0.0), u**2 * inflation, variances)
-        if known:
-            self.linear_dof, self.linear_u = dof, u[:, None]
+            variances.append(math.fsum(source.drawn_variance(g) for source in counted))
+            terms = [_term(source, g) for source in counted]
+            known = [term for term in terms if term is not None]
+            self._quantiles.append(sum_quantile(known) if len(known) == len(terms) else None)
+        self.linear_variance = np.array(variances)
+
+    def linear_quantiles(self, probability: FloatArray) -> FloatArray:
+        """Those (outputs, n) of the first-order forms less their mean, nan where unknown."""
+        unknown = np.full(probability.shape, np.nan)
+        return np.array([unknown if q is None else q(probability) for q in self._quantiles])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and, where it controls, first-order values (outputs, m)."""
@@ -129,21 +112,8 @@ class BudgetTrials:
             return Draws(values=values)
         linear = self.work.array("linear", values.shape)
         np.matmul(self.gradient, deviation, out=linear)
-        ranked = self._ranked(linear)
         linear += self.offset[:, None]
-        return Draws(values=values, linear=linear, ranked=ranked, linear_u=self.linear_u)
-
-    def _ranked(self, linear: FloatArray) -> FloatArray | None:
-        """The deviations (outputs, m) of the forms, mapped, about the offset; None without a map
-        or where a form's quantiles are not known.
-        """
-        if self.linear_u is None or not any(self.maps):
-            return None
-        ranked = self.work.array("ranked", linear.shape)
-        for k, known in enumerate(self.maps):
-            ranked[k] = linear[k] if known is None else known(linear[k])
-        ranked += self.offset[:, None]
-        return ranked
+        return Draws(values=values, linear=linear)
 
     def in_full(self, run: MonteCarloResult) -> MonteCarloResult:
         """A run's outputs in their own units again."""
@@ -204,28 +174,15 @@ def _factor(source: Source, rho: FloatArray | None) -> FloatArray:
     return scale[:, None] * factor_of(rho)
 
 
-def _map(sources: Sequence[Source], gradient: FloatArray) -> RankMap | None:
-    """The map of the first-order form to the t distribution most like it, if its own is known."""
-    if not all(source.is_simple for source in sources):
-        return None
-    known = linear_distribution([term for source in sources for term in _terms(source, gradient)])
-    if known is None:
-        return None
-    # A bounded source has no tails, whatever its degrees of freedom.
-    dof = welch_satterthwaite(
-        np.array([source.variance(gradient) for source in sources]),
-        np.array(
-            [math.inf if source.members[0].bounded else source.members[0].dof for source in sources]
-        ),
-    )
-    return rank_map(known, max(dof, LEAST_DOF))
-
-
-def _terms(source: Source, gradient: FloatArray) -> list[Term]:
+def _term(source: Source, gradient: FloatArray) -> Term | None:
+    """A source's part of a first-order form; None where its distribution is unknown."""
     if source.how == "alone":
-        return [(float(gradient[source.rows[0]]), source.members[0])]
+        return float(gradient[source.rows[0]]), source.members[0]
+    if not (source.is_t or source.is_normal):
+        return None
+    dof = source.members[0].dof if source.is_t else math.inf
     u = math.sqrt(source.variance(gradient))
-    return [(1.0, Distribution(kind="normal", u=u, dof=source.members[0].dof))]
+    return 1.0, Distribution(kind="normal", u=u, dof=dof)
 
 
 def _has_u(tree: Node, inputs: Sequence[InputQuantity]) -> bool:

@@ -4,62 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.compare.evidence import (
-    Evidence,
-    Side,
-    evidence,
-    paper_length_variance,
-)
-from mtu_cli.analyses.compare.operations import (
-    OperationPredictions,
+from mtu_cli.analyses.compare.evidence import evidence
+from mtu_cli.analyses.compare.predicted import (
     predict_operations,
     predicted_features,
     predicted_lengths,
 )
-from mtu_cli.analyses.compare.summary import Range, Summary, summarised
-from mtu_cli.analyses.compare.verdicts import (
-    VERDICTS,
-    Compared,
-    Verdict,
-    judged,
-)
+from mtu_cli.analyses.compare.verdicts import Compared, Summary, Verdict, judged, summarised
 from mtu_cli.analyses.compare.warnings import compare_warnings
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
-from mtu_cli.model.datum import Datum, freed, incomplete_datum
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import (
-    MeasuredTables,
-    feature_tables,
-    left_out,
-    length_tables,
-    no_shared_axis,
-)
-from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.measured import feature_tables, left_out, length_tables, no_shared_axis
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import axes_of, visits_of
-from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.model.visits import Datum, axes_of, freed, incomplete_datum, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
-__all__ = [
-    "FAMILY_RATE",
-    "VERDICTS",
-    "CompareResult",
-    "Compared",
-    "Evidence",
-    "Range",
-    "Side",
-    "Summary",
-    "Verdict",
-    "compare",
-    "judged",
-    "paper_length_variance",
-]
+__all__ = ["CompareResult", "Compared", "Summary", "Verdict", "compare", "judged"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,13 +63,22 @@ def compare(
     Raises InputError for points that share no axis with the machine, and for a missing covariate
     or one with gaps.
     """
-    warnings, axes = left_out(points), _shared_axes(model, points)
+    axes, k = _shared_axes(model, points), settings.coverage_factor
+    warnings = left_out(points)
     predicted = predict_operations(model, points, covariates or {})
-    points = predicted.points
-    task = _Task(predicted=predicted, axes=axes, datum=datum, part=part, k=settings.coverage_factor)
-    sides = _sides(task, points)
-    features, lengths = judged(sides.features, sides.lengths)
-    warnings = [*warnings, *sides.warnings, *predicted.warnings]
+    points, predictions = predicted.points, predicted.predictions
+    loose, complete = freed(points, axes, datum)
+    tables, names = feature_tables(loose), {AXES[i] for i in axes}
+    if not complete:
+        warnings.append(incomplete_datum())
+    tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
+    of_features = evidence(tables, predicted_features(predictions, tables.labels, axes, datum), k)
+    of_lengths, long = None, length_tables(points, visits_of(points), part)
+    if long is not None:
+        holes = of_features if datum == "none" else None
+        items = predicted_lengths(predictions, long.labels, part, holes)
+        of_lengths = evidence(long, items, k)
+    features, lengths = judged(of_features, of_lengths)
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
@@ -114,63 +88,13 @@ def compare(
         feature_summaries=summarised(features),
         length_summaries=() if lengths is None else summarised(lengths, "lengths"),
         datum=datum,
-        coverage_factor=task.k,
+        coverage_factor=k,
         warnings=(
             *warnings,
-            *compare_warnings(model, part, points, sides.tables, features, lengths),
+            *predicted.warnings,
+            *compare_warnings(model, part, points, tables, features, lengths),
         ),
     )
-
-
-class _Task(NamedTuple):
-    """What is compared, whatever the readings."""
-
-    predicted: OperationPredictions
-    axes: tuple[int, ...]
-    datum: Datum
-    part: LoadedPart
-    k: float
-
-
-class _Sides(NamedTuple):
-    """The evidence of both kinds, the tables it is of, and what is odd about these."""
-
-    features: Evidence
-    lengths: Evidence | None
-    tables: MeasuredTables
-    length_tables: MeasuredTables | None
-    warnings: list[Finding]
-
-
-def _sides(task: _Task, points: Points) -> _Sides:
-    predictions, datum, k = task.predicted.predictions, task.datum, task.k
-    tables, warned = _freed_tables(points, task.axes, datum)
-    features = evidence(tables, predicted_features(predictions, tables.labels, task.axes, datum), k)
-    long = length_tables(points, visits_of(points), task.part)
-    lengths = _lengths(predictions, task.part, long, None if datum != "none" else features, k)
-    return _Sides(features, lengths, tables, long, warned)
-
-
-def _freed_tables(
-    points: Points, axes: tuple[int, ...], datum: Datum
-) -> tuple[MeasuredTables, list[Finding]]:
-    """The tables of axes that the machine has an equation for, less the datum's freedoms."""
-    loose, complete = freed(points, axes, datum)
-    tables, names = feature_tables(loose), {AXES[k] for k in axes}
-    warned = [] if complete else [incomplete_datum()]
-    return tables.only([i for i, label in enumerate(tables.labels) if label[2] in names]), warned
-
-
-def _lengths(
-    predictions: Mapping[str, Prediction],
-    part: LoadedPart,
-    tables: MeasuredTables | None,
-    holes: Evidence | None,
-    k: float,
-) -> Evidence | None:
-    if tables is None:
-        return None
-    return evidence(tables, predicted_lengths(predictions, tables.labels, part, holes), k)
 
 
 def _shared_axes(model: MachineModel, points: Points) -> tuple[int, ...]:

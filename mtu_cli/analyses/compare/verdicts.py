@@ -1,15 +1,14 @@
-"""Verdicts on all items of a study, as one family of tests."""
+"""Verdicts on all items of a study, as one family of tests, and their sum by operation."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, Evidence
-from mtu_cli.analyses.compare.pooled import PooledTest
+from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, Evidence, PooledTest
 from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -46,7 +45,7 @@ class Compared(Evidence):
     than came), consistent; None where nothing was tested. `withheld` items are those whose
     scatter was measured, but against predictions of so few degrees of freedom that no scatter
     would be found too large. `pooled` has an entry for every operation whose features could be
-    tested as one; lengths, which are made of features, have none.
+    tested as one.
     """
 
     biased: Answers
@@ -57,18 +56,16 @@ class Compared(Evidence):
     verdicts: tuple[Verdict | None, ...]
     pooled: tuple[Pooled, ...] = ()
 
-    @cached_property
-    def stated(self) -> tuple[str, ...]:
-        """Every fault of an item (items,), or the verdict where it has none."""
-        names = ("biased", "under-predicted", "over-predicted", "inconsistent")
-        answers = zip(
-            self.biased, self.under_predicted, self.over_predicted, self.inconsistent, strict=True
-        )
-        faults = [[name for name, yes in zip(names, own, strict=True) if yes] for own in answers]
-        return tuple(
-            ", ".join(own) or verdict or "not tested"
-            for own, verdict in zip(faults, self.verdicts, strict=True)
-        )
+    def stated(self, i: int) -> str:
+        """Every fault of item `i`, or the verdict where it has none."""
+        faults = {
+            "biased": self.biased,
+            "under-predicted": self.under_predicted,
+            "over-predicted": self.over_predicted,
+            "inconsistent": self.inconsistent,
+        }
+        names = [name for name, answers in faults.items() if answers[i]]
+        return ", ".join(names) or self.verdicts[i] or "not tested"
 
     def by_interest(self) -> list[int]:
         """Items with a fault, the clearest first, then those of the largest |E_n|: parts that
@@ -95,12 +92,14 @@ def judged(features: Evidence, lengths: Evidence | None) -> tuple[Compared, Comp
     tests = np.isfinite(p_bias).sum() + np.isfinite(p_scatter).sum()
     withheld = np.isfinite(p_scatter) & (hopeless > FAMILY_RATE / max(tests, 1))
     p_scatter = np.where(withheld, np.nan, p_scatter)
-    share = JOINT_SHARE if _pooled_tests(features) else 0.0
+    least = JOINT_SHARE * FAMILY_RATE / max(len(features.pooled_tests), 1)
+    able = {name: x for name, x in features.pooled_tests.items() if x.p_hopeless <= least}
+    share = JOINT_SHARE if able else 0.0
     adjusted = holm(np.concatenate([p_bias, p_scatter]))
     bias, scatter = np.split(np.minimum(adjusted / (1 - share), 1.0), 2)
     n = len(features.labels)
     found = _judged(features, bias[:n], scatter[:n], withheld[:n])
-    found = replace(found, pooled=_pooled(found))
+    found = replace(found, pooled=_pooled(able))
     if lengths is None:
         return found, None
     return found, _judged(lengths, bias[n:], scatter[n:], withheld[n:])
@@ -110,71 +109,158 @@ def _judged(
     kind: Evidence, p_bias: FloatArray, p_scatter: FloatArray, withheld: np.ndarray
 ) -> Compared:
     few = kind.one_way.parts < FEWEST_PARTS
-    off = [_answer(p) for p in p_bias]
-    apart = [_answer(p) for p in p_scatter]
-    more = kind.ratio_ms > 1
-    under = [None if a is None else a and bool(m) for a, m in zip(apart, more, strict=True)]
-    over = [None if a is None else a and not m for a, m in zip(apart, more, strict=True)]
-    biased = [None if f else o for o, f in zip(off, few, strict=True)]
-    # Parts that are known to scatter more explain a mean that is off.
-    unclear = [
-        o and not u if f and o is not None else None
-        for o, u, f in zip(off, under, few, strict=True)
-    ]
-    own = {item.name: getattr(kind, item.name) for item in fields(kind)}
+    rows = list(zip(p_bias, p_scatter, kind.ratio_ms > 1, few, strict=True))
+    biased, under, over, unclear = zip(*(_faults(*row) for row in rows), strict=True)
+    evidence = {item.name: getattr(kind, item.name) for item in fields(kind)}
     return Compared(
-        **own | {"p_bias": p_bias, "p_scatter": p_scatter},
-        biased=tuple(biased),
-        under_predicted=tuple(under),
-        over_predicted=tuple(over),
-        inconsistent=tuple(unclear),
+        **evidence | {"p_bias": p_bias, "p_scatter": p_scatter},
+        biased=biased,
+        under_predicted=under,
+        over_predicted=over,
+        inconsistent=unclear,
         withheld=tuple(withheld.tolist()),
         verdicts=tuple(map(_gravest, biased, under, over, unclear)),
     )
 
 
-def _pooled_tests(kind: Evidence) -> dict[str, PooledTest]:
-    """Of all items of each operation, those tests that have a chance of finding anything."""
-    every = {own.operation: own.test for own in kind.pooled_items}
-    known = {operation: own for operation, own in every.items() if own is not None}
-    least = JOINT_SHARE * FAMILY_RATE / max(len(known), 1)
-    return {operation: own for operation, own in known.items() if own.p_hopeless <= least}
-
-
-def _pooled(found: Compared) -> tuple[Pooled, ...]:
-    tests = _pooled_tests(found)
-    adjusted = np.minimum(holm(np.array([own.p for own in tests.values()])) / JOINT_SHARE, 1.0)
-    return tuple(
-        Pooled(
-            operation=operation,
-            items=test.items,
-            ratio=test.ratio,
-            p=float(p),
-            verdict=_way(test) if p <= FAMILY_RATE else None,
-        )
-        for (operation, test), p in zip(tests.items(), adjusted, strict=True)
-    )
-
-
-def _way(test: PooledTest) -> Verdict:
-    return "under-predicted" if test.ratio > 1 else "over-predicted"
-
-
-def _answer(p: float) -> bool | None:
-    return bool(p <= FAMILY_RATE) if np.isfinite(p) else None
+def _faults(
+    p_bias: float, p_scatter: float, more: bool, few: bool
+) -> tuple[bool | None, bool | None, bool | None, bool | None]:
+    """Whether an item is biased, under-predicted, over-predicted, inconsistent."""
+    off = bool(p_bias <= FAMILY_RATE) if np.isfinite(p_bias) else None
+    under = over = None
+    if np.isfinite(p_scatter):
+        under, over = (bool(p_scatter <= FAMILY_RATE and way) for way in (more, not more))
+    if not few:
+        return off, under, over, None
+    # Parts that are known to scatter more explain a mean that is off.
+    return None, under, over, None if off is None else off and not under
 
 
 def _gravest(
     biased: bool | None, under: bool | None, over: bool | None, inconsistent: bool | None
 ) -> Verdict | None:
-    if under:
-        return "under-predicted"
-    if biased:
-        return "biased"
-    if inconsistent:
-        return "inconsistent"
-    if over:
-        return "over-predicted"
-    if biased is under is over is inconsistent is None:
-        return None
-    return "consistent"
+    faults: dict[Verdict, bool | None] = {
+        "under-predicted": under,
+        "biased": biased,
+        "inconsistent": inconsistent,
+        "over-predicted": over,
+    }
+    tested = any(fault is not None for fault in faults.values())
+    return next((name for name, fault in faults.items() if fault), "consistent" if tested else None)
+
+
+def _pooled(tests: Mapping[str, PooledTest]) -> tuple[Pooled, ...]:
+    adjusted = np.minimum(holm(np.array([x.p for x in tests.values()])) / JOINT_SHARE, 1.0)
+    found = []
+    for (operation, test), p in zip(tests.items(), adjusted.tolist(), strict=True):
+        way: Verdict = "under-predicted" if test.ratio > 1 else "over-predicted"
+        verdict = way if p <= FAMILY_RATE else None
+        found.append(
+            Pooled(operation=operation, items=test.items, ratio=test.ratio, p=p, verdict=verdict)
+        )
+    return tuple(found)
+
+
+class Range(NamedTuple):
+    """The least, the median and the largest of the values that are known."""
+
+    least: float
+    median: float
+    largest: float
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest."""
+        return self.least, self.largest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """The items of one operation, features or lengths (`kind`): how many have which verdict and
+    fault, and the ranges of their figures.
+
+    `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
+    `over_predicted` and `inconsistent` count every fault. `bias_tested` and `scatter_tested`
+    items could be judged at all, `not_tested` ones in neither. `ranges` are, where any value is
+    known, those of RANGES, of `under_factor` and `over_factor`, which are `ratio_scatter` of the
+    items under- and over-predicted, of `bias_size`, |bias| (mm) of the biased or inconsistent,
+    and of `n0`: the paper's scatter, from MS_between, is sqrt(n0) times the parts' own, or
+    somewhat more (`ms_share`). `pooled` is the test of their pooled scatter, None where it was
+    not made.
+    """
+
+    kind: str
+    operation: str
+    items: int
+    verdicts: dict[Verdict, int]
+    not_tested: int
+    bias_tested: int
+    scatter_tested: int
+    biased: int
+    under_predicted: int
+    over_predicted: int
+    inconsistent: int
+    ranges: Mapping[str, Range]
+    pooled: Pooled | None
+
+    @property
+    def pooled_fault(self) -> Verdict | None:
+        """What the pooled test shows and no item by itself."""
+        alone = {"under-predicted": self.under_predicted, "over-predicted": self.over_predicted}
+        verdict = None if self.pooled is None else self.pooled.verdict
+        return None if verdict is None or alone[verdict] else verdict
+
+
+RANGES = (
+    *("ratio_u", "ratio_range", "ratio_scatter", "paper_ratio_u", "paper_ratio_range"),
+    *("bias", "ms_share"),
+)
+
+
+def summarised(found: Compared, kind: str = "features") -> tuple[Summary, ...]:
+    """One entry an operation, in the order in which they come."""
+    operations = dict.fromkeys(label[0] for label in found.labels)
+    return tuple(_summary(found, kind, operation) for operation in operations)
+
+
+def _summary(found: Compared, kind: str, operation: str) -> Summary:
+    rows = np.array([i for i, label in enumerate(found.labels) if label[0] == operation])
+    verdicts = [found.verdicts[i] for i in rows]
+
+    def true(answers: Answers) -> np.ndarray:
+        return np.array([answers[i] is True for i in rows])
+
+    def tested(*kinds: Answers) -> int:
+        return sum(any(answers[i] is not None for answers in kinds) for i in rows)
+
+    biased, unclear = true(found.biased), true(found.inconsistent)
+    under, over = true(found.under_predicted), true(found.over_predicted)
+    values = {name: getattr(found, name)[rows] for name in RANGES}
+    scatter = values["ratio_scatter"]
+    values |= {
+        "n0": found.one_way.n0[rows],
+        "bias_size": np.abs(values["bias"][biased | unclear]),
+        "under_factor": scatter[under],
+        "over_factor": scatter[over],
+    }
+    known = {name: each[np.isfinite(each)] for name, each in values.items()}
+    return Summary(
+        kind=kind,
+        operation=operation,
+        items=len(rows),
+        verdicts={name: verdicts.count(name) for name in VERDICTS},
+        not_tested=verdicts.count(None),
+        bias_tested=tested(found.biased, found.inconsistent),
+        scatter_tested=tested(found.under_predicted),
+        biased=int(biased.sum()),
+        under_predicted=int(under.sum()),
+        over_predicted=int(over.sum()),
+        inconsistent=int(unclear.sum()),
+        ranges={
+            name: Range(float(each.min()), float(np.median(each)), float(each.max()))
+            for name, each in known.items()
+            if len(each)
+        },
+        pooled=next((item for item in found.pooled if item.operation == operation), None),
+    )

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.analyses.anova.warnings import NO_MEASUREMENT
+from mtu_cli.analyses.anova.warnings import missing_cells, missing_entries, some
 from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
 from mtu_cli.analyses.compare.verdicts import Compared
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.loose_features import loose_of_tables
+from mtu_cli.model.columns import last_digit
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import MeasuredTables, not_measured
-from mtu_cli.model.resolution import last_digit
+from mtu_cli.model.measured import MeasuredTables, loose_of_tables, not_measured
 from mtu_cli.model.visits import axes_of
-from mtu_cli.stats.anova import BoolArray
 
 FEWEST_TURNED, TURNED = 3, 0.9
 """Biased items, and the share of their bias that the other sign explains, from which on it is
@@ -84,14 +82,11 @@ def _axes(model: MachineModel, points: Points) -> list[Finding]:
 
 
 def _not_measured(part: LoadedPart, points: Points, lengths: Compared | None) -> list[Finding]:
-    known = set() if lengths is None else {label[1] for label in lengths.labels}
-    lost = [f"length {entry.id}" for entry in part.part.lengths if entry.id not in known]
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
-    return [
-        finding("not-measured", names=names, reason=reason)
-        for names, reason in ((lost, NO_MEASUREMENT), (missing, "not among the points"))
-        if names
-    ]
+    found = missing_entries("length", part.part.lengths, lengths.labels if lengths else ())
+    if missing:
+        found.append(finding("not-measured", names=missing, reason="not among the points"))
+    return found
 
 
 def _empty(tables: MeasuredTables) -> list[Finding]:
@@ -100,22 +95,9 @@ def _empty(tables: MeasuredTables) -> list[Finding]:
     present = tables.cells.present
     empty = np.zeros_like(present)
     for operation in np.unique(operations):
-        own = operations == operation
-        empty[own] = ~present[own] & present[own].any(axis=0)
-    if not empty.any():
-        return []
-    table, part = (int(index) for index in np.argwhere(empty)[0])
-    name = " ".join(word for word in tables.labels[table] if word)
-    return [
-        finding(
-            "missing-values",
-            what=f"{int(empty.sum())} of {empty.size} measurements by part",
-            names=[f"first: part {tables.parts[part]!r} at {name}"],
-            consequence="the rest is analysed with unequal counts",
-            part=tables.parts[part],
-            label=name,
-        )
-    ]
+        rows = operations == operation
+        empty[rows] = ~present[rows] & present[rows].any(axis=0)
+    return missing_cells(tables, empty, "measurements")
 
 
 def _parts(kinds: list[Compared]) -> list[Finding]:
@@ -126,15 +108,19 @@ def _parts(kinds: list[Compared]) -> list[Finding]:
     found = []
     if one.any():
         consequence = "a bias is judged by the predicted scatter"
-        found.append(finding("few-parts", parts=1, items=_some(one), consequence=consequence))
+        found.append(
+            finding("few-parts", parts=1, items=some(one, "items"), consequence=consequence)
+        )
     if few.any():
-        least, items = int(parts[few].min()), _some(few)
+        least, items = int(parts[few].min()), some(few, "items")
         consequence = f"{FEWEST_PARTS} are needed to measure the scatter: means are judged by the "
         consequence += "predicted one"
         found.append(finding("few-parts", parts=least, items=items, consequence=consequence))
     if unrepeated.any():
         consequence = "MS_between contains the scatter of the CMM, which is not predicted"
-        found.append(finding("no-repeats", items=_some(unrepeated), consequence=consequence))
+        found.append(
+            finding("no-repeats", items=some(unrepeated, "items"), consequence=consequence)
+        )
     return found
 
 
@@ -151,7 +137,7 @@ def _tests(kinds: list[Compared]) -> list[Finding]:
         ),
     )
     return [
-        finding("not-tested", what=what, items=_some(rows), reason=reason)
+        finding("not-tested", what=what, items=some(rows, "items"), reason=reason)
         for what, rows, reason in reasons
         if rows.any()
     ]
@@ -199,8 +185,3 @@ def _coarse(points: Points, features: Compared) -> list[Finding]:
     return [
         finding("coarse-digit", columns=names, digits_um=shown, u_um=u, expected="more decimals")
     ]
-
-
-def _some(which: BoolArray) -> str:
-    count, total = int(which.sum()), len(which)
-    return "all items" if count == total else f"{count} of {total} items"

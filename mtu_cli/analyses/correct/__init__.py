@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.correct.leaning import leaning
-from mtu_cli.analyses.correct.quantity import Size, mean_size, with_scatter
 from mtu_cli.analyses.correct.result import CorrectResult
-from mtu_cli.analyses.correct.roundness import ovals
 from mtu_cli.analyses.correct.rows import RowErrors
-from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, point_scatter
-from mtu_cli.analyses.correct.sizes import Rings, sizes_of
-from mtu_cli.analyses.correct.wanted import tasks_of, wanted_of
+from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, Ring, forms_left, point_scatter
+from mtu_cli.analyses.correct.sizes import Size, mean_size, sizes_of, with_scatter
+from mtu_cli.analyses.correct.wanted import Calibration, tasks_of, wanted_of
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
@@ -26,7 +24,13 @@ from mtu_cli.model.residual_covariates import needed_covariates, point_columns
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 
-__all__ = ["CorrectResult", "Size", "correct", "mean_size"]
+__all__ = ["CorrectResult", "Size", "correct", "mean_size", "unused_warmth"]
+
+SLACK_DEGC = 1e-9
+FAR_MM = 1.0
+"""A ring this far from its calibrated diameter is another one, or in another unit."""
+FAR_K = 1.0
+"""A machine this far from its reference temperature errs by 10 um in each metre and more."""
 
 
 def correct(
@@ -46,29 +50,44 @@ def correct(
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim or that no equation is for, or a circle that its points do not determine.
     """
-    _check(model, points)
-    rows, noted = _rows(model, points, covariates or {}, independent=settings.independent)
+    at = covariates or {}
+    _check_axes(model, points)
+    rows, noted = _rows(model, points, at, independent=settings.independent)
     error, u, dof, sensors = rows.errors()
     corrected = points.measured - np.nan_to_num(error)
-    by_machine, rings, warned = _sizes(part, rows, corrected, covariates or {})
-    scatter = point_scatter(points, corrected, sensors, rings.squares)
+    by_machine, rings, warned = _sizes(part, rows, corrected, at)
+    scatter = point_scatter(points, corrected, sensors, rings)
     k = settings.coverage_factor
     sizes = [replace(with_scatter(size, scatter), k=k) for size in by_machine]
-    notes = [*noted, *outside_warnings(rows.all_outside()), *warned]
+    u_corrected, dof_corrected = (u, dof) if scatter is None else scatter.added(u, dof)
+    outside = outside_warnings(rows.all_outside())
+    of_sizes = _size_warnings(sizes, scatter)
     return CorrectResult(
         points=points,
+        part=[points.parts[i] for i in points.part],
+        feature=[points.features[i] for i in points.feature],
+        repeat=[i if i >= 0 else None for i in points.repeat.tolist()],
+        operation=[points.operations[i] if i >= 0 else None for i in points.operation],
         axes=tuple(a for i, a in enumerate(AXES) if np.isfinite(error[:, i]).any()),
         error=error,
         u=u,
         dof=dof,
         corrected=corrected,
+        u_corrected=u_corrected,
+        dof_corrected=dof_corrected,
         scatter=scatter,
         sizes=tuple(sizes),
-        ovals=ovals(rings.shapes.values(), scatter),
-        leaning=leaning(rings.shapes.values(), by_machine),
+        forms=forms_left(rings, scatter),
         independent=settings.independent,
-        notes=(*notes, *_size_warnings(sizes, scatter)),
+        notes=(*noted, *outside, *warned, *of_sizes),
     )
+
+
+def _check_axes(model: MachineModel, points: Points) -> None:
+    """Refuses points that nothing can be corrected of."""
+    measured = [i for i in range(3) if np.isfinite(points.measured[:, i]).any()]
+    if {AXES[i] for i in measured}.isdisjoint(model.axes):
+        raise no_shared_axis(model, points, measured)
 
 
 def _rows(
@@ -76,70 +95,127 @@ def _rows(
 ) -> tuple[RowErrors, list[Finding]]:
     """The machine at the measured places under the rows' covariates, and what these lack."""
     columns = point_columns(points)
-    found = needed_covariates(model, points, columns, at)
+    needed = needed_covariates(model, points, columns, at)
     rows = RowErrors(
         model=model,
         points=points,
         places=np.where(np.isnan(points.measured), points.nominal, points.measured),
-        covariates=found.values,
+        covariates=needed.values,
         independent=independent,
     )
-    guesses = guess_warnings(model, rows.places, found.values, columns, at)
-    return rows, [*found.warnings, *guesses, *_axis_warnings(model, points)]
+    guesses = guess_warnings(model, rows.places, needed.values, columns, at)
+    return rows, [*needed.warnings, *guesses, *_axis_warnings(model, points)]
 
 
 def _sizes(
     part: LoadedPart | None, rows: RowErrors, corrected: FloatArray, at: Mapping[str, float]
-) -> tuple[list[Size], Rings, list[Finding]]:
-    """Diameters and lengths of the part file by the machine's u alone, the form of its rings, and
-    what is to be said of them.
+) -> tuple[list[Size], list[Ring], list[Finding]]:
+    """Diameters and lengths of the part file by the machine's u alone, its rings in every visit,
+    and their warnings.
     """
     if part is None:
         consequence = "points are corrected, no circle or length is known"
         facts = {"what": "the part file", "names": ["-p"], "consequence": consequence}
-        return [], Rings(), [finding("missing-values", **facts)]
+        return [], [], [finding("missing-values", **facts)]
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
     sizes, rings = sizes_of(tasks, rows, corrected)
     warned += partial
     for item in wanted:
-        own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
-        if item.calibration is not None and own:
-            warned += item.calibration.warnings([one for size in own for one in size.repeats])
+        members = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
+        if item.calibration is not None and members:
+            visits = [each for size in members for each in size.repeats]
+            warned += _calibration_warnings(item.calibration, visits)
     return sizes, rings, warned
 
 
-def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> list[Finding]:
-    """Of few degrees of freedom, and of a scatter that nothing tells."""
+def _calibration_warnings(known: Calibration, sizes: Sequence[Size]) -> Iterator[Finding]:
+    """Of a missing calibration, or one that cannot be that of the `sizes` of single visits."""
+    if not len(known.degrees):
+        reason, quantity = "no calibrated_mm", "errors and their reduction"
+        yield finding("not-estimable", quantity=quantity, names=[known.name], reason=reason)
+        return
+    if known.missing:
+        span = f" of {known.degrees[0]:g} degC" if known.ranged else ""
+        yield finding(
+            "missing-values",
+            what=f"the temperature of {known.name}",
+            names=[repr(known.missing)],
+            consequence="neither a column of the points nor given by --at, so that the calibrated "
+            f"diameter{span} is taken as it is",
+            meant=known.near,
+        )
+    low, high = float(known.degrees[0]), float(known.degrees[-1])
+    T = [size.temperature for size in sizes if np.isfinite(size.temperature)]
+    beyond = [max(low - degrees, degrees - high) for degrees in T]
+    if known.ranged and max(beyond, default=0.0) > SLACK_DEGC:
+        yield finding(
+            "outside-measured-range",
+            what=f"{T[int(np.argmax(beyond))]:.4g} degC",
+            names=[f"the calibration of {known.name}"],
+            low=low,
+            high=high,
+            unit="degC",
+        )
+    far = [size for size in sizes if abs(size.error[0]) > FAR_MM]
+    if far:
+        worst = max(far, key=lambda size: abs(size.error[0]))
+        yield finding(
+            "calibrated-far-from-measured",
+            name=known.name,
+            measured_mm=worst.size[0],
+            part=worst.part,
+            calibrated_mm=worst.reference,
+        )
+
+
+def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> Iterator[Finding]:
+    """Of few degrees of freedom, and of a scatter that is unknown."""
     names = [f"{size.id} of {size.part}" for size in sizes]
-    found = dof_warnings(names, np.array([size.dof for size in sizes]))
+    yield from dof_warnings(names, np.array([size.dof for size in sizes]))
     if scatter is None:
         consequence = "u holds the machine model only; that takes repeats of "
         consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
         facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
-        found = [*found, finding("no-scatter-known", **facts)]
-    return found
+        yield finding("no-scatter-known", **facts)
 
 
-def _check(model: MachineModel, points: Points) -> None:
-    """Refuses points that nothing can be corrected of."""
-    columns = [AXES.index(axis) for axis in model.axes]
-    measured = [i for i in range(3) if np.isfinite(points.measured[:, i]).any()]
-    if set(measured).isdisjoint(columns):
-        raise no_shared_axis(model, points, measured)
-
-
-def _axis_warnings(model: MachineModel, points: Points) -> list[Finding]:
-    found = []
+def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:
     for i, axis in enumerate(AXES):
         measured = np.isfinite(points.measured[:, i])
         if axis not in model.axes and measured.any():
             consequence = f"{axis} stays as it was measured"
-            found.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+            yield finding("axis-without-equation", axis=axis, consequence=consequence)
         elif axis in model.axes and not measured.all():
-            what = f"{int((~measured).sum())} points"
-            consequence = "not corrected there"
-            found.append(
-                finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
-            )
-    return found
+            what, consequence = f"{int((~measured).sum())} points", "not corrected there"
+            yield finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
+
+
+def unused_warmth(model: MachineModel, points: Points, reference: float) -> list[Finding]:
+    """A warning where sensors of the points were more than `FAR_K` from the `reference` in degC,
+    but the model has no thermal component and no effect of a temperature.
+    """
+    if any(is_temperature(name) for name in model.covariates()):
+        return []
+    far: dict[str, float] = {}
+    for name, column in points.covariates.items():
+        if not is_temperature(name) or column.dtype == object:
+            continue
+        away = np.abs(column.astype(np.float64) - reference)
+        worst = int(np.argmax(np.where(np.isfinite(away), away, -np.inf)))
+        if away[worst] > FAR_K:
+            far[name] = float(column[worst])
+    if not far:
+        return []
+    name = max(far, key=lambda key: abs(far[key] - reference))
+    others = f"; {len(far) - 1} more sensors" if len(far) > 1 else ""
+    return [
+        finding(
+            "no-thermal-component",
+            reference=reference,
+            sensor=name,
+            reading=far[name],
+            others=others,
+            expected="--drift FILE, or -c with a report of thermal-fit",
+        )
+    ]

@@ -2,122 +2,235 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import math
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
-from mtu_cli.analyses.correct.leaning import Leaning
-from mtu_cli.analyses.correct.quantity import Kind, Sides, Size
-from mtu_cli.analyses.correct.roundness import Oval
-from mtu_cli.analyses.correct.scatter import PointScatter
-from mtu_cli.analyses.correct.summary import (
-    AxisCorrections,
-    FeatureErrors,
-    SizeErrors,
-    axis_corrections,
-    feature_errors,
-    rms_errors,
-    size_errors,
-)
-from mtu_cli.analyses.correct.warnings import size_warnings
+import numpy as np
+
+from mtu_cli.analyses.correct.scatter import FormLeft, PointScatter, unexplained
+from mtu_cli.analyses.correct.sizes import Sides, Size
+from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.settings import PROBABILITY
+from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UM
+
+CAUSE = "the model does not describe these points, or calibrated_mm is wrong"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureErrors:
+    """Measured features with the means (m, 3) mm over all their points: nominal places, and
+    measured minus nominal before and after the correction; nan where a point lacks a coordinate.
+    """
+
+    features: tuple[str, ...]
+    places: FloatArray
+    before: FloatArray
+    after: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisCorrections:
+    """The corrections of `points` coordinates along an axis, mm: what is added to the measured."""
+
+    axis: str
+    points: int
+    least: float
+    mean: float
+    largest: float
+    u_mean: float
+    u_largest: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SizeErrors:
+    """The errors of one circle, sphere or length over all `parts` (of operations: each counts),
+    before and after the correction, mm; `half` is the median half-width of intervals that the
+    errors after of all circles and spheres are in together, in 95 % of all cases (Bonferroni).
+    """
+
+    kind: Kind
+    id: str
+    parts: int
+    mean: Sides
+    rms: Sides
+    half: float
+
+    @property
+    def off(self) -> bool:
+        """Whether the mean error after is beyond its uncertainty. Not of a length: what a part
+        was made to be off its nominal length is no error of the machine.
+        """
+        return abs(self.mean[1]) > self.half and self.kind != "length"
+
+    @property
+    def grown(self) -> bool:
+        """Whether the correction has made the errors larger, by more than its uncertainty."""
+        return self.off and self.rms[1] > self.rms[0]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectResult:
     """Corrected points and the sizes among them.
 
-    `error` (n, 3) is the modelled error of each point with standard uncertainty `u` and
-    effective degrees of freedom `dof` (n, 3), mm; nan along axes that have no equation or were
-    not measured. `corrected` (n, 3) = measured - error, along such axes measured as it is.
-    `axes` are those that were corrected; `ovals` the calibrated rings that stay oval, `leaning`
-    the circles whose points lie at different heights; `notes` are warnings of the input.
+    Labels (n,) of every point, None where one is not given. `error` (n, 3) is the modelled error
+    with standard uncertainty `u` and effective degrees of freedom `dof` (n, 3), mm; nan along axes
+    that have no equation or were not measured. `corrected` (n, 3) = measured - error, along such
+    axes measured as it is; its `u_corrected` has the `scatter` of the measured points, too.
+    `axes` are those that were corrected, `forms` the rings whose form could be tested; `notes` are
+    warnings of the input.
     """
 
     points: Points
+    part: list[str]
+    feature: list[str]
+    repeat: list[int | None]
+    operation: list[str | None]
     axes: tuple[str, ...]
     error: FloatArray
     u: FloatArray
     dof: FloatArray
     corrected: FloatArray
+    u_corrected: FloatArray
+    dof_corrected: FloatArray
     scatter: PointScatter | None
     sizes: tuple[Size, ...]
-    ovals: tuple[Oval, ...]
-    leaning: tuple[Leaning, ...]
+    forms: tuple[FormLeft, ...]
     independent: bool
     notes: tuple[Finding, ...]
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """Of the input, and of the sizes after the correction."""
-        return (*self.notes, *size_warnings(self.sizes, self.ovals, self.leaning))
+        """Of the input, and of what the correction leaves."""
+        return (*self.notes, *_left(self))
 
-    @cached_property
-    def part(self) -> list[str]:
-        """The part (n,) of every point."""
-        return [self.points.parts[i] for i in self.points.part]
-
-    @cached_property
-    def feature(self) -> list[str]:
-        """The feature (n,) of every point."""
-        return [self.points.features[i] for i in self.points.feature]
-
-    @cached_property
-    def repeat(self) -> list[int | None]:
-        """The repeat (n,) of every point; None where it is not given."""
-        return [i if i >= 0 else None for i in self.points.repeat.tolist()]
-
-    @cached_property
-    def operation(self) -> list[str | None]:
-        """The operation (n,) of every point; None where it is not given."""
-        return [self.points.operations[i] if i >= 0 else None for i in self.points.operation]
-
-    @cached_property
+    @property
     def correction(self) -> FloatArray:
         """What is added to the measured coordinates (n, 3), mm: minus the modelled error (JCGM
         200, 2.53).
         """
         return 0.0 - self.error
 
-    @cached_property
-    def _of_corrected(self) -> tuple[FloatArray, FloatArray]:
-        return (self.u, self.dof) if self.scatter is None else self.scatter.added(self.u, self.dof)
-
-    @property
-    def u_corrected(self) -> FloatArray:
-        """Standard uncertainty (n, 3) of corrected coordinates, mm, with the `scatter` of the
-        measured points where it is known.
-        """
-        return self._of_corrected[0]
-
-    @property
-    def dof_corrected(self) -> FloatArray:
-        """Its effective degrees of freedom (n, 3)."""
-        return self._of_corrected[1]
-
     def of_kind(self, kind: Kind) -> tuple[Size, ...]:
         """The circles, spheres or lengths."""
         return tuple(item for item in self.sizes if item.kind == kind)
 
     def by_size(self) -> tuple[SizeErrors, ...]:
-        """The errors of every circle, sphere and length over the parts before and after."""
-        return size_errors(self.sizes)
+        """The errors of every circle, sphere and length that has a reference, over the parts."""
+        groups: dict[tuple[Kind, str], list[Size]] = {}
+        for item in self.sizes:
+            if math.isfinite(item.reference):
+                groups.setdefault((item.kind, item.id), []).append(item)
+        judged = sum(kind != "length" for kind, _ in groups)
+        probability = 1 - (1 - PROBABILITY) / max(judged, 1)
+        return tuple(
+            _size_errors(kind, name, items, probability) for (kind, name), items in groups.items()
+        )
 
     def rms(self, kinds: Collection[Kind]) -> Sides | None:
-        """Root mean square of the errors of all sizes of some kinds before and after."""
-        return rms_errors(self.sizes, kinds)
+        """Root mean square of the errors of all sizes of some kinds before and after; None where
+        none has a reference.
+        """
+        sizes = (item for item in self.sizes if item.kind in kinds)
+        errors = [item.error for item in sizes if math.isfinite(item.reference)]
+        if not errors:
+            return None
+        before, after = np.sqrt(np.mean(np.square(errors), axis=0))
+        return float(before), float(after)
 
     def by_feature(self) -> FeatureErrors:
         """Mean errors of the features before and after."""
-        return feature_errors(self.points, self.corrected)
+        points = self.points
+        measured, code = np.unique(points.feature, return_inverse=True)
+        count = np.bincount(code)[:, None]
+
+        def mean(values: FloatArray) -> FloatArray:
+            sums = np.column_stack([np.bincount(code, values[:, k]) for k in range(3)])
+            means: FloatArray = sums / count
+            return means
+
+        return FeatureErrors(
+            features=tuple(points.features[m] for m in measured),
+            places=mean(points.nominal),
+            before=mean(points.measured - points.nominal),
+            after=mean(self.corrected - points.nominal),
+        )
 
     def by_axis(self) -> tuple[AxisCorrections, ...]:
         """The corrections along each of `axes`, summed up."""
-        return tuple(
-            axis_corrections(axis, self.error[:, k], self.u[:, k])
-            for k, axis in enumerate(AXES)
-            if axis in self.axes
+        summed = []
+        for axis in self.axes:
+            k = AXES.index(axis)
+            known = np.isfinite(self.error[:, k])
+            correction, u = -self.error[known, k], self.u[known, k]
+            summed.append(
+                AxisCorrections(
+                    axis=axis,
+                    points=len(u),
+                    least=float(correction.min()),
+                    mean=float(correction.mean()),
+                    largest=float(correction.max()),
+                    u_mean=float(u.mean()),
+                    u_largest=float(u.max()),
+                )
+            )
+        return tuple(summed)
+
+
+def _size_errors(kind: Kind, name: str, items: list[Size], probability: float) -> SizeErrors:
+    errors = np.array([item.error for item in items])
+    mean, rms = errors.mean(axis=0), np.sqrt((errors**2).mean(axis=0))
+    half = [coverage_factor(probability, item.dof_error) * item.u_error for item in items]
+    return SizeErrors(
+        kind=kind,
+        id=name,
+        parts=len(items),
+        mean=(float(mean[0]), float(mean[1])),
+        rms=(float(rms[0]), float(rms[1])),
+        half=float(np.median(half)),
+    )
+
+
+def _left(result: CorrectResult) -> Iterator[Finding]:
+    """Figures that are not estimable, and errors and forms that the correction makes or leaves."""
+    exact = [item for item in result.sizes if item.error[0] == 0]
+    yield from _not_estimable("reduction_percent", exact, "no error before the correction")
+    by_size = result.by_size()
+    grown = [item for item in by_size if item.grown]
+    if grown:
+        worst = max(grown, key=lambda item: item.rms[1] - item.rms[0])
+        before, after = worst.rms[0] / UM, worst.rms[1] / UM
+        what = f"the errors of {listed([x.id for x in grown])} are larger ({worst.id}: rms "
+        what += f"{before:.3g} um before, {after:.3g} um after)"
+        facts = {"rms_before_um": before, "rms_after_um": after, "cause": CAUSE}
+        yield finding("errors-left", what=what, worst=worst.id, **facts)
+    left = [item for item in by_size if item.off and not item.grown]
+    if left:
+        worst = max(left, key=lambda item: abs(item.mean[1]) - item.half)
+        mean, half = worst.mean[1] / UM, worst.half / UM
+        what = f"the mean errors of {listed([x.id for x in left])} exceed their uncertainty ("
+        what += f"{worst.id}: {mean:.3g} um, 95 % within {half:.3g} um)"
+        facts = {"mean_um": mean, "half_width_um": half, "cause": CAUSE}
+        yield finding("errors-left", what=what, worst=worst.id, **facts)
+    if forms := unexplained(result.forms):
+        most = max(forms, key=lambda form: form.F)
+        yield finding(
+            "form-left",
+            names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in forms)),
+            worst=f"{most.operation} {most.id}".strip(),
+            rms_um=most.rms / UM,
+            explained_um=most.explained / UM,
         )
+    sure = [item for item in result.sizes if item.u_error == 0]
+    yield from _not_estimable("E_n", sure, "its uncertainty is unknown")
+
+
+def _not_estimable(quantity: str, sizes: Sequence[Size], reason: str) -> Iterator[Finding]:
+    names = [f"{item.id} of {item.part}" for item in sizes]
+    if names:
+        yield finding("not-estimable", quantity=quantity, names=names, reason=reason)

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mtu_cli.files.points import Points
-from mtu_cli.model.basis import TIME
-from mtu_cli.model.machine_model import AXES, MachineModel, sensors_of
+from mtu_cli.model.machine_model import AXES, TIME, MachineModel, sensors_of
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.residual_factors import rows_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -46,7 +45,7 @@ class RowErrors:
         every = np.concatenate([rows, self._history(rows)])
         names = [self.points.features[code] for code in self.points.feature[every]]
         places = self.places[every]
-        # What was elsewhere tells temperatures, not errors.
+        # Of other moments only the temperatures matter.
         places[len(rows) :] = places[0]
         found = predict(self.model, names, places, rows_of(self.covariates, every))
         prediction = found.first(len(rows))

@@ -1,10 +1,10 @@
-"""The scatter of the measured points themselves, beyond what the machine's model accounts for.
+"""What measured points scatter beyond the machine's model, and the form that neither explains.
 
 Corrected coordinates scatter by the probing, too. Its variance s^2 is what the model leaves of
 
 - repeats: those of one feature of one part about their mean. What the machine did to a part is in
   every repeat (as in `mean_size`): of the model only the noise of the temperature readings, which
-  every row has its own of, is taken off. Where the machine itself repeated the measurement, its
+  every row has by itself, is taken off. Where the machine itself repeated the measurement, its
   repeatability counts twice: an upper bound;
 - form: the residuals of circles and spheres. Of these the model accounts for all the shape that
   its covariance gives a ring; what is left holds the form error of the ring itself.
@@ -25,9 +25,15 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.special import fdtrc
 
+from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.files.points import Points
-from mtu_cli.model.measured import operations_of
+from mtu_cli.model.geometry import DIMENSIONS
+from mtu_cli.model.settings import PROBABILITY
+from mtu_cli.model.visits import operations_of
+from mtu_cli.stats.coverage import welch_satterthwaite
+from mtu_cli.stats.joint_test import ENDLESS
 from mtu_cli.stats.least_squares import FloatArray
 
 Origin = Literal["repeats", "form"]
@@ -78,8 +84,44 @@ class PointScatter:
         return np.sqrt(total), np.maximum(total**2 / spread, np.minimum(dof, self.dof))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ring:
+    """A circle or sphere in one visit after the correction.
+
+    `residuals` (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, and
+    the modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
+    `dof`.
+    """
+
+    kind: Kind
+    id: str
+    operation: str
+    calibrated: bool
+    residuals: FloatArray
+    away: FloatArray
+    K: FloatArray
+    dof: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormLeft:
+    """The mean form of a ring over its `visits`: root mean square `rms` of its residuals, and
+    `explained`, that of the model's uncertainty and the points' scatter, mm; F, p.
+    """
+
+    kind: Kind
+    id: str
+    operation: str
+    calibrated: bool
+    visits: int
+    rms: float
+    explained: float
+    F: float
+    p: float
+
+
 def point_scatter(
-    points: Points, corrected: FloatArray, sensors: FloatArray, rings: Sequence[Squares]
+    points: Points, corrected: FloatArray, sensors: FloatArray, rings: Sequence[Ring]
 ) -> PointScatter | None:
     """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`.
 
@@ -88,21 +130,15 @@ def point_scatter(
     repeats = repeat_squares(points, corrected, sensors)
     if repeats.dof.sum() >= FEWEST:
         return _estimate(repeats, "repeats")
-    if not rings:
+    squares = [item for item in map(ring_squares, rings) if item is not None]
+    if not squares:
         return None
-    return pooled(rings, "form")
-
-
-def pooled(squares: Sequence[Squares], origin: Origin) -> PointScatter:
-    """The scatter that all these squares tell together."""
-    return _estimate(
-        Squares(
-            sums=np.concatenate([own.sums for own in squares]),
-            dof=np.concatenate([own.dof for own in squares]),
-            modelled=np.concatenate([own.modelled for own in squares]),
-        ),
-        origin,
+    pooled = Squares(
+        sums=np.concatenate([item.sums for item in squares]),
+        dof=np.concatenate([item.dof for item in squares]),
+        modelled=np.concatenate([item.modelled for item in squares]),
     )
+    return _estimate(pooled, "form")
 
 
 def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -> Squares:
@@ -113,46 +149,39 @@ def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -
     sums, dof, modelled = [], [], []
     for axis in range(3):
         known = np.isfinite(corrected[:, axis])
-        own, value = code.reshape(-1)[known], corrected[known, axis]
-        count = np.bincount(own)
+        group, value = code.reshape(-1)[known], corrected[known, axis]
+        count = np.bincount(group)
         divisor = np.maximum(count, 1)
-        mean = np.bincount(own, value) / divisor
+        mean = np.bincount(group, value) / divisor
         kept = count > 1
-        sums.append(np.bincount(own, (value - mean[own]) ** 2)[kept])
+        sums.append(np.bincount(group, (value - mean[group]) ** 2)[kept])
         dof.append(count[kept] - 1.0)
-        modelled.append((np.bincount(own, sensors[known, axis]) / divisor)[kept])
+        modelled.append((np.bincount(group, sensors[known, axis]) / divisor)[kept])
     return Squares(
         sums=np.concatenate(sums), dof=np.concatenate(dof), modelled=np.concatenate(modelled)
     )
 
 
-def ring_squares(residuals: FloatArray, away: FloatArray, K: FloatArray, d: int) -> Squares | None:
-    """Squares of the residuals (n,) of a circle (d = 2) or sphere (3), one a direction of K.
-
-    `away` (n, 3) are unit vectors from the centre, `K` (n, n) the modelled covariance of the
-    points along them, mm^2.
-    """
-    Q = ring_space(away, d)
-    return None if Q is None else squares_along(Q, residuals, K)
-
-
 def ring_space(away: FloatArray, d: int) -> FloatArray | None:
     """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
-    (d = 2) or sphere (3) leave; None where they leave none. `away` (n, 3): see `ring_squares`.
+    (d = 2) or sphere (3) leave; None where they leave none. `away` (n, 3): see `Ring`.
     """
     n = len(away)
     if n <= d + 1:
         return None
-    # Of a circle the vectors lie in its plane: two of the four columns and the ones tell.
-    found: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
-    return found
+    # Vectors of a circle lie in its plane: two of the four columns and the ones have rank 3.
+    Q: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
+    return Q
 
 
-def squares_along(Q: FloatArray, residuals: FloatArray, K: FloatArray) -> Squares:
-    """Squares of the residuals (n,) in the space of orthonormal Q (n, m), one a direction of K."""
-    values, vectors = np.linalg.eigh(Q.T @ K @ Q)
+def ring_squares(ring: Ring) -> Squares | None:
+    """Squares of the residuals in the space that the fit leaves, one a direction of K."""
+    Q = ring_space(ring.away, DIMENSIONS[ring.kind])
+    if Q is None:
+        return None
+    values, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
     return Squares(
-        sums=(vectors.T @ Q.T @ residuals) ** 2,
+        sums=(vectors.T @ Q.T @ ring.residuals) ** 2,
         dof=np.ones(len(values)),
         modelled=np.clip(values, 0.0, None),
     )
@@ -175,3 +204,64 @@ def _estimate(squares: Squares, origin: Origin) -> PointScatter:
         dof=float(squares.dof.sum()),
         origin=origin,
     )
+
+
+def forms_left(rings: Sequence[Ring], scatter: PointScatter | None) -> tuple[FormLeft, ...]:
+    """The mean form of every ring against what the model and the scatter of points explain.
+
+    The scatter is that of the repeats or else of the visits about their mean, so that the form
+    itself takes no part in it; a ring of one visit without either is not tested.
+    """
+    visits: dict[tuple[Kind, str, str], list[Ring]] = {}
+    for ring in rings:
+        visits.setdefault((ring.kind, ring.id, ring.operation), []).append(ring)
+    tested = (_form_left(each, scatter) for each in visits.values())
+    return tuple(form for form in tested if form is not None)
+
+
+def _form_left(visits: Sequence[Ring], scatter: PointScatter | None) -> FormLeft | None:
+    """F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n.
+
+    What the machine did is taken to be in all visits, so that K is that of one. Both mean squares
+    have the degrees of freedom of a sum of unequal variances (Box 1954; Welch-Satterthwaite).
+    """
+    first, n = visits[0], len(visits)
+    Q = ring_space(np.mean([ring.away for ring in visits], axis=0), DIMENSIONS[first.kind])
+    if Q is None:
+        return None
+    k = Q.shape[1]
+    e = np.array([ring.residuals for ring in visits]) @ Q
+    mean = e.mean(axis=0)
+    if scatter is not None and scatter.origin == "repeats":
+        s2, dof = scatter.variance, scatter.dof
+    elif n > 1:
+        dof = (n - 1.0) * k
+        s2 = float(((e - mean) ** 2).sum()) / dof
+    else:
+        return None
+    noise = max(s2 / n, NOTHING_MM**2)
+    V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
+    total = float(np.trace(V))
+    ours = total**2 / float((V**2).sum())
+    parts = np.maximum([total - k * noise, k * noise], 0.0)
+    theirs = welch_satterthwaite(parts, np.array([min(r.dof for r in visits), dof]))
+    F = float(mean @ mean) / total
+    return FormLeft(
+        kind=first.kind,
+        id=first.id,
+        operation=first.operation,
+        calibrated=any(ring.calibrated for ring in visits),
+        visits=n,
+        rms=float(np.sqrt(mean @ mean / k)),
+        explained=float(np.sqrt(total / k)),
+        F=F,
+        p=float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F)),
+    )
+
+
+def unexplained(forms: Sequence[FormLeft]) -> list[FormLeft]:
+    """Calibrated rings whose form is more than that, at 95 % of all together (Bonferroni): a ring
+    of no calibration may have the form that it was made with.
+    """
+    calibrated = [form for form in forms if form.calibrated]
+    return [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]

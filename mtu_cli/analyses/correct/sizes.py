@@ -1,26 +1,153 @@
-"""Diameters and lengths before and after the correction, with their uncertainty."""
+"""Diameters and lengths of each part before and after the correction, with their uncertainty."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import groupby
 from math import nan
 
 import numpy as np
 
-from mtu_cli.analyses.correct.leaning import askew, bore
-from mtu_cli.analyses.correct.quantity import Kind, Sides, Size, mean_size
-from mtu_cli.analyses.correct.roundness import Shape
 from mtu_cli.analyses.correct.rows import RowErrors
-from mtu_cli.analyses.correct.scatter import Squares, ring_squares
-from mtu_cli.analyses.correct.strain import levers_of
-from mtu_cli.analyses.correct.wanted import Task
+from mtu_cli.analyses.correct.scatter import PointScatter, Ring, ring_space
+from mtu_cli.analyses.correct.wanted import Kind, Task
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.geometry import DIMENSIONS, GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.settings import PROBABILITY
+from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
+
+Sides = tuple[float, float]
+"""(before, after) the correction."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """A diameter or length of one part before and after the correction; mm.
+
+    `reference` is the calibrated diameter or nominal length (nan: none) with expanded
+    uncertainty `U_reference` (k = 2, nan: not given), `form` the range of the radial residuals
+    (nan for lengths). `u`, `dof` are those of the corrected size. `repeat` is None in a mean
+    over repeats, whose scatter `s_repeats` (after, nan for one) has. `sensitivity` is the sum of
+    the squared gradients of the size in the coordinates; `k` the coverage factor of `U`.
+    """
+
+    kind: Kind
+    id: str
+    part: str
+    operation: str
+    repeat: int | None
+    temperature: float
+    size: Sides
+    form: Sides
+    reference: float
+    U_reference: float
+    u: float
+    dof: float
+    sensitivity: float
+    s_repeats: float = nan
+    k: float = 2.0
+    repeats: tuple[Size, ...] = ()
+
+    @property
+    def error(self) -> Sides:
+        """Measured minus reference, before and after; nan without a reference."""
+        return self.size[0] - self.reference, self.size[1] - self.reference
+
+    @property
+    def u_error(self) -> float:
+        """Standard uncertainty of the error after: the correction's and the calibration's."""
+        return float(np.hypot(self.u, self._u_reference))
+
+    @property
+    def _u_reference(self) -> float:
+        return 0.0 if np.isnan(self.U_reference) else self.U_reference / 2
+
+    @property
+    def dof_error(self) -> float:
+        """Effective degrees of freedom of `u_error` (JCGM 100, eq. (G.2b))."""
+        return welch_satterthwaite(
+            np.array([self.u**2, self._u_reference**2]), np.array([self.dof, np.inf])
+        )
+
+    @property
+    def interval95(self) -> Sides:
+        """The 95 % interval of the corrected size."""
+        half = coverage_factor(PROBABILITY, self.dof) * self.u
+        return self.size[1] - half, self.size[1] + half
+
+    @property
+    def error_interval95(self) -> Sides:
+        """The 95 % interval of the error after, the calibration's uncertainty included."""
+        half = coverage_factor(PROBABILITY, self.dof_error) * self.u_error
+        return self.error[1] - half, self.error[1] + half
+
+    @property
+    def U(self) -> float:
+        """Expanded uncertainty k u of the corrected size, mm (JCGM 100, eq. (18))."""
+        return self.k * self.u
+
+    @property
+    def E_n(self) -> float:  # ISO 13528
+        """The error after over its expanded uncertainty, k u and that of the calibration; nan
+        where neither is known (ISO 13528, 9.7).
+        """
+        expanded = float(np.hypot(self.U, np.nan_to_num(self.U_reference)))
+        return self.error[1] / expanded if expanded > 0 else nan
+
+    @property
+    def reduction_percent(self) -> float:
+        """100 (1 - |after|/|before|) (Valdes et al., Tables 1 and 2); nan without an error."""
+        before, after = self.error
+        return 100 * (1 - abs(after) / abs(before)) if before else nan
+
+    @property
+    def reduction_shown(self) -> float | None:
+        """The reduction; None where the error before is within the uncertainty of that after."""
+        return self.reduction_percent if abs(self.error[0]) > self.u_error else None
+
+
+def mean_size(repeats: Sequence[Size]) -> Size:
+    """The mean over the repeats of one part.
+
+    Its uncertainty by the machine is the mean of theirs: what the machine did to a part, its
+    state and each visit, is in every repeated measurement of it (coefficients are in any case),
+    so that no mean over repeats makes it smaller. Where the machine itself repeated the
+    measurement this is an upper bound.
+    """
+    first, after = repeats[0], np.array([item.size[1] for item in repeats])
+
+    def mean(values: Sequence[float]) -> float:
+        return float(np.mean(values))
+
+    return replace(
+        first,
+        repeat=None,
+        temperature=mean([item.temperature for item in repeats]),
+        size=(mean([item.size[0] for item in repeats]), float(after.mean())),
+        form=(mean([item.form[0] for item in repeats]), mean([item.form[1] for item in repeats])),
+        reference=mean([item.reference for item in repeats]),
+        u=mean([item.u for item in repeats]),
+        dof=min(item.dof for item in repeats),
+        sensitivity=mean([item.sensitivity for item in repeats]),
+        s_repeats=float(after.std(ddof=1)) if len(after) > 1 else nan,
+        repeats=tuple(repeats),
+    )
+
+
+def with_scatter(size: Size, scatter: PointScatter | None) -> Size:
+    """The size with the scatter of its points, which repeats that show it average out; the form
+    of a ring is the same in every repeat.
+    """
+    if scatter is None:
+        return size
+    n = max(len(size.repeats), 1) if scatter.origin == "repeats" else 1
+    u, dof = scatter.added(np.array([size.u]), np.array([size.dof]), size.sensitivity / n)
+    repeats = tuple(with_scatter(item, scatter) for item in size.repeats)
+    return replace(size, u=float(u[0]), dof=float(dof[0]), repeats=repeats)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,28 +160,18 @@ class Measure:
 
     size: Sides
     form: Sides
+    temperature: float
     reference: float
     gradient: FloatArray
     residuals: FloatArray | None = None
     away: FloatArray | None = None
 
 
-Key = tuple[Kind, str, str, tuple[str, ...]]
-
-
-@dataclass(frozen=True, slots=True)
-class Rings:
-    """What the form of circles and spheres tells of the scatter of points, and their shapes."""
-
-    squares: list[Squares] = field(default_factory=list)
-    shapes: dict[Key, Shape] = field(default_factory=dict)
-
-
 def sizes_of(
     tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray
-) -> tuple[list[Size], Rings]:
-    """The sizes of every part: means over its repeats, in the order of the part file; and the
-    form of its circles and spheres.
+) -> tuple[list[Size], list[Ring]]:
+    """The sizes of every part by the machine's u alone: means over its repeats, in the order of
+    the part file; and its circles and spheres in every visit.
 
     Raises InputError for points that do not determine a circle or sphere, with their row.
     """
@@ -62,7 +179,8 @@ def sizes_of(
     problems: list[Finding] = []
     for task in tasks:
         try:
-            measures.append(_measure(task, rows, corrected))
+            measure = _length if task.wanted.kind == "length" else _round
+            measures.append(measure(task, rows, corrected))
         except GeometryError as error:
             problems.append(_problem(task, rows, error))
     if problems:
@@ -88,9 +206,8 @@ def _problem(task: Task, rows: RowErrors, error: GeometryError) -> Finding:
     )
 
 
-def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
-    if task.wanted.kind == "length":
-        return _length(task, rows, corrected)
+def _round(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
+    """A circle, in the plane of x and y where z is not known, or a sphere."""
     before, after = rows.points.measured[task.rows], corrected[task.rows]
     flat = np.isnan(before[:, 2]).any()
     sphere = task.wanted.kind == "sphere"
@@ -101,20 +218,16 @@ def _measure(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
     gradient, away = np.zeros((2, len(after), 3))
     gradient[:, :d], away[:, :d] = 2 * last.radius_gradient, last.away
     calibration = task.wanted.calibration
+    T = nan if calibration is None else float(calibration.temperature[task.rows].mean())
     return Measure(
         size=(2 * first.radius, 2 * last.radius),
         form=(first.form, last.form),
-        reference=nan if calibration is None else calibration.at(_temperature(task)),
+        temperature=T,
+        reference=nan if calibration is None else calibration.at(T),
         gradient=gradient,
         residuals=last.residuals,
         away=away,
     )
-
-
-def _temperature(task: Task) -> float:
-    """The mean temperature of the points of a circle or sphere; nan where it is not known."""
-    calibration = task.wanted.calibration
-    return nan if calibration is None else float(calibration.temperature[task.rows].mean())
 
 
 def _length(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
@@ -131,6 +244,7 @@ def _length(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
     return Measure(
         size=(float(np.linalg.norm(before[1] - before[0])), length),
         form=(nan, nan),
+        temperature=nan,
         reference=float(np.linalg.norm(np.diff(_ends(nominal, nominal), axis=0))),
         gradient=np.where(known, [-unit, unit], 0.0),
     )
@@ -138,101 +252,73 @@ def _length(task: Task, rows: RowErrors, corrected: FloatArray) -> Measure:
 
 def _ends(ends: FloatArray, nominal: FloatArray) -> FloatArray:
     """Coordinates (2, 3); a z that only one end has counts for neither."""
-    found = np.where(np.isnan(ends), nominal, ends)
-    if np.isnan(found[:, 2]).any():
-        found[:, 2] = 0.0
-    return found
+    both = np.where(np.isnan(ends), nominal, ends)
+    if np.isnan(both[:, 2]).any():
+        both[:, 2] = 0.0
+    return both
 
 
 def _with_u(
     tasks: Sequence[Task], measures: Sequence[Measure], rows: RowErrors
-) -> tuple[list[Size], Rings]:
+) -> tuple[list[Size], list[Ring]]:
     """Every task as a size: its variance is that of gradient' E over the points of its visit."""
     visits = [list(group) for _, group in groupby(range(len(tasks)), lambda i: tasks[i].visit)]
     points = [np.unique(np.concatenate([tasks[i].rows for i in group])) for group in visits]
     columns = [AXES.index(axis) for axis in rows.model.axes]
     sizes: list[Size] = []
-    rings = Rings()
+    rings: list[Ring] = []
     for start, end in rows.together(points):
         chosen = np.concatenate(points[start:end])
-        own = [i for group in visits[start:end] for i in group]
+        members = [i for group in visits[start:end] for i in group]
         place = {int(row): k for k, row in enumerate(chosen)}
         prediction = rows.predicted(chosen)
-        A = np.zeros((len(own), len(chosen), len(columns)))
-        for line, i in enumerate(own):
+        A = np.zeros((len(members), len(chosen), len(columns)))
+        for line, i in enumerate(members):
             where = np.array([place[int(row)] for row in tasks[i].rows])
             A[line, where] = measures[i].gradient[:, columns]
-            _add_form(rings, tasks[i], measures[i], where, rows, prediction)
-        variance, dof = rows.variances(prediction, A.reshape(len(own), -1))
+            rings += _ring(tasks[i], measures[i], where, rows, prediction)
+        variance, dof = rows.variances(prediction, A.reshape(len(members), -1))
         sizes += [
             _size(tasks[i], measures[i], float(variance[line]), float(dof[line]))
-            for line, i in enumerate(own)
+            for line, i in enumerate(members)
         ]
     return sizes, rings
 
 
-def _add_form(
-    rings: Rings,
-    task: Task,
-    measure: Measure,
-    where: np.ndarray,
-    rows: RowErrors,
-    prediction: Prediction,
-) -> None:
-    """Adds what the form of a ring tells, `where` in the prediction its points are."""
+def _ring(
+    task: Task, measure: Measure, where: np.ndarray, rows: RowErrors, prediction: Prediction
+) -> list[Ring]:
+    """The ring, whose points stand at `where` in the prediction; of a length none."""
     if measure.residuals is None or measure.away is None:
-        return
+        return []
     columns = [AXES.index(axis) for axis in rows.model.axes]
-    K = rows.covariance(prediction, where, measure.away[:, columns])
-    squares = ring_squares(measure.residuals, measure.away, K, DIMENSIONS[task.wanted.kind])
-    rings.squares.extend([] if squares is None else [squares])
-    shape = _shape(task, measure.size[1] / 2, (measure.residuals, measure.away, K), rows)
-    calibrated = np.isfinite(measure.reference)
-    dof = _dof_of_strain(shape, where, rows, prediction) if calibrated else None
-    if dof is not None:
-        shape = replace(shape, dof=dof, judged=True)
-    names = tuple(rows.points.features[code] for code in rows.points.feature[task.rows])
-    key = (shape.kind, shape.id, shape.operation, names)
-    known = rings.shapes.get(key)
-    rings.shapes[key] = shape if known is None else known.and_another(shape)
+    along = measure.away[:, columns]
+    return [
+        Ring(
+            kind=task.wanted.kind,
+            id=task.wanted.id,
+            operation=task.operation,
+            calibrated=bool(np.isfinite(measure.reference)),
+            residuals=measure.residuals,
+            away=measure.away,
+            K=rows.covariance(prediction, where, along),
+            dof=_dof_of_form(task.wanted.kind, measure.away, where, rows, prediction),
+        )
+    ]
 
 
-def _shape(
-    task: Task, radius: float, ring: tuple[FloatArray, FloatArray, FloatArray], rows: RowErrors
-) -> Shape:
-    """The ring of one visit, not judged, by residuals, directions from its centre and K."""
-    residuals, away, K = ring
-    drawn = rows.points.nominal[task.rows]
-    bored = np.zeros(3) if task.wanted.kind == "sphere" else bore(drawn)
-    return Shape(
-        kind=task.wanted.kind,
-        id=task.wanted.id,
-        operation=task.operation,
-        radius=radius,
-        residuals=residuals,
-        away=away,
-        K=K,
-        dof=np.inf,
-        bore=bored,
-        oblique=askew(np.linalg.svd(away)[2][-1], bored),
-        judged=False,
-    )
-
-
-def _dof_of_strain(
-    shape: Shape, where: np.ndarray, rows: RowErrors, prediction: Prediction
-) -> float | None:
-    """The fewest degrees of freedom of the strains that a ring shows, whose points are `where` in
-    the prediction; None where it shows none.
-    """
-    levers = levers_of(shape.kind, shape.radius, shape.away)
-    if levers is None:
-        return None
+def _dof_of_form(
+    kind: Kind, away: FloatArray, where: np.ndarray, rows: RowErrors, prediction: Prediction
+) -> float:
+    """Degrees of freedom of the form's direction whose variance is known worst."""
+    Q = ring_space(away, DIMENSIONS[kind])
+    if Q is None:
+        return np.inf
     columns = [AXES.index(axis) for axis in rows.model.axes]
-    A = np.zeros((len(levers.estimator), len(prediction.points), len(columns)))
-    A[:, where] = levers.estimator[:, :, None] * shape.away[:, columns]
-    _, dof = rows.variances(prediction, A.reshape(len(A), -1))
-    return float(dof.min())
+    A = np.zeros((Q.shape[1], len(prediction.points), len(columns)))
+    A[:, where] = Q.T[:, :, None] * away[:, columns]
+    variance, dof = rows.variances(prediction, A.reshape(len(A), -1))
+    return float(dof[np.argmax(variance**2 / dof)])
 
 
 def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
@@ -242,13 +328,12 @@ def _size(task: Task, measure: Measure, variance: float, dof: float) -> Size:
         part=task.part,
         operation=task.operation,
         repeat=task.repeat if task.repeat >= 0 else None,
-        temperature=_temperature(task),
+        temperature=measure.temperature,
         size=measure.size,
         form=measure.form,
         reference=measure.reference,
         U_reference=task.wanted.U_reference,
         u=float(np.sqrt(max(variance, 0.0))),
         dof=dof,
-        points=len(task.rows),
         sensitivity=float((measure.gradient**2).sum()),
     )

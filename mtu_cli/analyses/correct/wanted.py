@@ -1,21 +1,55 @@
-"""Which diameters and lengths the part file asks for, and the rows that each needs."""
+"""Which diameters and lengths the part file asks for, their calibration, and the rows of each."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
-from mtu_cli.analyses.correct.calibration import Calibration, calibration_of
-from mtu_cli.analyses.correct.quantity import Kind
+from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, InputError, counted, finding
+from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
-from mtu_cli.model.measured import IntArray, only_features, operations_of, visits_of
+from mtu_cli.model.residual_covariates import numbers_of, point_columns
+from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
+
+Kind = Literal["circle", "sphere", "length"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Diameters (k,) mm at ascending `degrees` (k,), degC.
+
+    `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter
+    was stated with a temperature; `missing` names the column of the temperature that is not there,
+    "" where nothing is missing, and `near` the columns that it may be.
+    """
+
+    name: str
+    degrees: FloatArray
+    diameter: FloatArray
+    temperature: FloatArray
+    ranged: bool
+    missing: str = ""
+    near: tuple[str, ...] = ()
+
+    def at(self, temperature: float) -> float:
+        """The diameter: linear between calibrated temperatures and beyond, constant with one."""
+        if len(self.degrees) == 0:
+            return float("nan")
+        if len(self.degrees) == 1:
+            return float(self.diameter[0])
+        right = int(np.clip(np.searchsorted(self.degrees, temperature), 1, len(self.degrees) - 1))
+        share = (temperature - self.degrees[right - 1]) / (
+            self.degrees[right] - self.degrees[right - 1]
+        )
+        low, high = self.diameter[right - 1 : right + 1]
+        return float(low + share * (high - low))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +87,7 @@ def wanted_of(
     Raises InputError for a temperature that is needed and not known, or features that are drawn
     where no circle or sphere goes through.
     """
-    found, problems = list[Wanted](), list[Finding]()
+    wanted, problems = list[Wanted](), list[Finding]()
     absent: list[str] = []
     rounds: dict[Kind, Sequence[Circle | Sphere]] = {
         "circle": part.part.circles,
@@ -65,12 +99,12 @@ def wanted_of(
                 absent.append(f"{kind} {item.id!r}")
                 continue
             problems += _drawn(part, kind, index, item, points)
-            found.append(
+            wanted.append(
                 Wanted(
                     kind=kind,
                     id=item.id,
                     features=tuple(item.features),
-                    calibration=calibration_of(part, (f"{kind}s", index), item, points, at),
+                    calibration=_calibration(part, kind, index, item, points, at),
                     U_reference=float("nan") if item.U_um is None else item.U_um * UM,
                 )
             )
@@ -81,9 +115,59 @@ def wanted_of(
         if set(ends).isdisjoint(points.features):
             absent.append(f"length {length.id!r}")
         else:
-            found.append(Wanted(kind="length", id=length.id, features=ends, calibration=None))
+            wanted.append(Wanted(kind="length", id=length.id, features=ends, calibration=None))
     reason = "none of its features was measured"
-    return found, [finding("not-measured", names=absent, reason=reason)] if absent else []
+    return wanted, [finding("not-measured", names=absent, reason=reason)] if absent else []
+
+
+def _calibration(
+    part: LoadedPart,
+    kind: Kind,
+    index: int,
+    item: Circle | Sphere,
+    points: Points,
+    at: Mapping[str, float],
+) -> Calibration:
+    """The calibration of a circle or sphere at `index` of its list in the part file.
+
+    Raises InputError where diameters at several temperatures lack the temperature, or cells of
+    it among the item's features are empty.
+    """
+    table = sorted((item.calibrated_mm or {}).items())
+    columns, name = point_columns(points), item.temperature or ""
+    temperature = np.full(len(points), np.nan)
+    if name in columns:
+        codes = [i for i, feature in enumerate(points.features) if feature in item.features]
+        problems: list[Finding] = []
+        rows = np.flatnonzero(np.isin(points.feature, codes))
+        temperature = numbers_of(points, name, columns[name], problems, rows)
+        if problems:
+            raise InputError(problems)
+    elif name in at:
+        temperature[:] = at[name]
+    elif name and len(table) > 1:
+        near = nearest(name, [*columns, *at])
+        there = f" (there is {' or '.join(map(repr, near))})" if near else ""
+        raise error(
+            "unknown-name",
+            what="temperature",
+            file=part.source.shown,
+            line=part.line_of(f"{kind}s", index, "temperature"),
+            path=f"{kind}s[{index}].temperature",
+            value=name,
+            expected=f"a column of this name{there}, or --at {name}=VALUE",
+        )
+    unknown = bool(np.isnan(temperature).all())
+    closest = closest_covariate(name, [*columns, *at]) if name and unknown else None
+    return Calibration(
+        name=f"{kind} {item.id!r}",
+        degrees=np.array([key for key, _ in table]),
+        diameter=np.array([value for _, value in table]),
+        temperature=temperature,
+        ranged=isinstance(part.document.data[f"{kind}s"][index].get("calibrated_mm"), dict),
+        missing=name if unknown else "",
+        near=(closest,) if closest else (),
+    )
 
 
 def _drawn(
@@ -160,7 +244,7 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
                     rows=rows,
                 )
             )
-    return tasks, [_partial(name, parts) for name, parts in partial.items()]
+    return tasks, [_partial(name, visited) for name, visited in partial.items()]
 
 
 def _partial(name: str, visited: list[str]) -> Finding:

@@ -8,13 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.graph.convergence import not_converged
-from mtu_cli.analyses.graph.trial_runs import SIMULATED, TrialRuns
-from mtu_cli.analyses.graph.trials import Errors, Trials
+from mtu_cli.analyses.graph.trials import SIMULATED, Errors, TrialRuns, Trials, not_converged
 from mtu_cli.findings import Finding, finding, listed
-from mtu_cli.model.graph.first_order import FirstOrder, first_order
-from mtu_cli.model.graph.measurement_graph import MeasurementGraph, evaluation
-from mtu_cli.model.graph.outputs import Output
+from mtu_cli.model.graph.places import Output
+from mtu_cli.model.graph.trials import FirstOrder, MeasurementGraph, evaluation, first_order
 from mtu_cli.model.settings import Settings, validation_warnings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.validation import Validation
@@ -117,12 +114,9 @@ def simulate_graph(
     whole = evaluation(graph, outputs)
     linear = first_order(whole)
     runs = TrialRuns(graph, whole, linear, settings, SIMULATED)
-    found = runs.run()
     coordinates = tuple(
-        _coordinate(item, linear, i, runs, found[i])
-        if i in found
-        else _fixed(item, linear, i, settings.coverage_factor)
-        for i, item in enumerate(outputs)
+        _coordinate(item, i, linear, runs, trials)
+        for i, (item, trials) in enumerate(zip(outputs, runs.run(), strict=True))
     )
     return GraphSimulation(
         graph=graph,
@@ -134,54 +128,27 @@ def simulate_graph(
     )
 
 
-def _shares(linear: FirstOrder, index: int) -> dict[str, float]:
-    return {source: float(values[index]) for source, values in linear.shares.items()}
-
-
-def _fixed(output: Output, linear: FirstOrder, index: int, k: float) -> SimulatedCoordinate:
-    value = float(linear.nominal[index])
-    return SimulatedCoordinate(
-        output=output,
-        nominal=value,
-        rounding=ROUNDING * float(linear.sizes[index]),
-        mean=value,
-        u=0.0,
-        interval=(value, value),
-        shortest=(value, value),
-        errors=Errors(mean=0.0, u=0.0, low=0.0, high=0.0),
-        trials=0,
-        converged=True,
-        first_order_u=0.0,
-        shares=_shares(linear, index),
-        fixed=True,
-        chance=False,
-        validation=None,
-        samples=np.full(1, value),
-        k=k,
-    )
-
-
 def _coordinate(
-    output: Output, linear: FirstOrder, index: int, runs: TrialRuns, own: Trials
+    output: Output, index: int, linear: FirstOrder, runs: TrialRuns, trials: Trials
 ) -> SimulatedCoordinate:
     u = float(linear.u[index])
     return SimulatedCoordinate(
         output=output,
         nominal=float(linear.nominal[index]),
         rounding=ROUNDING * float(linear.sizes[index]),
-        mean=own.mean,
-        u=own.u,
-        interval=own.interval,
-        shortest=own.shortest,
-        errors=own.errors,
-        trials=own.run.trials,
-        converged=own.converged,
+        mean=trials.mean,
+        u=trials.u,
+        interval=trials.interval,
+        shortest=trials.shortest,
+        errors=trials.errors,
+        trials=trials.count,
+        converged=trials.converged,
         first_order_u=u,
-        shares=_shares(linear, index),
-        fixed=False,
-        chance=own.chance,
-        validation=runs.verdict(index) if u > 0 and not own.chance else None,
-        samples=own.run.samples[own.at],
+        shares={source: float(values[index]) for source, values in linear.shares.items()},
+        fixed=trials.run is None,
+        chance=trials.chance,
+        validation=None if u <= 0 or trials.chance else runs.verdict(index),
+        samples=np.full(1, trials.mean) if trials.run is None else trials.run.samples[trials.at],
         k=runs.settings.coverage_factor,
     )
 

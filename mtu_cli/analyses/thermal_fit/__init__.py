@@ -8,27 +8,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import choose, group_shares, lags_sought
-from mtu_cli.analyses.thermal_fit.columns import Library, Rows, library
-from mtu_cli.analyses.thermal_fit.enough import check_fitted, check_least
-from mtu_cli.analyses.thermal_fit.evidence import (
-    autocorrelation,
-    constant,
+from mtu_cli.analyses.thermal_fit.choice import (
+    PositionTest,
+    choose,
     held_out,
+    lags_sought,
     position_test,
 )
-from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, fit, sum_of_squares
-from mtu_cli.analyses.thermal_fit.reading import columns_beside, read_series
+from mtu_cli.analyses.thermal_fit.models import (
+    Fitted,
+    Library,
+    Rows,
+    Spec,
+    centred,
+    constant,
+    fit,
+    library,
+)
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
     Gradients,
     Intercept,
-    PositionTest,
     Residuals,
     ThermalFit,
+    component_warnings,
+    sensor_warnings,
 )
-from mtu_cli.analyses.thermal_fit.series import Series
+from mtu_cli.analyses.thermal_fit.series import Series, read_series
 from mtu_cli.analyses.thermal_fit.uncertainty import (
     Conventions,
     Rest,
@@ -36,12 +43,9 @@ from mtu_cli.analyses.thermal_fit.uncertainty import (
     residuals,
     sensor_noise_share,
 )
-from mtu_cli.analyses.thermal_fit.warnings import (
-    component_warnings,
-    sensor_warnings,
-)
-from mtu_cli.findings import Finding
-from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.files.covariates import is_temperature
+from mtu_cli.findings import Finding, InputError, counted, error
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
 from mtu_cli.units import LENGTH, UNITS
@@ -51,6 +55,7 @@ if TYPE_CHECKING:
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 ROUNDING = 1e-9
+_ROUNDING_OF_COUNT = 1e-6
 MOST_POINTS = 400
 """Points of one curve of a picture."""
 
@@ -72,9 +77,9 @@ def thermal_fit(
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
     """
+    blocks = list(blocks)
+    series, sensors = read_series(blocks, reference)
     shares, warnings = [1.0], list[Finding]()
-    others, every = columns_beside(blocks)
-    series, sensors = read_series(every, reference)
     found: dict[str, ComponentDrift] = {}
     for name, own in series.items():
         told = "um" if own.dimension == LENGTH else "arcsec"
@@ -89,10 +94,49 @@ def thermal_fit(
     return ThermalFit(
         components={name: _with_noise(item, min(shares)) for name, item in found.items()},
         sensors=sensors,
-        not_used=others,
+        not_used=tuple(name for name in blocks[0].covariates if not is_temperature(name)),
         reference=reference,
         method=method,
         warnings=tuple(dict.fromkeys(warnings)),
+    )
+
+
+def _check_least(series: Series) -> None:
+    """Raises InputError for fewer readings than any thermal model needs.
+
+    The smallest has a level at each of p positions, which is no drift, and the gradient of one
+    sensor: p + 1 quantities, so that one of p + 2 readings is left to tell s^2, of n - p - 1
+    degrees of freedom.
+    """
+    places = len(series.positions)
+    if series.n < places + 2:
+        levels = "a level" if places == 1 else f"a level at each of {places} positions"
+        what = f"{levels} and the gradient of one sensor"
+        raise _too_few(series, what, f"at least {places + 2}")
+
+
+def _check_fitted(series: Series, found: Fitted) -> None:
+    """Raises InputError where the model has taken up all readings: it then goes through them, and
+    its uncertainty would come out as none.
+    """
+    if series.n - found.parameters >= 1 - _ROUNDING_OF_COUNT:
+        return
+    spec, gradients = found.spec, found.coefficients.size
+    what = f"the {spec.kind} model of {gradients} gradients"
+    # Sensors that depend on each other need fewer.
+    enough = f"{len(series.positions) + gradients + 1} (these are always enough)"
+    raise _too_few(
+        series, what, enough if spec.kind == "stepwise" else f"{enough}, or --model stepwise"
+    )
+
+
+def _too_few(series: Series, what: str, enough: str) -> InputError:
+    files = sorted({name for names in series.files.values() for name in names})
+    return error(
+        "too-little-data",
+        what=f"{counted(series.n, 'reading')} of {series.name} for {what}",
+        file=files[0] if len(files) == 1 else None,
+        expected=f"{enough}: one more than is fitted gives the uncertainty",
     )
 
 
@@ -105,16 +149,16 @@ def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
 def _component(
     series: Series, lib: Library, conventions: Conventions, method: str
 ) -> tuple[ComponentDrift, Rest]:
-    check_least(series)
+    _check_least(series)
     rows = lib.rows(range(len(lib.cycles)))
     spec, test = _spec(lib, rows, method)
     found = fit(lib, rows, spec)
-    check_fitted(series, spec, found)
-    rest = residuals(series, lib, spec, found, conventions.reference)
-    model = estimate(series, lib, spec, found, rows, rest, conventions)
+    _check_fitted(series, found)
+    rest = residuals(series, found, conventions.reference)
+    model = estimate(series, found, rows, rest, conventions)
     evidence, candidates = held_out(lib, method)
-    r2, rms_before, rms_after = _explained(series, lib, rows, spec, found)
-    condition, vif = _collinearity(lib, rows, spec, found)
+    r2, rms_before, rms_after = _explained(series, rows, found)
+    condition, vif = _collinearity(rows, found)
     drift = ComponentDrift(
         name=series.name,
         unit=conventions.unit,
@@ -132,8 +176,8 @@ def _component(
         position_test=test,
         condition=condition,
         vif=vif,
-        residuals=_normality(series, rest, autocorrelation(lib, rows, spec, found)),
-        shares=_shares(lib, rows, spec, found),
+        residuals=_normality(series, rest, found.autocorrelation(rows)),
+        shares=_shares(rows, found),
         at_positions=_gradients(lib, model),
         intercepts=tuple(Intercept(lib.positions[p], a) for p, a in found.intercepts.items()),
         curves=_curves(lib, rest),
@@ -152,12 +196,10 @@ def _spec(lib: Library, rows: Rows, method: str) -> tuple[Spec, PositionTest | N
     return spec, test
 
 
-def _explained(
-    series: Series, lib: Library, rows: Rows, spec: Spec, found: Fitted
-) -> tuple[float, float, float]:
+def _explained(series: Series, rows: Rows, found: Fitted) -> tuple[float, float, float]:
     """r^2 of the fit, and the readings' rms about their means without and with the model."""
-    before = sum_of_squares(lib, rows, spec, constant(lib, rows, spec))
-    after = sum_of_squares(lib, rows, spec, found)
+    before = constant(found.lib, rows, found.spec).sum_of_squares(rows)
+    after = found.sum_of_squares(rows)
     n = series.n
     r2 = 1 - after / before if not series.still else float("nan")
     return r2, float(np.sqrt(before / n)), float(np.sqrt(after / n))
@@ -168,33 +210,25 @@ def _normality(series: Series, rest: Rest, lag1: float) -> Residuals:
     return Residuals(normality_p=normality_p(rest.residual, number), lag1=lag1, effective=number)
 
 
-def _collinearity(
-    lib: Library, rows: Rows, spec: Spec, found: Fitted
-) -> tuple[float, dict[str, float | None]]:
+def _collinearity(rows: Rows, found: Fitted) -> tuple[float, dict[str, float | None]]:
     """Condition number and VIF of the groups in the model, about the means of the positions."""
-    used = np.flatnonzero((found.coefficients != 0).any(axis=0))
-    own = np.asarray(lib.columns(spec.lags)[1:-1], int)[used]
-    if not len(own):
+    columns = np.asarray(found.lib.columns(found.spec.lags)[1:-1], int)[found.used]
+    if not len(columns):
         return 1.0, {}
-    centred = []
-    for item in rows.values():
-        one = item.factor[:, :1]
-        columns = item.factor[:, own]
-        centred.append(columns - one @ (one.T @ columns) / float(one[:, 0] @ one[:, 0]))
-    stacked = np.vstack(centred)
+    stacked = np.vstack([centred(item, columns) for item in rows.values()])
     factors = variance_inflation(stacked)
     return condition_number(stacked), {
         sensor: float(factors[i]) if np.isfinite(factors[i]) else None
-        for i, j in enumerate(used)
-        for sensor in lib.groups[j]
+        for i, j in enumerate(found.used)
+        for sensor in found.lib.groups[j]
     }
 
 
-def _shares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> dict[str, float]:
+def _shares(rows: Rows, found: Fitted) -> dict[str, float]:
     """Root mean square of each group's part of the drift, under its first sensor's name."""
-    squares = group_shares(lib, rows, spec, found)
+    squares, groups = found.group_shares(rows), found.lib.groups
     order = np.argsort(-squares, kind="stable")
-    return {lib.groups[j][0]: float(np.sqrt(squares[j])) for j in order if squares[j] > 0}
+    return {groups[j][0]: float(np.sqrt(squares[j])) for j in order if squares[j] > 0}
 
 
 def _gradients(lib: Library, model: ThermalEstimate) -> tuple[Gradients, ...]:

@@ -1,23 +1,30 @@
-"""Which model, of what degree and with what penalty and lags: by cycles that took no part."""
+"""Which model, of what degree and with what penalty and lags: by cycles that took no part.
+
+The reported held-out errors are nested: no cycle judges a choice that it took part in.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtrc
 
-from mtu_cli.analyses.thermal_fit.columns import Library, Rows
 from mtu_cli.analyses.thermal_fit.models import (
     PENALTIES,
     Fitted,
+    Library,
+    Rows,
     Spec,
+    constant,
     fit,
     path_losses,
     ridge_path,
-    sum_of_squares,
 )
+from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.least_squares import FloatArray
 
 KINDS = ("stepwise", "ridge", "lagged")
@@ -33,6 +40,55 @@ MOST_DEGREES = 2
 """Degrees in position at which time constants are searched for."""
 MOST_SWEEPS = 1
 """Rounds of the search for them; more of them fit the cycles that choose, not the next ones."""
+FEWEST_NESTED = 3
+"""Cycles from which on one can be held out of fit and choice, and the choice still hold one out."""
+
+
+class CycleRms(NamedTuple):
+    """Root mean squares over the readings of a held-out cycle, without and with the model."""
+
+    cycle: str
+    before: float
+    after: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldOut:
+    """Root mean squares over readings of cycles that took no part in fit or choice.
+
+    `before` without temperature, `after` with the model, `ordinary` with ordinary least
+    squares on all sensors; `r2` = 1 - after^2/before^2. The `cycles` were held out in so
+    many `blocks`.
+    """
+
+    before: float
+    after: float
+    ordinary: float
+    r2: float
+    cycles: tuple[CycleRms, ...]
+    blocks: int
+
+    @property
+    def reduction(self) -> float:
+        """1 - after/before; nan where the readings do not differ."""
+        return 1.0 - self.after / self.before if self.before > 0 else float("nan")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A model that was tried: its held-out root mean square, None where it is undefined."""
+
+    model: str
+    degree: int
+    held_out: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionTest:
+    """Whether the drift depends on position: F and its p."""
+
+    F: float
+    p: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,16 +142,16 @@ class Folds:
         total = np.zeros(len(penalties))
         for fitted_to, held in self._rows:
             if spec.kind == "stepwise":
-                total += sum_of_squares(self.lib, held, spec, fit(self.lib, fitted_to, spec))
+                total += fit(self.lib, fitted_to, spec).sum_of_squares(held)
             else:
                 path = ridge_path(self.lib, fitted_to, spec, penalties)
                 total += path_losses(self.lib, fitted_to, held, spec, path)
         return total
 
-    def fits(self, spec: Spec) -> Iterator[tuple[Rows, Fitted]]:
-        """(held-out rows, the fit to the others) of every fold."""
+    def fits(self, spec: Spec) -> Iterator[tuple[Rows, Rows, Fitted]]:
+        """(the other rows, the held-out rows, the fit to the others) of every fold."""
         for fitted_to, held in self._rows:
-            yield held, fit(self.lib, fitted_to, spec)
+            yield fitted_to, held, fit(self.lib, fitted_to, spec)
 
 
 def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, tuple[Scored, ...]]:
@@ -232,21 +288,123 @@ def _changed(
 def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:
     """Groups by their share of the modelled drift, largest first."""
     rows = lib.rows(cycles_of(folds.blocks))
-    found = fit(lib, rows, spec)
-    shares = group_shares(lib, rows, spec, found)
+    shares = fit(lib, rows, spec).group_shares(rows)
     order = np.argsort(-shares, kind="stable")
     return [int(j) for j in order[:SENSORS_SEARCHED]]
 
 
-def group_shares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> FloatArray:
-    """Mean square (g,) of each group's part of the modelled drift about its mean."""
+def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate, ...]]:
+    """Every cycle predicted by a model chosen and fitted on the others alone.
+
+    Where there are many, blocks of them (see `Library.blocks`). None with fewer than three
+    cycles, or without a sensor. The candidates' figures are of the best of their kind and degree
+    on each fold's other cycles, so that they are held out as well; None for what was not tried in
+    every fold, because other cycles are another measure.
+    """
+    if len(lib.blocks) < FEWEST_NESTED or not lib.groups:
+        return None, ()
+    before, after, least = 0.0, 0.0, 0.0
+    by_cycle: list[CycleRms] = []
+    tried: dict[tuple[str, int], list[float]] = {}
+    n = 0
+    for block in lib.blocks:
+        others = other_blocks(lib.blocks, block)
+        held, rows = lib.rows(block), lib.rows(cycles_of(others))
+        best, candidates = choose(lib, others, method)
+        for item in candidates:
+            loss = fit(lib, rows, item.spec).sum_of_squares(held)
+            tried.setdefault((item.kind, item.spec.degree), []).append(loss)
+        least += fit(lib, rows, ordinary(lib)).sum_of_squares(held)
+        fits = constant(lib, rows, best.spec), fit(lib, rows, best.spec)
+        for cycle in block:
+            piece = lib.rows([cycle])
+            count = sum(item.n for item in piece.values())
+            losses = [fitted.sum_of_squares(piece) for fitted in fits]
+            by_cycle.append(CycleRms(lib.cycles[cycle], *(_root(x, count) for x in losses)))
+            before, after, n = before + losses[0], after + losses[1], n + count
+    found = HeldOut(
+        before=_root(before, n),
+        after=_root(after, n),
+        ordinary=_root(least, n),
+        r2=1 - after / before if before > 0 else float("nan"),
+        cycles=tuple(by_cycle),
+        blocks=len(lib.blocks),
+    )
+    return found, _candidates(tried, n, len(lib.blocks))
+
+
+def _candidates(
+    tried: dict[tuple[str, int], list[float]], n: int, folds: int
+) -> tuple[Candidate, ...]:
+    """What was tried, with its figure where every fold tried it."""
+    return tuple(
+        Candidate(
+            model=kind,
+            degree=degree,
+            held_out=_root(sum(losses), n) if len(losses) == folds else None,
+        )
+        for (kind, degree), losses in tried.items()
+    )
+
+
+def _root(total: float, n: int) -> float:
+    return float(np.sqrt(total / n))
+
+
+def position_test(lib: Library, spec: Spec, rows: Rows) -> PositionTest | None:
+    """F of the drift's dependence on position: all powers against none, all groups of sensors.
+
+    With the effective number of residuals, as they follow each other; None with one position
+    or where they are too few.
+    """
+    if lib.most_degree == 0:
+        return None
+    flat, full = (
+        fit(lib, rows, Spec(kind="ridge", degree=degree, lags=spec.lags))
+        for degree in (0, lib.most_degree)
+    )
+    without, loss = flat.sum_of_squares(rows), full.sum_of_squares(rows)
+    number = effective_number(sum(item.n for item in rows.values()), full.autocorrelation(rows))
+    more, dof = full.parameters - flat.parameters, number - full.parameters
+    if dof <= 0 or more <= 0 or loss <= 0:
+        return None
+    F = (without - loss) / more / (loss / dof)
+    return PositionTest(F=F, p=float(fdtrc(more, dof, max(F, 0.0))))
+
+
+Unseen = tuple[float, float, float]
+"""Of held-out residuals: see `unseen_products`."""
+
+
+def unseen_products(lib: Library, spec: Spec) -> Unseen | None:
+    """Mean e_i^2 and e_i e_(i+1) of held-out residuals of one spec, and their mean x'C x.
+
+    C is the unit covariance of the fold's fit, x a held-out row about the mean of the rows that
+    it was fitted to. None with a single cycle.
+    """
+    square = product = leverage = 0.0
+    count = 0
+    for fitted_to, held, fitted in Folds(lib, lib.blocks).fits(spec):
+        squares, products = fitted.mean_products(held)
+        n = sum(item.n for item in held.values())
+        square, product, count = square + squares * n, product + products * n, count + n
+        leverage += _leverage(held, fitted_to, fitted)
+    return (square / count, product / count, leverage / count) if count else None
+
+
+def _leverage(held: Rows, fitted_to: Rows, fitted: Fitted) -> float:
+    """Sum over rows u of (power x u)' C (power x u)."""
+    lib, spec = fitted.lib, fitted.spec
     own = lib.columns(spec.lags)[1:-1]
-    total = np.zeros(len(own))
-    for position, item in rows.items():
-        one = item.factor[:, :1]
-        columns = item.factor[:, own]
-        centred = columns - one @ (one.T @ columns) / float(one[:, 0] @ one[:, 0])
-        gradient = lib.powers(spec.degree)[position] @ found.coefficients
-        total += np.sum(centred**2, axis=0) * gradient**2
-    mean: FloatArray = total / sum(item.n for item in rows.values())
-    return mean
+    total = 0.0
+    for position, item in held.items():
+        if position not in fitted_to:
+            continue
+        factor = fitted_to[position].factor
+        mean = factor[:, 0] @ factor[:, own] / float(factor[:, 0] @ factor[:, 0])
+        columns = item.factor[:, own] - item.factor[:, :1] * mean
+        power, g = lib.powers(spec.degree)[position], columns.shape[1]
+        C = fitted.unit_covariance.reshape(len(power), g, len(power), g)
+        inner = np.einsum("a,ajbk,b->jk", power, C, power)
+        total += float(np.einsum("rj,jk,rk->", columns, inner, columns))
+    return total

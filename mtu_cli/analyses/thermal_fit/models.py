@@ -1,19 +1,243 @@
-"""Thermal models of one component, fitted to the compressed rows of some cycles."""
+"""Thermal models of one component: the columns that they choose from, and their fit.
+
+Columns are sensors, or groups of them, with and without lag; fits are to compressed rows of any
+cycles.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.columns import Library, Rows, Selection
-from mtu_cli.stats.compressed import Compressed
-from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.analyses.thermal_fit.series import Series
+from mtu_cli.stats.autocorrelation import mean_products
+from mtu_cli.stats.compressed import Compressed, compress, together
+from mtu_cli.stats.lag import lag_of_moments
+from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares, polynomial
 from mtu_cli.stats.ridge import RidgePath, ridge
 from mtu_cli.stats.stepwise import stepwise
 
+ALIKE = 0.999
+"""Correlation from which on two sensors are one to any fit (Valdes et al.)."""
+MOST_LAGS = 7
+MOST_BLOCKS = 12
+"""Cycles up to which each is held out alone; more are held out in this many blocks, because each
+block's model is chosen by holding out the others in turn: the square of their number of fits.
+"""
 PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
 """Ridge penalties that are tried; 0 is ordinary least squares."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rows(Mapping[int, Compressed]):
+    """Compressed rows of some `cycles` by position index."""
+
+    cycles: frozenset[int]
+    by_position: dict[int, Compressed]
+
+    def __getitem__(self, position: int) -> Compressed:
+        return self.by_position[position]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.by_position)
+
+    def __len__(self) -> int:
+        return len(self.by_position)
+
+
+Selection = tuple[list[int], LeastSquares]
+"""Groups of sensors that were selected, and their fit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Library:
+    """Compressed rows 1, columns, reading by (position index, cycle index).
+
+    `groups` are tuples of sensors, `average` (s, g) their means; column 1 + c*g + j is group j
+    with the time constant `time_constants[c]`, of which the first is 0. `selections`
+    by (position index, cycles, columns) are those already made: held-out cycles in turn and the
+    degrees in position ask for the same ones again and again.
+    """
+
+    positions: tuple[float | None, ...]
+    cycles: tuple[str, ...]
+    groups: tuple[tuple[str, ...], ...]
+    average: FloatArray
+    time_constants: FloatArray
+    pieces: dict[tuple[int, int], Compressed]
+    selections: dict[tuple[int, frozenset[int], tuple[int, ...]], Selection] = field(
+        default_factory=dict
+    )
+
+    @property
+    def most_degree(self) -> int:
+        """The highest degree in position that the observed positions determine."""
+        return len(self.positions) - 1
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Observed positions (positions,), mm; 0 for a component without any."""
+        return np.array([0.0 if position is None else position for position in self.positions])
+
+    @cached_property
+    def frame(self) -> tuple[float, float]:
+        """Middle c and half range h: polynomials are in (p - c)/h, which conditions well."""
+        half = float(np.ptp(self.places)) / 2
+        return float(self.places.max() + self.places.min()) / 2, half if half > 0 else 1.0
+
+    @cached_property
+    def _powers(self) -> FloatArray:
+        middle, half = self.frame
+        return polynomial((self.places - middle) / half, self.most_degree)
+
+    def powers(self, degree: int) -> FloatArray:
+        """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
+        return self._powers[:, : degree + 1]
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[int, ...], ...]:
+        """Cycles that are held out together: each alone, or blocks of those that follow each
+        other, as near to one size as can be.
+        """
+        count = len(self.cycles)
+        many = min(count, MOST_BLOCKS)
+        ends = [block * count // many for block in range(many + 1)] if many else [0]
+        return tuple(tuple(range(low, high)) for low, high in pairwise(ends))
+
+    def rows(self, cycles: Iterable[int]) -> Rows:
+        """All rows of some cycles by position index."""
+        wanted = frozenset(cycles)
+        found: dict[int, list[Compressed]] = {}
+        for (position, cycle), piece in self.pieces.items():
+            if cycle in wanted:
+                found.setdefault(position, []).append(piece)
+        return Rows(
+            cycles=wanted,
+            by_position={position: together(found[position]) for position in sorted(found)},
+        )
+
+    def columns(self, lags: Sequence[int]) -> list[int]:
+        """Constant, one column a group with the time constant of index lags[j], reading."""
+        g = len(self.groups)
+        own = [1 + lag * g + j for j, lag in enumerate(lags)]
+        return [0, *own, len(self.time_constants) * g + 1]
+
+
+def library(series: Series, sensors: Sequence[str], reference: float, *, lagged: bool) -> Library:
+    """The columns of one component, lagged ones too where `lagged` is asked for and time is known.
+
+    Sensors that never move hold no information: they are left out, and so are all of them
+    where the readings differ by rounding only.
+    """
+    span = series.range()
+    moving = [s for s in range(len(sensors)) if span[s, 1] > span[s, 0] and not series.still]
+    groups = _groups(series, moving)
+    average = np.zeros((len(sensors), len(groups)))
+    for j, group in enumerate(groups):
+        for sensor, sign in group:
+            average[sensor, j] = sign / len(group)
+    constants = _time_constants(series) if lagged else np.zeros(1)
+    pieces = (
+        _lagged_pieces(series, average, constants, reference)
+        if len(constants) > 1 or (series.complete and series.shuffled)
+        else _plain_pieces(series, average)
+    )
+    return Library(
+        positions=series.positions,
+        cycles=tuple(series.cycles),
+        groups=tuple(tuple(sensors[s] for s, _ in group) for group in groups),
+        average=average,
+        time_constants=constants,
+        pieces=pieces,
+    )
+
+
+def _groups(series: Series, moving: Sequence[int]) -> list[list[tuple[int, float]]]:
+    """Sensors that go together at |r| >= 0.999 with the first of their group, with their sign."""
+    columns = [1 + s for s in moving]
+    own = np.vstack([centred(rows, columns) for rows in series.by_position()])
+    length = np.linalg.norm(own, axis=0)
+    # A sensor may differ between positions alone.
+    length[length == 0] = 1.0
+    R = (own / length).T @ (own / length)
+    groups: list[list[tuple[int, float]]] = []
+    leaders: list[int] = []
+    for i, sensor in enumerate(moving):
+        for group, leader in zip(groups, leaders, strict=True):
+            if abs(R[i, leader]) >= ALIKE:
+                group.append((sensor, float(np.sign(R[i, leader]))))
+                break
+        else:
+            groups.append([(sensor, 1.0)])
+            leaders.append(i)
+    return groups
+
+
+def _plain_pieces(series: Series, average: FloatArray) -> dict[tuple[int, int], Compressed]:
+    s, g = average.shape
+    transform = np.zeros((s + 2, g + 2))
+    transform[0, 0] = transform[-1, -1] = 1.0
+    transform[1:-1, 1:-1] = average
+    place = {position: i for i, position in enumerate(series.positions)}
+    cycle = {label: i for i, label in enumerate(series.cycles)}
+    return {
+        (place[position], cycle[label]): piece.columns(transform)
+        for (position, label), piece in series.pieces.items()
+    }
+
+
+def _lagged_pieces(
+    series: Series, average: FloatArray, constants: FloatArray, reference: float
+) -> dict[tuple[int, int], Compressed]:
+    kept = series.kept()
+    found = {}
+    for p, position in enumerate(series.positions):
+        here = np.flatnonzero(
+            np.isnan(kept.position) if position is None else kept.position == position
+        )
+        columns = lagged_columns(kept.temperature[here] @ average, kept.time[here], constants)
+        offset = reference * np.tile(average.sum(axis=0), len(constants))
+        Z = np.column_stack([np.ones(len(here)), columns - offset, kept.error[here]])
+        for c in range(len(series.cycles)):
+            rows = Z[kept.cycle[here] == c]
+            if len(rows):
+                found[p, c] = compress(rows)
+    return found
+
+
+def lagged_columns(group: FloatArray, time: FloatArray, constants: FloatArray) -> FloatArray:
+    """Groups (n, g) with each time constant, (n, k*g), constants first; rows of one time that
+    follow each other are one moment.
+    """
+    lagged = lag_of_moments(group, time, constants)
+    found: FloatArray = np.moveaxis(lagged, 0, 1).reshape(len(group), -1)
+    return found
+
+
+def _time_constants(series: Series) -> FloatArray:
+    """0 and powers of two from twice the usual step to the length of a cycle, in min."""
+    if not series.complete:
+        return np.zeros(1)
+    kept = series.kept()
+    if np.isnan(kept.time).any():
+        return np.zeros(1)
+    steps, lengths = [], []
+    for position in series.positions:
+        for c in range(len(series.cycles)):
+            time = kept.time[kept.at(position, c)]
+            own = np.diff(time)
+            steps += [own[own > 0]]
+            lengths += [float(np.ptp(time))] if len(time) else []
+    every = np.concatenate(steps)
+    if not len(every):
+        return np.zeros(1)
+    first, last = 2 * float(np.median(every)), max(lengths)
+    count = int(min(max(np.floor(np.log2(last / first)) + 1, 0), MOST_LAGS))
+    return np.concatenate([[0.0], first * 2.0 ** np.arange(count)])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,13 +254,88 @@ class Spec:
 class Fitted:
     """Coefficients (m, g) in powers of the scaled position, and their unit covariance (m*g, m*g),
     that of errors of variance 1 which are independent. `intercepts` by position index;
-    `used` number of fitted quantities.
+    `parameters` number of fitted quantities.
     """
 
+    lib: Library
+    spec: Spec
     coefficients: FloatArray
     unit_covariance: FloatArray
     intercepts: dict[int, float]
-    used: float
+    parameters: float
+
+    @property
+    def used(self) -> np.ndarray:
+        """Groups of sensors that the model uses."""
+        return np.flatnonzero((self.coefficients != 0).any(axis=0))
+
+    def gradient(self, position: int) -> FloatArray:
+        """Of every group (g,) at a position."""
+        found: FloatArray = self.lib.powers(self.spec.degree)[position] @ self.coefficients
+        return found
+
+    def weights(self, position: int) -> FloatArray:
+        """w (k,) such that Z w are the residuals at a position, Z the library's columns.
+
+        A position that the fit has not seen takes the mean intercept of those that it has.
+        """
+        chosen = self.lib.columns(self.spec.lags)
+        w = np.zeros(chosen[-1] + 1)
+        level = self.intercepts.get(position)
+        w[0] = -(float(np.mean(list(self.intercepts.values()))) if level is None else level)
+        w[chosen[1:-1]] = -self.gradient(position)
+        w[-1] = 1.0
+        return w
+
+    def sum_of_squares(self, rows: Rows) -> float:
+        """Of the residuals of rows of any cycles."""
+        total = 0.0
+        for position, item in rows.items():
+            total += float(np.sum((item.factor @ self.weights(position)) ** 2))
+        return total
+
+    def mean_products(self, rows: Rows) -> tuple[float, float]:
+        """Mean e_i^2 and mean e_i e_(i+1) of the residuals of any cycles."""
+        return mean_products((item, self.weights(position)) for position, item in rows.items())
+
+    def autocorrelation(self, rows: Rows) -> float:
+        """Lag-1 autocorrelation of the residuals, pooled over positions."""
+        square, product = self.mean_products(rows)
+        return product / square if square > 0 else 0.0
+
+    def group_shares(self, rows: Rows) -> FloatArray:
+        """Mean square (g,) of each group's part of the modelled drift about its mean."""
+        columns = self.lib.columns(self.spec.lags)[1:-1]
+        total = np.zeros(len(columns))
+        for position, item in rows.items():
+            squares = np.sum(centred(item, columns) ** 2, axis=0)
+            total += squares * self.gradient(position) ** 2
+        mean: FloatArray = total / sum(item.n for item in rows.values())
+        return mean
+
+
+def centred(rows: Compressed, columns: list[int] | np.ndarray) -> FloatArray:
+    """Columns of a triangular factor less what the constant explains."""
+    one, X = rows.factor[:, :1], rows.factor[:, columns]
+    found: FloatArray = X - one @ (one.T @ X) / float(one[:, 0] @ one[:, 0])
+    return found
+
+
+def constant(lib: Library, rows: Rows, spec: Spec) -> Fitted:
+    """No temperature: the mean reading at every position."""
+    g, m = len(lib.groups), spec.degree + 1
+    means = {}
+    for position, item in rows.items():
+        one = item.factor[:, 0]
+        means[position] = float(one @ item.factor[:, -1]) / float(one @ one)
+    return Fitted(
+        lib=lib,
+        spec=spec,
+        coefficients=np.zeros((m, g)),
+        unit_covariance=np.zeros((m * g, m * g)),
+        intercepts=means,
+        parameters=float(len(means)),
+    )
 
 
 def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
@@ -45,10 +344,12 @@ def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
         return _fit_stepwise(lib, rows, spec)
     path = ridge_path(lib, rows, spec, np.array([spec.penalty]))
     return Fitted(
+        lib=lib,
+        spec=spec,
         coefficients=path.coefficients[0].reshape(spec.degree + 1, -1),
         unit_covariance=path.unit_covariance(0),
         intercepts=dict(zip(rows, path.intercepts[0].tolist(), strict=True)),
-        used=float(path.effective[0]) + len(rows),
+        parameters=float(path.effective[0]) + len(rows),
     )
 
 
@@ -100,23 +401,25 @@ def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
     W = through_places(V)
     gradients = np.zeros((len(places), g))
     unit = np.zeros((m, g, m, g))
-    used = float(len(places))
+    parameters = float(len(places))
     for i, position in enumerate(places):
         selected, found = _selected(lib, rows, position, chosen)
         gradients[i, selected] = found.coefficients[1:]
         covariance = np.zeros((g, g))
         covariance[np.ix_(selected, selected)] = found.unscaled_covariance[1:, 1:]
         unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
-        used += len(selected) * m / len(places)
+        parameters += len(selected) * m / len(places)
     coefficients = W @ gradients
     return Fitted(
+        lib=lib,
+        spec=spec,
         coefficients=coefficients,
         unit_covariance=unit.reshape(m * g, m * g),
         intercepts={
             position: _intercept(rows[position].factor[:, chosen], V[i] @ coefficients)
             for i, position in enumerate(places)
         },
-        used=used,
+        parameters=parameters,
     )
 
 
@@ -152,25 +455,3 @@ def _intercept(factor: FloatArray, gradient: FloatArray) -> float:
     left = factor[:, -1] - factor[:, 1:-1] @ gradient
     one = factor[:, 0]
     return float(one @ left) / float(one @ one)
-
-
-def weights(lib: Library, spec: Spec, found: Fitted, position: int) -> FloatArray:
-    """w (k,) such that Z w are the residuals at a position, Z the library's columns.
-
-    A position that the fit has not seen takes the mean intercept of those that it has.
-    """
-    chosen = lib.columns(spec.lags)
-    w = np.zeros(chosen[-1] + 1)
-    own = found.intercepts.get(position)
-    w[0] = -(float(np.mean(list(found.intercepts.values()))) if own is None else own)
-    w[chosen[1:-1]] = -(lib.powers(spec.degree)[position] @ found.coefficients)
-    w[-1] = 1.0
-    return w
-
-
-def sum_of_squares(lib: Library, rows: Rows, spec: Spec, found: Fitted) -> float:
-    """Residual sum of squares over rows of any cycles."""
-    total = 0.0
-    for position, item in rows.items():
-        total += float(np.sum((item.factor @ weights(lib, spec, found, position)) ** 2))
-    return total

@@ -1,4 +1,4 @@
-"""The result of `thermal-fit`, in internal units (mm or rad; degC, min)."""
+"""The result of `thermal-fit`, in internal units (mm or rad; degC, min), and its warnings."""
 
 from __future__ import annotations
 
@@ -6,18 +6,33 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from mtu_cli.findings import Finding
-from mtu_cli.model.thermal import ThermalEstimate
+import numpy as np
+
+from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, Candidate, HeldOut, PositionTest
+from mtu_cli.analyses.thermal_fit.models import Library
+from mtu_cli.analyses.thermal_fit.series import Series
+from mtu_cli.analyses.thermal_fit.uncertainty import Rest
+from mtu_cli.findings import Finding, finding
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
 from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 
-
-class CycleRms(NamedTuple):
-    """Root mean squares over the readings of a held-out cycle, without and with the model."""
-
-    cycle: str
-    before: float
-    after: float
+OVER_FIT = 2.0
+FEWEST_ROWS = 10
+COLLINEAR = 30.0
+"""Condition number from which on single coefficients are not to be trusted (Belsley, Kuh &
+Welsch 1980, ch. 3)."""
+LEAST_GAIN, GAIN_P = 0.05, 0.05
+"""Fall of the held-out rms from which on a model is of use whatever its cycles' scatter, and the
+level at which a smaller one is told from none."""
+FAR = 1.0
+"""degC beyond the reference from which on it counts as not read."""
+AT_ONE_SHARE, LEVELS_APART = 0.1, 0.5
+"""Cycles that begin within this share of what the sensors move begin at one temperature; readings
+there are apart from this share of what they move in a cycle on.
+"""
+NOTHING = "no-effect-of-temperature"
 
 
 class Gradients(NamedTuple):
@@ -42,37 +57,6 @@ class Share(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOut:
-    """Root mean squares over readings of cycles that took no part in fit or choice.
-
-    `before` without temperature, `after` with the model, `ordinary` with ordinary least
-    squares on all sensors; `r2` = 1 - after^2/before^2. The `cycles` were held out in so
-    many `blocks`.
-    """
-
-    before: float
-    after: float
-    ordinary: float
-    r2: float
-    cycles: tuple[CycleRms, ...]
-    blocks: int
-
-    @property
-    def reduction(self) -> float:
-        """1 - after/before; nan where the readings do not differ."""
-        return 1.0 - self.after / self.before if self.before > 0 else float("nan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """A model that was tried: its held-out root mean square, None where it is undefined."""
-
-    model: str
-    degree: int
-    held_out: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Residuals:
     """Of the fitted readings: `normality_p` (D'Agostino & Pearson's K^2 on the effective
     number), `lag1` autocorrelation, `effective` number of independent residuals.
@@ -81,14 +65,6 @@ class Residuals:
     normality_p: float | None
     lag1: float
     effective: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionTest:
-    """Whether the drift depends on position: F and its p."""
-
-    F: float
-    p: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,11 +152,24 @@ class ComponentDrift:
     @property
     def gradients(self) -> Iterator[SensorGradient]:
         """Of every position and sensor; one without a sensor where the model has none."""
-        if not self.estimate.sensors:
-            yield SensorGradient(self)
+        model = self.estimate
+        if not model.sensors:
+            yield SensorGradient(drift=self)
         for position, gradients in self.at_positions:
-            for index, sensor in enumerate(self.estimate.sensors):
-                yield SensorGradient(self, position, sensor, index, gradients.get(sensor))
+            for i, sensor in enumerate(model.sensors):
+                span = model.temperature_range
+                yield SensorGradient(
+                    drift=self,
+                    position=position,
+                    sensor=sensor,
+                    stands_for=self.twins(sensor),
+                    value=gradients.get(sensor),
+                    u=model.gradient_u(i, position or 0.0),
+                    share=self.shares.get(sensor),
+                    lag=float(model.time_constants[i]),
+                    vif=self.vif.get(sensor),
+                    temperatures=None if span is None else span[i],
+                )
 
     def shown(self, value: float) -> str:
         """A length or angle of two digits in the component's unit."""
@@ -188,49 +177,24 @@ class ComponentDrift:
         return f"{float(f'{size:.2g}'):g} {self.unit.name}"
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SensorGradient:
-    """What a sensor does at an observed position of a component; all None without a `sensor`."""
+    """What a sensor does at an observed position of a component; all None without a `sensor`.
+
+    Sensors it `stands_for` are indistinguishable from it; `value` per degC with its `u`; `share`
+    the rms of its part of the modelled drift; `lag` in min (0: none); `vif` None: infinite.
+    """
 
     drift: ComponentDrift
     position: float | None = None
     sensor: str | None = None
-    index: int = 0
+    stands_for: tuple[str, ...] | None = None
     value: float | None = None
-
-    @property
-    def stands_for(self) -> tuple[str, ...] | None:
-        """Sensors that are indistinguishable from it."""
-        return None if self.sensor is None else self.drift.twins(self.sensor)
-
-    @property
-    def u(self) -> float | None:
-        """Standard uncertainty of the gradient."""
-        if self.sensor is None:
-            return None
-        return self.drift.estimate.gradient_u(self.index, self.position or 0.0)
-
-    @property
-    def share(self) -> float | None:
-        """Root mean square of its part of the modelled drift."""
-        return self.drift.shares.get(self.sensor or "")
-
-    @property
-    def lag(self) -> float | None:
-        """Time constant, min; 0: none."""
-        constants = self.drift.estimate.time_constants
-        return None if self.sensor is None else float(constants[self.index])
-
-    @property
-    def vif(self) -> float | None:
-        """Variance inflation factor; None: infinite."""
-        return self.drift.vif.get(self.sensor or "")
-
-    @property
-    def temperatures(self) -> FloatArray | None:
-        """Range that the sensor read, degC."""
-        ranges = self.drift.estimate.temperature_range
-        return None if ranges is None or self.sensor is None else ranges[self.index]
+    u: float | None = None
+    share: float | None = None
+    lag: float | None = None
+    vif: float | None = None
+    temperatures: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -245,3 +209,163 @@ class ThermalFit:
     reference: float
     method: str
     warnings: tuple[Finding, ...]
+
+
+def component_warnings(
+    series: Series, lib: Library, drift: ComponentDrift, method: str
+) -> Iterator[Finding]:
+    """Warnings of one component's model."""
+    name = drift.name
+    yield from _of_held_out(lib, drift)
+    if drift.condition > COLLINEAR:
+        consequence = f"single coefficients mean nothing (condition {drift.condition:.0f})"
+        yield finding(
+            "not-separable",
+            component=name,
+            what=f"{name}: the sensors are",
+            others=["each other"],
+            consequence=consequence,
+        )
+    if (reason := _without_lags(series, lib, drift, method)) is not None:
+        yield finding(NOTHING, component=name, what="lags", reason=reason)
+    if len(drift.positions) == 1 and (axis := drift.estimate.of) is not None:
+        reason = f"it was read at {drift.positions[0]:g} mm only, and is taken as the same"
+        what = f"the drift along {axis}"
+        yield finding("not-tested", what=what, items=name, component=name, reason=reason)
+    yield from _of_reference(drift)
+    yield from _of_files(series, name)
+    if not drift.estimate.sensors:
+        reason = "none explains the drift"
+        reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""
+        yield finding(NOTHING, component=name, what="sensor", reason=reason)
+    if drift.residuals.normality_p is None:
+        number = drift.residuals.effective
+        few = f"{number:.3g} of them count as independent"
+        reason = few if number < FEWEST_FOR_NORMALITY else "they are 0"
+        what = "the normality of the residuals"
+        yield finding("not-tested", what=what, items=name, component=name, reason=reason)
+
+
+def _of_files(series: Series, name: str) -> Iterator[Finding]:
+    """Rows whose order or cycle is not what the files say at first sight."""
+    if series.shuffled and not series.complete:
+        reason = "readings of one cycle are not in the order of their times, and too many to be "
+        reason += "sorted: their autocorrelation is that of the file"
+        yield finding("order-of-cycles", component=name, reason=reason)
+    several = {cycle: names for (_, cycle), names in series.files.items() if len(names) > 1}
+    if several:
+        cycle, names = next(iter(several.items()))
+        of = f"cycle {cycle!r}" if cycle else "one cycle without a name"
+        files = " and ".join(sorted(names))
+        yield finding(
+            "order-of-cycles",
+            component=name,
+            reason=f"{of} is in {files} and counts as one warm-up or cool-down",
+            files=files,
+            expected="another name for each warm-up in the column 'cycle'",
+        )
+
+
+def _without_lags(series: Series, lib: Library, drift: ComponentDrift, method: str) -> str | None:
+    """Why a model has no lags where they were asked for."""
+    if method in ("auto", "lagged") and len(lib.time_constants) < 2:
+        if not series.complete:
+            return "there are too many readings"
+        if np.isnan(series.kept().time).any():
+            return "no times are given"
+        return "the times do not run on within the cycles"
+    if method == "lagged" and len(lib.cycles) < 2:
+        return "lags are chosen on held-out cycles, and there is one; the model is ridge"
+    if drift.without_lag:
+        return "no time constant lowers the held-out error enough; the model is ridge"
+    return None
+
+
+def _of_reference(drift: ComponentDrift) -> Iterator[Finding]:
+    """Drift that was zeroed far from the reference: its zero is extrapolated."""
+    span, reference = drift.estimate.temperature_range, drift.estimate.reference
+    if span is None or not len(span):
+        return
+    beyond = (span[:, 0] > reference + FAR) | (span[:, 1] < reference - FAR)
+    if beyond.mean() > 0.5:
+        yield finding(
+            "outside-measured-range",
+            component=drift.name,
+            what=f"the reference of {reference:g} degC",
+            names=[f"the sensors of {drift.name}"],
+            low=float(span[:, 0].min()),
+            high=float(span[:, 1].max()),
+            unit="degC",
+        )
+
+
+def _of_held_out(lib: Library, drift: ComponentDrift) -> Iterator[Finding]:
+    """What the next warm-up may show that the cycles of the fit do not."""
+    name, held = drift.name, drift.held_out
+    if len(lib.cycles) < FEWEST_NESTED:
+        count = "the readings have no cycles" if len(lib.cycles) < 2 else "there are two cycles"
+        expected = "three cycles or more, column 'cycle'"
+        yield finding("not-held-out", component=name, cycles=count, expected=expected)
+    if held is None:
+        return
+    if drift.rms_after > 0 and held.after > OVER_FIT * drift.rms_after:
+        fitted, held_out = drift.shown(drift.rms_after), drift.shown(held.after)
+        yield finding("over-fit", component=name, fitted=fitted, held_out=held_out)
+    if held.after > held.before:
+        yield finding("no-better", component=name, effect="increase the rms")
+        return
+    small = held.after > (1 - LEAST_GAIN) * held.before
+    if drift.estimate.sensors and small and not _consistent(held):
+        percent = 100 * (1 - held.after / held.before)
+        effect = f"reduce the rms by {percent:.2g} % only, within its scatter"
+        yield finding("no-better", component=name, effect=effect)
+
+
+def _consistent(held: HeldOut) -> bool:
+    """Whether the cycles gain beyond their scatter: Student's t of ln(before/after), one-sided.
+
+    Ratios, because a cycle of large drift would be all that differences of squares show.
+    """
+    from scipy.special import stdtrit
+
+    before, after = np.array([own[1:] for own in held.cycles]).T
+    if not (before > 0).all() or not (after > 0).all():
+        return True
+    gain = np.log(before / after)
+    n, s = len(gain), float(np.std(gain, ddof=1))
+    return float(gain.mean() * np.sqrt(n)) > float(stdtrit(n - 1, 1 - GAIN_P)) * s
+
+
+def sensor_warnings(
+    series: Series, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
+) -> Iterator[Finding]:
+    """Sensors that do not move, and readings whose cycles begin apart."""
+    for name, (low, high) in zip(sensors, series.range().tolist(), strict=True):
+        if low == high:
+            where = f" at {low:g} degC"
+            yield finding("sensor-still", sensor=name, where=where, consequence="left out")
+    yield from _levels(rest, drift)
+
+
+def _levels(rest: Rest, drift: ComponentDrift) -> Iterator[Finding]:
+    """Cycles that begin apart at one temperature: a probe that was set anew has another zero."""
+    kept = rest.kept
+    for position in drift.positions or (None,):
+        at = (kept.at(position, c) for c in range(len(drift.cycles)))
+        rows = [own for own in at if len(own) >= FEWEST_ROWS]
+        if len(rows) < 2 or not kept.temperature.shape[1]:
+            continue
+        first = np.array([own[0] for own in rows])
+        readings = [kept.error[own] for own in rows]
+        moves = np.ptp(kept.temperature[np.concatenate(rows)], axis=0)
+        same = np.ptp(kept.temperature[first], axis=0) <= AT_ONE_SHARE * moves
+        apart, within = np.ptp(kept.error[first]), np.median([np.ptp(own) for own in readings])
+        if same.all() and apart > LEVELS_APART * within:
+            where = "" if position is None else f" at {position:g} mm"
+            shown = drift.shown(float(apart))
+            reason = f"the cycles begin up to {shown} apart{where} at the same temperatures: was "
+            reason += "the probe set anew? count the readings of each cycle from its first"
+            yield finding(
+                "order-of-cycles", component=drift.name, reason=reason, apart=shown, where=where
+            )
+            return

@@ -14,11 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import comb, fdtri
 
-from mtu_cli.analyses.thermal_fit.columns import Library, Rows, lagged_columns
-from mtu_cli.analyses.thermal_fit.evidence import mean_products, unseen_products
-from mtu_cli.analyses.thermal_fit.models import Fitted, Spec, through_places
+from mtu_cli.analyses.thermal_fit.choice import Unseen, unseen_products
+from mtu_cli.analyses.thermal_fit.models import (
+    Fitted,
+    Library,
+    Rows,
+    lagged_columns,
+    through_places,
+)
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
-from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.autocorrelation import effective_number
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.positive_part import covariance_root, positive_part
@@ -55,9 +60,9 @@ class Rest:
     rise: FloatArray
 
 
-def residuals(series: Series, lib: Library, spec: Spec, found: Fitted, reference: float) -> Rest:
+def residuals(series: Series, found: Fitted, reference: float) -> Rest:
     """The model at every row that was kept."""
-    kept = series.kept()
+    kept, lib, spec = series.kept(), found.lib, found.spec
     modelled, rises = np.zeros(len(kept.error)), np.zeros((len(kept.error), len(lib.groups)))
     lags, which = np.unique(spec.lags, return_inverse=True)
     g = len(lib.groups)
@@ -71,30 +76,24 @@ def residuals(series: Series, lib: Library, spec: Spec, found: Fitted, reference
             every = lagged_columns(groups, kept.time[here], lib.time_constants[lags])
             columns = every.reshape(len(here), len(lags), g)[:, which, np.arange(g)]
         rise = columns - reference * lib.average.sum(axis=0)
-        gradient = lib.powers(spec.degree)[p] @ found.coefficients
-        modelled[here] = found.intercepts[p] + rise @ gradient
+        modelled[here] = found.intercepts[p] + rise @ found.gradient(p)
         rises[here] = rise
     return Rest(kept=kept, modelled=modelled, residual=kept.error - modelled, rise=rises)
 
 
 def estimate(
-    series: Series,
-    lib: Library,
-    spec: Spec,
-    found: Fitted,
-    rows: Rows,
-    rest: Rest,
-    conventions: Conventions,
+    series: Series, found: Fitted, rows: Rows, rest: Rest, conventions: Conventions
 ) -> ThermalEstimate:
     """The model in powers of mm and sensors, with the covariances of coefficients and rest."""
-    used = np.flatnonzero((found.coefficients != 0).any(axis=0))
+    lib, spec, used = found.lib, found.spec, found.used
     members = np.flatnonzero((lib.average[:, used] != 0).any(axis=1))
     spread = lib.average[np.ix_(members, used)]
     T = _unscaled(lib, spec.degree)
     kept = np.concatenate([used + m * len(lib.groups) for m in range(spec.degree + 1)])
-    scale, coefficient_dof = _coefficient_scale(lib, spec, found, rows)
+    unseen = unseen_products(lib, spec)
+    scale, coefficient_dof = _coefficient_scale(found, rows, unseen)
     root = np.kron(T, spread) @ covariance_root(found.unit_covariance[np.ix_(kept, kept)])
-    slow, leftover_dof = _slow(lib, rest, spec, found)
+    slow, leftover_dof = _slow(rest, found, unseen)
     constants = lib.time_constants[np.asarray(spec.lags, int)]
     places = [position for position in lib.positions if position is not None]
     return ThermalEstimate(
@@ -125,7 +124,7 @@ def _unscaled(lib: Library, degree: int) -> FloatArray:
     return T
 
 
-def _coefficient_scale(lib: Library, spec: Spec, found: Fitted, rows: Rows) -> tuple[float, float]:
+def _coefficient_scale(found: Fitted, rows: Rows, unseen: Unseen | None) -> tuple[float, float]:
     """What the unit covariance is multiplied by, and its degrees of freedom.
 
     Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r). Where
@@ -133,24 +132,24 @@ def _coefficient_scale(lib: Library, spec: Spec, found: Fitted, rows: Rows) -> t
     difference over their mean x'C x is taken, known from as many cycles as there are less one.
     """
     n = sum(item.n for item in rows.values())
-    square, product = mean_products(lib, rows, spec, found)
-    square *= n / max(n - found.used, 1.0)
+    square, product = found.mean_products(rows)
+    square *= n / max(n - found.parameters, 1.0)
     number = effective_number(n, product / square if square > 0 else 0.0)
-    within = square * n / number, max(number - found.used, 1.0)
-    unseen = unseen_products(lib, spec)
+    within = square * n / number, max(number - found.parameters, 1.0)
     if unseen is None or unseen[2] <= 0:
         return within
     beyond = (max(unseen[1], 0.0) - max(product, 0.0)) / unseen[2]
-    between = max(len(lib.cycles) - 1.0, 1.0)
+    between = max(len(found.lib.cycles) - 1.0, 1.0)
     limit = within[0] * float(fdtri(between, within[1], 0.95))
     return within if beyond <= limit else (beyond, between)
 
 
-def _slow(lib: Library, rest: Rest, spec: Spec, found: Fitted) -> tuple[FloatArray, float]:
+def _slow(rest: Rest, found: Fitted, unseen: Unseen | None) -> tuple[FloatArray, float]:
     """Covariance (positions, positions) of what carries over between readings, and its dof.
 
     Positions that were read at the same times are correlated as they show; others are not.
     """
+    lib = found.lib
     count = len(lib.positions)
     runs = [
         [rest.residual[rest.kept.at(position, c)] for position in lib.positions]
@@ -176,24 +175,21 @@ def _slow(lib: Library, rest: Rest, spec: Spec, found: Fitted) -> tuple[FloatArr
     noise = float(np.mean(rest.residual**2)) / np.sqrt(len(rest.residual))
     # What white noise alone may show has no memory to correct for.
     if mean > SIGNIFICANT * noise:
-        slow *= _lost_to_fit(lib, spec, found, len(rest.residual), mean, memory)
+        slow *= _lost_to_fit(found, len(rest.residual), mean, memory, unseen)
     # Variances lose information to memory with its square (Bayley & Hammersley 1946).
-    return slow, max(effective_number(len(rest.residual), memory**2) - found.used, 1.0)
+    return slow, max(effective_number(len(rest.residual), memory**2) - found.parameters, 1.0)
 
 
-def _lost_to_fit(
-    lib: Library, spec: Spec, found: Fitted, n: int, mean: float, memory: float
-) -> float:
+def _lost_to_fit(found: Fitted, n: int, mean: float, memory: float, unseen: Unseen | None) -> float:
     """By what the slow variance `mean` of fitted residuals falls short: fitting takes of it.
 
     Degrees of freedom as the effective number has them, but no more than held-out cycles show.
     """
     number = effective_number(n, memory)
-    lost = number / max(number - found.used, number / MOST_LOST)
-    unseen = unseen_products(lib, spec)
+    lost = number / max(number - found.parameters, number / MOST_LOST)
     if unseen is None:
         return lost
-    return max(min(lost, unseen[1] / mean), n / max(n - found.used, 1.0))
+    return max(min(lost, unseen[1] / mean), n / max(n - found.parameters, 1.0))
 
 
 def _as_polynomial(lib: Library, degree: int, slow: FloatArray) -> FloatArray:

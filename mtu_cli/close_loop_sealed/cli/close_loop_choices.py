@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mtu_cli.cli.load import Inputs
-from mtu_cli.model.datum import Datum
+from mtu_cli.model.visits import Datum
 
 ALPHA = 0.05
 MAX_EFFECTS = 4

@@ -36,7 +36,7 @@ from mtu_cli.files.effects import Family
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
-from mtu_cli.model.design import LARGEST
+from mtu_cli.model.machine_model import LARGEST
 from mtu_cli.units import PARAMETER_UNITS, internal, parameter_units_of
 
 

@@ -10,11 +10,24 @@ import numpy as np
 from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
-from mtu_cli.model.basis import TIME, ThermalBasis
-from mtu_cli.model.covariate_texts import text_warnings
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, covariance_in_run
-from mtu_cli.model.fit import from_machine_file
-from mtu_cli.model.machine_model import AXES, MachineModel, Term, polynomial_term
+from mtu_cli.model.columns import text_warnings
+from mtu_cli.model.estimates import (
+    ComponentEstimate,
+    Estimates,
+    ThermalEstimate,
+    covariance_in_run,
+    leftover_estimate,
+    temperature_estimate,
+)
+from mtu_cli.model.fit import from_machine_file, thermal_from_machine_file
+from mtu_cli.model.machine_model import (
+    AXES,
+    TIME,
+    MachineModel,
+    Term,
+    ThermalBasis,
+    polynomial_term,
+)
 from mtu_cli.model.reading_layout import (
     ReadingLayout,
     effects_on_readings,
@@ -27,9 +40,6 @@ from mtu_cli.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.model.residual_layout import IntArray, filled
 from mtu_cli.model.residual_table import ResidualTable, within
 from mtu_cli.model.temperatures import temperature_warnings
-from mtu_cli.model.thermal import ThermalEstimate
-from mtu_cli.model.thermal_estimates import thermal_from_machine_file
-from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.stats.pass_pairs import bounded

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from types import FrameType
 from typing import Generic, NoReturn, Self, TypeVar
 
-from mtu_cli.stats.runner import available_threads
+from mtu_cli.stats.threads import available_threads
 
 T = TypeVar("T")
 MOST_PIECES = 256

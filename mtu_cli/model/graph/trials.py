@@ -1,25 +1,202 @@
-"""The graph as a Monte Carlo model: blocks of trials, one transition at a time."""
+"""A checked graph on any number of trials at once: to first order, and as a Monte Carlo model."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
 import numpy as np
 
-from mtu_cli.model.graph.first_order import FirstOrder
-from mtu_cli.model.graph.measurement_graph import LARGEST, Evaluation
-from mtu_cli.stats.blocks import Draws
+from mtu_cli.files.graph import LoadedGraph
+from mtu_cli.files.graph_contract import Graph
+from mtu_cli.findings import InputError, finding, listed
+from mtu_cli.model.graph.places import Inputs, Output, outputs_of, read
+from mtu_cli.model.graph.transitions import Computed, Values, nominal_values
+from mtu_cli.model.graph.units import place_units
+from mtu_cli.stats.blocks import Draws, Quantiles
+from mtu_cli.stats.coverage import t_quantile
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
 
+LARGEST = 1e150
+"""Beyond it the square of a value is not finite."""
+ROUNDING = 256 * float(np.finfo(np.float64).eps)
+"""Share of the largest coordinate below which a difference is rounding, not a derivative."""
 KEPT_BYTES = 16 << 20
 
 
-def keep_freed_memory() -> None:
-    """Makes the C library keep what the constructions of a block free, for those of the next.
-
-    glibc gives memory back to the system beyond twice the largest block that it has seen freed
-    (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked for again:
-    a third of the time. One large block, freed and never touched, moves that bound.
+@dataclass(frozen=True, kw_only=True)
+class MeasurementGraph:
+    """`nominal` holds every place (m = 1), `computed` the computing transitions in firing
+    order, `units` the unit of every place.
     """
-    np.empty(KEPT_BYTES, dtype=np.uint8)
+
+    loaded: LoadedGraph
+    graph: Graph
+    nominal: Values
+    computed: tuple[Computed, ...]
+    units: dict[str, str]
+
+    def outputs(self, names: Iterable[str] = ()) -> tuple[Output, ...]:
+        """Outputs by name; without names those that the file reports."""
+        wanted = tuple(names) or self.loaded.reported
+        return outputs_of(wanted, self.graph.places, self.units)
+
+    def needed(self, outputs: Sequence[Output]) -> tuple[set[str], tuple[Computed, ...]]:
+        """Start places and transitions that stand behind some outputs."""
+        wanted = {item.place for item in outputs}
+        steps = []
+        for item in reversed(self.computed):
+            if wanted.intersection(item.step.outputs):
+                steps.append(item)
+                wanted.update(item.step.inputs)
+        made = {name for item in self.computed for name in item.step.outputs}
+        return wanted - made, tuple(reversed(steps))
+
+    def with_probing(self, graph: Graph) -> MeasurementGraph:
+        """The same net under other uncertainties of probing."""
+        return replace(self, graph=graph)
+
+
+def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
+    """Raises InputError for constructions that are degenerate at nominal."""
+    nominal, computed, faults = nominal_values(loaded.graph.places, loaded.rounds)
+    if faults:
+        raise InputError(fault.at(**loaded.place_of(index)) for index, fault in faults)
+    return MeasurementGraph(
+        loaded=loaded,
+        graph=loaded.graph,
+        nominal=nominal,
+        computed=tuple(computed),
+        units=place_units(loaded.graph, loaded.steps),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """What stands behind some outputs, and nothing else, as a function of the random inputs."""
+
+    outputs: tuple[Output, ...]
+    inputs: Inputs
+    steps: tuple[Computed, ...]
+    nominal: Values
+    loaded: LoadedGraph
+
+    @property
+    def sizes(self) -> FloatArray:
+        """What the rounding of each output (n,) is a share of: the part's largest coordinate for
+        a length, 1 for an angle or a ratio.
+        """
+        part = float(np.max(np.abs(self.inputs.mean), initial=1.0))
+        return np.array([1.0 if item.unit in ("1", "rad") else part for item in self.outputs])
+
+    def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
+        """Outputs (n, m) for inputs X (k, m)."""
+        values = self.inputs.values(X)
+        for step in self.steps:
+            step.run(values)
+        return read(values, self.outputs, self.nominal, into)
+
+    def raise_not_finite(self, X: FloatArray) -> None:
+        """Raises InputError for the first transition that has no finite value at all inputs X."""
+        values = self.inputs.values(X)
+        for item in self.steps:
+            with np.errstate(all="ignore"):
+                item.run(values)
+            made = [values[name].reshape(-1, X.shape[1]) for name in item.step.outputs]
+            bad = np.any(~(np.abs(np.concatenate(made)) < LARGEST), axis=0)
+            if not np.any(bad):
+                continue
+            trials = f"in {np.count_nonzero(bad)} of {len(bad)} Monte Carlo trials"
+            why = item.why_not_finite(values, int(np.argmax(bad)))
+            fault = finding(
+                "no-finite-value",
+                what=f"{item.step.do} of {listed(item.step.outputs)}",
+                where=f" below {LARGEST:g} {trials}{why}",
+                expected="a step that is defined for all values its inputs may take: bounded "
+                "distributions or smaller uncertainties where it needs them",
+                **self.loaded.place_of(item.step.index),
+            )
+            raise InputError([fault])
+
+
+def evaluation(graph: MeasurementGraph, outputs: Sequence[Output]) -> Evaluation:
+    """The part of the graph that some outputs need."""
+    start, steps = graph.needed(outputs)
+    return Evaluation(
+        outputs=tuple(outputs),
+        inputs=Inputs(graph.graph, start),
+        steps=steps,
+        nominal=graph.nominal,
+        loaded=graph.loaded,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstOrder:
+    """n outputs, k inputs. `nominal` (n,), `sizes` (n,) of `Evaluation`, `gradient` (n, k) with
+    respect to the inputs, `u` (n,) standard uncertainties, `shares`: of the variance of each output
+    by source, (n,) each, nan where it is 0 (JCGM 100:2008, 5.1.2, and 5.2.2 for correlated inputs);
+    `by_place`: by the place where they come in.
+    """
+
+    nominal: FloatArray
+    sizes: FloatArray
+    gradient: FloatArray
+    u: FloatArray
+    shares: dict[str, FloatArray]
+    by_place: dict[str, FloatArray]
+
+
+def first_order(evaluation: Evaluation) -> FirstOrder:
+    """Central differences over one standard uncertainty of each input, all in one batch.
+
+    (f(x + u_i e_i) - f(x - u_i e_i)) / (2 u_i), as JCGM 100:2008, 5.1.3, note 2, allows: exact
+    for what is of second order in the inputs; it differs from the derivative by what is of third
+    order in u over the dimensions of the part. Where one of both has no finite value it is 0, and
+    the trials tell whether the output has one.
+    """
+    inputs = evaluation.inputs
+    k = inputs.k
+    X = np.repeat(inputs.mean[:, None], 2 * k + 1, axis=1)
+    X[np.arange(k), 1 + np.arange(k)] += inputs.u
+    X[np.arange(k), 1 + k + np.arange(k)] -= inputs.u
+    with np.errstate(all="ignore"):
+        values = evaluation.run(X)
+        half = 0.5 * (values[:, 1 : k + 1] - values[:, k + 1 :])
+    change = np.where(np.isfinite(half), half, 0.0)
+    nominal = values[:, 0]
+    floor = ROUNDING * np.maximum(np.abs(nominal), evaluation.sizes)
+    change[np.abs(change) <= floor[:, None]] = 0.0
+    gradient = np.divide(change, inputs.u, out=np.zeros_like(change), where=inputs.u > 0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        variance = np.sum((gradient @ inputs.factor) ** 2, axis=1)
+        shares, by_place = _shares(inputs, gradient, variance)
+    return FirstOrder(
+        nominal=nominal,
+        sizes=evaluation.sizes,
+        gradient=gradient,
+        u=np.sqrt(variance),
+        shares=shares,
+        by_place=by_place,
+    )
+
+
+def _shares(
+    inputs: Inputs, gradient: FloatArray, variance: FloatArray
+) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """c C_s c' of the covariance C_s that each source has, over c C c'; by source and by place."""
+    total = np.where(variance > 0, variance, np.nan)
+    by_source: dict[str, FloatArray] = {}
+    by_place: dict[str, FloatArray] = {}
+    for item, rows in zip(inputs.noises, inputs.rows, strict=True):
+        c = gradient[:, rows]
+        for source, covariance in item.sources:
+            part = np.einsum("ni,ij,nj->n", c, covariance, c) / total
+            by_source[source] = by_source.get(source, 0.0) + part
+            name = source if source in item.places else item.places[0]
+            by_place[name] = by_place.get(name, 0.0) + part
+    return by_source, by_place
 
 
 class GraphTrials:
@@ -34,10 +211,17 @@ class GraphTrials:
         self.names = tuple(str(item) for item in evaluation.outputs)
         self.linear_mean = linear.nominal
         self.linear_variance = linear.u**2
-        self._u = linear.u[:, None] if evaluation.inputs.normal else None
+        u = linear.u[:, None]
+        self.linear_quantiles: Quantiles | None = None
+        if evaluation.inputs.normal:
+            self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
         self._gradient = linear.gradient @ evaluation.inputs.factor
         self._work = Workspace()
-        keep_freed_memory()
+        # glibc gives memory back to the system beyond twice the largest block that it has seen
+        # freed (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked
+        # for again: a third of the time. One large block, freed and never touched, moves that
+        # bound, and what the constructions of a block free is there for those of the next.
+        np.empty(KEPT_BYTES, dtype=np.uint8)
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m).
@@ -54,4 +238,4 @@ class GraphTrials:
         # What is not a number compares as neither.
         if not (values.max() < LARGEST and values.min() > -LARGEST):
             self.evaluation.raise_not_finite(X)
-        return Draws(values=values, linear=linear, linear_u=self._u)
+        return Draws(values=values, linear=linear)

@@ -1,57 +1,84 @@
-"""Units of places: what transitions tell of them, and where a length must stand."""
+"""Faults of a graph file that only calculating tells, and the units of its places."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 
-from mtu_cli.files.graph import Step, place_of
+import numpy as np
+
+from mtu_cli.files.contract import Faults
+from mtu_cli.files.graph import Rounds, Step, place_of
 from mtu_cli.files.graph_contract import Graph
 from mtu_cli.findings import InputError
 from mtu_cli.language import Node, names
 from mtu_cli.language.tree import Call
 from mtu_cli.language.unit_algebra import Algebra
+from mtu_cli.model.graph.places import correlation_matrix
+from mtu_cli.model.graph.transitions import RULES, nominal_values
 from mtu_cli.units import PLAIN, internal
 
 INVERSE = ("asin", "acos", "atan", "atan2")
-LENGTHS = {
-    ("displace", "coordinate"): 1,
-    ("displace", "point"): 1,
-    ("ball", ""): 5,
-    ("hole", ""): 4,
-    ("sphere", "radius"): -1,
-}
-"""Which input of a transition is a length, of those that may hold something else."""
+CONTRADICT = "the correlations contradict each other: their matrix is not positive semi-definite"
+ROUNDING = 1e-9
+"""An eigenvalue of n correlations below -n times this is no rounding of 0, as in budgets."""
 Unit = str | None
-Faults = list[tuple[Step, InputError]]
+Disagreeing = list[tuple[Step, InputError]]
 
 
-def place_units(
-    graph: Graph, steps: Iterable[Step], faults: Faults | None = None
-) -> dict[str, str]:
-    """The unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
-
-    A formula that adds a length to an angle goes to `faults`, with its transition.
+def examine(graph: Graph, rounds: Rounds, faults: Faults) -> None:
+    """Adds to `faults` constructions that are degenerate at nominal, formulas whose dimensions
+    disagree, and correlations that contradict each other (`files.graph.load_graph`).
     """
-    return {name: unit or "mm" for name, unit in _told(graph, steps, faults).items()}
+    _, _, degenerate = nominal_values(graph.places, rounds)
+    for index, fault in degenerate:
+        faults.extend(("transitions", index), [fault])
+    steps = [step for fired in rounds for step in fired]
+    disagreeing: Disagreeing = []
+    units = _known_units(graph, steps, disagreeing)
+    for step, error in disagreeing:
+        faults.extend(("transitions", step.index, "formula"), error)
+    for step, at, unit in _not_lengths(steps, units):
+        path, kind = ("transitions", step.index, "in", at), f"a length, as {step.do} takes here"
+        given = {"value": step.inputs[at], "expected": f"a place in mm, not in {unit}"}
+        faults.add(path, "wrong-type", kind=kind, **given)
+    _check_correlations(graph, faults)
 
 
-def not_lengths(graph: Graph, steps: Iterable[Step]) -> Iterator[tuple[Step, int, str]]:
+def _check_correlations(graph: Graph, faults: Faults) -> None:
+    """That their matrix is one, where no pair alone is at fault."""
+    pairs = [item for item in graph.correlations if item is not None]
+    sound = all(abs(r) <= 1 and first != second for first, second, r in pairs)
+    if len(pairs) == len(graph.correlations) and sound:
+        correlated = list(dict.fromkeys(name for item in pairs for name in item[:2]))
+        matrix = correlation_matrix(graph, correlated)
+        least = float(np.linalg.eigvalsh(matrix)[0]) if len(matrix) else 0.0
+        if least < -ROUNDING * len(matrix):
+            expected = f"no eigenvalue below 0; the smallest is {least:.4g}"
+            given = {"reason": CONTRADICT, "expected": expected}
+            faults.add(("correlations",), "wrong-correlation", **given)
+
+
+def place_units(graph: Graph, steps: Iterable[Step]) -> dict[str, str]:
+    """The unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it."""
+    return {name: unit or "mm" for name, unit in _known_units(graph, steps, []).items()}
+
+
+def _not_lengths(
+    steps: Iterable[Step], units: Mapping[str, Unit]
+) -> Iterator[tuple[Step, int, str]]:
     """Inputs that must be lengths and are something else: transition, number of the input, unit.
 
     An input of which nothing tells the unit counts as a length.
     """
-    steps = list(steps)
-    units = _told(graph, steps, None)
     for step in steps:
-        at = LENGTHS.get((step.do, step.variant))
-        if at is None or at >= len(step.inputs):
-            continue
-        unit = units[step.inputs[at]]
-        if unit not in (None, "mm"):
-            yield step, at % len(step.inputs), unit
+        at = RULES[step.do, step.variant].length if step.do != "meas" else None
+        if at is not None and at < len(step.inputs):
+            unit = units[step.inputs[at]]
+            if unit not in (None, "mm"):
+                yield step, at % len(step.inputs), unit
 
 
-def _told(graph: Graph, steps: Iterable[Step], faults: Faults | None) -> dict[str, Unit]:
+def _known_units(graph: Graph, steps: Iterable[Step], disagreeing: Disagreeing) -> dict[str, Unit]:
     units: dict[str, Unit] = {
         name: place.unit if place.kind == "constant" else "mm"
         for name, place in graph.places.items()
@@ -62,32 +89,22 @@ def _told(graph: Graph, steps: Iterable[Step], faults: Faults | None) -> dict[st
                 try:
                     units[name] = _unit(step, units)
                 except InputError as error:
-                    if faults is not None:
-                        faults.append((step, error))
+                    disagreeing.append((step, error))
     return units
 
 
 def _unit(step: Step, units: Mapping[str, Unit]) -> Unit:
-    match step.do:
-        case "unit_v" | "normal" | "direction":
-            return "1"
-        case "angle":
-            return "rad"
-        case "ratio":
-            return _product(units[step.inputs[0]], units[step.inputs[1]])
-        case "length" if step.variant == "vector":
-            return units[step.inputs[0]]
-        case "compute" if step.formula is not None:
-            known = {name: units[place_of(name)] for name in names(step.formula)}
-            return formula_unit(step.formula, known)
-    return "mm"
-
-
-def _product(first: Unit, second: Unit) -> Unit:
-    one, other = _exponent(first), _exponent(second)
-    if one is None or other is None:
-        return None
-    return _named(one + other, angle="rad" in (first, second))
+    unit = RULES[step.do, step.variant].unit
+    if unit == "formula" and step.formula is not None:
+        known = {name: units[place_of(name)] for name in names(step.formula)}
+        return formula_unit(step.formula, known)
+    first, last = (units[step.inputs[at]] for at in (0, -1))
+    if unit == "product":
+        one, other = _exponent(first), _exponent(last)
+        if one is None or other is None:
+            return None
+        return _named(one + other, angle="rad" in (first, last))
+    return first if unit == "same" else unit
 
 
 def _exponent(unit: Unit) -> int | None:
@@ -109,12 +126,12 @@ def formula_unit(node: Node, units: Mapping[str, Unit]) -> Unit:
     Raises InputError where dimensions do not agree.
     """
     known = {name: _exponent(unit) for name, unit in units.items()}
-    lengths = {name: internal(own) for name, own in known.items() if own is not None}
+    lengths = {name: internal(power) for name, power in known.items() if power is not None}
     algebra = Algebra(units=lengths, factor=PLAIN)
-    found = algebra.of(node)
+    result = algebra.of(node)
     if algebra.faults:
         raise InputError(algebra.faults)
-    if not found.known:
+    if not result.known:
         return None
     circular = isinstance(node, Call) and node.function in INVERSE
-    return _named(int(found.exponents[0]), angle=circular or set(units.values()) == {"rad"})
+    return _named(int(result.exponents[0]), angle=circular or set(units.values()) == {"rad"})

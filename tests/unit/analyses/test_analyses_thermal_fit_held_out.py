@@ -10,7 +10,7 @@ import pytest
 from plain_thermal import Table, held_out_errors
 from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, rises
 
-from mtu_cli.analyses.thermal_fit import columns, thermal_fit
+from mtu_cli.analyses.thermal_fit import models, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.lag import first_order_lag
@@ -69,7 +69,7 @@ def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) ->
 def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(columns, "MOST_BLOCKS", 4)
+    monkeypatch.setattr(models, "MOST_BLOCKS", 4)
     found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
     sizes = [2, 3, 2, 3]
     blocks = replace(table(found), cycle=np.repeat(np.arange(4), sizes)[found.cycle])

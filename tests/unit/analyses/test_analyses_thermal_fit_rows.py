@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, Run, readings, reordered
 
-from mtu_cli.analyses.thermal_fit import reading, thermal_fit
-from mtu_cli.analyses.thermal_fit.columns import library
-from mtu_cli.analyses.thermal_fit.models import Spec, fit
+from mtu_cli.analyses.thermal_fit import series, thermal_fit
+from mtu_cli.analyses.thermal_fit.models import Spec, fit, library
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.files.covariates import SENSOR_DEGC
 from mtu_cli.files.readings import Readings
@@ -82,7 +81,7 @@ def test_more_rows_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = Plan(gradients=LINE[:1], positions=(None,), sensor_noise=0.02)
     runs = plan.runs(np.random.default_rng(16))
     late = [replace(run, name="q") for run in runs]
-    monkeypatch.setattr(reading, "MOST_KEPT", 100)
+    monkeypatch.setattr(series, "MOST_KEPT", 100)
     machine = {"p": (None, "um"), "q": (None, "um")}
     blocks = [readings(runs), replace(readings(late), components=("q",))]
     found = thermal_fit(blocks, machine, reference=REFERENCE, method="ridge")
@@ -134,7 +133,7 @@ def test_the_bound_is_that_of_temperatures_not_of_rises(value: float) -> None:
 def test_selections_are_those_of_each_cycle_and_position_alone() -> None:
     """What was selected once is kept: it must not be taken for other rows."""
     found = Plan(gradients=LINE, positions=PLACES, n=60).read(np.random.default_rng(23))
-    own, sensors = reading.read_series([found], REFERENCE)
+    own, sensors = series.read_series([found], REFERENCE)
     lib = library(own["p"], sensors, REFERENCE, lagged=False)
     spec = Spec(kind="stepwise", degree=1, lags=(0,) * len(lib.groups))
     subsets = [(0, 1), (1, 2), (0, 1, 2), (1, 0), (0,)]

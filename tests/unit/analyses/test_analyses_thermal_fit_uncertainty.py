@@ -9,11 +9,10 @@ import pytest
 from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, rises
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
-from mtu_cli.analyses.thermal_fit.columns import Library, library
-from mtu_cli.analyses.thermal_fit.models import Spec, fit
-from mtu_cli.analyses.thermal_fit.reading import read_series
+from mtu_cli.analyses.thermal_fit.models import Library, Spec, fit, library
+from mtu_cli.analyses.thermal_fit.series import read_series
 from mtu_cli.analyses.thermal_fit.uncertainty import _unscaled
-from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 
 STRONG = np.array([[3.0, 2.0, 4.0], [5.0, 1.5, 2.0]])
@@ -161,7 +160,7 @@ def test_unit_covariance_of_ordinary_least_squares() -> None:
     for kind in ("ridge", "stepwise"):
         fitted = fit(lib, rows, Spec(kind=kind, degree=1, lags=(0, 0, 0)))
         assert fitted.unit_covariance == pytest.approx(expected, rel=ROUNDING, abs=1e-15)
-        assert fitted.used == pytest.approx(8.0)
+        assert fitted.parameters == pytest.approx(8.0)
 
 
 def test_powers_of_scaled_positions_become_powers_of_mm() -> None:

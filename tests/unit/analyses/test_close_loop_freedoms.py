@@ -15,7 +15,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.freedoms import degrees_of_freedom,
 from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
-from mtu_cli.model.datum import Datum
+from mtu_cli.model.visits import Datum
 
 SHAPE = (7, 8, 2)
 

@@ -10,56 +10,37 @@ from compare_trials import fitted, made, study, trial
 from scipy import stats
 
 from mtu_cli.analyses.compare import CompareResult, compare
-from mtu_cli.analyses.compare.pooled import Joint, PooledItems
+from mtu_cli.analyses.compare.evidence import pooled_test
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.variance import MeanSquares, PassSquare
+from mtu_cli.model.variance import PassSquare
 from mtu_cli.reports.compare import document, verdict_text
 from mtu_cli.stats.least_squares import FloatArray
 
 
-def known(
-    ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np.inf
-) -> PooledItems:
-    """Items of one mean square and no CMM, whose part means have this correlation."""
-    m = len(ratio)
-    squares = MeanSquares(of_mean=np.zeros((1, m)), of_part=np.ones((1, m)), dof=np.array([dof]))
-    return PooledItems(
-        operation="",
-        ratio=ratio,
-        correlation=correlation,
-        shared=2 * correlation**2 / df,
-        joint=Joint(correlation, squares, [None]),
-        weights=np.ones(m),
-        within=np.zeros(m),
-        within_dof=np.full(m, np.inf),
-        hopeless=10.0,
-    )
-
-
-def p_of(item: PooledItems) -> float:
-    found = item.test
-    assert found is not None
-    return found.p
+def p_of(ratio: FloatArray, correlation: FloatArray, df: float, dof: float = np.inf) -> float:
+    """p of items of one mean square and no CMM, whose part means have this correlation."""
+    squares = np.ones((1, 1)), np.array([dof])
+    return pooled_test(ratio, correlation, 2 * correlation**2 / df, squares, 0.0).p
 
 
 @pytest.mark.parametrize("T", [1.2, 1.5, 0.7])
 def test_independent_items_are_one_chi_squared(T: float) -> None:
     """30 items of 4 degrees of freedom: chi-squared of 120, to 1 in 1000 (`sum_tails`)."""
-    found = known(np.full(30, T), np.eye(30), 4.0)
+    found = p_of(np.full(30, T), np.eye(30), 4.0)
     tail = min(stats.chi2.sf(120 * T, 120), stats.chi2.cdf(120 * T, 120))
-    assert p_of(found) == pytest.approx(2 * tail, rel=1e-3)
+    assert found == pytest.approx(2 * tail, rel=1e-3)
 
 
 def test_items_that_are_one_are_no_more_than_one() -> None:
-    found = known(np.full(30, 2.5), np.ones((30, 30)), 4.0)
-    assert p_of(found) == pytest.approx(2 * stats.chi2.sf(10.0, 4), rel=0.02)
+    found = p_of(np.full(30, 2.5), np.ones((30, 30)), 4.0)
+    assert found == pytest.approx(2 * stats.chi2.sf(10.0, 4), rel=0.02)
 
 
 def test_an_expectation_of_few_readings_makes_it_fisher() -> None:
-    found = known(np.full(30, 2.5), np.eye(30), 4.0, dof=6.0)
+    found = p_of(np.full(30, 2.5), np.eye(30), 4.0, dof=6.0)
     # A hundredth for the nodes of the variance.
-    assert p_of(found) == pytest.approx(2 * stats.f.sf(2.5, 120, 6), rel=0.01)
+    assert found == pytest.approx(2 * stats.f.sf(2.5, 120, 6), rel=0.01)
 
 
 @pytest.mark.parametrize("common", [0.3, 0.8])
@@ -71,7 +52,7 @@ def test_correlated_items_against_draws(common: float, tail: float) -> None:
     sizes = np.linalg.eigvalsh(correlation)
     T = np.random.default_rng(11).chisquare(df, (draws, m)) @ sizes / (df * m)
     for end in np.quantile(T, [tail, 1 - tail]):
-        found = p_of(known(np.full(m, end), correlation, df))
+        found = p_of(np.full(m, end), correlation, df)
         error = 2 * 4 * np.sqrt(tail / draws)
         assert found == pytest.approx(2 * tail, abs=error + 0.02 * 2 * tail)
 
@@ -92,26 +73,6 @@ def test_degrees_of_freedom_of_a_sum_over_a_mean_square_of_passes() -> None:
     one = PassSquare(g[:1], S).independent(w[:1])
     assert one == pytest.approx(1.0)
     assert PassSquare(0 * g, S).independent(w) == 1.0
-
-
-def test_what_is_of_passes_stands_beside_its_mean_square() -> None:
-    """g'S g is what of_part has, but where a difference of mean squares was below 0."""
-    model = fitted(5, 1)
-    _, truth, part = study()
-    result = compare(model, part, made(truth, part, 1), Settings())
-    (own,) = result.features.pooled_items
-    squares, found = own.joint.squares, own.joint.passes
-    assert len(found) == len(squares.dof)
-    seen = 0
-    for row, item in zip(squares.of_part, found, strict=True):
-        if item is not None:
-            direct = ((item.g @ item.S) * item.g).sum(axis=1)
-            same = np.isclose(row, direct, rtol=1e-9, atol=1e-15)
-            seen += int((same & (direct > 0)).sum())
-            assert same.mean() > 0.5
-    assert seen > 0
-    diagonal = own.joint.covariance.diagonal()
-    assert np.maximum(diagonal, 0) == pytest.approx(squares.of_part.sum(axis=0), rel=1e-6)
 
 
 def loose(points: Points, factor: float) -> Points:
@@ -136,8 +97,8 @@ def test_false_alarms_of_the_test_by_itself() -> None:
     """5 % of clean studies at most have p of 0.05, and they are not blind: 0.2 is seen in 5 %."""
     found = []
     for seed in range(100):
-        (own,) = trial(7, seed, parts=10).features.pooled_items
-        found.append(p_of(own))
+        (test,) = trial(7, seed, parts=10).features.pooled_tests.values()
+        found.append(test.p)
     p = np.array(found)
     assert (p < 0.05).mean() < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / 100)
     assert (p < 0.2).mean() > 0.05

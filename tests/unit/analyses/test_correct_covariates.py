@@ -20,8 +20,7 @@ from correct_examples import (
 from model_examples import part_of, stated
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.correct import correct
-from mtu_cli.analyses.correct.warmth import unused_warmth
+from mtu_cli.analyses.correct import correct, unused_warmth
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings

@@ -1,4 +1,4 @@
-"""Corrected points summed up, against a loop over the points."""
+"""Corrected points and sizes summed up, and the warnings of what a correction leaves."""
 
 from __future__ import annotations
 
@@ -7,11 +7,39 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from correct_examples import ROUNDING_MM, machine, ring_part, ring_points, rings
+from correct_examples import (
+    ROUNDING_MM,
+    error_at,
+    machine,
+    ring_part,
+    ring_places,
+    ring_points,
+    rings,
+    seen,
+)
 
-from mtu_cli.analyses.correct import correct
-from mtu_cli.analyses.correct.summary import size_errors
+from mtu_cli.analyses.correct import CorrectResult, Size, correct
+from mtu_cli.analyses.correct.result import SizeErrors
+from mtu_cli.findings import Finding
 from mtu_cli.model.settings import Settings
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> CorrectResult:
+    """Two rings of 180.0134 mm, a um larger than their calibration."""
+    folder = tmp_path_factory.mktemp("rings")
+    true = np.tile(ring_places(diameter=180.0134), (2, 1))
+    T = np.full(22, 21.0) + np.repeat([0.0, 0.01], 11)
+    points = ring_points(seen(true, error_at, T), ["a", "b"], None, {"T_scale_degC": T})
+    return correct(machine(folder), ring_part(folder), points, Settings())
+
+
+def by_size(result: CorrectResult, sizes: list[Size]) -> tuple[SizeErrors, ...]:
+    return replace(result, sizes=tuple(sizes)).by_size()
+
+
+def left(result: CorrectResult, *sizes: Size) -> list[Finding]:
+    return [w for w in replace(result, sizes=sizes).warnings if w.code.startswith("errors-")]
 
 
 def test_means_by_feature_and_corrections_by_axis(tmp_path: Path) -> None:
@@ -47,45 +75,39 @@ def test_means_by_feature_and_corrections_by_axis(tmp_path: Path) -> None:
         assert along.u_mean == pytest.approx(sum(u) / len(u), abs=ROUNDING_MM)
 
 
-def test_errors_of_a_size_over_its_parts(tmp_path: Path) -> None:
+def test_errors_of_a_size_over_its_parts(result: CorrectResult) -> None:
     """Against sums over the parts; grown only where no interval explains the mean after."""
-    part, measured, temperature = ring_part(tmp_path), *rings(3)[1:]
-    points = ring_points(measured, ["a", "b", "c"], [1, 1, 1], {"T_scale_degC": temperature})
-    result = correct(machine(tmp_path), part, points, Settings())
-    (found,) = result.by_size()
+    (summed,) = result.by_size()
     sizes = result.of_kind("circle")
-    assert (found.kind, found.id, found.parts) == ("circle", "ring", 3)
+    assert (summed.kind, summed.id, summed.parts) == ("circle", "ring", 2)
     for side in (0, 1):
-        own = [size.error[side] for size in sizes]
-        assert found.mean[side] == pytest.approx(sum(own) / 3)
-        assert found.rms[side] == pytest.approx((sum(x * x for x in own) / 3) ** 0.5)
-    assert not found.grown
+        errors = [size.error[side] for size in sizes]
+        assert summed.mean[side] == pytest.approx(sum(errors) / 2)
+        assert summed.rms[side] == pytest.approx((sum(x * x for x in errors) / 2) ** 0.5)
+    assert not summed.grown
     # Calibrated as it was measured, the ring is off by what the correction does.
     exact = [replace(size, reference=size.size[0]) for size in sizes]
-    (turned,) = size_errors(exact)
+    (turned,) = by_size(result, exact)
     assert turned.rms[0] == 0.0
     assert turned.grown
     unsure = [replace(size, u=abs(size.error[1])) for size in exact]
-    assert not size_errors(unsure)[0].grown
-    assert size_errors([replace(size, reference=float("nan")) for size in sizes]) == ()
+    assert not by_size(result, unsure)[0].grown
+    assert by_size(result, [replace(size, reference=float("nan")) for size in sizes]) == ()
 
 
-def test_errors_of_many_sizes_are_judged_together(tmp_path: Path) -> None:
+def test_errors_of_many_sizes_are_judged_together(result: CorrectResult) -> None:
     """Of 20 rings of a machine without errors, that the model describes; one in twenty is beyond
-    its own interval. What parts were made to is no error of the machine.
+    its interval. What parts were made to is no error of the machine.
     """
-    part, measured, temperature = ring_part(tmp_path), *rings(1)[1:]
-    points = ring_points(measured, ["a"], [1], {"T_scale_degC": temperature})
-    (ring,) = correct(machine(tmp_path), part, points, Settings()).of_kind("circle")
-    ring = replace(ring, u=0.001, dof=np.inf, reference=0.0, U_reference=np.nan)
+    ring = replace(result.sizes[0], u=0.001, dof=np.inf, reference=0.0, U_reference=np.nan)
     alarms, runs = 0, 1000
     for z in np.random.default_rng(1).normal(size=(runs, 20)):
         sizes = [replace(ring, id=f"r{i}", size=(0.0, 0.001 * z[i])) for i in range(20)]
-        alarms += any(item.grown for item in size_errors(sizes))
+        alarms += any(item.grown for item in by_size(result, sizes))
     assert alarms / runs == pytest.approx(0.05, abs=0.02)
     off = replace(ring, size=(0.0, 0.0031))
     lengths = [replace(off, kind="length", id=f"A-{i}") for i in range(100)]
-    assert [item.grown for item in size_errors([off, *lengths])] == [True] + 100 * [False]
+    assert [item.grown for item in by_size(result, [off, *lengths])] == [True] + 100 * [False]
 
 
 @pytest.mark.parametrize(
@@ -100,15 +122,44 @@ def test_errors_of_many_sizes_are_judged_together(tmp_path: Path) -> None:
     ],
 )
 def test_what_has_grown(
-    before: tuple[float, float], after: tuple[float, float], grown: bool, tmp_path: Path
+    before: tuple[float, float], after: tuple[float, float], grown: bool, result: CorrectResult
 ) -> None:
     """Errors of two parts in their u, that of a third is not known well."""
-    part, measured, temperature = ring_part(tmp_path), *rings(1)[1:]
-    points = ring_points(measured, ["a"], [1], {"T_scale_degC": temperature})
-    (ring,) = correct(machine(tmp_path), part, points, Settings()).of_kind("circle")
-    ring = replace(ring, u=0.001, dof=np.inf, reference=0.0, U_reference=np.nan)
+    ring = replace(result.sizes[0], u=0.001, dof=np.inf, reference=0.0, U_reference=np.nan)
     sides = zip(before, after, strict=True)
     sizes = [replace(ring, size=(0.001 * one, 0.001 * other)) for one, other in sides]
     middle = 0.0005 * sum(after)
-    (found,) = size_errors([*sizes, replace(ring, size=(middle, middle), u=0.1)])
-    assert found.grown is grown
+    (summed,) = by_size(result, [*sizes, replace(ring, size=(middle, middle), u=0.1)])
+    assert summed.grown is grown
+
+
+def test_an_error_of_exactly_nothing_is_not_reduced(result: CorrectResult) -> None:
+    size = result.sizes[0]
+    exact = replace(result, sizes=(replace(size, reference=size.size[0], u=0.0),))
+    first, grown, last = exact.warnings
+    assert grown.code == "errors-left"
+    assert "are larger" in grown.message
+    assert first.facts["quantity"] == "reduction_percent"
+    assert last.facts["quantity"] == "E_n"
+
+
+def test_errors_that_the_correction_leaves(result: CorrectResult) -> None:
+    """A diameter calibrated 0.1 mm too large, of rings that the machine made too small."""
+    right = [replace(size, reference=180.0134) for size in result.sizes]
+    assert left(result, *right) == []
+    wrong = [replace(size, reference=180.1134) for size in result.sizes]
+    (warned,) = left(result, *wrong)
+    assert warned.code == "errors-left"
+    assert warned.facts["mean_um"] == pytest.approx(-100, abs=0.5)
+    assert warned.facts["half_width_um"] == pytest.approx(0.82, abs=0.005)
+    # Exactly known: whatever is left is beyond it, and nothing is divided by 0.
+    (warned,) = left(result, *[replace(size, u=0.0) for size in wrong])
+    assert warned.facts["half_width_um"] == 0
+    # The worst is the one farthest beyond its uncertainty, not the one that is farthest off.
+    far, sure = (
+        replace(wrong[0], id=id, u=u, dof=np.inf, size=(180.2134, 180.1134 + off))
+        for id, off, u in (("far", 0.05, 0.02), ("sure", 0.04, 0.001))
+    )
+    (warned,) = left(result, far, sure)
+    assert "the mean errors of far, sure exceed" in warned.message
+    assert "(sure: 40 um" in warned.message

@@ -22,11 +22,9 @@ from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.rows import REACH
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.basis import ThermalBasis
-from mtu_cli.model.machine_model import MachineModel, Term
+from mtu_cli.model.estimates import ThermalEstimate, temperature_estimate
+from mtu_cli.model.machine_model import MachineModel, Term, ThermalBasis
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.thermal import ThermalEstimate
-from mtu_cli.model.thermal_terms import temperature_estimate
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.units import UNITS
 
@@ -127,8 +125,7 @@ def test_parts_that_each_count_their_times_from_0(tmp_path: Path) -> None:
         correct(model, None, lagging_points([0.0, 0.0], [20.0, 26.0]), SETTINGS)
     (problem,) = raised.value.findings
     assert (problem.file, problem.row, problem.column) == ("cmm.csv", 13, "T_a_degC")
-    assert problem.value == "26 degC"
-    assert problem.facts["other"] == "20 degC at the same time (row 2)"
+    assert "contradicts 20 degC at the same time (row 2): '26 degC'" in problem.message
     found = correct(model, None, lagging_points([0.0, 1000.0], [20.0, 26.0]), SETTINGS)
     assert found.error[11:, 1] - found.error[:11, 1] == pytest.approx(
         np.full(11, 0.012), rel=ROUNDING

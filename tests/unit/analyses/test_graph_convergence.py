@@ -6,15 +6,13 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 from graph_examples import graph_of
 
 from mtu_cli.analyses.graph import simulate
-from mtu_cli.analyses.graph.convergence import chance_error, chance_trials
 from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.analyses.graph.sweep import sweep_graph
-from mtu_cli.analyses.graph.trial_runs import LOOK, Effort
+from mtu_cli.analyses.graph.trials import LOOK, Effort, chance_error, chance_trials
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
 from mtu_cli.reports.figures import figure_bytes
@@ -83,16 +81,6 @@ def test_the_digits_are_those_asked_for(tmp_path: Path) -> None:
         assert item.converged
         close += abs(item.u - U) <= tolerance
     assert close >= 7
-
-
-def test_standard_errors_of_chances(tmp_path: Path) -> None:
-    """Over 60 seeds errors scatter by one standard error; five of those of a deviation."""
-    graph = graph_of(tmp_path, HOLE)
-    scores = []
-    for seed in range(60):
-        (ok,) = simulate_graph(graph, Settings(seed=seed, trials=2000), ["ok"]).coordinates
-        scores.append((ok.mean - CHANCE) / ok.errors.mean)
-    assert np.sqrt(np.mean(np.square(scores))) == pytest.approx(1, abs=5 / math.sqrt(2 * 60))
 
 
 def test_a_chance_beside_its_limit_is_the_share_of_the_trials(tmp_path: Path) -> None:

@@ -11,16 +11,17 @@ import pytest
 from graph_examples import graph_of
 
 from mtu_cli.analyses.graph import simulate, sweep
-from mtu_cli.analyses.graph.convergence import (
+from mtu_cli.analyses.graph.simulate import SimulatedCoordinate, simulate_graph
+from mtu_cli.analyses.graph.sweep import sweep_graph
+from mtu_cli.analyses.graph.trials import (
+    SIMULATED,
+    Effort,
     chance_end_errors,
     chance_error,
     chance_intervals,
     chance_trials,
     chance_u_error,
 )
-from mtu_cli.analyses.graph.simulate import SimulatedCoordinate, simulate_graph
-from mtu_cli.analyses.graph.sweep import sweep_graph
-from mtu_cli.analyses.graph.trial_runs import SIMULATED, Effort
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
 from mtu_cli.reports.figures import figure_bytes

@@ -67,7 +67,7 @@ def test_the_first_step_without_a_value_is_named_with_its_line(tmp_path: Path) -
     assert problem.file is not None
     assert problem.file.endswith("graph.yaml")
     assert (problem.line, problem.path) == (10, "transitions[1]")
-    assert "no finite sqrt: p is -" in problem.text
+    assert "no finite sqrt() at -" in problem.text
     # P(N(1, 1) < 0) = 0.1587 of 4096 trials, five standard deviations of the binomial.
     count = int(problem.text.split(" in ")[1].split()[0])
     assert count == pytest.approx(0.1587 * 4096, abs=5 * math.sqrt(4096 * 0.1587 * 0.8413))

@@ -9,7 +9,7 @@ import pytest
 
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.findings import InputError
-from mtu_cli.model.angles import LARGEST_SLOPE, Line, angle_error, check_square
+from mtu_cli.model.measurands import LARGEST_SLOPE, Line, angle_error, check_square
 
 ROW = np.array([[14.0, 22.0], [106.0, 25.0], [200.0, 19.0], [310.0, 26.0]])
 COLUMN = np.array([[14.0, 22.0], [21.0, 93.0], [14.0, 206.0], [6.0, 327.0]])

@@ -9,8 +9,8 @@ from scipy import stats
 from support import paper_study
 
 from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
-from mtu_cli.model.angles import AngleTrials, contrasts
 from mtu_cli.model.features import feature_points
+from mtu_cli.model.measurands import AngleTrials, contrasts
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
 from mtu_cli.stats.monte_carlo import monte_carlo

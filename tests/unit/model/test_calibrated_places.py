@@ -10,8 +10,7 @@ from model_examples import part_of
 from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.calibrated_places import growth
-from mtu_cli.model.simulate import SimulatedPoints
+from mtu_cli.model.simulate import SimulatedPoints, growth
 
 IDS = ("e", "n", "w", "s", "far")
 POINTS = np.array([[60.0, 20, 0], [10, 70, 0], [-40, 20, 0], [10, -30, 0], [200, 20, 0]])

@@ -10,8 +10,7 @@ import pytest
 from measured_examples import PLACES, points, study
 
 from mtu_cli.files.points import Points
-from mtu_cli.model.datum import Datum, basis, freed, freedoms, projector
-from mtu_cli.model.measured import visits_of
+from mtu_cli.model.visits import Datum, basis, freed, freedoms, projector, visits_of
 
 XY = (0, 1)
 

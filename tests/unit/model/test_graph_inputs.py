@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from graph_examples import graph_of, shipped
 
-from mtu_cli.model.graph.first_order import first_order
-from mtu_cli.model.graph.inputs import Inputs
-from mtu_cli.model.graph.measurement_graph import evaluation
+from mtu_cli.model.graph.places import Inputs
+from mtu_cli.model.graph.trials import evaluation, first_order
 from mtu_cli.stats.workspace import Workspace
 
 M = 400_000

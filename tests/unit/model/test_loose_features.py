@@ -18,8 +18,7 @@ from mtu_cli.analyses.compare import compare
 from mtu_cli.close_loop_sealed.analyses.loop import close_loop
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
-from mtu_cli.model.loose_features import CODE, loose_features, loose_of_tables
-from mtu_cli.model.measured import feature_tables
+from mtu_cli.model.measured import CODE, feature_tables, loose_features, loose_of_tables
 from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]

@@ -20,9 +20,8 @@ from mtu_cli.model.measured import (
     length_tables,
     length_warnings,
     not_measured,
-    only_features,
-    visits_of,
 )
+from mtu_cli.model.visits import only_features, visits_of
 
 
 def test_feature_tables_are_errors_by_part() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from mtu_cli.model.conformance import conformance_of
+from mtu_cli.model.trials import conformance_of
 
 STEADY = settings(derandomize=True, deadline=None, database=None)
 

@@ -10,8 +10,7 @@ import pytest
 from model_examples import stated
 from numpy.typing import NDArray
 
-from mtu_cli.model.design import design, theta
-from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.machine_model import MachineModel, design, theta
 from mtu_cli.model.prediction import predict
 
 FloatArray = NDArray[np.float64]

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from mtu_cli.files.machine_contract import Component
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.estimation import fit_component
-from mtu_cli.model.prediction import predict
-from mtu_cli.model.reportable import reportable
+from mtu_cli.model.prediction import predict, reportable
 from mtu_cli.model.trials import factor_of
 from mtu_cli.stats.coverage import coverage_factor
 

@@ -13,8 +13,7 @@ from mtu_cli.files.machine_contract import Component
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate
-from mtu_cli.model.estimation import ComponentFit, fit_component
-from mtu_cli.model.instruments import agreement, combine
+from mtu_cli.model.estimation import ComponentFit, agreement, combine, fit_component
 from mtu_cli.stats.coverage import coverage_factor
 
 AXIS = Component(of="x", unit="um")

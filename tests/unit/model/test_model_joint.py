@@ -11,8 +11,8 @@ from model_examples import FloatArray, Segment, loaded, readings
 from numpy.typing import NDArray
 
 from mtu_cli.files.machine import covariance_fault
+from mtu_cli.model.estimation import shared_passes
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.joint import shared_passes
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 

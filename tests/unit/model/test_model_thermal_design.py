@@ -9,12 +9,9 @@ import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, drift, line, machine
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.basis import ThermalBasis
-from mtu_cli.model.design import design, theta
-from mtu_cli.model.machine_model import sensors_of
+from mtu_cli.model.estimates import leftover_estimate, temperature_estimate, through_positions
+from mtu_cli.model.machine_model import ThermalBasis, design, sensors_of, theta
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.thermal import through_positions
-from mtu_cli.model.thermal_terms import leftover_estimate, temperature_estimate
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 

@@ -14,7 +14,7 @@ from model_examples import loaded
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.findings import InputError
-from mtu_cli.model.thermal_estimates import thermal_from_machine_file, thermal_from_report
+from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 
 POSITIONS = [0.0, 200.0, 75.0, 300.0]
 MACHINE = """
@@ -167,11 +167,12 @@ def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> 
     with pytest.raises(InputError) as caught:
         thermal_from_report(machine, found)
     assert [str(problem) for problem in caught.value.findings] == [
-        "t.json: results.components.pos_z: unknown component: 'pos_z'; did you mean 'pos_y'?",
-        "t.json: results.components.pos_y: contradicts machine.yaml: 'of x in um'; "
-        "expected of y in um",
+        "t.json: results.components.pos_z: unknown component in machine.yaml: 'pos_z'; "
+        "did you mean 'pos_y'?",
         "t.json: results.components.pos_y.reference_temperature_degC: contradicts "
         "machine.yaml: '20.5 degC'; expected 20 degC, its reference temperature: fit again",
+        "t.json: results.components.pos_y: contradicts machine.yaml: 'of x in um'; "
+        "expected of y in um",
         "t.json: results.components.yaw_y: contradicts machine.yaml: 'of y in um'; "
         "expected of y in arcsec",
         "t.json: results.components.ort: contradicts machine.yaml: 'of y in arcsec'; "

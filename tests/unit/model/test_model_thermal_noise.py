@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, line, machine
 
-from mtu_cli.model.design import design
-from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.machine_model import MachineModel, design
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.temperatures import temperature_blocks, temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray

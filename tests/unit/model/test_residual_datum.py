@@ -21,9 +21,9 @@ from residual_examples import (
 
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.datum import Datum
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residual_table import ResidualTable, residual_table
+from mtu_cli.model.visits import Datum
 
 Floats = NDArray[np.float64]
 ROTATION: Datum = "offset,rotation"

@@ -17,8 +17,8 @@ from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
+from mtu_cli.model.estimation import combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
-from mtu_cli.model.instruments import combine
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.reports.fit_components import document
 

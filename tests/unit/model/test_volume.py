@@ -10,9 +10,9 @@ from model_examples import loaded
 from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError
+from mtu_cli.model.features import grid_of, grid_warnings
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.volume import grid_of, grid_warnings
 
 SPACE = """\
 axes: {x: {travel_mm: [0, 100]}, y: {travel_mm: [20, 60]}}

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 from model_examples import loaded
 
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import MachineModel, build_model
-from mtu_cli.model.thermal import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 

@@ -18,7 +18,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.result import (
 )
 from mtu_cli.close_loop_sealed.reports.close_loop import document, table
 from mtu_cli.close_loop_sealed.reports.close_loop_words import verdict_text
-from mtu_cli.model.datum import Datum
+from mtu_cli.model.visits import Datum
 from mtu_cli.reports.tables import plain_text
 
 

@@ -18,16 +18,15 @@ from mtu_cli.analyses.graph.sweep import Sweep, sweep_graph
 from mtu_cli.cli.alone import net_for
 from mtu_cli.files.graph import load_graph
 from mtu_cli.findings import InputError
-from mtu_cli.model.graph.examine import examine
-from mtu_cli.model.graph.measurement_graph import build_graph
+from mtu_cli.model.graph.trials import build_graph
+from mtu_cli.model.graph.units import examine
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
 from mtu_cli.reports import graph_figure, graph_text
 from mtu_cli.reports.document import Document
 from mtu_cli.reports.figures import figure_bytes, house_style
 from mtu_cli.reports.graph_drawing import drawing
-from mtu_cli.reports.graph_layout import RADIUS, lay_out
-from mtu_cli.reports.graph_net import Net, Node, share_percent
+from mtu_cli.reports.graph_layout import RADIUS, Net, Node, lay_out, share_percent
 
 OF = {
     "ball-centre": "P1.z",

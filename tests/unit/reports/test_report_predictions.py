@@ -17,7 +17,7 @@ from mtu_cli.files.part import Feature
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document
-from mtu_cli.reports.fields import csv_text
+from mtu_cli.reports.fields import csv_text, rows_of
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import significant
 from mtu_cli.reports.tables import plain_text
@@ -168,7 +168,7 @@ def test_under_independence_u_is_not_split(paper: Example) -> None:
 def test_lengths_hold_the_contract_fields(paper: Example) -> None:
     result = paper.lengths()
     found = results(lengths.document(result))
-    for item, source in zip(found["lengths"], result.lengths, strict=True):
+    for item, source in zip(found["lengths"], rows_of(result, 3), strict=True):
         assert set(LENGTH) <= set(item)
         assert item["error_um"] == pytest.approx(source.error * 1e3, rel=1e-12)
         assert item["estimated_mm"] == source.nominal + source.error
@@ -215,9 +215,9 @@ def test_an_angle_without_standard_uncertainty_says_why(paper: Example) -> None:
 @pytest.mark.parametrize("digits", [1, 2, 4])
 def test_tables_show_u_to_the_digits_asked_for(paper: Example, digits: int) -> None:
     points, long, right = (each.tables[0] for each in documents(paper, digits=digits))
-    u_x = float(paper.points().u[0]) * 1e3
+    u_x = float(np.sqrt(paper.points().variance[0])) * 1e3
     assert points.sheet(digits, detail=False).rows[0][4] == significant(u_x, digits)
-    u = paper.lengths().lengths[0].u * 1e3
+    u = float(np.sqrt(paper.lengths().variance[0])) * 1e3
     assert long.sheet(digits, detail=False).rows[0][3] == significant(u, digits)
     u = float(paper.angles().angles[0].run.u[0]) / ARCSEC
     assert right.sheet(digits, detail=False).rows[0][2] == significant(u, digits)
@@ -238,9 +238,9 @@ def test_tables_fit_and_round_to_the_uncertainty(
         assert max(map(len, text.splitlines())) <= 100
     row = next(x for x in texts[1].splitlines() if x.startswith("3-15"))
     error, u = row.split()[2:4]
-    known = given.lengths().lengths[2]
-    assert float(u) == pytest.approx(known.u * 1e3, rel=0.05)
-    assert float(error) == pytest.approx(known.error * 1e3, abs=0.05)
+    known = given.lengths()
+    assert float(u) == pytest.approx(np.sqrt(known.variance[2]) * 1e3, rel=0.05)
+    assert float(error) == pytest.approx(known.error[2] * 1e3, abs=0.05)
     assert len(error.partition(".")[2]) == len(u.partition(".")[2])
 
 
@@ -249,7 +249,8 @@ def test_the_verdict_names_what_is_worst(paper: Example) -> None:
     result = paper.points()
     worst = int(np.argmax(abs(result.prediction.mean)))
     assert f"E{'xy'[worst % 2]} of {result.prediction.ids[worst // 2]}," in points
-    chances = {x.id: x.conformance.probability for x in paper.lengths().lengths if x.conformance}
+    known = zip(paper.lengths().ids, paper.lengths().conformance, strict=True)
+    chances = {name: each.probability for name, each in known if each}
     assert f", of {min(chances, key=lambda name: chances[name])};" in long
     assert right.startswith("xy is predicted ")
     sure = paper.lengths().joint_conformance
@@ -271,10 +272,9 @@ def test_rows_beyond_the_measured_range_are_marked_alike(paper: Example) -> None
 
     off = replace(points, prediction=replace(points.prediction, outside=beyond))
     assert marked(predict_points.document(off)) == ["9†", "15†"]
-    first, *others = long.lengths
-    one = replace(long, lengths=(replace(first, outside=True), *others))
+    one = replace(long, outside=(True, False, False))
     assert marked(lengths.document(one)) == ["3-9†"]
-    angle = replace(right.angles[0], prediction=off.prediction)
+    angle = replace(right.angles[0], outside=True)
     assert marked(orthogonality.document(replace(right, angles=(angle,)))) == ["xy†"]
     assert [marked(each) for each in documents(paper)] == [[], [], []]
 

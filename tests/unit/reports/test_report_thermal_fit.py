@@ -21,8 +21,9 @@ from thermal_examples import (
     without_sensors,
 )
 
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, CycleRms
-from mtu_cli.model.thermal import ThermalEstimate
+from mtu_cli.analyses.thermal_fit.choice import CycleRms
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.reports.thermal_fit import document

@@ -7,20 +7,17 @@ from itertools import product
 
 import numpy as np
 
+from mtu_cli.analyses.thermal_fit.choice import Candidate, CycleRms, HeldOut, PositionTest
 from mtu_cli.analyses.thermal_fit.result import (
-    Candidate,
     ComponentDrift,
     Curve,
-    CycleRms,
     Gradients,
-    HeldOut,
     Intercept,
-    PositionTest,
     Residuals,
     ThermalFit,
 )
 from mtu_cli.findings import finding
-from mtu_cli.model.thermal import ThermalEstimate, through_positions
+from mtu_cli.model.estimates import ThermalEstimate, through_positions
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 

@@ -1,4 +1,4 @@
-"""Ordered values of blocks, quantiles of mixtures, scratch arrays."""
+"""Ordered values of blocks against full sorts and exact sums; scratch arrays."""
 
 from __future__ import annotations
 
@@ -7,12 +7,9 @@ import threading
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.special import ndtr, stdtr
-from trial_models import Bent, Z
+from trial_models import Bent
 
-from mtu_cli.stats.block_plan import BlockPlan
-from mtu_cli.stats.blocks import BlockSummariser
-from mtu_cli.stats.mixture_quantile import mixture_quantile
+from mtu_cli.stats.blocks import WORTH_IT, BlockPlan, BlockSummariser, OrderedTails
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
@@ -45,22 +42,69 @@ def test_a_longer_block_is_read_at_the_same_probabilities() -> None:
     assert on_grid[0] == pytest.approx(np.arange(1, plan.tail + 1) / 2001.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("dof", [1.0, 2.0, 4.0, 50.0])
-@pytest.mark.parametrize("probability", [0.0005, 0.025, 0.25, 0.45])
-def test_mixture_quantile_solves_its_equation(dof: float, probability: float) -> None:
+@pytest.mark.parametrize("probability", [0.5, 0.95])
+def test_expected_ordered_values(probability: float) -> None:
+    """Exponential, as above, from the lowest of -x up: to the second order in 1/m."""
+    plan = BlockPlan(probability, 8192, None)
+    found = plan.expected_ordered(np.log)
+    exact = -np.cumsum(1.0 / np.arange(8192, 0, -1))[::-1][: plan.tail]
+    j = np.arange(1, plan.tail + 1)
+    assert np.all(np.abs(found - exact) < 0.1 / j**2 + 0.002 / j)
+
+
+def test_long_blocks_for_models_that_draw_in_pieces() -> None:
+    for trials in (20_000, 300_000, 1_000_000, 10_000_003):
+        plan = BlockPlan.fixed(trials, 0.95, in_pieces=True)
+        plain = BlockPlan.fixed(trials, 0.95)
+        assert plan.blocks is not None
+        assert plain.blocks is not None
+        assert plan.size * plan.blocks + plan.longer == trials
+        assert min(30, plain.blocks) <= plan.blocks <= plain.blocks
+
+
+def blocks(kind: str, m: int, count: int) -> list[FloatArray]:
     rng = np.random.default_rng(1)
-    scales = np.sqrt(dof / rng.chisquare(dof, (3, 8192)))
-    q = mixture_quantile(scales, probability)
-    reached = ndtr(q[:, np.newaxis] / scales).mean(axis=1)
-    assert reached == pytest.approx(np.full(3, probability), rel=1e-6)
-    spread = np.std(ndtr(q[0] / scales[0])) / np.sqrt(8192)
-    assert stdtr(dof, q[0]) == pytest.approx(probability, abs=5 * spread)
+    drawn = [rng.standard_normal((3, m)) for _ in range(count)]
+    if kind == "wandering":
+        # Each block elsewhere: the cuts of the one before are of no use, or of too much.
+        return [x * 10.0 ** (i % 3 - 1) + 50.0 * (-1) ** i for i, x in enumerate(drawn)]
+    if kind == "endless":
+        # The cut beyond a tail that is all infinite is no number.
+        for x in drawn[::2]:
+            x[:, : m // 3] = -np.inf
+        return drawn
+    if kind == "few values":
+        return [np.round(x) for x in drawn]
+    if kind == "constant":
+        return [np.full_like(x, 2.5) for x in drawn]
+    return [np.exp(x) for x in drawn] if kind == "skew" else drawn
 
 
-def test_mixture_quantile_of_one_scale() -> None:
-    q = mixture_quantile(np.array([[2.0] * 8, [0.0] * 8]), 0.025)
-    assert q[0] == pytest.approx(-2.0 * Z, rel=1e-12)
-    assert q[1] == 0.0
+@pytest.mark.parametrize(
+    "kind", ["normal", "skew", "wandering", "few values", "constant", "endless"]
+)
+@pytest.mark.parametrize("m", [200, WORTH_IT, 8192])
+def test_tails_are_those_of_a_full_sort(kind: str, m: int) -> None:
+    tails = OrderedTails()
+    for block in blocks(kind, m, 6):
+        before = block.copy()
+        tail = int(0.075 * m)
+        with np.errstate(invalid="ignore"):
+            lower, upper = tails.of(block, tail)
+        ordered = np.sort(block, axis=1)
+        assert np.array_equal(lower, ordered[:, :tail])
+        assert np.array_equal(upper, ordered[:, ::-1][:, :tail])
+        assert np.array_equal(block, before)
+
+
+def test_other_counts_and_outputs_in_turn() -> None:
+    tails = OrderedTails()
+    rng = np.random.default_rng(2)
+    for outputs, m, tail in ((1, 4000, 300), (1, 4001, 301), (2, 4000, 300), (1, 1500, 1500)):
+        block = rng.standard_normal((outputs, m))
+        lower, upper = tails.of(block, tail)
+        assert np.array_equal(lower, np.sort(block, axis=1)[:, :tail])
+        assert np.array_equal(upper, -np.sort(-block, axis=1)[:, :tail])
 
 
 def test_workspace_reuses_arrays_and_keeps_threads_apart() -> None:
@@ -73,3 +117,13 @@ def test_workspace_reuses_arrays_and_keeps_threads_apart() -> None:
     thread.start()
     thread.join()
     assert seen[0] is not work.array("z", (2, 9))
+
+
+def test_a_smaller_shape_takes_the_memory_there_is() -> None:
+    work = Workspace()
+    large = work.array("z", (3, 100))
+    small = work.array("z", (3, 7))
+    assert small.flags.c_contiguous
+    assert np.shares_memory(large, small)
+    assert work.array("z", (3, 7)) is small
+    assert not np.shares_memory(large, work.array("z", (4, 100)))

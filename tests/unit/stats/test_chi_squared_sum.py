@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mtu_cli.stats.chi_squared_sum import mean_square_tails, sum_tails
-from mtu_cli.stats.uncertain_variance import uncertain_variance
+from mtu_cli.stats.uncertain_variance import mean_square_tails, sum_tails, uncertain_variance
 
 P = [1e-6, 1e-3, 0.05, 0.5, 0.95, 0.999, 1 - 1e-6]
 

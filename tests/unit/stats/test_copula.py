@@ -10,7 +10,6 @@ from scipy.special import ndtr
 
 from mtu_cli.stats.copula import (
     bounded_quantile,
-    bounded_rank,
     largest_covariance,
     marginal,
     normal_correlation,
@@ -70,15 +69,6 @@ def test_samples_have_the_stated_correlation(shape: Distribution) -> None:
 def test_a_normal_has_no_bounded_quantile() -> None:
     with pytest.raises(ValueError, match="no closed quantile"):
         bounded_quantile(NORMAL, np.array([0.5]))
-
-
-@pytest.mark.parametrize("shape", SHAPES, ids=lambda x: x.kind)
-def test_ranks_undo_quantiles(shape: Distribution) -> None:
-    p = np.linspace(0.0, 1.0, 1001)
-    assert bounded_rank(shape, bounded_quantile(shape, p)) == pytest.approx(p, abs=1e-7)
-    assert bounded_rank(shape, np.array([-1.1, 1.1])) == pytest.approx([0.0, 1.0], abs=0.0)
-    with pytest.raises(ValueError, match="no closed rank"):
-        bounded_rank(NORMAL, p)
 
 
 @pytest.mark.parametrize("shape", [*SHAPES, item("trapezoidal", 0.95)], ids=lambda x: x.kind)

@@ -12,6 +12,7 @@ from mtu_cli.stats.coverage import (
     effective_dof,
     few_blocks_factor,
     numerical_tolerance,
+    t_quantiles,
     welch_satterthwaite,
 )
 
@@ -110,11 +111,17 @@ def test_numerical_tolerance(u: float, digits: int, tolerance: float) -> None:
 
 
 def test_factor_of_few_blocks() -> None:
-    """t by inverting its distribution; the terms left out fall as 1/blocks^4."""
     assert few_blocks_factor(1) == 1.0
-    for blocks, allowed in ((10, 3e-4), (20, 2e-5), (80, 1e-7), (5000, 1e-12)):
+    for blocks in (10, 20, 80, 5000):
         wanted = stdtrit(blocks - 1, 0.975) / ndtri(0.975)
-        assert few_blocks_factor(blocks) == pytest.approx(wanted, abs=allowed)
+        assert few_blocks_factor(blocks) == pytest.approx(wanted, rel=1e-14)
+
+
+def test_quantiles_of_several_degrees_of_freedom() -> None:
+    p, dof = np.array([0.01, 0.6]), np.array([4.0, math.inf, 4.0])
+    found = t_quantiles(p, dof)
+    assert found[:2] == pytest.approx(np.array([stdtrit(4.0, p), ndtri(p)]), rel=1e-14)
+    assert np.array_equal(found[2], found[0])
 
 
 def test_numerical_tolerance_of_what_does_not_exist() -> None:

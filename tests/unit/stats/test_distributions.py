@@ -1,4 +1,4 @@
-"""Input distributions: moments in closed form, samples of them, and Student's quantile."""
+"""Input distributions: moments in closed form, samples of them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,14 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.special import betainc, ndtri, stdtrit
+from scipy.special import betainc
 
 from mtu_cli.stats.distributions import (
     Distribution,
     Kind,
     dof_of_inexact,
     inexact_of,
-    quantile_curvature,
     shape_moments,
-    student_quantile,
     t_scales,
 )
 from mtu_cli.stats.workspace import Workspace
@@ -113,38 +111,3 @@ def test_no_variance_with_two_degrees_of_freedom() -> None:
 def test_scales_average_as_chi_squared() -> None:
     out = t_scales(12.0, np.random.default_rng(2), np.empty(M))
     assert (out**2).mean() == pytest.approx(12 / 10, abs=4 * (out**2).std() / math.sqrt(M))
-
-
-@pytest.mark.parametrize("dof", [0.7, 1.0, 1.5, 2.0, 4.05, 16.75, 229.0, 9e4, 2e5, 1e12])
-@pytest.mark.parametrize("probability", [0.01, 0.5, 0.6, 0.975, 0.995, 0.9995])
-def test_students_quantile(dof: float, probability: float) -> None:
-    """Against scipy, which inverts the incomplete beta function."""
-    expected = float(stdtrit(dof, probability))
-    assert student_quantile(probability, dof) == pytest.approx(expected, rel=1e-8, abs=1e-9)
-
-
-def test_students_quantile_as_printed() -> None:
-    """GUM, Table G.2: t_95(4) = 2.78, t_99(16) = 2.92, t_95.45(10) = 2.28, normal 1.960."""
-    assert student_quantile(0.975, 4.0) == pytest.approx(2.78, abs=0.005)
-    assert student_quantile(0.995, 16.0) == pytest.approx(2.92, abs=0.005)
-    assert student_quantile(0.97725, 10.0) == pytest.approx(2.28, abs=0.005)
-    assert student_quantile(0.975, math.inf) == pytest.approx(1.960, abs=0.0005)
-
-
-@pytest.mark.parametrize("dof", [1.0, 3.0, 40.0, math.inf])
-def test_curvature_of_quantiles(dof: float) -> None:
-    """Against second differences of the quantiles themselves."""
-    p, h = np.array([0.001, 0.02, 0.3, 0.9]), 1e-5
-
-    def quantile(at: FloatArray) -> FloatArray:
-        return np.asarray(ndtri(at) if math.isinf(dof) else stdtrit(dof, at))
-
-    second = (quantile(p + h) - 2.0 * quantile(p) + quantile(p - h)) / h**2
-    assert quantile_curvature(quantile(p), dof) == pytest.approx(second, rel=1e-3)
-
-
-def test_curvature_of_cauchys_quantile() -> None:
-    """Q = -cot(pi p): Q'' = -2 pi^2 cot(pi p) / sin(pi p)^2."""
-    p = np.array([0.01, 0.2, 0.7])
-    t = -1.0 / np.tan(np.pi * p)
-    assert quantile_curvature(t, 1.0) == pytest.approx(2 * np.pi**2 * t / np.sin(np.pi * p) ** 2)

@@ -10,19 +10,22 @@ import numpy as np
 import pytest
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
-from mtu_cli.stats.copula import bounded_quantile, bounded_rank
+from mtu_cli.stats.copula import bounded_quantile
 from mtu_cli.stats.distributions import Distribution, Kind
-from mtu_cli.stats.linear_distribution import LinearDistribution, Term, linear_distribution
-from mtu_cli.stats.rank_map import rank_map
+from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
 from mtu_cli.stats.workspace import Workspace
 
 P = [0.6, 0.9, 0.975, 0.995, 0.9995]
 
 
-def known(*terms: Term) -> LinearDistribution:
-    found = linear_distribution(terms)
+def known(*terms: Term) -> Quantile:
+    found = sum_quantile(terms)
     assert found is not None
     return found
+
+
+def at(found: Quantile, p: float) -> float:
+    return float(found(np.array([p]))[0])
 
 
 def bounded(kind: Kind, share: float, **more: float) -> Distribution:
@@ -53,8 +56,8 @@ def test_closed_forms(name: str) -> None:
     found = known(*terms)
     for p in P:
         slope = (float(exact(p + 1e-5)) - float(exact(p - 1e-5))) / 2e-5
-        assert found.quantile(p) == pytest.approx(float(exact(p)), abs=1e-6 * slope)
-        assert found.quantile(1 - p) == pytest.approx(-found.quantile(p), abs=1e-9)
+        assert at(found, p) == pytest.approx(float(exact(p)), abs=1e-6 * slope)
+        assert at(found, 1 - p) == pytest.approx(-at(found, p), abs=1e-9)
 
 
 MIXED: list[Term] = [
@@ -129,24 +132,17 @@ def test_distribution_functions_of_sums(name: str) -> None:
     """Everywhere, by closed forms: right to 1e-6, as the docstring says."""
     terms, below = SUMS[name]
     found = known(*terms)
-    x = np.linspace(0.0, 0.999 * found.at[-1], 20_001)[1:]
-    table = ndtr(np.interp(x, found.at, found.score))
-    assert np.max(np.abs(table - below(x))) <= 1e-6
+    p = np.linspace(0.5, 1.0 - 2e-6, 20_001)[1:]
+    assert np.max(np.abs(below(found(p)) - p)) <= 1.1e-6
 
 
 def test_a_heavy_tail_beside_a_rectangle() -> None:
     """Out to 30 standard deviations, by the mean of t over the rectangle (midpoint rule)."""
     t, a = Distribution(kind="t", u=1.0, dof=3.0), math.sqrt(3.0)
     found = known((1.0, t), (a, bounded("rectangular", 1 / 3)))
-    x = np.array([0.5, 2.0, 5.0, 10.0, 30.0, 60.0])
     beside = a * ((np.arange(20_000) + 0.5) / 10_000 - 1.0)
-    exact = np.array([float(np.mean(stdtr(3.0, value - beside))) for value in x])
-    assert ndtr(np.interp(x, found.at, found.score)) == pytest.approx(exact, abs=1e-6)
-    # Seen from its end: 7e-6 of the probability is beyond 54, not nothing.
-    far = found.at[-1]
-    assert ndtr(-found.score[-1]) == pytest.approx(
-        float(np.mean(stdtr(3.0, beside - far))), rel=0.02
-    )
+    for p in (0.6, 0.9, 0.99, 0.9999, 1.0 - 2e-5):
+        assert float(np.mean(stdtr(3.0, at(found, p) - beside))) == pytest.approx(p, abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["triangular", "trapezoidal"])
@@ -157,75 +153,38 @@ def test_inexact_limits_of_other_shapes(kind: Kind) -> None:
     shape = bounded(kind, share, top=top)
     own = Distribution(kind=kind, u=shape.u, half_width=1.0, top=top, inexact=0.4)
     found = known((1.0, own))
-    x = np.linspace(0.0, 1.395, 101)
+    p = np.linspace(0.5, 1.0 - 1e-4, 101)
     widths = 0.6 + 0.8 * (np.arange(20_000) + 0.5) / 20_000
-    exact = [float(np.mean(bounded_rank(shape, value / widths))) for value in x]
-    assert ndtr(np.interp(x, found.at, found.score)) == pytest.approx(np.array(exact), abs=1e-6)
-
-
-SINGLE: dict[str, Distribution] = {
-    "rectangular": bounded("rectangular", 1 / 3),
-    "triangular": bounded("triangular", 1 / 6),
-    "trapezoidal": bounded("trapezoidal", 1.25 / 6, top=0.5),
-    "arcsine": bounded("arcsine", 1 / 2),
-}
-
-
-@pytest.mark.parametrize("name", SINGLE)
-@pytest.mark.parametrize("dof", [5.0, math.inf])
-def test_the_ends_of_a_mapped_shape(name: str, dof: float) -> None:
-    shape = SINGLE[name]
-    found = rank_map(known((-3.0, shape)), dof)
-    q = 3.0 * bounded_quantile(shape, np.array([0.025, 0.975]))
-    end = found.scale * (stdtrit(dof, 0.975) if dof < 12 else ndtri(0.975))
-    assert found(q) == pytest.approx([-end, end], rel=1e-6)
-    assert end == pytest.approx(q[1], rel=1e-6)
+    grid = np.linspace(0.0, 1.0, 200_001)
+    of_shape = bounded_quantile(shape, grid)
+    exact = [float(np.mean(np.interp(x / widths, of_shape, grid))) for x in found(p)]
+    assert p == pytest.approx(np.array(exact), abs=1e-6)
 
 
 @pytest.mark.parametrize("beside", [1e-9, 1e-4, 1e-3])
 def test_corners_that_no_series_follows_are_not_known(beside: float) -> None:
     """An arcsine with little beside it has an end that the series would round off."""
     arcsine = (1.0, bounded("arcsine", 1 / 2))
-    assert linear_distribution([(1.0, curved("arcsine", 1 / 2, beside))]) is None
-    assert linear_distribution([arcsine, (beside, bounded("rectangular", 1 / 3))]) is None
-    assert linear_distribution([arcsine, (1.0, Distribution(kind="normal", u=0.02))]) is not None
+    assert sum_quantile([(1.0, curved("arcsine", 1 / 2, beside))]) is None
+    assert sum_quantile([arcsine, (beside, bounded("rectangular", 1 / 3))]) is None
+    assert sum_quantile([arcsine, (1.0, Distribution(kind="normal", u=0.02))]) is not None
 
 
 def test_a_mixture_against_simulation() -> None:
     m = 1_000_000
     x, found = simulated(3, m), known(*MIXED)
     for p in P:
-        inside = float(np.mean(x <= found.quantile(p)))
+        inside = float(np.mean(x <= at(found, p)))
         assert inside == pytest.approx(p, abs=4 * math.sqrt(p * (1 - p) / m))
-    assert found.sigma == pytest.approx(math.sqrt(sum(c * c * d.drawn_variance for c, d in MIXED)))
-
-
-@pytest.mark.parametrize("dof", [4.0, 9.0, 50.0, math.inf])
-def test_mapped_draws_follow_t(dof: float) -> None:
-    """Ranks stay, and the mapped draws have the quantiles of the t, and a normal one's variance."""
-    m = 400_000
-    mapped = rank_map(known(*MIXED), dof)
-    x = simulated(5, m)
-    z = mapped(x)
-    assert np.max(np.abs(z - np.interp(x, mapped.at, mapped.to))) <= 1e-9 * mapped.scale
-    assert np.all(np.diff(z[np.argsort(x)]) >= 0.0)
-    assert mapped.dof == (dof if dof < 12 else math.inf)
-    for p in P:
-        q = mapped.scale * float(ndtri(p) if math.isinf(mapped.dof) else stdtrit(mapped.dof, p))
-        assert float(np.mean(z <= q)) == pytest.approx(p, abs=4 * math.sqrt(p * (1 - p) / m))
-    if math.isinf(mapped.dof):
-        error = float((z**2).std()) / math.sqrt(m)
-        assert float((z**2).mean()) == pytest.approx(mapped.scale**2, abs=4 * error)
 
 
 def test_where_it_is_not_known() -> None:
-    assert linear_distribution([(1.0, Distribution(kind="t", u=1.0, dof=2.5))]) is None
-    assert linear_distribution([(0.0, Distribution(kind="normal", u=1.0))]) is None
-    assert linear_distribution([]) is None
+    heavy = (1.0, Distribution(kind="t", u=1.0, dof=2.5))
+    assert sum_quantile([heavy, (1.0, bounded("rectangular", 1 / 3))]) is None
+    assert sum_quantile([(0.0, Distribution(kind="normal", u=1.0))]) is None
+    assert sum_quantile([]) is None
 
 
-def test_scores_rise_within_the_table() -> None:
-    found = known(*MIXED)
-    assert np.all(np.diff(found.at) > 0.0)
-    assert np.all(np.diff(found.score) >= 0.0)
-    assert ndtr(found.score[-1]) == pytest.approx(1.0, abs=1.1e-7)
+def test_all_normal_terms_are_one() -> None:
+    found = known(*((c, Distribution(kind="normal", u=2.0)) for c in (3.0, -4.0)))
+    assert at(found, 0.975) == pytest.approx(10.0 * float(ndtri(0.975)), rel=1e-14)

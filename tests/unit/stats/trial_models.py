@@ -6,18 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import optimize
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
-from mtu_cli.stats.block_plan import BlockPlan
-from mtu_cli.stats.blocks import Draws, block_generator
+from mtu_cli.stats.blocks import BlockPlan, Draws, block_generator
+from mtu_cli.stats.distributions import Distribution
+from mtu_cli.stats.linear_distribution import sum_quantile
 from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
 
 Z = float(ndtri(0.975))
-COPIES = 8
 
 
 class Bent:
@@ -28,6 +27,7 @@ class Bent:
     def __init__(self, bend: float = 0.0, control: bool = True) -> None:
         self.bend, self.control = bend, control
         self.linear_mean = np.array([3.0]) if control else None
+        self.linear_variance = np.array([4.0])
         self.work = Workspace()
         self.exact = {
             "mean": 3.0 + 4.0 * bend,
@@ -48,7 +48,10 @@ class Bent:
         z += 3.0
         if not self.control:
             return Draws(values=values)
-        return Draws(values=values, linear=z, linear_u=np.array([[2.0]]))
+        return Draws(values=values, linear=z)
+
+    def linear_quantiles(self, probability: FloatArray) -> FloatArray:
+        return np.asarray(2.0 * ndtri(probability)[np.newaxis])
 
 
 class Smooth(Bent):
@@ -59,7 +62,7 @@ class Grown:
     """y = (exp(a z) - 1)/a with the first-order form z."""
 
     names = ("y",)
-    linear_mean = np.zeros(1)
+    linear_mean, linear_variance = np.zeros(1), np.ones(1)
     smooth = True
 
     def __init__(self, a: float) -> None:
@@ -74,57 +77,10 @@ class Grown:
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         z = rng.standard_normal((1, m))
-        return Draws(values=np.expm1(self.a * z) / self.a, linear=z, linear_u=np.ones((1, 1)))
+        return Draws(values=np.expm1(self.a * z) / self.a, linear=z)
 
-
-class Twice:
-    """`Bent` by 0.05 and by 0.1; the latter turns back at z = -2.5, near its lower end."""
-
-    names = ("y", "more")
-    linear_mean = np.full(2, 3.0)
-    smooth = True
-
-    def __init__(self) -> None:
-        once, more = Bent(0.05).exact, Bent(0.1).exact
-        z = optimize.brentq(lambda z: ndtr(z) - ndtr(-5.0 - z) - 0.025, -2.5, 0.0)
-        more["low"] = 3.0 + 2.0 * z + 0.4 * z * z
-        self.exact = {
-            name: np.array([once[name], more[name]]) for name in ("mean", "u", "low", "high")
-        }
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        e = 2.0 * rng.standard_normal((1, m))
-        linear = np.repeat(3.0 + e, 2, axis=0)
-        return Draws(
-            values=linear + np.array([[0.05], [0.1]]) * e * e,
-            linear=linear,
-            linear_u=np.full((2, 1), 2.0),
-        )
-
-
-class Copies:
-    """`COPIES` of a model with trials of their own, the outputs of one run: that costs little more
-    than of one, and each is judged by itself.
-    """
-
-    smooth = True
-
-    def __init__(self, model: Smooth | Grown | Twice) -> None:
-        self.model = model
-        self.names = tuple(f"{name} {i}" for name in model.names for i in range(COPIES))
-        assert model.linear_mean is not None
-        self.linear_mean = np.repeat(model.linear_mean, COPIES)
-        self.exact = {name: np.repeat(exact, COPIES) for name, exact in model.exact.items()}
-
-    def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        all_of_them = self.model.draw(rng, COPIES * m)
-        assert all_of_them.linear is not None
-        assert all_of_them.linear_u is not None
-        return Draws(
-            values=all_of_them.values.reshape(-1, m),
-            linear=all_of_them.linear.reshape(-1, m),
-            linear_u=np.repeat(all_of_them.linear_u, COPIES, axis=0),
-        )
+    def linear_quantiles(self, probability: FloatArray) -> FloatArray:
+        return np.asarray(ndtri(probability)[np.newaxis])
 
 
 class Other:
@@ -142,21 +98,25 @@ class Other:
 
 
 class ScaledT:
-    """A sum of a t with `dof` and a unit normal; its own first-order form, scales per trial."""
+    """A sum of a t with `dof` and a normal; its own first-order form, of unknown variance if so."""
 
     names = ("t",)
     linear_mean = np.zeros(1)
 
-    def __init__(self, dof: float, normal: float = 0.0, variance: float | None = None) -> None:
+    def __init__(self, dof: float, normal: float = 0.0, *, known: bool = True) -> None:
         self.dof, self.normal = dof, normal
         self.u_exists = np.array([dof > 2.0])
-        self.linear_variance = None if variance is None else np.array([variance])
+        t = Distribution(kind="t", u=1.0, dof=dof)
+        self.linear_variance = np.array([t.drawn_variance + normal**2 if known else np.nan])
+        self.quantile = sum_quantile([(1.0, t), (1.0, Distribution(kind="normal", u=normal))])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        scale = np.sqrt(self.dof / rng.chisquare(self.dof, (1, m)))
-        values = scale * rng.standard_normal((1, m)) + self.normal * rng.standard_normal((1, m))
-        u = np.sqrt(scale**2 + self.normal**2)
-        return Draws(values=values, linear=values, linear_u=u)
+        values = rng.standard_t(self.dof, (1, m)) + self.normal * rng.standard_normal((1, m))
+        return Draws(values=values, linear=values)
+
+    def linear_quantiles(self, probability: FloatArray) -> FloatArray:
+        assert self.quantile is not None
+        return self.quantile(probability)[np.newaxis]
 
 
 def plain_blocks(

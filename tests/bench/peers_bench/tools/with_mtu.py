@@ -5,15 +5,15 @@ from __future__ import annotations
 from functools import cache
 
 from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
-from mtu_cli.model.angles import AngleTrials
+from mtu_cli.model.measurands import AngleTrials
 from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.stats.block_plan import trials_for_tails
+from mtu_cli.stats.blocks import LEAST_BLOCKS, least_block
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import CONVERGED_TO
 from peers_bench.problem import Found, Inputs, predicted
 from peers_bench.tools import FirstOrder, MonteCarlo
 
-LEAST = trials_for_tails(PROBABILITY)
+LEAST = LEAST_BLOCKS * least_block(PROBABILITY, smooth=True)
 """The fewest trials with which the core uses its control variate."""
 
 _prediction = cache(predicted)

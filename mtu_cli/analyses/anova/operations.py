@@ -1,0 +1,223 @@
+"""Features summed up by operation: totals by axis, the scatter in y over x, set-up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.anova.outliers import FAMILY_RATE
+from mtu_cli.analyses.anova.tables import Analysed, Label
+from mtu_cli.findings import Finding, finding
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.visits import basis, without
+from mtu_cli.stats.anova import BoolArray, OneWay
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.scatter_ratio import (
+    FEWEST_ROWS,
+    ScatterRatio,
+    Side,
+    familywise,
+    ratio_interval,
+    scatter_ratio,
+    untested,
+)
+
+FEWEST_LEFT, MOST = 6, 0.5
+"""With fewer errors left over a rigid motion explains much by chance; the share it may explain."""
+Rows = dict[tuple[str, str], list[int]]
+
+
+def rows_by_axis(labels: tuple[Label, ...]) -> Rows:
+    """The tables of every operation and axis, operation by operation."""
+    operations = dict.fromkeys(label[0] for label in labels)
+    rows: dict[str, Rows] = {operation: {} for operation in operations}
+    for i, (operation, _, axis) in enumerate(labels):
+        rows[operation].setdefault((operation, axis), []).append(i)
+    return {key: members for of in rows.values() for key, members in of.items()}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Total:
+    """All features of an operation along an axis; mm and mm^2, nan where undefined.
+
+    `mean` of the features' mean errors, their standard deviation `spread` and the `largest` of
+    them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
+    method, `both` where they are not separable; `repeat_share` is the CMM's share of the
+    variance of one measured point (REML, whatever the method). Of `tested` features
+    `significant` have F above its critical value and `differ` from part to part with the error
+    rate held over all features; the mean errors of `off` are not zero, likewise. `rounding` is
+    the uncertainty by which the means are worth printing.
+    """
+
+    operation: str
+    axis: str
+    features: int
+    mean: float
+    spread: float
+    largest: float
+    worst: str
+    part: float
+    repeat: float
+    both: float
+    repeat_share: float
+    significant: int
+    differ: int
+    off: int
+    tested: int
+    rounding: float
+
+
+def totals(found: Analysed, rows: Rows) -> tuple[Total, ...]:
+    """One Total an operation and axis."""
+    return tuple(_total(found, *key, members) for key, members in rows.items())
+
+
+def _total(found: Analysed, operation: str, axis: str, members: list[int]) -> Total:
+    def average(values: FloatArray) -> float:
+        known = values[members][np.isfinite(values[members])]
+        return float(known.mean()) if len(known) else float("nan")
+
+    mean, F = found.one_way.mean[members], found.one_way.F[members]
+    spread = float(mean.std(ddof=1)) if len(mean) > 1 else float("nan")
+    part, repeat = average(found.components.part), average(found.components.repeat)
+    both = average(found.both)
+    by_reml = average(found.reml.part), average(found.reml.repeat)
+    worst = int(np.argmax(np.abs(mean)))
+    scales = [np.sqrt(part), np.sqrt(repeat), np.sqrt(both), spread]
+    largest = max([s for s in scales if np.isfinite(s)], default=float("nan"))
+    return Total(
+        operation=operation,
+        axis=axis,
+        features=len(members),
+        mean=float(mean.mean()),
+        spread=spread,
+        largest=float(mean[worst]),
+        worst=found.labels[members[worst]][1],
+        part=part,
+        repeat=repeat,
+        both=both,
+        repeat_share=by_reml[1] / sum(by_reml) if sum(by_reml) > 0 else float("nan"),
+        significant=int((found.one_way.F_critical_95[members] < F).sum()),
+        differ=int((found.p_parts[members] <= FAMILY_RATE).sum()),
+        off=int((found.p_mean[members] <= FAMILY_RATE).sum()),
+        tested=int(np.isfinite(F).sum()),
+        rounding=largest / float(np.sqrt(len(found.tables.parts))),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AxisScatter:
+    """y over x in one operation: of the parts alone where `apart`, else the CMM's scatter of
+    their means included, because nothing was measured twice. `interval` of the ratio of
+    variances, 95 %, for this operation alone; nan where it is not estimable.
+    """
+
+    operation: str
+    test: ScatterRatio
+    interval: tuple[float, float]
+    apart: bool
+
+
+def axis_scatter(tables: MeasuredTables, table: OneWay, rows: Rows) -> tuple[AxisScatter, ...]:
+    """The part component of y against that of x, over all features; p adjusted for all
+    operations (Holm). Operations of too few parts are there, without a p.
+    """
+    found = []
+    for operation in dict.fromkeys(operation for operation, _ in rows):
+        x, y = (rows.get((operation, axis), []) for axis in ("x", "y"))
+        kept = np.asarray(tables.cells.present[x].any(axis=0), np.bool_)
+        # One part has no scatter to compare.
+        if not x or len(x) != len(y) or int(kept.sum()) < 2:
+            continue
+        apart = all((table.df_within[side] > 0).any() for side in (x, y))
+        test, interval = untested(int(kept.sum())), (float("nan"), float("nan"))
+        if test.rows >= FEWEST_ROWS:
+            sides = [_side(tables, table, side, kept, apart=apart) for side in (x, y)]
+            test, interval = scatter_ratio(*sides), ratio_interval(*sides)
+        found.append(AxisScatter(operation=operation, test=test, interval=interval, apart=apart))
+    tests = familywise([item.test for item in found])
+    return tuple(replace(item, test=test) for item, test in zip(found, tests, strict=True))
+
+
+def _side(
+    tables: MeasuredTables, table: OneWay, chosen: list[int], kept: BoolArray, *, apart: bool
+) -> Side:
+    """Part means (parts, tables) with what the CMM adds to their squared deviations.
+
+    Of the mean of n_i repeats among a parts: s^2 ((1 - 2/a)/n_i + sum(1/n)/a^2).
+    """
+    cells = tables.cells
+    there = cells.present[chosen][:, kept]
+    values = np.where(there, cells.mean[chosen][:, kept], np.nan).T
+    if not apart:
+        return Side(values=values, noise=np.zeros(len(values)))
+    df, ms = table.df_within[chosen], table.ms_within[chosen]
+    known = df > 0
+    s2 = np.where(known, ms, ms[known].mean())
+    inverse = np.divide(1.0, cells.n[chosen][:, kept], out=np.zeros(there.shape), where=there)
+    a = np.maximum(there.sum(axis=1), 1)
+    of_mean = np.where(there, (inverse.sum(axis=1) / a**2)[:, None], 0)
+    each = inverse * (1 - 2 / a)[:, None] + of_mean
+    u2 = (each.sum(axis=1) * s2) ** 2 * 2 / np.where(known, df, df.sum())
+    return Side(values=values, noise=s2 @ each, u2=float(u2.sum()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FeatureMap:
+    """Mean errors (n, 3) of the features of an operation, mm, at nominal `places` (n, 3); nan
+    along z where z was not measured or is not known.
+    """
+
+    operation: str
+    ids: tuple[str, ...]
+    places: FloatArray
+    errors: FloatArray
+
+
+def maps(found: Analysed, places: dict[str, FloatArray]) -> tuple[FeatureMap, ...]:
+    """The mean errors of features with errors in x and y, one map an operation."""
+    means = dict(zip(found.labels, found.one_way.mean.tolist(), strict=True))
+    planes: dict[str, list[str]] = {}
+    for operation, name, axis in found.labels:
+        if axis == "x" and (operation, name, "y") in means:
+            planes.setdefault(operation, []).append(name)
+    return tuple(
+        FeatureMap(
+            operation=operation,
+            ids=tuple(ids),
+            places=np.array([places[name] for name in ids]),
+            errors=np.array(
+                [[means.get((operation, name, axis), np.nan) for axis in AXES] for name in ids]
+            ),
+        )
+        for operation, ids in planes.items()
+    )
+
+
+def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Finding]:
+    """Mean errors most of which one offset and rotation of all features explain.
+
+    By mean squares before and after: the motion's own freedoms count.
+    """
+    warned = []
+    for item in found:
+        places = np.column_stack([item.places[:, :2], np.zeros(len(item.ids))])
+        errors = item.errors[:, :2]
+        Q = basis(places, (0, 1), "offset,rotation")
+        before = errors.ravel()
+        left = len(before) - Q.shape[1]
+        if left < FEWEST_LEFT or not before.any():
+            continue
+        rest = float((without(Q, before[:, None]) ** 2).sum()) / left
+        explained = 1 - rest / float((before**2).mean())
+        if explained < MOST:
+            continue
+        operation = f" of {item.operation} features" if item.operation else ""
+        x, y = (1e3 * value for value in errors.mean(axis=0))
+        percent = min(int(100 * explained), 99)
+        warned.append(
+            finding("set-up-dominates", x_um=x, y_um=y, percent=percent, operation=operation)
+        )
+    return warned

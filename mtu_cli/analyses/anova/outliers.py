@@ -1,0 +1,188 @@
+"""Outlying parts, by a rotation test over all tables of a study, and outlying features."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mtu_cli.analyses.anova.tables import Analysed, Label
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.outliers import deviation_p
+from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
+
+FAMILY_RATE = RATE
+FEWEST_PARTS = 4
+"""Among fewer parts none can be called an outlier."""
+FEWEST_FEATURES = 5
+"""Nor any among fewer features."""
+
+Why = Literal["distance", "mean", "single"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnusualPart:
+    """An outlying part at the family-wise rate, and by what most of all.
+
+    `why`: its mean over a group of tables (an axis of an operation, the lengths), its distance
+    there (root mean square), or a `single` table. `where` is that table (operation, id, axis)
+    or the group (id ""); `deviation` how far the part lies from the mean of the others there and
+    `typical` how far these do (root mean square), in the unit of the tables: neither is pulled
+    by the part. `singles` all tables in which it is an outlier by itself.
+    """
+
+    part: str
+    p: float
+    why: Why
+    where: Label
+    deviation: float
+    typical: float
+    singles: tuple[Label, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnusualFeature:
+    """A feature whose mean error along an axis lies `deviation` (mm) from the mean of all
+    features of the operation, the others `typical` (root mean square); family-wise `p`.
+    """
+
+    where: Label
+    p: float
+    deviation: float
+    typical: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartsTable:
+    """All tables of a study side by side: deviations of the part means (parts, tables).
+
+    `raw` in the tables' unit, `scaled` = raw/`scale` to equal variance for unequal repeats; nan
+    where a part is missing. Tables of equal operation and axis are looked at together.
+    """
+
+    labels: tuple[Label, ...]
+    parts: tuple[str, ...]
+    raw: FloatArray
+    scale: FloatArray
+    scaled: FloatArray
+
+    def limits(self, column: int, limit: FloatArray) -> FloatArray:
+        """The values (2, parts) of part means beyond which a part is an outlier of one table by
+        itself, about the table's mean: `limit` (tables,) sample deviations from their centre.
+        """
+        scaled, scale = self.scaled[:, column], np.abs(self.scale[:, column])
+        known = scaled[np.isfinite(scaled)]
+        half = limit[column] * known.std(ddof=1) if len(known) > 1 else np.nan
+        return np.stack([scale * (known.mean() - half), scale * (known.mean() + half)])
+
+
+def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
+    """Deviations of part means; the variance of one is s_part^2 + s_repeat^2/n_i, relative where
+    it is not known.
+    """
+    raws, scales = [], []
+    for found in kinds:
+        cells = found.tables.cells
+        raw = cells.mean - (found.one_way.mean - cells.origin)[:, None]
+        part, repeat = (np.nan_to_num(of)[:, None] for of in (found.reml.part, found.reml.repeat))
+        variance = part + repeat / np.where(cells.present, cells.n, 1.0)
+        raws.append(np.where(cells.present, raw, np.nan))
+        scales.append(np.sqrt(np.where(variance > 0, variance, 1.0)))
+    raw, scale = np.concatenate(raws).T, np.concatenate(scales).T
+    labels = tuple(label for found in kinds for label in found.labels)
+    parts = kinds[0].tables.parts
+    return PartsTable(labels=labels, parts=parts, raw=raw, scale=scale, scaled=raw / scale)
+
+
+def unusual_parts(
+    table: PartsTable, seed: int
+) -> tuple[FloatArray, tuple[UnusualPart, ...] | None]:
+    """The limits (tables,) of single tables, nan where no part can be an outlier, and outlying
+    parts with a family-wise error rate of 5 % over all parts and tables; None of too few parts.
+    """
+    if len(table.parts) < FEWEST_PARTS:
+        return np.full(len(table.labels), np.nan), None
+    names = [(operation, "", axis) for operation, _, axis in table.labels]
+    codes = {name: code for code, name in enumerate(dict.fromkeys(names))}
+    groups = np.array([codes[name] for name in names])
+    found = outstanding_rows(table.scaled, groups, seed)
+    p = np.minimum(found.by_row, found.by_cell.min(axis=1))
+    outside = np.flatnonzero(p <= FAMILY_RATE).tolist()
+    unusual = [_unusual(table, groups, list(codes), found, i) for i in outside]
+    return found.limit, tuple(sorted(unusual, key=lambda item: item.p))
+
+
+def _unusual(
+    table: PartsTable, groups: np.ndarray, names: list[Label], found: Outstanding, i: int
+) -> UnusualPart:
+    """Part `i` with the table or group of its largest deviation from the mean of the others."""
+    p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
+    others = np.delete(table.raw, i, axis=0)
+    known = np.isfinite(others)
+    mean = np.where(known, others, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    off = table.raw - mean
+    if p_row <= p_single:
+        why: Why = "mean" if found.row_kind[i] else "distance"
+        sizes = [_of_group(off[:, groups == code], i, why) for code in range(len(names))]
+        best = int(np.argmax([share for share, _, _ in sizes]))
+        where, (_, deviation, typical) = names[best], sizes[best]
+    else:
+        why, j = "single", int(np.argmin(found.by_cell[i]))
+        where, deviation, typical = table.labels[j], float(off[i, j]), _rms(np.delete(off[:, j], i))
+    return UnusualPart(
+        part=table.parts[i],
+        p=min(p_row, p_single),
+        why=why,
+        where=where,
+        deviation=deviation,
+        typical=typical,
+        singles=tuple(table.labels[j] for j in np.flatnonzero(found.by_cell[i] <= FAMILY_RATE)),
+    )
+
+
+def _of_group(off: FloatArray, i: int, why: Why) -> tuple[float, float, float]:
+    """Of the tables of a group: part `i`'s deviation over the others', its own, the others'."""
+    known = np.where(np.isfinite(off), off, 0.0)
+    count = np.maximum(np.isfinite(off).sum(axis=1), 1)
+    mean, square = known.sum(axis=1) / count, np.einsum("ij,ij->i", known, known) / count
+    value = mean if why == "mean" else np.sqrt(square)
+    typical, deviation = _rms(np.delete(value, i)), float(value[i])
+    # Where nothing differs at all, nor does this part.
+    alone = np.inf if deviation else 0.0
+    return abs(deviation) / typical if typical > 0 else alone, deviation, typical
+
+
+def _rms(values: FloatArray) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+
+
+def unusual_features(
+    features: Analysed, rows: dict[tuple[str, str], list[int]]
+) -> tuple[UnusualFeature, ...]:
+    """Mean errors too far from the other features' of the same operation and axis (`rows`).
+
+    Grubbs's statistic with the bound of Bonferroni over all features and axes: 5 % of studies
+    whose features differ as normal draws do have a false alarm.
+    """
+    found = []
+    for members in rows.values():
+        n, mean = len(members), features.one_way.mean[members]
+        away = mean - mean.mean()
+        s = float(np.sqrt((away**2).sum() / max(n - 1, 1)))
+        if n < FEWEST_FEATURES or s == 0:
+            continue
+        p = deviation_p(away / s, np.full(n, float(n))) * len(features.labels)
+        for j in np.flatnonzero(p <= FAMILY_RATE).tolist():
+            others = np.delete(mean, j)
+            found.append(
+                UnusualFeature(
+                    where=features.labels[members[j]],
+                    p=float(p[j]),
+                    deviation=float(mean[j] - others.mean()),
+                    typical=float(np.sqrt(((others - others.mean()) ** 2).mean())),
+                )
+            )
+    return tuple(sorted(found, key=lambda item: item.p))

@@ -1,0 +1,384 @@
+"""The analysis of measured parts: uncertainties, methods, outliers, scatter by axis, warnings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import measured_examples
+import numpy as np
+import pytest
+from measured_examples import part_file, planted_and_clean, points, study, with_measured
+from scipy.stats import binom
+
+from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance, operations
+from mtu_cli.analyses.anova.operations import AxisScatter, axis_scatter, rows_by_axis
+from mtu_cli.files.points import Points
+from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.settings import Settings
+from mtu_cli.stats import rotation
+from mtu_cli.stats.anova import cells_of, one_way
+
+SETTINGS = Settings()
+
+
+def analysed(found: Points, method: Method = "reml") -> AnovaResult:
+    return analyse_variance(found, None, method, SETTINGS)
+
+
+def codes(result: AnovaResult) -> list[str]:
+    return [item.code for item in result.warnings]
+
+
+UNEVEN = (6, 6, 1, 1, 1, 1, 1, 2)
+STUDIES, HOLES = 45, 20
+"""Studies of many holes, for each of them is drawn anew: 1800 values along x and y."""
+
+
+@pytest.fixture
+def many_holes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A study has `HOLES` of them, and rows that stand out are not what is looked at."""
+    places = {f"h{i}": (40.0 * (i % 5), 30.0 * (i // 5)) for i in range(HOLES)}
+    monkeypatch.setattr(measured_examples, "PLACES", places)
+    monkeypatch.setattr(rotation, "ROTATIONS", 19)
+
+
+def uneven(seed: int, s_part: float, s_repeat: float) -> Points:
+    """Eight parts with unequal repeats, and a ninth that is measured once: the future one."""
+    rng = np.random.default_rng(seed)
+    rows = []
+    for p, repeats in enumerate((*UNEVEN, 1)):
+        for name in measured_examples.PLACES:
+            made = s_part * rng.standard_normal(2)
+            rows += [(f"P{p}", name, r, *(made + s_repeat * rng.standard_normal(2)))
+                     for r in range(repeats)]  # fmt: skip
+    return points(rows)
+
+
+@pytest.mark.usefixtures("many_holes")
+@pytest.mark.parametrize(("s_part", "s_repeat"), [(0.01, 0.004), (0.002, 0.008)])
+def test_uncertainties_of_mean_and_future_part_hold(s_part: float, s_repeat: float) -> None:
+    """Over many studies the mean scatters by u_mean and a further part about it by u_future.
+
+    With very unequal repeats: the mean of all readings leans on the parts measured often.
+    """
+    means, future, u2_future = [], [], []
+    N = sum(UNEVEN)
+    share = sum(n * n for n in UNEVEN) / N**2
+    for seed in range(STUDIES):
+        found = uneven(seed, s_part, s_repeat)
+        one = analysed(_rows(found, found.part < 8)).features
+        means.append(one.one_way.mean)
+        u2_future.append(one.u_future**2)
+        np.testing.assert_allclose(
+            one.u_mean**2, one.components.part * share + one.components.repeat / N, rtol=1e-9
+        )
+        last = found.measured[found.part == 8] - found.nominal[found.part == 8]
+        future.append(last[:, :2].T.ravel() - one.one_way.mean)
+    # 1800 values, independent: four standard errors.
+    rel = 4 / np.sqrt(2 * np.size(means))
+    expected = s_part**2 * share + s_repeat**2 / N
+    assert np.sqrt(np.mean(np.square(means))) == pytest.approx(np.sqrt(expected), rel=rel)
+    if s_part > s_repeat:
+        # The ninth part's measurement has the CMM's scatter in it, which a future part has not.
+        seen = np.mean(np.square(future)) - s_repeat**2
+        rel = 4 * np.sqrt(2 / np.size(future)) * (1 + (s_repeat / s_part) ** 2)
+        assert seen == pytest.approx(s_part**2 + expected, rel=rel)
+        assert np.mean(u2_future) == pytest.approx(s_part**2 + expected, rel=rel)
+
+
+@pytest.mark.usefixtures("many_holes")
+@pytest.mark.parametrize("s_part", [0.003, 0.01, 0.03])
+def test_a_future_part_lies_in_its_interval(s_part: float) -> None:
+    """With five parts, 95 % and not much less; more where the CMM hides the parts' scatter."""
+    inside, too_small = [], []
+    for seed in range(STUDIES):
+        one = analysed(study(5, 2, seed, s_part, 0.01)).features
+        made = s_part * np.random.default_rng(seed + 10_000).standard_normal(2 * HOLES)
+        low, high = one.interval_future.T
+        inside += ((low <= made) & (made <= high)).tolist()
+        too_small += (np.abs(made - one.one_way.mean) > 2 * one.u_future).tolist()
+    assert np.mean(inside) >= 0.95 - 3 * np.sqrt(0.05 * 0.95 / len(inside))
+    # U = 2 u is not enough with four degrees of freedom or fewer.
+    assert np.mean(too_small) > 0.06
+
+
+def _rows(found: Points, kept: np.ndarray) -> Points:
+    names = ("part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
+             "sequence", "direction", "file_index", "row")  # fmt: skip
+    parts = found.parts[: int(found.part[kept].max()) + 1]
+    return replace(found, parts=parts, **{name: getattr(found, name)[kept] for name in names})
+
+
+def test_methods() -> None:
+    found = study(21, 2, 2, 0.0, 0.002)
+    results = {method: analysed(found, method).features for method in ("paper", "anova", "reml")}
+    table = results["paper"].one_way
+    assert (results["paper"].components.part == table.ms_between).all()
+    np.testing.assert_allclose(results["paper"].u_mean, np.sqrt(table.ms_within / 42))
+    np.testing.assert_allclose(results["paper"].u_future, np.sqrt(table.ms_within * (1 + 1 / 42)))
+    negative = results["anova"].components.part_estimate < 0
+    assert negative.any()
+    np.testing.assert_array_equal(results["anova"].components.part[negative], 0)
+    np.testing.assert_array_equal(results["reml"].components.part[negative], 0)
+    assert "negative-variance" in codes(analysed(found, "anova"))
+    assert "paper-method" in codes(analysed(found, "paper"))
+    assert np.isnan(results["paper"].interval).all()
+    np.testing.assert_array_equal(results["paper"].dof_future, 21)
+    # The summary follows the method; the CMM's share is not the paper's to give.
+    totals = {method: analysed(found, method).totals[0] for method in ("paper", "reml")}
+    assert totals["paper"].part == pytest.approx(table.ms_between[:3].mean())
+    assert totals["paper"].repeat_share == totals["reml"].repeat_share
+    assert codes(analysed(study(21, 2, 2))) == []
+
+
+def test_a_shifted_part_and_a_shifted_feature_are_named() -> None:
+    found = study(21, 2, 4)
+    measured = found.measured.copy()
+    measured[found.part == 6, 0] += 0.06
+    result = analysed(with_measured(found, measured))
+    assert result.unusual is not None
+    (item,) = result.unusual
+    assert (item.part, item.why, item.where) == ("P6", "mean", ("", "", "x"))
+    assert item.deviation == pytest.approx(0.06, rel=0.25)
+    assert item.p <= 0.01
+    measured = found.measured.copy()
+    measured[(found.part == 3) & (found.feature == 1), 1] += 0.12
+    result = analysed(with_measured(found, measured))
+    assert result.unusual is not None
+    (item,) = result.unusual
+    assert (item.part, item.singles[0]) == ("P3", ("", "b", "y"))
+    labels = result.features.tables.labels
+    assert result.features.unusual[labels.index(("", "b", "y"))] == ("P3",)
+    # Who is drawn as an outlier lies beyond the limits that are drawn, and nobody else.
+    for i, names in enumerate(result.features.unusual):
+        low, high = result.limits(i)
+        means, _ = result.features.part_means(i)
+        beyond = [part for part, m, a, b in zip(found.parts, means, low, high, strict=True)
+                  if not a <= m <= b]  # fmt: skip
+        assert beyond == sorted(names, key=found.parts.index)
+
+
+@pytest.mark.parametrize(("size", "why"), [(0.5, "single"), (5.0, "single"), (5.0, "distance")])
+def test_the_others_are_stated_without_the_outlier(size: float, why: str) -> None:
+    """Neither their mean nor their scatter is pulled by it, however far off it is."""
+    found = study(21, 2, 4)
+    rows, measured = found.part == 3, found.measured.copy()
+    if why == "single":
+        rows &= found.feature == 1
+    measured[rows, 1] += size
+    (item,) = analysed(with_measured(found, measured)).unusual or ()
+    errors = measured[:, 1] - found.nominal[:, 1]
+    means = np.array(
+        [[errors[(found.part == p) & (found.feature == f)].mean() for f in range(3)]
+         for p in range(21)]
+    )  # fmt: skip
+    off = means - np.delete(means, 3, axis=0).mean(axis=0)
+    each = {
+        "single": off[:, 1],
+        "mean": off.mean(axis=1),
+        "distance": np.sqrt((off**2).mean(axis=1)),
+    }[item.why]
+    assert (item.part, item.where[2], item.why == "single") == ("P3", "y", bool(item.where[1]))
+    assert item.deviation == pytest.approx(each[3], rel=1e-9)
+    assert item.typical == pytest.approx(np.sqrt((np.delete(each, 3) ** 2).mean()), rel=1e-9)
+
+
+def test_unequal_repeats_are_scaled_before_they_are_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The CMM alone scatters; of two parts in ten one repeat, of the others twenty-five: the
+    means of the two lie five times as far off, and are nothing unusual.
+    """
+    monkeypatch.setattr(rotation, "ROTATIONS", 199)
+    alarms = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        rows = [
+            (f"P{p}", name, r, *(0.01 * rng.standard_normal(2)))
+            for p in range(10)
+            for name in "abc"
+            for r in range(1 if p < 2 else 25)
+        ]
+        alarms += bool(analysed(points(rows)).unusual)
+    # Without the scaling nearly all of the 60.
+    assert alarms <= 10
+
+
+def test_a_noisy_cmm_axis_is_not_the_machines() -> None:
+    """Equal parts, y measured worse: the part means scatter more in y, the parts do not."""
+    rng = np.random.default_rng(8)
+    found = study(40, 3, 3, 0.004, 0.001)
+    measured = found.measured.copy()
+    measured[:, 1] += 0.012 * rng.standard_normal(len(measured))
+    (item,) = analysed(with_measured(found, measured)).axis_scatter
+    assert item.apart
+    assert item.test.p > 0.05
+    first = found.repeat == 0
+    (alone,) = analysed(_rows(with_measured(found, measured), first)).axis_scatter
+    assert not alone.apart
+    assert alone.test.p <= 0.001
+
+
+def test_tables_of_the_part_file(tmp_path: Path) -> None:
+    part = part_file(tmp_path)
+    # A length has the scatter of two holes: to four standard errors of a deviation of 2399 parts.
+    _, lengths, angles = analyse_variance(study(2400, 2, 4), part, "reml", SETTINGS).kinds
+    assert [label[1:] for label in lengths.labels] == [("a-b", "length"), ("c-a", "length")]
+    assert angles.labels == (("", "xy", "angle"),)
+    s = np.sqrt(lengths.components.part)
+    assert (np.abs(s / (0.01 * np.sqrt(2)) - 1) < 4 / np.sqrt(2 * 2399)).all()
+    few = points([("p", "a", 1, 0.0, 0.0), ("q", "a", 1, 0.001, 0.0)])
+    lost = analyse_variance(few, part, "reml", SETTINGS)
+    assert (len(lost.kinds), codes(lost).count("not-measured")) == (1, 2)
+
+
+def test_no_repeats_one_part_and_empty_cells() -> None:
+    no_repeats = analysed(study(8, 1, 1))
+    assert codes(no_repeats) == ["no-repeats"]
+    one = no_repeats.features
+    assert np.isnan([*one.components.part, *one.components.repeat, *one.one_way.F]).all()
+    np.testing.assert_allclose(one.u_mean, np.sqrt(one.one_way.ms_between / 8))
+    np.testing.assert_array_equal(one.both, one.one_way.ms_between)
+    # 7 MS/chi2: 16.013 and 1.690 are the printed quantiles for 7 degrees of freedom.
+    np.testing.assert_allclose(one.both_interval[:, 0], 7 * one.both / 16.013, rtol=1e-4)
+    np.testing.assert_allclose(one.both_interval[:, 1], 7 * one.both / 1.690, rtol=1e-3)
+    assert no_repeats.totals[0].both == pytest.approx(one.both[:3].mean())
+    one_part = analysed(study(1, 3, 1))
+    assert codes(one_part) == ["few-parts"]
+    assert np.isnan(one_part.features.u_mean).all()
+    assert np.isfinite(one_part.features.components.repeat).all()
+    assert one_part.unusual is None
+    assert np.isnan(one_part.limits(0)).all()
+    assert codes(analysed(study(1, 1, 1))) == ["few-parts", "no-repeats"]
+    three = analysed(study(3, 2, 1))
+    assert codes(three) == ["few-degrees-of-freedom", "few-parts"]
+    assert three.unusual is None
+    # The t quantile for 2 degrees of freedom is 4.303.
+    features = analysed(study(3, 1, 1)).features
+    half = (features.interval_future[:, 1] - features.interval_future[:, 0]) / 2
+    np.testing.assert_allclose(half, 4.303 * features.u_future, rtol=1e-4)
+    found = study(8, 2, 1)
+    gaps = analysed(_rows(found, ~((found.part == 2) & (found.feature == 1))))
+    assert codes(gaps) == ["missing-values"]
+    assert (gaps.warnings[0].facts["part"], gaps.warnings[0].facts["label"]) == ("P2", "b x")
+    assert gaps.features.one_way.parts.tolist().count(7) == 2
+
+
+def test_warnings_name_the_kind_of_table(tmp_path: Path) -> None:
+    """Features have repeats, and one length lacks them: b was measured once in each part."""
+    found = study(8, 2, 1)
+    few = _rows(found, ~((found.feature == 1) & (found.repeat == 1)))
+    result = analyse_variance(few, part_file(tmp_path), "reml", SETTINGS)
+    assert [item.facts["items"] for item in result.warnings if item.code == "no-repeats"] == [
+        "2 of 6 features and axes", "1 of 2 lengths", "all right angles",
+    ]  # fmt: skip
+
+
+def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One offset and turn of all features: said, and taken out by a datum."""
+    places = {f"h{i}": (40.0 * (i % 4), 30.0 * (i // 4)) for i in range(12)}
+    monkeypatch.setattr(measured_examples, "PLACES", places)
+    found = study(1, 1, 3, 0.003, 0.0)
+    assert "set-up-dominates" not in codes(analysed(found))
+    turn = np.column_stack([-found.nominal[:, 1], found.nominal[:, 0], np.zeros(len(found))])
+    moved = with_measured(found, found.measured + 5e-4 * turn + np.array([0.05, -0.03, 0.0]))
+    result = analysed(moved)
+    assert "set-up-dominates" in codes(result)
+    loose = analyse_variance(moved, None, "reml", SETTINGS, "offset,rotation")
+    assert "set-up-dominates" not in codes(loose)
+    # 24 errors less three freedoms of 3 um each are left, to four standard errors.
+    rms = np.sqrt((loose.features.one_way.mean**2).sum() / 21)
+    assert rms == pytest.approx(0.003, rel=4 / np.sqrt(2 * 21))
+    assert len(loose.maps[0].ids) == 12
+
+
+def test_a_feature_that_stands_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    places = {f"h{i}": (40.0 * (i % 5), 30.0 * (i // 5)) for i in range(20)}
+    monkeypatch.setattr(measured_examples, "PLACES", places)
+    monkeypatch.setattr(rotation, "ROTATIONS", 19)
+    found = study(10, 2, 1)
+    measured = found.measured.copy()
+    measured[found.feature == 7, 1] += 0.03
+    (item,) = analysed(with_measured(found, measured)).unusual_features
+    assert item.where == ("", "h7", "y")
+    assert item.deviation == pytest.approx(0.03, abs=4 * 0.01 / np.sqrt(10))
+    runs = 200
+    alarms = sum(bool(analysed(study(4, 1, seed)).unusual_features) for seed in range(runs))
+    assert alarms / runs <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
+
+
+def test_repeats_without_scatter() -> None:
+    found = study(8, 1, 1)
+    rows = [
+        (found.parts[p], found.features[f], r, *(m - n)[:2])
+        for p, f, m, n in zip(found.part, found.feature, found.measured, found.nominal, strict=True)
+        for r in (1, 2)
+    ]
+    result = analysed(points(rows))
+    assert codes(result) == ["not-estimable"]
+    one = result.features
+    assert np.isnan(one.one_way.F).all()
+    assert (one.components.repeat == 0).all()
+    assert np.isfinite(one.u_future).all()
+    assert (one.interval[:, 0] > 0).all()
+
+
+def test_totals() -> None:
+    found = study(21, 2, 3, 0.01, 0.005)
+    result = analysed(found)
+    x, y = result.totals
+    assert (x.axis, y.axis, x.features, x.tested) == ("x", "y", 3, 3)
+    rows = [0, 1, 2]
+    assert x.part == pytest.approx(result.features.components.part[rows].mean())
+    assert x.repeat_share == pytest.approx(x.repeat / (x.part + x.repeat))
+    assert abs(x.largest) == np.abs(result.features.one_way.mean[rows]).max()
+
+
+def test_planted_parts_are_found_and_a_clean_study_is_silent(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Features, lengths and right angles together; tests/bench has more runs of it."""
+    monkeypatch.setattr(rotation, "ROTATIONS", 199)
+    found, alarms = planted_and_clean(part_file(tmp_path), 100)
+    assert found >= 0.95
+    assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 100)
+
+
+REPEATS = (5, 5, 5, 5, *[2] * 15, 1, 1)
+
+
+def y_over_x(seed: int, s_part: tuple[float, float], s_repeat: tuple[float, float]) -> AxisScatter:
+    """Parts displaced as a whole, of unequal repeats; every seventh cell was not measured."""
+    parts, features = len(REPEATS), 4
+    rng = np.random.default_rng([seed, parts])
+    part = np.repeat(np.arange(parts), REPEATS)
+    table = np.arange(2 * features)[:, None]
+    cell = table * parts + part
+    shift = np.array(s_part)[:, None] * rng.standard_normal((2, parts))
+    noise = np.repeat(s_repeat, features)[:, None] * rng.standard_normal(cell.shape)
+    values = np.repeat(shift, features, axis=0)[:, part] + noise
+    there = (part + 3 * (table % features)) % 7 != 0
+    cells = cells_of(values[there], cell[there], 2 * features, parts)
+    labels = tuple(("", str(i % features), "xy"[i // features]) for i in range(2 * features))
+    tables = MeasuredTables(labels=labels, parts=tuple(map(str, range(parts))), cells=cells)
+    (found,) = axis_scatter(tables, one_way(cells), rows_by_axis(labels))
+    return found
+
+
+@pytest.mark.parametrize("s_repeat", [(1.0, 1.0), (0.5, 1.5)])
+def test_unequal_repeats_keep_the_rate_of_the_axes(
+    s_repeat: tuple[float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(operations, "ratio_interval", lambda *_: (np.nan, np.nan))
+    runs = 250
+    alarms = sum(y_over_x(seed, (1.0, 1.0), s_repeat).test.p <= 0.05 for seed in range(runs))
+    assert binom.ppf(1e-3, runs, 0.05) <= alarms <= binom.ppf(1 - 1e-3, runs, 0.05)
+
+
+def test_an_axis_whose_parts_are_alike() -> None:
+    """Three and a half um in x and none in y are separable, whatever y's estimate is."""
+    found = [y_over_x(seed, (3.5, 0.0), (1.0, 1.4)) for seed in range(60)]
+    assert all(item.apart and item.test.p <= 0.01 for item in found)
+    assert all(item.interval[0] == 0 or item.interval[1] < 0.2 for item in found)
+    assert 0 < sum(item.test.ratio == 0 for item in found) < 60

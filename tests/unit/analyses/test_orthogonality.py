@@ -1,0 +1,173 @@
+"""Angles of rows and columns: gradient, draws of shared features, Monte Carlo figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from model_examples import FloatArray, estimate, model_of, part_of
+
+from mtu_cli.analyses.orthogonality import angle_gradient, angle_measure, predict_orthogonality
+from mtu_cli.analyses.predict_points import predict_points
+from mtu_cli.findings import InputError
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.prediction import predict
+from mtu_cli.model.settings import Settings
+from mtu_cli.stats.workspace import Workspace
+
+FAST = Settings(trials=100_000, threads=1)
+# A row and a column of four, off the axes, the corner in both.
+ROW = np.array([[20.0, 10], [50, 12], [80, 9], [120, 10]])
+COLUMN = np.array([[20.0, 10], [19, 40], [21, 80], [20, 130]])
+PLACES = np.vstack([ROW, COLUMN[1:]])
+IDS = list("abcdefg")
+PART = (
+    "features: {"
+    + ", ".join(f"{i}: {{x_mm: {x}, y_mm: {y}}}" for i, (x, y) in zip(IDS, PLACES, strict=True))
+    + "}\northogonality: [{id: xy, row: [a, b, c, d], column: [a, e, f, g]}]\n"
+)
+ROW_AT, COLUMN_AT = np.array([0, 1, 2, 3]), np.array([0, 4, 5, 6])
+
+
+def machine(size: float = 1.0) -> MachineModel:
+    sx = estimate("sx", "x", [2e-3, 1e-5], D=np.diag([4e-6, 9e-10]) * size**2, s=2e-3 * size)
+    ez = estimate("ez", "x", [1e-5, 1e-8], C=np.diag([4e-10, 1e-14]) * size**2, s=1e-5 * size)
+    return model_of([(sx, {"x": "1", "y": "-0.5"}), (ez, {"x": "y", "y": "-x"})])
+
+
+def angle_of(moved: FloatArray) -> float:
+    """Eqs. (24)-(26) by numpy's own straight-line fit, less the angle by design; (7, 2)."""
+    return between_lines(moved) - between_lines(PLACES)
+
+
+def between_lines(moved: FloatArray) -> float:
+    row, column = moved[ROW_AT], moved[COLUMN_AT]
+    of_row = np.polyfit(row[:, 0], row[:, 1], 1)[0]
+    of_column = np.polyfit(column[:, 1], column[:, 0], 1)[0]
+    return float(-of_column - of_row)
+
+
+def test_measure_and_gradient() -> None:
+    points = np.column_stack([PLACES, np.zeros(7)])
+    prediction = predict(machine(), IDS, points)
+    measure, combine = angle_measure(prediction, ROW_AT, COLUMN_AT)
+    gradient = angle_gradient(prediction, ROW_AT, COLUMN_AT)
+    rng = np.random.default_rng(1)
+
+    def angle(errors: FloatArray) -> float:
+        return float(measure((combine @ errors)[:, None], Workspace())[0, 0])
+
+    for size in (1e-3, 5.0):
+        errors = size * rng.normal(size=14)
+        assert angle(errors) == pytest.approx(angle_of(PLACES + errors.reshape(7, 2)), rel=1e-9)
+    h = 1e-4
+    for row in range(14):
+        step = h * np.eye(14)[row]
+        slope = (angle(prediction.mean + step) - angle(prediction.mean - step)) / (2 * h)
+        assert gradient[row] == pytest.approx(slope, rel=1e-6, abs=1e-10)
+
+
+def test_against_parts_drawn_one_by_one(tmp_path: Path) -> None:
+    """The corner is one hole: it is drawn once and stands in both lines."""
+    found = predict_orthogonality(machine(), part_of(tmp_path, PART), FAST).angles[0]
+    rng = np.random.default_rng(2)
+    angles = []
+    x, y = PLACES.T
+    for _ in range(4000):
+        b = rng.normal([2e-3, 1e-5], [2e-3, 3e-5])
+        sx = b[0] + b[1] * x + 2e-3 * rng.standard_normal(7)
+        c = rng.normal([1e-5, 1e-8], [2e-5, 1e-7])
+        ez = c[0] + c[1] * x + 1e-5 * rng.standard_normal(7)
+        angles.append(angle_of(PLACES + np.column_stack([sx + y * ez, -0.5 * sx - x * ez])))
+    mean, u = np.mean(angles), np.std(angles, ddof=1)
+    assert found.run.mean[0] == pytest.approx(mean, abs=4 * u / np.sqrt(4000))
+    assert found.run.u[0] == pytest.approx(u, rel=4 * np.sqrt(0.5 / 4000))
+    assert found.first_order.u == pytest.approx(u, rel=4 * np.sqrt(0.5 / 4000))
+    assert found.prediction.ids == tuple("abcdefg")
+    assert found.validation.passed is not False
+
+
+def test_the_papers_independence(tmp_path: Path) -> None:
+    found = predict_orthogonality(machine(), part_of(tmp_path, PART), FAST).angles[0]
+    rng = np.random.default_rng(3)
+    u = np.sqrt(found.prediction.independent_variance).reshape(7, 2)
+    mean = found.prediction.mean.reshape(7, 2)
+    angles = [angle_of(PLACES + mean + u * rng.standard_normal((7, 2))) for _ in range(4000)]
+    assert found.independent.u[0] == pytest.approx(
+        np.std(angles, ddof=1), rel=4 * np.sqrt(0.5 / 4e3)
+    )
+    assert found.independent_u == pytest.approx(found.independent.u[0], rel=0.02)
+    assert found.independent.u[0] != pytest.approx(found.run.u[0], rel=0.05)
+
+
+def test_validation_fails_for_features_as_far_apart_as_their_errors(tmp_path: Path) -> None:
+    text = """
+    features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0.05, y_mm: 0}, c: {x_mm: 0, y_mm: 0.05}}
+    orthogonality: [{id: xy, row: [a, b], column: [a, c]}]
+    """
+    part = part_of(tmp_path, text)
+    model = model_of([(estimate(axis, "x", [0.0], s=0.008), {axis: "1"}) for axis in "xy"])
+    result = predict_orthogonality(model, part, FAST)
+    assert result.angles[0].validation.passed is False
+    assert "validation-failed" in {item.code for item in result.warnings}
+
+
+@pytest.mark.parametrize("trials", [1000, 40_000])
+def test_reported_u_counts_the_trials(tmp_path: Path, trials: int) -> None:
+    """Eq. (28): u^2 = s^2 (1 + 1/M), s from the sample; visible with few trials."""
+    model = model_of([(estimate("t", None, [0.0], D=np.array([[9e-10]])), {"x": "-y", "y": "0"})])
+    settings = Settings(trials=trials, threads=1)
+    (angle,) = predict_orthogonality(model, part_of(tmp_path, PART), settings).angles
+    assert angle.run.trials == trials
+    s = float(angle.run.u[0])
+    assert angle.u_of_next_trial == pytest.approx(s * np.sqrt(1 + 1 / trials), rel=1e-12)
+    assert s == pytest.approx(3e-5, rel=4.5 * np.sqrt(0.5 / trials))
+
+
+def test_what_an_angle_needs(tmp_path: Path) -> None:
+    part = part_of(tmp_path, PART)
+    flat = model_of([(estimate("a", "x", [0.0]), {"x": "1"})], axes=("x",))
+    with pytest.raises(InputError, match="no equation Ey"):
+        predict_orthogonality(flat, part, FAST)
+    plain = part_of(tmp_path, "features: {a: {x_mm: 0, y_mm: 0}}")
+    with pytest.raises(InputError, match="no orthogonality"):
+        predict_orthogonality(machine(), plain, FAST)
+
+
+def test_what_an_angle_consists_of(tmp_path: Path) -> None:
+    """By leaving out all but one nature of the components' variance."""
+    part = part_of(tmp_path, PART)
+    (angle,) = predict_orthogonality(machine(), part, FAST).angles
+    shares = angle.shares
+    assert shares is not None
+    u2 = angle.first_order.u**2
+    sx = estimate("sx", "x", [2e-3, 1e-5], D=np.diag([4e-6, 9e-10]))
+    ez = estimate("ez", "x", [1e-5, 1e-8], C=np.diag([4e-10, 1e-14]))
+    levers = [{"x": "1", "y": "-0.5"}, {"x": "y", "y": "-x"}]
+    for kept, share in (((True, False), shares.passes), ((False, True), shares.coefficients)):
+        terms = [
+            (item if keep else estimate(item.name, "x", list(item.coefficients)), lever)
+            for item, lever, keep in zip((sx, ez), levers, kept, strict=True)
+        ]
+        (alone,) = predict_orthogonality(model_of(terms), part, FAST).angles
+        assert share == pytest.approx(alone.first_order.u**2 / u2, rel=1e-9)
+    assert shares.repeatability == pytest.approx(1 - shares.passes - shares.coefficients)
+    apart = Settings(trials=2000, correlation="independent")
+    assert predict_orthogonality(machine(), part, apart).angles[0].shares is None
+
+
+def test_points_split_and_correlation(tmp_path: Path) -> None:
+    part = part_of(tmp_path, PART)
+    found = predict_points(machine(), part, FAST)
+    split = found.split
+    assert split.coefficients + split.passes + split.repeatability == pytest.approx(found.variance)
+    assert np.diag(found.covariance) == pytest.approx(found.variance)
+    x, y = PLACES.T
+    of_sx = 4e-6 + 9e-10 * x**2 + 4e-6
+    of_ez = 4e-10 + 1e-14 * x**2 + 1e-10
+    assert found.variance[0::2] == pytest.approx(of_sx + y**2 * of_ez)
+    cross = found.covariance[np.arange(0, 14, 2), np.arange(1, 14, 2)]
+    assert cross == pytest.approx(-0.5 * of_sx - x * y * of_ez)
+    apart = predict_points(machine(), part, Settings(trials=2000, correlation="independent"))
+    assert apart.covariance == pytest.approx(np.diag(np.diag(apart.covariance)), abs=0)

@@ -1,0 +1,277 @@
+"""Simulated drift tests, settled rooms, and a thermal model in three states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mtu_cli.findings import InputError
+from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.model.simulate_drift import (
+    STEPS,
+    WOBBLE_MEMORY_MIN,
+    Climate,
+    DriftPlan,
+    Sensors,
+    SimulatedDrift,
+    drift_profile,
+    followed,
+    sensors_for,
+    settled,
+    simulate_drift,
+)
+from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.units import UNITS
+
+STILL = Climate(
+    reference=20.0, low=20.0, high=26.0, room_lag=30.0, room_wobble=0.0, sensor_lag=(5.0, 25.0),
+    sensor_spread=0.05, sensor_wobble=0.0, sensor_noise=0.0,
+)  # fmt: skip
+NOISY = replace(STILL, room_wobble=0.5, sensor_wobble=0.8, sensor_noise=0.015)
+A, B = "T_a_degC", "T_b_degC"
+
+
+def drift(name: str = "p", tau: float = 0.0, leftover: float = 0.0) -> ThermalEstimate:
+    """5 um/K of a and 0.01 um/mm/K of b, minus 2 um/K of b, along y."""
+    return ThermalEstimate(
+        component=name,
+        of="y",
+        unit=UNITS["um"],
+        sensors=(A, B),
+        reference=20.0,
+        coefficients=np.array([[5e-3, -2e-3], [0.0, 1e-5]]),
+        covariance=np.zeros((4, 4)),
+        coefficient_dof=np.inf,
+        leftover=np.diag([leftover**2, 0.0]),
+        leftover_dof=np.inf,
+        time_constants=np.array([tau, 0.0]),
+        sensor_u=np.zeros(2),
+    )
+
+
+def plan(climate: Climate = NOISY, **changes: object) -> DriftPlan:
+    made = DriftPlan(
+        climate=climate, cycles=3, minutes=30.0, interval=2.0, soak=10.0,
+        positions={"p": np.array([0.0, 200.0])}, noise={1: 0.0, 0: 0.0}, settled={},
+        limits={1: 1.0, 0: 1.0},
+    )  # fmt: skip
+    return replace(made, **changes)  # type: ignore[arg-type]  # names of the plan's own fields
+
+
+def followed_drift(found: SimulatedDrift, position: float) -> np.ndarray:
+    a, b = (found.temperatures[name] - 20 for name in (A, B))
+    return np.asarray(5 * a + (-2 + 0.01 * position) * b)
+
+
+def test_noise_free_readings_are_the_drift_of_the_temperatures_in_the_file() -> None:
+    found = simulate_drift([drift()], plan(replace(NOISY, sensor_noise=0.0)), 1)
+    for position in (0.0, 200.0):
+        rows = found.position == position
+        assert found.error[rows] == pytest.approx(followed_drift(found, position)[rows], abs=1e-9)
+    assert found.error[0] == 0.0
+    assert np.abs(found.error).max() > 5
+
+
+def test_cycles_are_apart_by_soaking_and_warm_and_cool_in_turn() -> None:
+    found = simulate_drift([drift()], plan(STILL, minutes=300.0, soak=60.0), 1)
+    for cycle, end in ((1, 26.0), (2, 20.0), (3, 26.0)):
+        rows = (found.cycle == cycle) & (found.position == 0)
+        assert np.diff(found.time[rows]) == pytest.approx(2.0)
+        assert rows.sum() == 151
+        share = sensors_for([drift()], plan(STILL), 1).shares[0]
+        last = 20 + share * (end - 20)
+        assert found.temperatures[A][rows][-1] == pytest.approx(last, abs=0.01)
+    first = [found.time[found.cycle == cycle].min() for cycle in (1, 2, 3)]
+    assert first == [0, 362, 724]
+
+
+def test_a_drift_with_a_time_constant_follows_the_lagged_temperature() -> None:
+    quiet = replace(NOISY, sensor_noise=0.0)
+    found = simulate_drift([drift(tau=40.0)], plan(quiet, cycles=1), 1)
+    rows = found.position == 0
+    a, b = (found.temperatures[name][rows] - 20 for name in (A, B))
+    lagged = first_order_lag(a[:, None], found.time[rows], np.array([40.0]))[0, :, 0]
+    assert found.error[rows] == pytest.approx(5 * lagged - 2 * b, abs=1e-9)
+    assert np.abs(5 * (a - lagged)).max() > 1
+
+
+def test_more_cycles_and_other_noise_leave_the_rest() -> None:
+    few = simulate_drift([drift()], plan(noise={1: 1e-3, 0: 0.0}), 1)
+    more = simulate_drift([drift()], plan(noise={1: 1e-3, 0: 0.0}, cycles=7), 1)
+    assert (more.error[: len(few.error)] == few.error).all()
+    assert (more.temperatures[A][: len(few.error)] == few.temperatures[A]).all()
+    deaf = simulate_drift([drift()], plan(replace(NOISY, sensor_noise=0.3)), 1)
+    assert (deaf.error == simulate_drift([drift()], plan(), 1).error).all()
+    assert (deaf.temperatures[A] != few.temperatures[A]).all()
+    assert (simulate_drift([drift()], plan(), 2).error[1:] != few.error[1:]).all()
+
+
+def test_cycles_are_no_copies_of_each_other() -> None:
+    found = simulate_drift([drift()], plan(cycles=4), 1)
+    warm = [found.temperatures[A][(found.cycle == c) & (found.position == 0)] for c in (1, 3)]
+    assert np.std(warm[0] - warm[1]) > 0.2
+
+
+def test_moments_of_noise_and_leftover() -> None:
+    many = plan(replace(NOISY, sensor_noise=0.02), cycles=400, minutes=8.0, noise={1: 1e-3, 0: 0})
+    exact = replace(many, climate=replace(many.climate, sensor_noise=0.0))
+    clean = simulate_drift([drift()], replace(exact, noise={1: 0.0, 0: 0.0}), 3)
+    found = simulate_drift([drift(leftover=4e-3)], many, 3)
+    n = len(found.error) // 2
+    noise = (found.temperatures[A] - clean.temperatures[A])[found.position == 0]
+    assert noise.std() == pytest.approx(0.02, rel=4.5 / np.sqrt(2 * n))
+    rest = (found.error - clean.error).reshape(400, 2, 5)
+    # The leftover is one draw for both positions of a cycle.
+    state = rest.mean(axis=(1, 2))
+    assert state.var(ddof=1) == pytest.approx(16 + 0.1, rel=4.5 * np.sqrt(2 / 399))
+    spread = (rest - rest.mean(axis=2, keepdims=True)).reshape(800, 5)
+    assert np.sum(spread**2) / 3200 == pytest.approx(1.0, rel=4.5 * np.sqrt(2 / 3200))
+
+
+def test_draughts_have_the_declared_spread_and_memory() -> None:
+    climate = replace(STILL, sensor_wobble=0.8, high=20.0)
+    sensors = Sensors(names=(A,), lags=np.zeros(1), shares=np.ones(1))
+    air = followed(climate, sensors, np.full(60_001, 20.0), 5.0, 4)[1000:, 0] - 20
+    q = np.exp(-5 / WOBBLE_MEMORY_MIN)
+    independent = len(air) * (1 - q**2) / (1 + q**2)
+    assert air.var() == pytest.approx(0.64, rel=4.5 * np.sqrt(2 / independent))
+    correlation = np.corrcoef(air[:-1], air[1:])[0, 1]
+    assert correlation == pytest.approx(q, abs=4.5 * np.sqrt((1 - q**2) / len(air)))
+
+
+def test_twins_see_the_same_and_read_apart() -> None:
+    found = simulate_drift([drift()], plan(twins=(("T_c_degC", A),), cycles=60), 5)
+    apart = (found.temperatures["T_c_degC"] - found.temperatures[A])[found.position == 0]
+    assert list(found.temperatures) == [A, B, "T_c_degC"]
+    wanted = 0.015 * np.sqrt(2)
+    assert apart.std() == pytest.approx(wanted, rel=4.5 / np.sqrt(2 * len(apart)))
+    alone = simulate_drift([drift()], plan(cycles=60), 5)
+    assert (alone.temperatures[B] == found.temperatures[B]).all()
+    assert (alone.error == found.error).all()
+
+
+def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
+    drawn = sensors_for([drift()], plan(), 1).shares
+    assert np.abs(drawn - 1).max() <= 0.05
+    asked = plan(settled={"p": np.array([12e-3, 18e-3])})
+    shares = sensors_for([drift()], asked, 1).shares
+    # 6 K: 30 a - 12 b at 0 mm and 30 a at 200 mm.
+    assert shares == pytest.approx([0.6, 0.5], abs=1e-9)
+    # One place, two sensors: the change is along the gradients, which no smaller one can do.
+    one = plan(positions={"p": np.array([0.0])}, settled={"p": np.array([6e-3])})
+    change = sensors_for([drift()], one, 1).shares - drawn
+    assert change[0] * -2 == pytest.approx(change[1] * 5)
+    assert 6 * (5 * drawn[0] - 2 * drawn[1] + 5 * change[0] - 2 * change[1]) == pytest.approx(6)
+
+
+def test_drifts_above_the_limit_are_brought_to_it() -> None:
+    limited = plan(limits={1: 10e-3, 0: 1.0})
+    shares = sensors_for([drift()], limited, 1).shares
+    assert [30 * shares[0] - 12 * shares[1], 30 * shares[0]] == pytest.approx([10, 10])
+
+
+def test_drifts_that_the_sensors_cannot_give() -> None:
+    impossible = plan(
+        positions={"p": np.array([0.0, 0.0])}, settled={"p": np.array([12e-3, 18e-3])}
+    )
+    with pytest.raises(InputError) as told:
+        sensors_for([drift()], impossible, 1)
+    message = str(told.value)
+    # The nearest to both is halfway between.
+    for word in ("--settled-drift", "give p", "at 0 mm", "'p: 12 18'", "about 15 um"):
+        assert word in message
+
+
+def test_limits_that_the_sensors_cannot_keep_are_left_alone() -> None:
+    """One sensor drives both: what brings the one to its limit takes the other off its own."""
+    one = replace(drift("p"), sensors=(A,), coefficients=np.array([[5e-3], [0.0]]))
+    one = replace(one, time_constants=np.zeros(1), sensor_u=np.zeros(1))
+    other = replace(one, component="q", coefficients=np.array([[1e-3], [0.0]]))
+    places = {"p": np.array([0.0, 200.0]), "q": np.array([0.0])}
+    both = plan(positions=places, limits={1: 10e-3, 0: 1.0})
+    drawn = sensors_for([one, other], replace(both, limits={1: 1.0, 0: 1.0}), 1).shares
+    assert sensors_for([one, other], both, 1).shares == pytest.approx(drawn)
+    assert sensors_for([one], both, 1).shares * 30 == pytest.approx([10])
+    # What is asked for comes before both.
+    asked = replace(both, settled={"q": np.array([3e-3])})
+    assert sensors_for([one, other], asked, 1).shares * 6 == pytest.approx([3])
+
+
+def test_a_room_that_does_not_rise_gives_no_drift() -> None:
+    still = plan(replace(STILL, high=20.0), settled={"p": np.array([12e-3, 18e-3])})
+    with pytest.raises(InputError, match="rise of 0 degC"):
+        sensors_for([drift()], still, 1)
+
+
+CLIMATE = Climate(
+    reference=20.0, low=18.0, high=26.0, room_lag=60.0, room_wobble=0.2, sensor_lag=(5.0, 50.0),
+    sensor_spread=0.1, sensor_wobble=0.1, sensor_noise=0.01,
+)  # fmt: skip
+SENSORS = Sensors(names=("a", "b"), lags=np.array([5.0, 50.0]), shares=np.array([0.9, 1.1]))
+ROOMS = np.array([20.0, 30.0, 15.0])
+
+
+def test_each_sensor_takes_its_share_of_the_rise() -> None:
+    found = settled(CLIMATE, SENSORS, ROOMS, 0.0, seed=1)
+    assert found == pytest.approx(np.array([[20.0, 20.0], [29.0, 31.0], [15.5, 14.5]]), rel=1e-14)
+    assert settled(CLIMATE, SENSORS, ROOMS[:0], 0.0, seed=1).shape == (0, 2)
+
+
+def test_draughts_are_of_the_stated_size_and_each_sensors_own() -> None:
+    """400 draws: the deviation to 4.5 of its standard errors, no correlation beyond as many."""
+    rooms = np.full(400, 24.0)
+    draughts = settled(CLIMATE, SENSORS, rooms, 0.3, seed=2) - settled(
+        CLIMATE, SENSORS, rooms, 0.0, seed=2
+    )
+    assert (np.abs(draughts.std(axis=0) / 0.3 - 1) < 4.5 / np.sqrt(800)).all()
+    together = float((draughts[:, 0] * draughts[:, 1]).mean()) / 0.3**2
+    assert abs(together) < 4.5 / np.sqrt(400)
+
+
+RANGES = np.array([[19.0, 25.0], [20.0, 22.0]])
+ESTIMATE = ThermalEstimate(
+    component="a", of="x", unit=UNITS["um"], sensors=("T_a_degC", "T_b_degC"), reference=20.0,
+    coefficients=np.array([[2.0, -1.0], [0.01, 0.02]]), covariance=np.zeros((4, 4)),
+    coefficient_dof=np.inf, leftover=np.zeros((2, 2)), leftover_dof=np.inf,
+    time_constants=np.zeros(2), sensor_u=np.zeros(2), temperature_range=RANGES,
+    position_range=(0.0, 300.0),
+)  # fmt: skip
+
+
+def summed(estimate: ThermalEstimate, place: float, state: np.ndarray) -> float:
+    return sum(
+        float(estimate.coefficients[m, s]) * place**m * (float(state[s]) - 20.0)
+        for m in range(len(estimate.coefficients))
+        for s in range(2)
+    )
+
+
+def test_coldest_half_way_and_warmest_along_the_axis() -> None:
+    observed = (0.0, 100.0, 300.0)
+    found = drift_profile(ESTIMATE, observed)
+    assert found.ranged
+    assert found.temperatures.tolist() == [[19.0, 20.0], [22.0, 21.0], [25.0, 22.0]]
+    assert (found.places[0], found.places[-1]) == (0.0, 300.0)
+    for k, state in enumerate(found.temperatures):
+        for places, drift in ((found.places, found.drift), (np.array(observed), found.at_observed)):
+            wanted = [summed(ESTIMATE, place, state) for place in places.tolist()]
+            # Doubles of 40 um round by 7e-15 um.
+            assert drift[k] == pytest.approx(wanted, abs=1e-13)
+
+
+def test_without_a_range_all_sensors_rise_alike() -> None:
+    found = drift_profile(replace(ESTIMATE, temperature_range=None), (0.0, 300.0))
+    assert not found.ranged
+    assert found.temperatures.tolist() == [[20.0 + step] * 2 for step in STEPS]
+
+
+def test_a_drift_that_is_the_same_everywhere_has_one_place() -> None:
+    constant = replace(ESTIMATE, coefficients=ESTIMATE.coefficients[:1])
+    assert drift_profile(constant, (0.0, 300.0)).drift.shape == (3, 1)
+    assert drift_profile(ESTIMATE, (100.0,)).drift.shape == (3, 1)
+    without = replace(
+        constant, sensors=(), coefficients=np.zeros((1, 0)), temperature_range=np.zeros((0, 2))
+    )
+    assert drift_profile(without, ()).drift.tolist() == [[0.0]] * 3
