@@ -2,7 +2,7 @@
 
 The public Python API, imported when it is used: `read_machine`, `read_part`, `read_study`,
 `read_readings`, `read_points`, `check`, and a function for each command (`fit_components`,
-`predict_points`, `lengths`, ...), which returns a `Result`.
+`predict_points`, `lengths`, `simulate`, `graph_sweep`, ...), which returns a `Result`.
 """
 
 from __future__ import annotations

@@ -1,11 +1,19 @@
 """The commands as functions of Python, of files or of what was read from them.
 
-    machine = mtu.read_machine("machine.yaml")
-    fit = mtu.fit_components(machine, mtu.read_readings(["lbb.csv"], machine))
-    mtu.lengths(machine, mtu.read_part("part.yaml"), components=fit, at={"dir_x": 1}).to_frame()
+>>> import mtu_cli as mtu
+>>> study = "configs/gilsinn-ling-simulated"
+>>> machine = mtu.read_machine(f"{study}/machine.yaml")
+>>> readings = mtu.read_readings(["data/gilsinn-ling-simulated/lbb.csv"], machine)
+>>> fit = mtu.fit_components(machine, readings)
+>>> round(fit.to_dict()["components"]["dx_x"]["s_repeat"], 3)
+0.921
+>>> found = mtu.lengths(machine, mtu.read_part(f"{study}/part.yaml"), fit, k=3)
+>>> list(found.to_frame()["id"])
+['3-9', '9-15', '3-15']
 
 A study, or what was read, is given by position, options of the command by name (``seed=1``,
-``datum="offset"``). Faults of the input raise InputError with all findings.
+``datum="offset"``, ``at={"dir_x": 1}``). Nothing is written. Faults of the input raise InputError
+with all findings.
 """
 
 from __future__ import annotations
@@ -36,12 +44,15 @@ if TYPE_CHECKING:
 
     from mtu_cli.cli.emit import Outcome
 
-FUNCTIONS = (
-    *("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare"),
-    *("thermal-fit", "correct", "close-loop", "budget"),
-)
+FUNCTIONS = {
+    name.replace("-", "_").replace(" ", "_"): name
+    for name, command in COMMANDS.items()
+    if command.chapter != "help" and name != "graph draw"
+}
+"""The functions of the commands that report or make something, by their names in Python."""
 OUTPUTS = (*ENDINGS, "date", "detail", "quiet")
 """Options of what the command line writes and shows: a `Result` is asked for it."""
+ROLES = ("lbb", "laser", "cmm", "drift", "components")
 FilePath = str | Path
 
 
@@ -77,7 +88,7 @@ class Result:
 
         settings = self.outcome.settings or self.inputs.settings
         return envelope(
-            self.command,
+            self.inputs.options.command,
             inputs=self.inputs.sources,
             settings=settings,
             results=self.to_dict(),
@@ -134,18 +145,41 @@ def check(*given: Any, **options: Any) -> list[Finding]:
     return list(inputs.suspicions)
 
 
+def simulate(*given: Any, make: str = "cmm", **options: Any) -> Result:
+    """Readings (`make`: ``lbb``), points (``cmm``) or drift readings (``drift``) of a virtual
+    machine, as they would be written.
+
+    >>> import mtu_cli as mtu
+    >>> points = mtu.simulate("configs/undeclared", parts=2, effect="Ex: 0.004*dir_x", seed=1)
+    >>> list(points.to_frame().columns[:5])
+    ['part', 'feature', 'repeat', 'x_mm', 'y_mm']
+    >>> len(points.to_dict()["cmm"]["x_mm"]) == 2 * 2 * 24
+    True
+    """
+    option = f"write_{make}"
+    if option not in ENDINGS or make not in ROLES:
+        raise ValueError(f"make: {make!r} is none of 'lbb', 'cmm', 'drift'")
+    inputs = _inputs("simulate", given, options)
+    inputs.options.values[option] = Path(f"{make}.csv")
+    return _result("simulate", inputs)
+
+
 def function_of(name: str) -> Callable[..., Result]:
     """The function of a command, by its name with underscores; raises AttributeError."""
-    command = name.replace("_", "-")
-    if command not in FUNCTIONS:
+    if name == "simulate":
+        return simulate
+    if name not in FUNCTIONS:
         raise AttributeError(name)
-    found = partial(_run, command)
-    found.__doc__ = COMMANDS[command].text
+    found = partial(_run, FUNCTIONS[name])
+    found.__doc__ = COMMANDS[FUNCTIONS[name]].text
     return found
 
 
 def _run(command: str, *given: Any, **options: Any) -> Result:
-    inputs = _inputs(command, given, options)
+    return _result(command, _inputs(command, given, options))
+
+
+def _result(command: str, inputs: Inputs) -> Result:
     outcome: Outcome = analysis_of(command)(inputs, inputs.settings)
     warnings = (*inputs.suspicions, *outcome.warnings)
     return Result(command, warnings, outcome, inputs)
@@ -156,27 +190,29 @@ def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> I
     keys = [key for key in COMMANDS[command].options.split() if key not in OUTPUTS]
     values = {key.partition(":")[0]: OPTIONS[key].default for key in keys}
     values = {name: None if value is REQUIRED else value for name, value in values.items()}
-    unknown = options.keys() - values.keys() - {"components", "lbb", "laser", "cmm", "drift"}
+    unknown = options.keys() - values.keys() - {*ROLES}
     if unknown:
         raise TypeError(f"{command} has no option {', '.join(sorted(unknown))}")
-    plain = {key: value for key, value in options.items() if not isinstance(value, Result)}
-    values |= plain
+    values |= {key: value for key, value in options.items() if not isinstance(value, Result)}
     if isinstance(at := values.get("at"), Mapping):
         values["at"] = [f"{name}={value}" for name, value in at.items()]
-    for key in ("study", "machine", "part", "file"):
-        if isinstance(values.get(key), str):
-            values[key] = Path(values[key])
-    for role in ("lbb", "laser", "cmm", "drift", "components", "effects"):
-        if isinstance(one := values.get(role), (str, Path)):
-            values[role] = [one]
-        values[role] = [Path(path) for path in values.get(role) or ()] or None
+    for key in {*keys, *ROLES}:
+        name, option = key.partition(":")[0], OPTIONS[key]
+        value = values.get(name)
+        if value is None:
+            continue
+        if option.many:
+            value = [value] if isinstance(value, (str, Path, float, int)) else list(value)
+            values[name] = [Path(each) for each in value] if option.kind is Path else value
+        elif option.kind is Path:
+            values[name] = Path(value)
     read: dict[str, Any] = {}
     for item in (*given, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, read)
-    inputs = Inputs(Options(command, values))
-    for name in ("machine", "part", "reports", "readings", "drift", "points"):
-        if name in read:
-            inputs.taken(name, read[name])
+    inputs = Inputs(Options(command.replace(" ", "-"), values))
+    for kind in ("machine", "part", "reports", "readings", "drift", "points"):
+        if kind in read:
+            inputs.taken(kind, read[kind])
     return inputs
 
 
@@ -196,7 +232,7 @@ def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]
         case Result():
             read["reports"] = _reports(item)
         case str() | Path():
-            values["file" if command == "budget" else "study"] = Path(item)
+            values["file" if "file" in values else "study"] = Path(item)
         case _:
             raise TypeError(f"{command} takes no {type(item).__name__}")
 

@@ -164,7 +164,7 @@ CATALOGUE: dict[str, Kind] = {
         True,
     ),
     "position-beyond-travel": _error(
-        "positions of {names} are beyond three times the travel of {axis} ({travel} mm){hint}",
+        "beyond three times the travel of {axis} ({travel} mm){hint}",
         True,
     ),
     "unit-of-positions": _warning(
@@ -182,7 +182,7 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "sensor-unit": _error("the temperatures are in {unit}, not degC ({rows})", True),
     "sensor-out-of-range": _error(
-        "outside {low:g} to {high:g} degC: no temperature of a machine ({rows})", True
+        "outside {low:g} to {high:g} degC: no temperature of a machine", True
     ),
     "sensor-spike": _warning(
         "a spike of the sensor, or its code for no reading: far off its neighbours ({rows})", True

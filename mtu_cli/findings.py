@@ -240,7 +240,7 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     if not found and (close := difflib.get_close_matches(own, known, n=4, cutoff=0.65)):
         ratios = [difflib.SequenceMatcher(None, each, own).ratio() for each in close]
         found = [each for each, ratio in zip(close, ratios, strict=True) if ratio == ratios[0]]
-    if not found and len(own) > 1:
+    if not found and own:
         found = [each for each in known if each.startswith(own)]
     return tuple(known[each] for each in known if each in found) if len(found) <= 3 else ()
 

@@ -6,8 +6,8 @@ import textwrap
 from pathlib import Path
 
 from mtu_cli.analyses.budget import BudgetResult, evaluate_budget
-from mtu_cli.analyses.budget.first_order import OutputBudget
-from mtu_cli.files.budget import LoadedBudget, budget_from
+from mtu_cli.analyses.budget.result import OutputBudget
+from mtu_cli.files.budget import LoadedBudget, load_budget
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
 from mtu_cli.model.settings import Settings
@@ -27,7 +27,7 @@ CORRELATED = """
 
 def loaded(text: str) -> LoadedBudget:
     """A budget without its two first lines, checked."""
-    return budget_from(parse_yaml(HEAD + textwrap.dedent(text), SOURCE))
+    return load_budget(parse_yaml(HEAD + textwrap.dedent(text), SOURCE))
 
 
 def evaluated(

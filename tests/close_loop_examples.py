@@ -18,7 +18,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.result import (
     TableResult,
     Verdict,
 )
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.units import PARAMETER_UNITS
 
 CHECKS = (("serial-correlation", 0.61), ("spatial-correlation", 0.42))

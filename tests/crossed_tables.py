@@ -9,8 +9,8 @@ from mtu_cli.close_loop_sealed.stats.crossed import Freeing, completion
 from mtu_cli.close_loop_sealed.stats.expected_squares import ExpectedSquares
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 from mtu_cli.close_loop_sealed.stats.loop_null import KnownScatter, NullModel
-from mtu_cli.stats.mean_squares import MeanSquares
-from mtu_cli.stats.strata import Strata, strata_of
+from mtu_cli.close_loop_sealed.stats.mean_squares import MeanSquares
+from mtu_cli.close_loop_sealed.stats.strata import Strata, strata_of
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -11,7 +11,7 @@ from effect_tables import grid_places
 
 from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
 from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate, Column, Member
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 
 def residuals(

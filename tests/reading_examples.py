@@ -8,9 +8,9 @@ import numpy as np
 from model_examples import Segment, loaded
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.residual_table import ResidualTable
 
 Floats = NDArray[np.float64]
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.model.variance import drawable_passes
 
 Floats = NDArray[np.float64]

@@ -16,8 +16,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.profile_ratio import ratios
-from mtu_cli.model.residual_table import ResidualTable
 
 LIBRARY = effect_library()
 

@@ -19,7 +19,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 from mtu_cli.close_loop_sealed.model.effect_library import candidates
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 T = "T_spindle_degC"
 PARTS, FEATURES = 12, 16

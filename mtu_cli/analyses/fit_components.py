@@ -10,20 +10,19 @@ import numpy as np
 
 from mtu_cli.analyses.observability import NotDetermined, not_estimable, observability
 from mtu_cli.findings import Finding, finding
+from mtu_cli.model.basis import Powers
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     Estimates,
     JointPasses,
-    from_centre,
-    to_centre,
 )
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.model.passes import Passes
+from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import FTest, Shift
-from mtu_cli.stats.positive_part import positive_part
 from mtu_cli.units import Unit
 
 NOTHING = 1e-9
@@ -215,9 +214,10 @@ def _component(
     else:
         read = [item.position for item in items]
         centre = float(np.concatenate(read).mean()) if read else 0.0
-        moment = to_centre(centre, estimate.pass_covariance)
+        T = estimate.shape.at_centre(centre)
+        moment = T @ estimate.pass_covariance @ T.T
         D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
-        halves = _at(centre, estimate.half_differences)
+        halves = _at(centre, estimate, estimate.half_differences)
     counts = [len(item.keys_read) for item in items]
     runs = tuple(run for item in items for run in _runs(item))
     s_pass, level = float(np.sqrt(D[0, 0])), float(estimate.coefficients[0])
@@ -244,7 +244,7 @@ def _component(
         pass_covariance=D,
         pass_covariance_moment=moment,
         half_differences=halves,
-        run_covariance=_at(centre, estimate.run_covariance),
+        run_covariance=_at(centre, estimate, estimate.run_covariance),
         instruments=tuple(_instrument(estimate, item, centre, flags) for item in items),
     )
 
@@ -253,8 +253,9 @@ def _instrument(
     estimate: ComponentEstimate, item: InstrumentFit, centre: float, flags: Significant
 ) -> Instrument:
     fit, b, s_repeat = item.fit, item.fit.plain.coefficients, float(np.sqrt(item.fit.s2))
-    T = from_centre(fit.center, len(b), len(fit.D))
-    variance = max(to_centre(centre, T @ fit.D @ T.T)[0, 0], 0.0)
+    line = Powers(len(b) - 1)
+    T = line.at_centre(centre) @ line.of_line(fit.center, len(fit.D))
+    variance = max((T @ fit.D @ T.T)[0, 0], 0.0)
     runs = _runs(item)
     return Instrument(
         label=f"  {item.role}",
@@ -283,8 +284,10 @@ def _padded(D: FloatArray, q: int) -> FloatArray:
     return whole
 
 
-def _at(centre: float, D: FloatArray | None) -> FloatArray | None:
-    return None if D is None else to_centre(centre, D)
+def _at(centre: float, estimate: ComponentEstimate, D: FloatArray | None) -> FloatArray | None:
+    """The (q, q) covariance of intercept at the centre and slope from that of coefficients."""
+    T = estimate.shape.at_centre(centre)
+    return None if D is None else T @ D @ T.T
 
 
 def runs_of(read: Passes) -> list[list[tuple[int, int, int]]]:

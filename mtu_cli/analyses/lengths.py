@@ -109,7 +109,7 @@ def predict_lengths(
     bounds = [_bounds(prediction, by_block) for by_block in shared.by_block.T]
     rows = list(zip(errors.tolist(), u.tolist(), dof.tolist(), strict=True))
     conformance = [
-        conformance_of(x.tolerance_um, *row) for x, row in zip(entries, rows, strict=True)
+        conformance_of(x.tolerance, UM, *row) for x, row in zip(entries, rows, strict=True)
     ]
     validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
     joint = joint_conformance(trials, conformance, settings)

@@ -126,7 +126,7 @@ def _of_shape(item: InstrumentFit) -> Checks:
         else:
             few = "too few passes to judge it by their scatter"
             yield "reversal", few, "at least 3 passes there and back"
-    if item.lack_of_fit is None:
+    if item.lack_of_fit is None and item.profile is None:
         positions, k = len(np.unique(item.position)), len(item.fit.plain.coefficients)
         would = "the same positions again, in two passes or more"
         because = "no position is repeated often enough"

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
+from mtu_cli.files.part import Orthogonality as RightAngle
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import NO_U, dof_warnings, feature_points, outside_warnings
@@ -21,11 +22,11 @@ from mtu_cli.model.settings import (
     convergence_warnings,
     validation_warnings,
 )
-from mtu_cli.model.trials import Measure, PointTrials
+from mtu_cli.model.trials import Conformance, Measure, PointTrials, conformance_of
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import IntArray
+from mtu_cli.stats.mixed_model import IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.stats.validation import Validation
@@ -56,8 +57,9 @@ class Orthogonality:
     `independent_u` of first order; `k` the coverage factor. `u_of_next_trial` is of one more trial
     about the mean of all (Gilsinn & Ling 2004, eq. (28)), and `scale` the u that figures are
     rounded to: that of first order where the trials have none. `shares` split the variance of first
-    order; None under that independence and where there is no variance. `outside`: whether a feature
-    is beyond the measured range of a component.
+    order; None under that independence and where there is no variance. `conformance` is of first
+    order too; None without a tolerance. `outside`: whether a feature is beyond the measured range
+    of a component.
     """
 
     id: str
@@ -72,6 +74,7 @@ class Orthogonality:
     independent_u: float
     validation: Validation
     shares: Shares | None
+    conformance: Conformance | None
     outside: bool
     k: float
 
@@ -118,7 +121,7 @@ def predict_orthogonality(
     for entry in part.part.orthogonality:
         ids, points, noted = feature_points(part, model, [*entry.row, *entry.column])
         prediction = predict(model, ids, points, covariates)
-        angles.append(_angle(entry.id, entry.row, entry.column, prediction, settings))
+        angles.append(_angle(entry, prediction, settings))
         warnings += [*noted, *outside_warnings(prediction)]
         warnings += effect_warnings_at(model, points, covariates or {})
         warnings += dof_warnings([entry.id], np.array([angles[-1].first_order.dof]))
@@ -130,13 +133,8 @@ def predict_orthogonality(
     return OrthogonalityResult(angles=tuple(angles), warnings=tuple(dict.fromkeys(warnings)))
 
 
-def _angle(
-    name: str,
-    row: Sequence[str],
-    column: Sequence[str],
-    prediction: Prediction,
-    settings: Settings,
-) -> Orthogonality:
+def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Orthogonality:
+    name, row, column = entry.id, entry.row, entry.column
     papers = angle_trials(name, row, column, prediction, independent=True)
     chosen = angle_trials(name, row, column, prediction, independent=settings.independent)
     independent = settings.run(papers, keep=DRAWN)
@@ -158,6 +156,7 @@ def _angle(
         independent_u=float(papers.linear_u[0, 0]),
         validation=settings.validate(mean, u, dof, run, 0),
         shares=None if settings.independent else prediction.variance(gradient).shares(0),
+        conformance=conformance_of(entry.tolerance, ARCSEC, mean, u, dof),
         outside=bool(prediction.outside),
         k=settings.coverage_factor,
     )

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from mtu_cli.files.part import LoadedPart
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict, reportable
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.trials import PositionConformance, position_conformance
 from mtu_cli.model.variance import Variance
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
@@ -27,7 +28,7 @@ class PointsResult:
 
     `variance`, `dof` under the settings' correlation; `interval95` (rows, 2) with t; `split` is the
     variance with covariance by its nature; `independent` whether the papers'
-    independence was asked for.
+    independence was asked for. `conformance` (features,) is None without a tolerance of position.
     """
 
     prediction: Prediction
@@ -38,6 +39,7 @@ class PointsResult:
     interval95: FloatArray
     split: Variance
     independent: bool
+    conformance: tuple[PositionConformance | None, ...]
     warnings: tuple[Finding, ...]
 
     @cached_property
@@ -77,7 +79,22 @@ def predict_points(
     Raises InputError for a missing covariate or coordinate.
     """
     ids, points, warnings = feature_points(part, model)
-    return predict_places(model, ids, points, settings, covariates, warnings)
+    found = predict_places(model, ids, points, settings, covariates, warnings)
+    zones = [part.part.features[name].position_um for name in ids]
+    warnings = [
+        finding(
+            "axis-without-equation",
+            axis=axis,
+            consequence="positions have no predicted error along it",
+        )
+        for axis in "xy"
+        if axis not in model.axes and any(zones)
+    ]
+    return replace(
+        found,
+        conformance=position_conformance(found.prediction, zones, settings),
+        warnings=(*found.warnings, *warnings),
+    )
 
 
 def predict_places(
@@ -107,6 +124,7 @@ def predict_places(
         interval95=np.column_stack([prediction.mean - factor * u, prediction.mean + factor * u]),
         split=split,
         independent=settings.independent,
+        conformance=(None,) * len(ids),
         warnings=(
             *warnings,
             *outside_warnings(prediction),

@@ -27,6 +27,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.files.csv_table import LISTED_FAULTS
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.model.visits import Visits, axes_of, distinct, freed, visits_of
 
@@ -49,6 +50,8 @@ CHAPTERS = {
 class Odd(NamedTuple):
     """Rows (indices) of the table, the first of which is named, or a path in the document; facts
     for the template, a column and the value there; a code where it is not that of the check.
+
+    Where there are as many `values` as rows, each is a bad cell and a finding by itself.
     """
 
     rows: Rows
@@ -57,6 +60,7 @@ class Odd(NamedTuple):
     value: str | None = None
     path: tuple[str | int, ...] = ()
     code: str | None = None
+    values: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -135,7 +139,10 @@ def run(of: Of, data: Data) -> list[Finding]:
     for chapter in CHAPTERS[of]:
         import_module(f"{__name__}.{chapter}")
     return [
-        _finding(odd.code or code, odd, data) for code, find in CHECKS[of] for odd in find(data)
+        each
+        for code, find in CHECKS[of]
+        for odd in find(data)
+        for each in _findings(odd.code or code, odd, data)
     ]
 
 
@@ -143,7 +150,7 @@ def warnings_of(of: Of, data: Data) -> list[Finding]:
     """Those of `run` that warn. Raises InputError with the errors where there are any."""
     found = run(of, data)
     if errors := [each for each in found if each.severity == "error"]:
-        raise InputError(errors)
+        raise InputError(errors[:LISTED_FAULTS], len(errors[LISTED_FAULTS:]))
     return found
 
 
@@ -167,24 +174,24 @@ def split(rows: Rows | None, *columns: NDArray[Any]) -> list[Rows]:
     return np.split(rows[order], np.cumsum(np.bincount(code))[:-1])
 
 
-def _finding(code: str, odd: Odd, data: Data) -> Finding:
+def _findings(code: str, odd: Odd, data: Data) -> Iterator[Finding]:
+    """One finding at the first of the rows, or one of each where these have values."""
     if isinstance(data, DocumentData):
-        return Finding(
-            code=code,
-            facts=odd.facts,
-            file=data.loaded.source.shown,
-            line=data.loaded.line_of(*odd.path),
-            path=".".join(map(str, odd.path)),
-            value=odd.value,
-        )
-    table, rows = data.table, np.asarray(odd.rows, np.int64)
-    file = int(table.file_index[rows[0]])
-    inside = table.row[rows[table.file_index[rows] == file]]
-    return Finding(
-        code=code,
-        facts={**odd.facts, "rows": tuple(inside.tolist()), "count": len(rows)},
-        file=table.sources[file].shown,
-        row=int(table.row[rows[0]]),
-        column=odd.column,
-        value=odd.value,
-    )
+        source, line = data.loaded.source, data.loaded.line_of(*odd.path)
+        place = {"file": source.shown, "line": line, "path": ".".join(map(str, odd.path))}
+        yield Finding(code=code, facts=odd.facts, value=odd.value, **place)
+        return
+    rows, files = data.table.row[odd.rows], data.table.file_index[odd.rows]
+    names = [source.shown for source in data.table.sources]
+    if odd.values is not None:
+        facts = {**odd.facts, "count": 1}
+        for file, row, value in zip(
+            files.tolist(), rows.tolist(), odd.values.tolist(), strict=True
+        ):
+            place = {"file": names[file], "row": row, "column": odd.column}
+            yield Finding(code=code, facts=facts, value=f"{value:g}", **place)
+        return
+    inside = rows[files == files[0]].tolist()
+    place = {"file": names[files[0]], "row": inside[0], "column": odd.column}
+    facts = {**odd.facts, "rows": tuple(inside), "count": len(rows)}
+    yield Finding(code=code, facts=facts, value=odd.value, **place)

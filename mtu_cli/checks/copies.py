@@ -12,7 +12,7 @@ from mtu_cli.checks import Floats, Mask, Odd, PointsData, ReadingsData, Rows, ch
 from mtu_cli.checks.plausible import CHANCE, FEWEST_EQUAL, LEAST_REPEAT_MM
 from mtu_cli.checks.readings import profiles
 from mtu_cli.files.points import SAME_MM
-from mtu_cli.model.columns import last_digit
+from mtu_cli.stats.resolution import step_of
 
 MEAN_RANGE = 1.128
 """Mean difference of two normal readings in standard deviations (Tippett, 1925)."""
@@ -60,7 +60,8 @@ def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
         if known.size:
             share = agreeing(*values[known])
         else:
-            share = max(1.0 - MEAN_RANGE * least / last_digit(values[np.isfinite(values)]), 0.0)
+            # Values of nothing but zeros have no last digit.
+            share = max(1.0 - MEAN_RANGE * least / (step_of(values) or 1.0), 0.0)
         count = np.isfinite(values[pairs[0]]).sum(axis=1)
         sure = (count >= FEWEST_EQUAL) & (len(values) ** 2 / 2 * share**count < CHANCE)
         found.append(pairs[:, sure].T)

@@ -21,6 +21,7 @@ from mtu_cli.checks.plausible import (
 from mtu_cli.files.points import SAME_MM
 from mtu_cli.model.visits import Visits
 from mtu_cli.stats.outliers import FEWEST, outlying, polished
+from mtu_cli.stats.resolution import rounding_variance
 
 
 class Mistake(NamedTuple):
@@ -167,8 +168,10 @@ def nominals_differ(data: PointsData) -> Iterator[Odd]:
     """A feature with several nominal places."""
     table = data.table
     # The place that stands last in the table is what the others are compared with.
-    away = np.abs(table.nominal - data.visits.nominal[table.feature]) > SAME_MM
-    if len(rows := np.flatnonzero(away.any(axis=1))):
+    away = np.zeros(len(table.feature), bool)
+    for nominal, place in zip(table.nominal.T, data.visits.nominal.T, strict=True):
+        away |= np.abs(nominal - place[table.feature]) > SAME_MM
+    if len(rows := np.flatnonzero(away)):
         codes = np.unique(table.feature[rows])
         yield Odd(rows, {"names": [table.features[code] for code in codes]})
 
@@ -193,8 +196,9 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
             errors[run] = polished(errors[run])
             judged[run] = np.where(enough, errors[run], np.nan)
             columns += int(enough.sum())
-        apart, s = outlying(judged, columns)
-        paired, s_paired = _repeats(errors, visits)
+        r = rounding_variance(table.measured[:, axis])
+        apart, s = outlying(judged, columns, r)
+        paired, s_paired = _repeats(errors, visits, r)
         other = paired & ~apart, s_paired, "its other repeats"
         for found, scatter, beside in ((apart, s, "the other parts"), other):
             if found.any() and len(rows := np.flatnonzero(found[at] & near)):
@@ -206,12 +210,12 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
                 yield Odd(rows, facts, f"{'xyz'[axis]}_mm", value)
 
 
-def _repeats(errors: Floats, visits: Visits) -> tuple[Mask, float]:
+def _repeats(errors: Floats, visits: Visits, r: float) -> tuple[Mask, float]:
     """Which errors (visits, features) differ too much from the repeat before or after them, and
     the s of these. Of two repeats that are apart the one farther from the other parts is meant.
     """
     one = np.flatnonzero((np.diff(visits.part) == 0) & (np.diff(visits.operation) == 0))
-    apart, s = outlying(errors[one + 1] - errors[one])
+    apart, s = outlying(errors[one + 1] - errors[one], r=2 * r)
     first = np.abs(errors[one]) > np.abs(errors[one + 1])
     found = np.zeros(errors.shape, bool)
     found[one] |= apart & first

@@ -17,7 +17,8 @@ from mtu_cli.checks.plausible import (
     largest,
     meant_units,
 )
-from mtu_cli.stats.outliers import outlying, polished, spikes
+from mtu_cli.stats.outliers import FEWEST, outlying, polished, spikes
+from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.units import LENGTH
 from mtu_cli.units import UNITS as DECLARED
 
@@ -39,9 +40,9 @@ def passes(data: ReadingsData, rows: Rows) -> list[Rows]:
     return split(rows, table.pass_number, table.direction, table.file_index)
 
 
-def profiles(data: ReadingsData) -> Iterator[tuple[str, Rows]]:
+def profiles(data: ReadingsData, fewest: int = 3) -> Iterator[tuple[str, Rows]]:
     """Components and the rows (passes, positions) of their passes through the same five positions
-    or more in one direction, where there are three or more.
+    or more in one direction, where there are `fewest` or more.
     """
     table = data.table
     for name, rows in data.by_component:
@@ -50,7 +51,7 @@ def profiles(data: ReadingsData) -> Iterator[tuple[str, Rows]]:
             place = int(table.direction[each[0]]), table.position_mm[each].tobytes()
             alike.setdefault(place, []).append(each)
         for group in alike.values():
-            if len(group) > 2 and len(group[0]) > 4:
+            if len(group) >= fewest and len(group[0]) > 4:
                 yield name, np.array(group)
 
 
@@ -143,10 +144,14 @@ def unlike(data: ReadingsData) -> Iterator[Odd]:
 
 @check("outlying-value", of=("readings", "drift"))
 def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
-    """Single readings far off the others of their passes, or off their neighbours in time."""
-    error = data.table.error
+    """Single readings far off the others of their passes, or off their neighbours in time; a note
+    where passes and positions are too few for that.
+    """
+    error, few = data.table.error, dict[str, Rows]()
     for name, sample, mask, s in _samples(data):
-        if mask.any():
+        if np.isnan(s):
+            few[name] = sample.ravel()
+        elif mask.any():
             rows = sample[mask]
             off = np.abs(error[rows] - np.median(error[sample])).max()
             stated = stated_unit(data, int(rows[0]))
@@ -154,20 +159,38 @@ def outlying_readings(data: ReadingsData) -> Iterator[Odd]:
             facts = {"what": name, "beside": "the others", "unit": stated}
             value = f"{error[rows[0]] / unit:.6g} {stated}"
             yield Odd(rows, {**facts, "off": float(off) / unit, "s": s / unit}, "error", value)
+    if few:
+        known = {"quantity": "outlying readings", "reason": "too few passes and positions"}
+        rows = next(iter(few.values()))
+        yield Odd(rows, {**known, "names": list(few)}, code="not-estimable")
 
 
 def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
     """Components, rows of readings that noise alone tells apart, which are outlying, and the
-    deviation s: the passes in one direction, or one place of a cycle in the order of time.
+    deviation s, nan where too few of them are free: the passes in one direction, or one place of a
+    cycle in the order of time.
     """
     table = data.table
-    for name, group in profiles(data):
+    for name, group in profiles(data, fewest=2):
         left = polished(table.error[group], table.position_mm[group[0]])
-        yield name, group, *outlying(left, fitted=left.shape[1] + 2 * left.shape[0])
+        fitted = left.shape[1] + 2 * left.shape[0]
+        mask, s = outlying(left, fitted, _rounding(data, group))
+        s = s if left.size - fitted > FEWEST else np.nan
+        if len(group) == 2:
+            # Both are as far from their mean: the one farther off its neighbours is meant.
+            off = np.abs(np.diff(table.error[group], 2, append=np.nan, prepend=np.nan))
+            mask &= off == off.max(axis=0)
+        yield name, group, mask, s
     for name, rows in data.by_component:
         time = table.time_min[rows]
         if not table.has_pass[rows].any() and np.isfinite(time).all():
             rows = rows[np.argsort(time, kind="stable")]
             place = np.nan_to_num(table.position_mm)
             for each in split(rows, place, table.cycle, table.file_index):
-                yield name, each, *spikes(table.error[each])
+                yield name, each, *spikes(table.error[each], r=_rounding(data, each))
+
+
+def _rounding(data: ReadingsData, rows: Rows) -> float:
+    """The variance of one of the readings by its last digit, in mm or rad, squared."""
+    unit = DECLARED[stated_unit(data, int(rows.flat[0]))].to_internal
+    return rounding_variance(data.table.error[rows].ravel(), unit)

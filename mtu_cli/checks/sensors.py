@@ -16,6 +16,7 @@ from mtu_cli.checks.plausible import (
 )
 from mtu_cli.files.covariates import SENSOR_DEGC, is_temperature
 from mtu_cli.stats.outliers import spikes
+from mtu_cli.stats.resolution import rounding_variance
 
 Data = ReadingsData | PointsData
 
@@ -51,8 +52,10 @@ def out_of_range(data: Data) -> Iterator[Odd]:
             if odd and coldest <= converted <= hottest:
                 rows, code = np.flatnonzero(~np.isnan(values)), "sensor-unit"
                 facts["unit"] = unit
-        if len(rows):
+        if code is not None:
             yield Odd(rows, facts, name, f"{values[rows[0]]:g}", code=code)
+        elif len(rows):
+            yield Odd(rows, facts, name, values=values[rows])
 
 
 @check("sensor-spike", of=("drift", "points"))
@@ -66,7 +69,8 @@ def spike(data: Data) -> Iterator[Odd]:
         for rows in every:
             # Readings of several components at one moment hold one temperature.
             changes = np.flatnonzero(np.diff(values[rows], prepend=np.nan) != 0)
-            found, _ = spikes(values[rows[changes]], SENSOR_STEP_K)
+            sampled = values[rows[changes]]
+            found, _ = spikes(sampled, SENSOR_STEP_K, rounding_variance(sampled))
             odd[rows] = np.repeat(found, np.diff(changes, append=len(rows)))
         if odd.any():
             yield Odd(np.flatnonzero(odd), {}, name, f"{values[odd][0]:g}")

@@ -76,21 +76,27 @@ def beyond(data: Data) -> Iterator[Odd]:
     """
     for names, axis, values, rows, column in _positions(data):
         low, high = data.travels.get(axis, (-np.inf, np.inf))
-        travel, size, code = abs(high - low), float(np.ptp(values)), None
+        travel, size = abs(high - low), float(np.ptp(values))
         # Readings are in the frame of the machine, places in one of the part.
         middle = 0.0 if isinstance(data, ReadingsData) else np.median(values)
         odd = np.flatnonzero(np.abs(values - middle) > BEYOND * travel)
         if len(odd):
             size = float(np.abs(values[odd]).max())
-        elif isinstance(data, ReadingsData) and data.table.has_pass[rows].all():
-            code = "unit-of-positions"
-            odd = np.arange(len(rows)) if 0 < size < NARROW * travel else odd
         meant = [unit for unit, to in POSITIONS.items() if NARROW * travel < size * to <= travel]
-        if len(odd) and (meant or not code):
-            hint = f"; in {' or '.join(meant)} they would not be" if meant else ""
-            where = [names[i] for i in odd.tolist()]
-            facts = {"names": where, "axis": axis, "travel": travel, "hint": hint}
-            yield Odd(rows[odd], facts, column, f"{size:g}", ("features", where[0], column), code)
+        hint = f"; in {' or '.join(meant)} they would not be" if meant else ""
+        facts = {"axis": axis, "travel": travel, "hint": hint}
+        if isinstance(data, DocumentData):
+            for i in odd.tolist():
+                yield Odd(NONE, facts, column, f"{values[i]:g}", ("features", names[i], column))
+        elif len(odd):
+            yield Odd(rows[odd], facts, column, values=values[odd])
+        elif meant and 0 < size < NARROW * travel and _has_passes(data, rows):
+            facts = {"names": names[:1], **facts}
+            yield Odd(rows, facts, column, f"{size:g}", code="unit-of-positions")
+
+
+def _has_passes(data: Data, rows: Rows) -> bool:
+    return isinstance(data, ReadingsData) and bool(data.table.has_pass[rows].all())
 
 
 def _positions(data: Data) -> Iterator[Position]:
@@ -121,9 +127,12 @@ def sizes(data: DocumentData) -> Iterator[Odd]:
 
 def _of_part(loaded: Any) -> Iterator[tuple[Any, str, str]]:
     for i, entry in enumerate(loaded.part.lengths):
-        if (entry.tolerance_um or np.inf) < TOLERANCE_UM:
-            what = f"a tolerance of {entry.tolerance_um:g} um"
-            yield ("lengths", i, "tolerance_um"), what, "mm"
+        if (zone := entry.tolerance) and (half := (zone.high - zone.low) / 2) < TOLERANCE_UM:
+            yield ("lengths", i, "tolerance_um"), f"a tolerance of {half:g} um", "mm"
+    for name, entry in loaded.part.features.items():
+        if (entry.position_um or np.inf) < TOLERANCE_UM:
+            what = f"a zone of {entry.position_um:g} um"
+            yield ("features", name, "position_um"), what, "mm"
 
 
 def _of_machine(loaded: Any) -> Iterator[tuple[Any, str, str]]:

@@ -6,15 +6,15 @@ A chapter is imported when one of its commands runs, so that --help is quick.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import Annotated, Any, NamedTuple
 
 import typer
+from typer.core import TyperCommand, TyperGroup
 
 from mtu_cli import __version__
 from mtu_cli.cli.options import Options, signature
-from mtu_cli.cli.usage import OneCommand, Program
 
 MACHINE, PART, PARTS, ABOUT = (
     "The machine",
@@ -50,7 +50,7 @@ COMMANDS = {
     ),
     "thermal-fit": Command(
         "readings",
-        f"study machine drift model {OUT}",
+        f"study machine drift model zeroed {OUT}",
         "Drift readings with temperatures to a thermal model per component.",
         MACHINE,
         (),
@@ -60,7 +60,7 @@ COMMANDS = {
         f"{MODEL} {RANDOM} grid covariance {OUT}",
         "Error and uncertainty of every feature of a part.",
         PART,
-        (),
+        ("nonconforming=0.01",),
     ),
     "lengths": Command(
         "predictions",
@@ -74,7 +74,7 @@ COMMANDS = {
         f"{MODEL} {RANDOM} {OUT}",
         "Right angles between rows and columns of features, by Monte Carlo and first order.",
         PART,
-        (),
+        ("nonconforming=0.01",),
     ),
     "anova": Command(
         "parts",
@@ -106,7 +106,7 @@ COMMANDS = {
         (),
     ),
     "budget": Command(
-        "alone",
+        "measurement",
         f"file:budget k digits {RANDOM} {OUT}",
         "An uncertainty budget: first and second order, with Monte Carlo.",
         ABOUT,
@@ -124,22 +124,22 @@ COMMANDS = {
         MACHINE,
     ),
     "graph check": Command(
-        "alone",
+        "measurement",
         f"file:graph {OUT}",
         "Whether a graph is sound, with all its faults at once; and its firing order.",
     ),
     "graph draw": Command(
-        "alone",
+        "measurement",
         "file:graph to of:shares",
         "The graph as a picture, or as text for other programs.",
     ),
     "graph simulate": Command(
-        "alone",
+        "measurement",
         f"file:graph of:many k digits {RANDOM} {OUT}",
         "Uncertainty of the graph's places by Monte Carlo, and where it comes from.",
     ),
     "graph sweep": Command(
-        "alone",
+        "measurement",
         f"file:graph vary of k digits {RANDOM} {OUT}",
         "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
     ),
@@ -187,14 +187,42 @@ def command_of(name: str) -> Any:
     return typer.main.get_command(single)
 
 
-class Commands(Program):
+class OneCommand(TyperCommand):
+    """A command in whose help no Python type stands beside an argument or a flag."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The parameters, as help shows them."""
+        return _without_types(super().get_params(ctx))
+
+
+class Commands(TyperGroup):
     """Commands of which `--help` lists names; one that is called gets its options."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        """The parameters, as help shows them."""
+        return _without_types(super().get_params(ctx))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
         """Name, command and the rest of the arguments."""
         name, listed, rest = super().resolve_command(ctx, args)
         full = name if ctx.parent is None else f"{ctx.info_name} {name}"
         return name, command_of(full) if full in COMMANDS else listed, rest
+
+
+def _without_types(params: list[Any]) -> list[Any]:
+    for param in params:
+        if param.param_type_name == "argument" or getattr(param, "is_flag", False):
+            param.display_type_rich = lambda ctx: ""
+        # Bounds are there for slips of the keyboard.
+        param._get_number_range_help_str = lambda: None
+        if not param.required and param.callback is None:
+            param.process_value = partial(_given, param.process_value)
+    return params
+
+
+def _given(process: Callable[[Any, Any], Any], ctx: Any, value: Any) -> Any:
+    """The value of an option; to prepare the reading of those that are not given takes 0.1 s."""
+    return None if value is None else process(ctx, value)
 
 
 def _version(asked: bool) -> None:

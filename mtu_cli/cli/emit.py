@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import SUSPICIOUS, Options, option_name
-from mtu_cli.cli.usage import silence
 from mtu_cli.files.csv_table import number
-from mtu_cli.files.source import begins_with, given_path
+from mtu_cli.files.source import SYNTHETIC, begins_with, given_path
 from mtu_cli.files.write import check_targets, made_ready, overwrites
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, finding, listed
 from mtu_cli.model.settings import Settings
@@ -48,8 +47,6 @@ MADE: dict[tuple[str, str], tuple[str, ...]] = {
     ("thermal-fit", "out"): ("components",),
 }
 """Roles of a study's files that a command is there to make, anew too, by its option."""
-SYNTHETIC = "# Synthetic"
-"""How a file of `simulate` begins: another one holds what somebody has measured."""
 Gate = Callable[[float], str | None]
 
 
@@ -103,13 +100,15 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     except InputError as fault:
         raise InputError(inputs.placed(fault.findings), fault.uncounted) from None
     report = files.pop(STANDARD_OUTPUT, None)
-    lines = warning_lines(inputs.placed(outcome.warnings), inputs.subject if options.quiet else "")
+    quiet = bool(options.quiet)
+    told = [each for each in outcome.warnings if not (quiet and each.severity == "note")]
+    lines = warning_lines(inputs.placed(told), inputs.subject if quiet else "")
     lines += [f"mtu: gate {name}: {reason}" for name, reason in met.items()]
 
     def say() -> None:
         if report is not None:
             sys.stdout.buffer.write(report)
-        elif not options.quiet:
+        elif not quiet:
             show(outcome.tables(bool(options.detail)))
 
     deliver(files, inputs, say, lines)
@@ -138,6 +137,12 @@ def deliver(
         put_in_place()
 
 
+def silence(stream: Any) -> None:
+    """Nothing more can be said on a stream, not even when the interpreter flushes it at its end."""
+    if stream in (sys.__stdout__, sys.__stderr__):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
 def show(tables: Iterable[object]) -> None:
     """Tables and lines on standard output: with colour on a terminal, plain text in a pipe."""
     from mtu_cli.reports.tables import console, plain_text
@@ -153,21 +158,20 @@ def show(tables: Iterable[object]) -> None:
 
 
 def warning_lines(warnings: Iterable[Finding], subject: str = "") -> list[str]:
-    """Warnings as lines for standard error, each once, of one code MOST_ALIKE at most; notes,
-    which are for the report alone, left out. They begin with the `subject`, where runs side by
-    side leave theirs in one log.
+    """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most.
+    They begin with the `subject`, where runs side by side leave theirs in one log.
     """
-    distinct = dict.fromkeys((x.code, x.message) for x in warnings if x.severity != "note")
-    count = Counter(code for code, _ in distinct)
+    distinct = dict.fromkeys((each.severity, each.code, each.message) for each in warnings)
+    count = Counter(code for _, code, _ in distinct)
     shown: Counter[str] = Counter()
     lines = []
-    for code, message in distinct:
+    for severity, code, message in distinct:
         shown[code] += 1
         left = count[code] - MOST_ALIKE if shown[code] == MOST_ALIKE else 0
         more = f"; and {left} more such, all in the report (-o)" if left > 0 else ""
         if shown[code] <= MOST_ALIKE:
             about = f"{subject}: " if subject and not message.startswith(subject) else ""
-            lines.append(f"warning: {about}{message}{more} [{code}]")
+            lines.append(f"{severity}: {about}{message}{more} [{code}]")
     return lines
 
 
@@ -213,7 +217,7 @@ def _files(inputs: Inputs, settings: Settings, outcome: Outcome) -> dict[Path, b
     options = inputs.options
     files = dict(outcome.files())
     if options.out is not None:
-        from mtu_cli.files.json_file import report_bytes
+        from mtu_cli.files.write import report_bytes
         from mtu_cli.reports.document import envelope
 
         document = envelope(
@@ -253,12 +257,13 @@ def _page(inputs: Inputs, settings: Settings, outcome: Outcome) -> bytes:
         "correlation": ("correlation", settings.correlation),
         "trials": ("trials", settings.trials or "adaptive"),
     }
+    made = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     # A command that has no such option does not use it.
     used = dict(own for option, own in known.items() if option in options.values)
     used |= {f"{name} =": value for name, value in inputs.at.items()}
     page = Page(
         title=f"{options.command.replace('-', ' ').capitalize()}: {inputs.names[0]}",
-        subject=inputs.names[1:],
+        subject=[*inputs.names[1:], *made],
         tables=outcome.tables(bool(options.detail)),
         figure=figure,
         warnings=outcome.warnings,

@@ -23,7 +23,7 @@ def schema(options: Options) -> None:
     """Prints the JSON Schema of a contract."""
     import json
 
-    from mtu_cli.files.schemas import json_schema
+    from mtu_cli.files.contract import json_schema
 
     print(json.dumps(json_schema(options.kind), indent=2))
 
@@ -46,8 +46,8 @@ def help(options: Options) -> None:
         expected = "a topic, a command, or the code of a finding (mtu help lists the topics)"
         raise error("unknown-name", what="topic", value=name, expected=expected, meant=meant)
     if name in commands:
-        app([*name.split(), "--help"], standalone_mode=False)
-        from mtu_cli.reports.declared import help_text
+        app([*name.split(), "--help"], prog_name="mtu", standalone_mode=False)
+        from mtu_cli.reports.document import help_text
 
         show(help_text(name))
 

@@ -1,4 +1,4 @@
-"""`mtu`: the entry point, and what it sets before anything heavy is imported."""
+"""`mtu`: the entry point, what it sets before anything heavy is imported, and how a call ends."""
 
 from __future__ import annotations
 
@@ -7,8 +7,12 @@ import io
 import os
 import signal
 import sys
+from collections.abc import Sequence
+from typing import Any
 
 EXIT_INTERRUPTED = 130
+LEFT = 1
+"""How typer exits where the reader of its help has left."""
 
 
 def main() -> None:
@@ -22,15 +26,72 @@ def main() -> None:
         # Imports make much that stays; to look for rubbish among it every 700 objects takes 5 %.
         gc.set_threshold(20_000)
         prepare_streams()
-        from mtu_cli.cli.commands import app
-
         try:
-            app()
+            sys.exit(called(sys.argv[1:]))
         finally:
             # All is written: from here on an interrupt ends the process without a word.
             signal.signal(signal.SIGINT, signal.SIG_DFL)
     except KeyboardInterrupt:
         sys.exit(EXIT_INTERRUPTED)
+
+
+def called(arguments: Sequence[str]) -> int:
+    """The exit code of one call; every fault of it is one message on standard error."""
+    import typer
+
+    from mtu_cli.cli.commands import app
+    from mtu_cli.findings import EXIT_INPUT, MtuError, error
+
+    # Typer's own class of all faults of a call, which it does not export.
+    faults_of_calls: Any = typer.BadParameter.__base__
+    try:
+        code = app([*arguments], prog_name="mtu", standalone_mode=False)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except (BrokenPipeError, SystemExit) as ended:
+        if isinstance(ended, SystemExit) and ended.code != LEFT:
+            return ended.code if isinstance(ended.code, int) else 0
+        # The reader has left (``| head``): nothing more can be said, and nothing is wrong.
+        _silence(sys.__stdout__)
+        return 0
+    except faults_of_calls as fault:
+        # Without a command help is shown: a script whose command's name was empty has done nothing.
+        if type(fault).__name__ == "NoArgsIsHelpError":
+            return EXIT_INPUT
+        text = " ".join(fault.format_message().split()).rstrip(".?")
+        where = f" (see {fault.ctx.command_path} --help)" if fault.ctx else ""
+        message = str(error("usage", reason=f"{text[:1].lower()}{text[1:]}{where}"))
+    except (MtuError, OverflowError, OSError, MemoryError) as fault:
+        message = _words(fault)
+        if isinstance(fault, OSError):
+            _silence(sys.stdout)
+    try:
+        print(f"mtu: {message}", file=sys.stderr, flush=True)
+    except OSError:
+        _silence(sys.stderr)
+    return EXIT_INPUT
+
+
+def _silence(stream: Any) -> None:
+    from mtu_cli.cli.emit import silence
+
+    silence(stream)
+
+
+def _words(fault: BaseException) -> str:
+    """What is said of a fault; what the system refuses without a name is standard output."""
+    from mtu_cli.findings import LONGEST_NAME, printable, shorten
+
+    if isinstance(fault, OverflowError):
+        return "a number of the input is too large to calculate with"
+    if isinstance(fault, MemoryError):
+        return "the memory of this computer does not suffice for this call"
+    if isinstance(fault, OSError):
+        what = "standard output cannot be written"
+        if isinstance(fault.filename, str):
+            what = f"{shorten(printable(fault.filename), LONGEST_NAME)}: the system refuses"
+        return f"{what}: {(fault.strerror or str(fault)).lower()}"
+    return str(fault)
 
 
 def prepare_streams() -> None:

@@ -99,8 +99,8 @@ def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) 
     report give the same bits, which the Monte Carlo would tell apart in the seventh digit.
     """
     from mtu_cli.analyses.fit_components import fit_result
-    from mtu_cli.files.json_file import report_bytes
     from mtu_cli.files.reports_read import COMPONENTS, components_from
+    from mtu_cli.files.write import report_bytes
     from mtu_cli.reports.fit_components import document
 
     results = document(fit_result(machine.machine.name, fit, estimates)).record()
@@ -140,7 +140,13 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
         components = {name: (item.of, item.unit) for name, item in machine.components.items()}
         reference = machine.reference_temperature_degC
     with one_blas_thread():
-        return thermal_fit([readings], components, reference=reference, method=method)
+        return thermal_fit(
+            [readings],
+            components,
+            reference=reference,
+            method=method,
+            zeroed=inputs.chosen.zeroed or "auto",
+        )
 
 
 def _not_read(

@@ -51,14 +51,18 @@ class Option:
     panel: str | None = None
     bounds: tuple[float, float] | None = None
 
+    @property
+    def many(self) -> bool:
+        """Whether it may be repeated."""
+        return self.metavar is not None and self.metavar.endswith("...")
+
     def annotation(self, name: str) -> Any:
         """The annotated type of the parameter `name`."""
-        many = self.metavar is not None and self.metavar.endswith("...")
-        kind: Any = list[self.kind] if many else self.kind  # type: ignore[name-defined]  # a type
+        kind: Any = list[self.kind] if self.many else self.kind  # type: ignore[name-defined]
         kind = kind | None if self.default is None else kind
         common: dict[str, Any] = {
             "metavar": self.metavar and self.metavar.removesuffix("..."),
-            "help": f"{self.text}; repeatable." if many else f"{self.text}.",
+            "help": f"{self.text}; repeatable." if self.many else f"{self.text}.",
             "show_default": self.shown or self.default not in (None, REQUIRED, False),
             "rich_help_panel": self.panel,
         }
@@ -163,6 +167,11 @@ CHOICES = {
     ),
     "model": _text(
         "MODEL", "auto (the best on held-out cycles), stepwise, ridge or lagged", "auto"
+    ),
+    "zeroed": _text(
+        "HOW",
+        "Drift probe zeroed in every cycle: cycle (an offset each), never, auto (by the data)",
+        shown="auto",
     ),
     "at": _text("NAME=VALUE...", "A covariate for the prediction"),
     "grid": _text("N or NX,NY,NZ", "A grid over the travels instead of a part; --plot draws a map"),

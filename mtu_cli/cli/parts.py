@@ -8,6 +8,7 @@ from typing import cast
 from mtu_cli.analyses.anova import METHODS, AnovaResult, Method, analyse_variance
 from mtu_cli.analyses.compare import CompareResult
 from mtu_cli.analyses.compare import compare as compare_parts
+from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
 from mtu_cli.analyses.correct import correct as correct_points
 from mtu_cli.analyses.correct import unused_warmth
 from mtu_cli.cli.emit import Outcome
@@ -61,8 +62,8 @@ def compare(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
-    """The items that meet a gate: parts too few to distinguish bias from scatter meet both, and
-    so do operations whose pooled features fail.
+    """The items that meet a gate, and operations whose pooled features do. Of parts too few to
+    distinguish bias from scatter a mean that is off meets both.
     """
     met: list[str] = []
     judged = False
@@ -70,9 +71,11 @@ def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
         if kind is None:
             continue
         verdicts = kind.biased if gate == "biased" else kind.under_predicted
-        for label, faulty, unclear in zip(kind.labels, verdicts, kind.inconsistent, strict=True):
-            judged |= not (faulty is None and unclear is None)
-            if faulty or unclear:
+        few = kind.one_way.parts < FEWEST_PARTS
+        for i, label in enumerate(kind.labels):
+            answers = (verdicts[i], kind.biased[i]) if few[i] else (verdicts[i],)
+            judged |= any(answer is not None for answer in answers)
+            if any(answers):
                 met.append(" ".join(word for word in label if word))
     if not judged:
         expected = (

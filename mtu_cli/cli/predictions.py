@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
+from collections.abc import Iterable
+from typing import Protocol
+
+from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_places
 from mtu_cli.analyses.predict_points import predict_points as predict_features
@@ -30,6 +33,13 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome.of(
         report.document(result, settings.digits, grid=bool(grid), with_covariance=covariance),
         warnings=[*found.warnings, *result.warnings],
+        gates={
+            "nonconforming": lambda limit: _nonconforming(
+                zip(result.prediction.ids, result.conformance, strict=True),
+                "position_um at a feature",
+                limit,
+            )
+        },
     )
 
 
@@ -47,19 +57,31 @@ def lengths(inputs: Inputs, settings: Settings) -> Outcome:
             *one_direction(inputs, found.model),
             *result.warnings,
         ],
-        gates={"nonconforming": lambda limit: _nonconforming(result, limit)},
+        gates={
+            "nonconforming": lambda limit: _nonconforming(
+                [
+                    *zip(result.ids, result.conformance, strict=True),
+                    ("the whole part", result.joint_conformance),
+                ],
+                "tolerance_um at a length",
+                limit,
+            )
+        },
     )
 
 
-def _nonconforming(result: LengthsResult, limit: float) -> str | None:
-    """The lengths, and the whole part, that do not conform with a probability above `limit`."""
-    known = zip(result.ids, result.conformance, strict=True)
+class _Probable(Protocol):
+    @property
+    def probability(self) -> float: ...
+
+
+def _nonconforming(
+    known: Iterable[tuple[str, _Probable | None]], key: str, limit: float
+) -> str | None:
+    """What does not conform with a probability above `limit`; `key` states a tolerance."""
     checked = {name: 1 - each.probability for name, each in known if each is not None}
     if not checked:
-        expected = "tolerance_um at a length of the part"
-        raise error("gate-undefined", gate="nonconforming", expected=expected)
-    if result.joint_conformance is not None:
-        checked["the whole part"] = 1 - result.joint_conformance.probability
+        raise error("gate-undefined", gate="nonconforming", expected=f"{key} of the part")
     above = {name: p for name, p in checked.items() if p > limit}
     if not above:
         return None
@@ -80,4 +102,11 @@ def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
             *one_direction(inputs, found.model),
             *result.warnings,
         ],
+        gates={
+            "nonconforming": lambda limit: _nonconforming(
+                ((each.id, each.conformance) for each in result.angles),
+                "tolerance_arcsec at an angle",
+                limit,
+            )
+        },
     )

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from mtu_cli import __version__
-from mtu_cli.cli.emit import SYNTHETIC, Outcome, written_files
+from mtu_cli.cli.emit import Outcome, written_files
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import (
@@ -26,6 +25,7 @@ from mtu_cli.cli.options import (
 from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, pair, within
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
+from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
@@ -49,7 +49,7 @@ from mtu_cli.model.simulate_drift import (
     simulate_drift,
 )
 from mtu_cli.model.simulate_readings import ReadingsPlan, cut_warnings, simulate_readings
-from mtu_cli.reports.simulate import drift_csv, points_csv, readings_csv
+from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 
@@ -63,12 +63,14 @@ PLAN = ("passes", "one_way", "positions", "parts", "repeats")
 """How, and how often, readings and parts are taken, which a script gives to all its calls, whatever
 each one writes: a warning. What it takes for an error of the machine is refused.
 """
+Made = tuple[Synthetic, list[Finding]]
 
 
 def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     """The files that are asked for, each of its own random numbers."""
-    options, seed = inputs.options, settings.seed
-    if not written_files(options):
+    options = inputs.options
+    paths = written_files(options)
+    if not paths:
         expected = "--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
     warnings = _unused_options(options)
@@ -79,29 +81,25 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     # Of components that stand in no equation nothing is simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings += [each for each in of_machine if each.facts["what"] == "component"]
-    files: dict[Path, str] = {}
     if options.write_lbb is not None or options.write_cmm is not None:
         warnings += cut_warnings(model)
-    if options.write_lbb is not None:
-        files[options.write_lbb] = _readings(inputs, model, seed)
-    if options.write_cmm is not None:
-        files[options.write_cmm], large = _points(inputs, model, seed)
-        warnings += large
-    if options.write_drift is not None:
-        drifts, test = _drift_test(inputs, model)
-        heading = _heading(options, seed, (CLIMATE, DRIFT))
-        files[options.write_drift] = drift_csv(simulate_drift(drifts, test, seed), heading)
+    made: dict[str, Synthetic] = {}
+    for name in paths:
+        made[name], found = MAKERS[name](inputs, model, settings.seed)
+        warnings += found
+    first = next(iter(made.values()))
     return Outcome(
+        results=lambda: {name.removeprefix("write_"): x.typed() for name, x in made.items()},
         tables=lambda detail: [
-            f"{path}: {_rows(text)} synthetic rows" for path, text in files.items()
+            f"{path}: {made[name].count} synthetic rows" for name, path in paths.items()
         ],
+        rows=lambda: (tuple(first.columns), zip(*first.typed().values(), strict=True)),
         warnings=warnings,
-        files=lambda: {path: text.encode() for path, text in files.items()},
+        files=lambda: {
+            path: made[name].text(_heading(options, settings.seed, _panels(options, name))).encode()
+            for name, path in paths.items()
+        },
     )
-
-
-def _rows(text: str) -> int:
-    return sum(not line.startswith("#") for line in text.splitlines()) - 1
 
 
 def _unused_options(options: Options) -> list[Finding]:
@@ -125,10 +123,17 @@ def _unused_options(options: Options) -> list[Finding]:
             code = "option-not-used" if name in PLAN else "option-without-effect"
             facts = {"why": " in what is written", "expected": expected}
             found.append(finding(code, path=option_name(name), **facts))
-    refused = [each for each in found if each.severity == "error"]
-    if refused:
+    if refused := [each for each in found if each.severity == "error"]:
         raise InputError(refused)
     return found
+
+
+def _panels(options: Options, name: str) -> Collection[str]:
+    """The groups of options that what is written was made by."""
+    if name == "write_drift":
+        return (CLIMATE, DRIFT)
+    in_a_room = name == "write_cmm" and options.cmm_room
+    return (READINGS, POINTS, CLIMATE, PARTS_ROOM) if in_a_room else (READINGS, POINTS)
 
 
 def _heading(options: Options, seed: int, panels: Collection[str]) -> str:
@@ -143,34 +148,32 @@ def _heading(options: Options, seed: int, panels: Collection[str]) -> str:
     return f"{first}\n# {' '.join(given)}\n"
 
 
-def _readings(inputs: Inputs, model: MachineModel, seed: int) -> str:
-    """The readings file."""
-    options = inputs.options
+def _readings(inputs: Inputs, model: MachineModel, seed: int) -> Made:
     read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     needed = {estimate.of for estimate in read if estimate.of is not None}
     plan = ReadingsPlan(
-        passes=options.passes,
-        directions=(1,) if options.one_way else (1, -1),
+        passes=inputs.options.passes,
+        directions=(1,) if inputs.options.one_way else (1, -1),
         positions=_positions(inputs, model, needed),
     )
-    heading = _heading(options, seed, (READINGS, POINTS))
-    return readings_csv(simulate_readings(model, plan, seed), heading)
+    return readings_file(simulate_readings(model, plan, seed)), []
 
 
 def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[str, FloatArray]:
     """Positions (n,) in mm by axis: of --positions, else over the part's extent."""
-    text = inputs.options.positions
+    option, text = "--positions", inputs.options.positions
+    travels = inputs.machine.machine.travels
     found: dict[str, FloatArray] = {}
-    for part in () if text is None else text.split(",") if "=" in text else (text,):
-        axis, _, span = part.rpartition("=")
+    for item in () if text is None else text.split(",") if "=" in text else (text,):
+        axis, _, span = item.rpartition("=")
         example = "0:140:8, say, or x=0:140:8,y=0:90:5"
-        low, high, count = ends("--positions", span, SPAN, example, ordered=True)
+        low, high, count = ends(option, span, SPAN, example, ordered=True)
         if axis:
-            known_name("--positions", "axis", axis.strip(), AXES)
-        for name in [axis.strip()] if axis else needed:
-            found[name] = np.linspace(low, high, int(count))
-    for axis in sorted(needed & found.keys() & inputs.machine.machine.travels.keys()):
-        within("--positions", found[axis], inputs.machine.machine.travels[axis], f"mm of {axis}")
+            known_name(option, "axis", axis.strip(), AXES)
+        axes = [axis.strip()] if axis else needed
+        found |= {name: np.linspace(low, high, int(count)) for name in axes}
+    for axis in sorted(needed & found.keys() & travels.keys()):
+        within(option, found[axis], travels[axis], f"mm of {axis}")
     if needed <= found.keys():
         return found
     _, points, _ = feature_points(inputs.part, model)
@@ -179,18 +182,17 @@ def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[st
         low, high = np.nanmin(column), np.nanmax(column)
         if not low < high:
             reason = f"the part does not extend along {axis}"
-            raise error("not-applicable", reason=reason, expected=f"--positions {SPAN}")
+            raise error("not-applicable", reason=reason, expected=f"{option} {SPAN}")
         found[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
     return found
 
 
-def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[Finding]]:
-    """The points file, and a question where an effect is beyond all machines."""
-    options, panels = inputs.options, [READINGS, POINTS]
+def _points(inputs: Inputs, model: MachineModel, seed: int) -> Made:
+    """The points, with a question where an effect is beyond all machines."""
+    options = inputs.options
     ids, points, _ = feature_points(inputs.part, model)
     plan = _parts_plan(options, model)
     if options.cmm_room:
-        panels += [CLIMATE, PARTS_ROOM]
         drifts, test = _drift_test(inputs, model)
         sensors = sensors_for(drifts, test, seed)
         rooms = np.resize(options.cmm_room, plan.parts)
@@ -206,8 +208,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> tuple[str, list[F
         found = replace(found, covariates=found.covariates | read)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
     grown = found.measured + growth(found, ids, points, inputs.part.part.circles)
-    text = points_csv(replace(found, measured=grown), _heading(options, seed, panels))
-    return text, large_errors(plan, ids, points)
+    return points_file(replace(found, measured=grown)), large_errors(plan, ids, points)
 
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
@@ -218,19 +219,29 @@ def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
         parts, repeats = (int(number_of(option, side, whole=True)) for side in sides)
         within(option, (parts, repeats), (1, MOST_STEPS), "")
         first = (parts, repeats)
+    same = ("parts", "repeats", "reverse_every", "minutes", "operation")
     return PartsPlan(
-        parts=options.parts,
-        repeats=options.repeats,
+        **{name: options.values[name] for name in same},
         cmm_u=options.cmm_u_um * 1e-3,
         part_offset=options.part_offset_um * 1e-3,
-        reverse_every=options.reverse_every,
-        minutes=options.minutes,
         first_repeats=first,
         scatter=errors_by_axis("--scatter", options.scatter or (), model.axes),
-        operation=options.operation,
         effects=errors_by_axis("--effect", options.effect or (), model.axes),
         covariates=covariate_equations("--covariate", options.covariate or ()),
     )
+
+
+def _drifts(inputs: Inputs, model: MachineModel, seed: int) -> Made:
+    drifts, test = _drift_test(inputs, model)
+    return drift_file(simulate_drift(drifts, test, seed)), []
+
+
+MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Made]] = {
+    "write_lbb": _readings,
+    "write_cmm": _points,
+    "write_drift": _drifts,
+}
+"""What makes each file, by the option that names it."""
 
 
 def _drift_test(
@@ -240,11 +251,12 @@ def _drift_test(
 
     Raises InputError where it has none; for options that are out of range or of unknown components.
     """
-    options, machine, drifts = inputs.options, inputs.machine, model.drifts()
+    options, machine, drifts = inputs.options, inputs.machine.machine, model.drifts()
     if not drifts:
+        place = {"file": inputs.machine.source.shown}
         reason = "no component of the equations has a thermal model"
         expected = "a `thermal` key in a component of the equations"
-        raise error("not-applicable", file=machine.source.shown, reason=reason, expected=expected)
+        raise error("not-applicable", **place, reason=reason, expected=expected)
     positions = _drift_positions(inputs, drifts)
     asked = _by_component("--settled-drift", options.settled_drift, drifts)
     for name, values in asked.items():
@@ -252,18 +264,18 @@ def _drift_test(
             expected = f"one at each of {len(positions[name])} positions"
             place = {"path": f"--settled-drift {name}", "expected": expected}
             raise error("wrong-count", found=f"{len(values)} values", **place)
-    entries = machine.machine.components
+    units = {name: UNITS[machine.components[name].unit].to_internal for name in asked}
     plan = DriftPlan(
-        climate=_climate(options, machine.machine.reference_temperature_degC),
+        climate=_climate(options, machine.reference_temperature_degC),
         cycles=options.cycles,
         minutes=options.cycle_minutes,
         interval=options.interval_min,
         soak=options.soak_minutes,
         positions=positions,
         noise={LENGTH: options.reading_noise_um * UM, ANGLE: options.reading_noise_arcsec * ARCSEC},
-        settled={name: x * UNITS[entries[name].unit].to_internal for name, x in asked.items()},
+        settled={name: values * units[name] for name, values in asked.items()},
         limits={LENGTH: options.most_drift_um * UM, ANGLE: options.most_drift_arcsec * ARCSEC},
-        twins=_twins(options, {sensor for drift in drifts for sensor in drift.sensors}),
+        twins=_twins(options.twin, {sensor for drift in drifts for sensor in drift.sensors}),
     )
     moments = plan.cycles * (plan.minutes + plan.soak) / plan.interval
     if moments > MAX_MOMENTS:
@@ -274,18 +286,22 @@ def _drift_test(
 
 def _climate(options: Options, reference: float) -> Climate:
     """The room and what its sensors make of it."""
-    form = "LOW:HIGH"
-    low, high = ends("--room", options.room, form, "20:26", ordered=True)
-    within("--room", (low, high), ROOMS_DEGC, "degC")
-    lags = ends("--sensor-lag-min", options.sensor_lag_min, form, "5:25", ordered=True)
-    within("--sensor-lag-min", lags, (0.0, MOST_MINUTES), "min")
+    sides = {}
+    for name, unit, bounds, example in (
+        ("room", "degC", ROOMS_DEGC, "20:26"),
+        ("sensor_lag_min", "min", (0.0, MOST_MINUTES), "5:25"),
+    ):
+        option = option_name(name)
+        low, high = ends(option, options.values[name], "LOW:HIGH", example, ordered=True)
+        within(option, (low, high), bounds, unit)
+        sides[name] = (low, high)
     return Climate(
         reference=reference,
-        low=low,
-        high=high,
+        low=sides["room"][0],
+        high=sides["room"][1],
         room_lag=options.room_lag_min,
         room_wobble=options.room_wobble_degc,
-        sensor_lag=(lags[0], lags[1]),
+        sensor_lag=sides["sensor_lag_min"],
         sensor_spread=options.sensor_spread,
         sensor_wobble=options.sensor_wobble_degc,
         sensor_noise=options.sensor_noise_degc,
@@ -320,7 +336,7 @@ def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[
 
 
 def _by_component(
-    option: str, texts: Sequence[str] | None, drifts: Sequence[ThermalEstimate]
+    option: str, texts: Iterable[str] | None, drifts: Iterable[ThermalEstimate]
 ) -> dict[str, FloatArray]:
     """'NAME: NUMBERS' of several components, in their own units."""
 
@@ -332,7 +348,7 @@ def _by_component(
     return assigned(option, texts, ":", "NAME: NUMBERS", "'pos_y: 0 75 200'", numbers, known, what)
 
 
-def _twins(options: Options, sensors: Collection[str]) -> tuple[tuple[str, str], ...]:
+def _twins(texts: Iterable[str] | None, sensors: Collection[str]) -> tuple[tuple[str, str], ...]:
     """Second sensors at the places of others."""
 
     def sensor_of(name: str, sensor: str) -> str:
@@ -345,4 +361,4 @@ def _twins(options: Options, sensors: Collection[str]) -> tuple[tuple[str, str],
         return sensor
 
     form, example = "NAME: SENSOR", "'T_18_degC: T_02_degC'"
-    return tuple(assigned("--twin", options.twin, ":", form, example, sensor_of).items())
+    return tuple(assigned("--twin", texts, ":", form, example, sensor_of).items())

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from math import isfinite
 from typing import NoReturn, TypeVar
 
 from mtu_cli.files.contract import number_expectation
-from mtu_cli.files.csv_table import is_not_finite, number
+from mtu_cli.files.csv_table import number
 from mtu_cli.findings import Finding, InputError, error, suggestion
 
 T = TypeVar("T")
@@ -25,9 +26,9 @@ def number_of(option: str, text: str, *, whole: bool = False) -> float:
     """
     text = text.strip()
     value = number(text)
-    if value is None or is_not_finite(text):
+    if value is None or not isfinite(value):
         kind, expected = "a number", number_expectation(text)
-        if is_not_finite(text):
+        if value is not None:
             kind, expected = "a finite number", ""
         raise error("wrong-type", path=option, kind=kind, value=text, expected=expected)
     if whole and not text.lstrip("+-").isdigit():

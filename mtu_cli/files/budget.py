@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
@@ -14,6 +14,7 @@ from mtu_cli.files.contract import (
     Contract,
     Faults,
     IdText,
+    Loaded,
     Name,
     NonNegative,
     Positive,
@@ -23,7 +24,6 @@ from mtu_cli.files.contract import (
     present,
     wrong,
 )
-from mtu_cli.files.source import Source
 from mtu_cli.files.study import MAX_COVERAGE
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, finding
@@ -140,9 +140,8 @@ class Input(Contribution):
     readings: Annotated[list[Value], Field(min_length=2)] | None = optional(
         "Repeated readings: mean, s/sqrt(n), n - 1"
     )
-    contributions: list[Contribution] = Field(
-        default=[],
-        description="Further independent contributions to the same quantity; `readings` beside it",
+    contributions: list[Contribution] = optional(
+        "Further independent contributions to the same quantity; `readings` beside it", []
     )
 
     @property
@@ -183,80 +182,62 @@ class Budget(Contract):
     says: str | None = optional("What it is, in words")
     notes: str | None = optional("Free text")
     quantity: Quantity | None = optional("The measurand of `equation`")
-    units: dict[str, str] = Field(default={}, description="Units of the outputs of `equations`")
+    units: dict[str, str] = optional("Units of the outputs of `equations`", {})
     equation: str | None = optional("The measurand in terms of the inputs")
     equations: Annotated[dict[Name, str], Field(min_length=1)] | None = optional(
         "Several measurands, with their covariance"
     )
     inputs: Annotated[dict[Name, InputEntry], Field(min_length=1)]
-    correlations: list[Correlation] = Field(
-        default=[], description="[input, input, correlation coefficient]"
+    correlations: list[Correlation] = optional("[input, input, correlation coefficient]", [])
+    simultaneous: list[Annotated[list[str], Field(min_length=2)]] = optional(
+        "Inputs whose readings were taken together", []
     )
-    simultaneous: list[Annotated[list[str], Field(min_length=2)]] = Field(
-        default=[], description="Inputs whose readings were taken together"
-    )
-    coverage: Coverage = Field(default=Coverage(), description="Default: probability 0.95")
+    coverage: Coverage = optional("Default: probability 0.95", Coverage())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LoadedBudget:
+class LoadedBudget(Loaded):
     """A checked budget; `trees` and `units` hold the equation and the unit of each output, by the
     output's name (no unit: empty).
     """
 
-    source: Source
     budget: Budget
     trees: dict[str, Node]
     units: dict[str, str]
-    warnings: tuple[Finding, ...]
-    document: YamlDocument
 
     @property
     def single(self) -> bool:
         """Whether the file has an `equation`, not `equations`."""
         return self.budget.equation is not None
 
-    def line_of(self, *path: str | int) -> int | None:
-        """The line of a value of the file: ``line_of("inputs", "ls")``."""
-        return self.document.line_of(*path)
-
     def place(self, output: str) -> YamlPath:
         """The path of an output's equation in the file."""
         return ("equation",) if self.single else ("equations", output)
 
 
-def load_budget(path: Path, role: str = "budget") -> LoadedBudget:
-    """Reads and checks a budget file.
+def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget:
+    """Checks a budget file, or one that was read already.
 
     Raises InputError with all problems of the file, each with its line.
     """
-    return budget_from(read_yaml(path, role))
-
-
-def budget_from(document: YamlDocument) -> LoadedBudget:
-    """Checks a budget that was read already.
-
-    Raises InputError with all problems of the document.
-    """
+    document = file if isinstance(file, YamlDocument) else read_yaml(file, role)
     trees: dict[str, Node] = {}
     units: dict[str, str] = {}
 
     def check(budget: Budget, faults: Faults) -> None:
-        inputs = budget.inputs or {}
-        for name, item in inputs.items():
+        for name, item in budget.inputs.items():
             _check_input(item, ("inputs", name), faults)
         taken = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
         for name in faults.given("inputs"):
             faults.symbol(("inputs", name), name, taken)
-        _check_correlations(budget, inputs, faults)
-        _check_simultaneous(budget, inputs, faults)
+        _check_correlations(budget, faults)
+        _check_simultaneous(budget, faults)
         coverage = budget.coverage
         if coverage is not None and coverage.probability is not None and coverage.k is not None:
             faults.add(("coverage",), "exclusive", names="probability and k", expected="one")
         _check_keys(budget, faults)
-        texts, stated = _outputs(budget, faults.keys("inputs"))
-        units.update({name: stated.get(name) or "" for name in texts})
-        trees.update(_trees(budget, texts, units, inputs, faults))
+        for name, unit, tree in _outputs(budget, faults):
+            units[name], trees[name] = unit, tree
 
     budget = check_contract(document, Budget, "budget", check)
     return LoadedBudget(
@@ -349,9 +330,9 @@ def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> N
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
 
-def _check_correlations(budget: Budget, inputs: dict[str, Input], faults: Faults) -> None:
+def _check_correlations(budget: Budget, faults: Faults) -> None:
     """Known names of uncertain inputs, coefficients of -1 to 1, no pair twice."""
-    known = dict.fromkeys(faults.keys("inputs"))
+    known, inputs = faults.keys("inputs"), budget.inputs
 
     def judge(path: YamlPath, name: str) -> None:
         if name not in known:
@@ -370,9 +351,9 @@ def _check_correlations(budget: Budget, inputs: dict[str, Input], faults: Faults
             faults.add(("correlations", index), "exclusive", **given, expected=expected)
 
 
-def _check_simultaneous(budget: Budget, inputs: dict[str, Input], faults: Faults) -> None:
+def _check_simultaneous(budget: Budget, faults: Faults) -> None:
     """Known names, none twice, of inputs with equally many readings."""
-    known, seen = dict.fromkeys(faults.keys("inputs")), set[str]()
+    known, inputs, seen = faults.keys("inputs"), budget.inputs, set[str]()
     for index, group in present(budget.simultaneous):
         counts = {}
         for at, name in enumerate(group):
@@ -381,10 +362,11 @@ def _check_simultaneous(budget: Budget, inputs: dict[str, Input], faults: Faults
                 faults.unknown(path, name, known)
             elif name in seen:
                 faults.add(path, "appears-twice", what="the input", value=name)
-            elif name in inputs and (readings := inputs[name].readings) is None:
-                faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
             elif name in inputs:
-                counts[name] = len(readings or ())
+                if (readings := inputs[name].readings) is None:
+                    faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
+                else:
+                    counts[name] = len(readings)
             seen.add(name)
         if len(set(counts.values())) > 1:
             listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
@@ -408,35 +390,22 @@ def _check_keys(budget: Budget, faults: Faults) -> None:
         faults.add(("quantity",), "misplaced", key="quantity", where=where, expected=expected)
 
 
-def _outputs(
-    budget: Budget, taken: Sequence[str]
-) -> tuple[Mapping[str, str], Mapping[str, str | None]]:
-    """The equations and the units of the measurands by their names."""
-    if budget.equation is None:
-        return budget.equations or {}, budget.units or {}
-    quantity = budget.quantity or Quantity()
-    free = next((own for own in OUTPUT_NAMES if own not in taken), "y_1")
-    name = quantity.name or free
-    return {name: budget.equation}, {name: quantity.unit}
-
-
-def _trees(
-    budget: Budget,
-    texts: Mapping[str, str],
-    units: Mapping[str, str],
-    inputs: Mapping[str, Input],
-    faults: Faults,
-) -> Iterator[tuple[str, Node]]:
-    """The sound equations as trees by their outputs; adds what is wrong with the others."""
-    known = dict.fromkeys(faults.keys("inputs"))
-    stated = {name: own.unit or "" for name, own in inputs.items()}
-    named = {text: unit_powers(text) for text in (*stated.values(), *units.values())}
-    powers = {name: named[text] for name, text in stated.items()}
+def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
+    """Name, unit and tree of each measurand whose equation can be read; adds what is wrong."""
+    known, single = faults.keys("inputs"), budget.equation is not None
+    texts, stated = budget.equations or {}, budget.units or {}
+    if budget.equation is not None:
+        quantity = budget.quantity or Quantity()
+        free = next((own for own in OUTPUT_NAMES if own not in known), "y_1")
+        name = quantity.name or free
+        texts, stated = {name: budget.equation}, {name: quantity.unit or ""}
+    units = {name: item.unit or "" for name, item in budget.inputs.items()}
+    outputs = {name: stated.get(name) or "" for name in texts}
+    named = {text: unit_powers(text) for text in (*units.values(), *outputs.values())}
+    powers = {name: named[text] for name, text in units.items()}
     for name, text in texts.items():
-        path: YamlPath = ("equations", name)
-        name_path, unit_path = path, ("units", name)
-        if budget.equation is not None:
-            path, name_path, unit_path = ("equation",), ("quantity", "name"), ("quantity", "unit")
+        path: YamlPath = ("equation",) if single else ("equations", name)
+        name_path: YamlPath = ("quantity", "name") if single else path
         if not name.strip():
             given = {"kind": "a name", "expected": "a name before its equation"}
             faults.add(name_path, "wrong-type", value=name, **given)
@@ -447,9 +416,10 @@ def _trees(
             if not known:  # that the inputs are missing is reported; every name would be unknown
                 continue
             check_known(tree, known)
-            yield name, tree
-            within, result = check_consistent(tree, powers, named[units[name]], named)
+            yield name, outputs[name], tree
+            within, result = check_consistent(tree, powers, named[outputs[name]], named)
             faults.extend(path, within)
+            unit_path = ("quantity", "unit") if single else ("units", name)
             faults.extend(unit_path, [] if result is None else [result])
 
 

@@ -12,8 +12,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
+from importlib import import_module
 from types import UnionType
-from typing import Annotated, Any, TypeVar, Union, get_args, get_origin
+from typing import Annotated, Any, TypeGuard, TypeVar, Union, get_args, get_origin
 
 from pydantic import (
     AfterValidator,
@@ -30,7 +31,7 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mtu_cli.files.source import Source, a_file
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, shown_value
-from mtu_cli.findings import Finding, InputError, finding, nearest, suggestion
+from mtu_cli.findings import Finding, InputError, error, finding, nearest, suggestion
 
 MAX_DEGREE = 9
 """Of a polynomial in position."""
@@ -74,10 +75,18 @@ class Contract(BaseModel):
     )
 
 
-def wrong(expected: str = "", code: str = "wrong-value", **facts: Any) -> PydanticCustomError:
-    """For validators of fields: an error that becomes a Finding of `code`."""
-    given = {"code": code, "expected": expected, "facts": facts}
-    return PydanticCustomError("finding", "{code}", given)
+def wrong(
+    expected: str = "", code: str = "wrong-value", *at: str | int, **facts: Any
+) -> PydanticCustomError:
+    """For validators: an error that becomes a Finding of `code`; `at` the path within an entry."""
+    fault = {"code": code, "at": at, "given": {"expected": expected, **facts}}
+    return PydanticCustomError("findings", "{faults}", {"faults": [fault]})
+
+
+def all_wrong(errors: Iterable[PydanticCustomError]) -> PydanticCustomError:
+    """One error that becomes the Findings of several."""
+    faults = [fault for each in errors for fault in (each.context or {})["faults"]]
+    return PydanticCustomError("findings", "{faults}", {"faults": faults})
 
 
 def sized(value: float) -> float:
@@ -93,7 +102,7 @@ def _named(text: str) -> str:
     return text
 
 
-def is_number(value: object) -> bool:
+def is_number(value: object) -> TypeGuard[float]:
     """Whether a value is a number: true and false are none."""
     return isinstance(value, (int, float)) and not isinstance(value, bool)
 
@@ -138,6 +147,7 @@ class Faults:
 
     document: YamlDocument
     findings: list[Finding] = field(default_factory=list)
+    unknown_keys: dict[YamlPath, list[str]] = field(default_factory=dict)
 
     def add(self, path: YamlPath, code: str, *, value: object = None, **given: Any) -> None:
         """One more finding at `path`: `expected`, `meant`, `column` and the facts of its code.
@@ -161,8 +171,8 @@ class Faults:
         """Adds what is raised while an equation at `path` is read; what follows is left out."""
         try:
             yield
-        except InputError as error:
-            self.extend(path, error)
+        except InputError as fault:
+            self.extend(path, fault)
 
     def unknown(
         self, path: YamlPath, name: str, known: Collection[str], what: str = "name"
@@ -171,10 +181,7 @@ class Faults:
         the list of them is reported already.
         """
         if known or not self.findings:
-            # `x` stands for `x_mm`.
-            whole = tuple(key for key in known if name and key.rpartition("_")[0] == name)
             hint = suggestion(name, known) if len(self.findings) < HINTED else {}
-            hint = {"meant": whole} if whole else hint
             self.add(path, "unknown-name", value=name, what=what, **hint)
 
     def symbol(
@@ -213,19 +220,17 @@ class Faults:
                 self.add(path, "appears-twice", what=what, value=f"{first}, {second}")
             seen.add(pair)
 
-    def lacks(self, path: YamlPath, key: str, expected: str, others: Sequence[str] = ()) -> None:
+    def lacks(
+        self, path: YamlPath, key: str, expected: str = "", others: Sequence[str] = ()
+    ) -> None:
         """That an entry has a `key`, or one of the `others`, unless one of them is misspelt."""
         if not self.misspelt(path, (key, *others)):
             self.add(path, "missing-key", key=key, expected=expected)
 
     def misspelt(self, path: YamlPath, keys: Sequence[str]) -> bool:
         """Whether an unknown key of an entry, reported already, is meant for one of `keys`."""
-        unknown = [
-            each.value or ""
-            for each in self.findings
-            if is_unknown_key(each) and each.path == path_text((*path, each.value or ""))
-        ]
-        return any(_stands_for(name, key) for name in unknown[:HINTED] for key in keys)
+        unknown = self.unknown_keys.get(path, [])[:HINTED]
+        return any(nearest(name, [key]) for name in unknown for key in keys)
 
     def is_faulty(self, *path: str | int) -> bool:
         """Whether something is wrong with an entry."""
@@ -268,28 +273,16 @@ def check_contract(
         raise InputError(faults.findings)
     try:
         checked = model.model_validate(data)
-    except ValidationError as error:
-        items = error.errors(include_url=False)
-        unknown: dict[YamlPath, list[str]] = {}
-        for item in items:
-            if item["type"] == "extra_forbidden":
-                unknown.setdefault(item["loc"][:-1], []).append(str(item["loc"][-1]))
-        for item in items:
-            *entry, key = item["loc"] or ("",)
-            # A required key that is misspelt is reported once.
-            beside = unknown.get(tuple(entry), [])[:HINTED] if item["type"] == "missing" else ()
-            if not any(_stands_for(name, str(key)) for name in beside):
-                _report(item, faults, model)
+    except ValidationError as fault:
+        # Missing keys last: an unknown one may be meant.
+        items = fault.errors(include_url=False)
+        for item in sorted(items, key=lambda item: item["type"] == "missing"):
+            _report(item, faults, model)
         checked = _sound_part(model, data)
     check(checked, faults)
     if faults.findings:
         raise InputError(faults.findings)
     return checked
-
-
-def _stands_for(name: str, key: str) -> bool:
-    """Whether an unknown name is probably meant for a key: `x` is for `x_mm`."""
-    return bool(name) and (key.rpartition("_")[0] == name or bool(nearest(name, [key])))
 
 
 def is_unknown_key(found: Finding) -> bool:
@@ -304,17 +297,20 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
     shown = "null" if value is None else value
     at = type_at(model, path)
     if kind == "missing":
-        faults.add(path[:-1], "missing-key", key=str(path[-1]))
+        faults.lacks(path[:-1], str(path[-1]))
     elif kind == "extra_forbidden":
         name, known = str(path[-1]), list(keys_of(type_at(model, path[:-1])))
+        faults.unknown_keys.setdefault(path[:-1], []).append(name)
         if value is None and name[:1].isdigit():
             expected = f"a decimal point before {name}: a comma ends a value"
             faults.add(path, "unknown-name", what="key", value=name, expected=expected)
         else:
             faults.unknown(path, name, known, "key")
-    elif kind == "finding":
-        given = {"expected": context["expected"], **context["facts"]}
-        faults.add(path, context["code"], value=shown, **given)
+    elif kind == "findings":
+        # Of an entry the keys at fault are named, or a value of them.
+        whole = {"value": None if isinstance(value, dict) else shown}
+        for fault in context["faults"]:
+            faults.add((*path, *fault["at"]), fault["code"], **{**whole, **fault["given"]})
     elif kind == "literal_error":
         is_key = path != item["loc"]
         allowed = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
@@ -388,8 +384,8 @@ def _sound_part(model: type[M], data: Mapping[str, Any]) -> M:
         elif not info.is_required():
             value = info.get_default(call_default_factory=True)
         if kind is dict:
-            sound = {key: own for key, own in (value or {}).items() if own is not None}
-            value = {key: own for key, own in sound.items() if key is not None}
+            entries = (value or {}).items()
+            value = {key: own for key, own in entries if key is not None and own is not None}
         values[name] = [] if kind is list and value is None else value
     return model.model_construct(**values)
 
@@ -424,3 +420,24 @@ def is_name(text: str) -> bool:
 def is_identifier(name: str) -> bool:
     """Whether an equation can use the name."""
     return name.isascii() and name.isidentifier()
+
+
+SCHEMAS = {
+    "machine": ("mtu_cli.files.machine_contract", "Machine"),
+    "part": ("mtu_cli.files.part", "Part"),
+    "study": ("mtu_cli.files.study", "Study"),
+    "budget": ("mtu_cli.files.budget", "Budget"),
+    "graph": ("mtu_cli.files.graph_contract", "Graph"),
+    "effects": ("mtu_cli.files.effects", "Effects"),
+}
+"""Module and model of each kind; the modules are imported when asked for."""
+
+
+def json_schema(kind: str) -> dict[str, Any]:
+    """The JSON Schema (draft 2020-12) of ``mtu/<kind>/1``; InputError where there is no such."""
+    if kind not in SCHEMAS:
+        raise error("unknown-name", what="schema", value=kind, **suggestion(kind, SCHEMAS))
+    module, name = SCHEMAS[kind]
+    schema: dict[str, Any] = getattr(import_module(module), name).model_json_schema(by_alias=True)
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": f"mtu/{kind}/1"}
+    return head | schema | {"title": f"mtu {kind}"}

@@ -21,10 +21,6 @@ SIGN_EXPECTED = "forward or reverse, + or -, 1 or -1"
 TEMPERATURE_EXPECTED = "a number in degC: leave out the column, or the rows"
 _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
 """What a word processor makes of a minus: as a sign it can mean nothing else."""
-STEADY_K = 0.05
-"""Range of a temperature that does not change: a thermometer reads as much from itself."""
-NEAR_K = 0.5
-"""Temperatures this near to one another are one to a shop: a meter of steel grows by 6 um."""
 SENSOR_DEGC = (-60.0, 150.0)
 """No sensor of a machine reads less or more; what a shop is in kelvin is more."""
 KELVIN = 273.15
@@ -51,12 +47,6 @@ _MEANT = re.compile(
 def is_covariate(name: str) -> bool:
     """Whether a name is a covariate of every machine: dir_x, time_min, T_spindle_degC, ..."""
     return name in COVARIATES or is_temperature(name)
-
-
-def is_steady(name: str, span: float) -> bool:
-    """Whether values whose range is `span` do not change, but for what a sensor reads."""
-    # A range of printed values is rounded: 26.05 - 26.
-    return span <= (STEADY_K + 1e-9 if is_temperature(name) else 0.0)
 
 
 def looks_like_temperature(name: str) -> bool:
@@ -99,9 +89,8 @@ def closest_covariate(name: str, known: Iterable[str]) -> str | None:
 
 def _sensor(name: str) -> str:
     """What tells a temperature from others; any other name is its own."""
-    return re.sub(
-        "(?<![0-9])0+(?=[0-9])", "", name.casefold().removeprefix("t_").removesuffix("_degc")
-    )
+    sensor = name.casefold().removeprefix("t_").removesuffix("_degc")
+    return re.sub("(?<![0-9])0+(?=[0-9])", "", sensor)
 
 
 def is_temperature(name: str) -> bool:

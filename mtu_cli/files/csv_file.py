@@ -1,8 +1,8 @@
 """The one reader of CSV tables: typed columns, and every bad cell with its row, column and value.
 
-pandas reads the body once. That no row is short or long is proven by counting separators between
-line ends; only where that fails, or cells are quoted, records are taken one by one. Cells are
-examined only in columns that are not numeric though they should be.
+pandas reads the body once, in chunks. That no row is short or long is proven by counting separators
+between line ends; only where that fails, or cells are quoted, records are taken one by one. Cells
+are examined only in chunks of a column that are not numeric though they should be.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ import csv
 import gzip
 import math
 import re
+import sys
 import zlib
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property, partial
 from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,17 +33,16 @@ from mtu_cli.files.csv_table import (
     Floats,
     Ints,
     Table,
-    Texts,
     expectation,
     joined,
     number,
     perhaps_equal,
-    texts_of,
+    stacked,
     time_of,
 )
-from mtu_cli.files.headers import EXCLUSIVE, WANTED, Column, TableSpec, check_header
-from mtu_cli.files.source import Source, check_text, read_source
-from mtu_cli.findings import InputError, counted, error, finding, nearest, suggestion
+from mtu_cli.files.headers import EXCLUSIVE, SAYS, WANTED, Column, TableSpec, check_header
+from mtu_cli.files.source import DRIFT, check_text, read_source
+from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest, suggestion
 from mtu_cli.units import plain_unit
 
 if TYPE_CHECKING:
@@ -53,6 +53,8 @@ MAX_RATIO = 250
 """Bound of a compressed file: measured data compress by 3 to 20, a bomb by 1000."""
 INFLATED_FREE = 64 << 20
 SAMPLE_BYTES = 1 << 15
+CHUNK = 1 << 16
+"""Rows."""
 
 
 def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec, faults: CellFaults) -> Table:
@@ -80,16 +82,15 @@ def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec, faults: Cell
 
 
 def _check_files(table: Table, faults: CellFaults) -> None:
-    """Files that are given twice, and times that do not go together."""
-    first: dict[str, Source] = {}
+    """Files that are given twice, times that do not go together, and names of temperatures."""
+    first: dict[str, File] = {}
     dated = [file for file in table.files if "time" in file.header]
     for file in table.files:
         place: dict[str, Any] = {"file": file.source.shown}
-        other = first.setdefault(file.source.sha256, file.source)
-        if other is not file.source:
-            faults.add(
-                finding("copied-rows", other=other.shown, expected="each file once", **place)
-            )
+        other = first.setdefault(file.source.sha256, file)
+        if other is not file:
+            shown = other.source.shown
+            faults.add(finding("copied-rows", other=shown, expected="each file once", **place))
         elif dated and "time_min" in file.header:
             expected = "one of them in all files"
             faults.add(finding("exclusive", names=EXCLUSIVE, expected=expected, **place))
@@ -97,6 +98,22 @@ def _check_files(table: Table, faults: CellFaults) -> None:
             place |= {"column": "time", "other": "the other times"}
             expected = "all times of all files with an offset from UTC, or none"
             faults.add(finding("contradicts", expected=expected, **place))
+        if file.source.role in (DRIFT, "cmm"):
+            _check_sensor_names(table, file, faults)
+
+
+def _check_sensor_names(table: Table, file: File, faults: CellFaults) -> None:
+    """Columns of numbers of a file whose names say that they are temperatures, but not as
+    `T_<sensor>_degC`: nothing would read them. Beside parts ``T_12`` may be a tool.
+    """
+    for name in filter(looks_like_temperature, file.header):
+        tool = "part" in file.header and re.fullmatch(r"[Tt][\W_]*[0-9]*\W*", name)
+        if name in table.numbers and not tool:
+            better = as_temperature(name)
+            expected = "T_<sensor>_degC of letters a to z, digits and _"
+            expected += f", such as {better}" if better else ""
+            place = {**file.place, "column": name, "expected": expected}
+            faults.add(finding("wrong-type", kind="the name of a temperature", **place))
 
 
 def _check_equal_rows(table: Table, faults: CellFaults) -> None:
@@ -215,13 +232,13 @@ class _Body:
 
     def __init__(self, file: File, spec: TableSpec, faults: CellFaults) -> None:
         self.file, self.faults = file, faults
+        self.records: list[list[str]] = []
         rows = self._sound_rows()
-        self.one_by_one = rows is None
         if rows is None:
-            rows, self.frame = self._records()
+            rows, self.frames = self._one_by_one()
         else:
             texts = [name for name in file.header if not spec.column(name).numeric]
-            self.frame = self._by_pandas(dtype=dict.fromkeys(texts, "category"))
+            self.frames = self._by_pandas(dtype=dict.fromkeys(texts, "category"))
         file.source = replace(file.source, rows=len(rows))
         self.table = Table(files=(file,), rows=rows, file_index=np.zeros(len(rows), np.int64))
         for name in file.header:
@@ -247,13 +264,14 @@ class _Body:
                 return None
         return np.delete(np.arange(len(counts)) + self.file.header_row + 1, odd)
 
-    def _by_pandas(self, **options: Any) -> pd.DataFrame:
+    def _by_pandas(self, **options: Any) -> list[pd.DataFrame]:
+        """The rows in chunks: a cell that is no number makes texts of its chunk alone."""
         import pandas as pd
 
         if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
             # Later versions read numbers exactly by themselves and warn of the option.
             options["float_precision"] = "round_trip"
-        frame: pd.DataFrame = pd.read_csv(
+        with pd.read_csv(
             BytesIO(self.file.content[self.file.body :]),
             sep=self.file.separator,
             decimal=self.file.decimal,
@@ -264,81 +282,91 @@ class _Body:
             na_values=[""],
             quoting=csv.QUOTE_NONE,
             low_memory=False,
+            chunksize=CHUNK,
             **options,
-        )
-        return frame
+        ) as reader:
+            return list(reader)
 
-    def _records(self) -> tuple[Ints, pd.DataFrame]:
+    def _one_by_one(self) -> tuple[Ints, list[pd.DataFrame]]:
         """Records one by one; those with too few or too many cells are faults and left out."""
         import pandas as pd
 
         file, wanted = self.file, len(self.file.header)
         rows: list[int] = []
-        kept: list[list[str]] = []
         csv.field_size_limit(max(csv.field_size_limit(), len(file.content)))
         lines = StringIO(file.content[file.body :].decode(), newline="\n")
         reader = csv.reader(lines, delimiter=file.separator, strict=True)
-        while True:
-            row = file.header_row + 1 + reader.line_num
-            try:
-                cells = next(reader)
-            except StopIteration:
-                break
-            except csv.Error as fault:
-                place = {**file.place, "row": row}
-                if "unexpected end" in str(fault):
-                    place["expected"] = 'a closing "'
-                self.faults.add(finding("not-readable", reason=str(fault), **place))
-                break
-            if len(cells) == wanted:
-                rows.append(row)
-                kept.append(cells)
-            elif len(cells) > 1 or "".join(cells).strip():
-                expected = f"{wanted}, as in the header"
-                if len(cells) > wanted and cells[-1].strip() and file.separator == ",":
-                    expected += "; decimal commas need semicolons between the columns"
-                place = {**file.place, "row": row, "expected": expected}
-                value = file.separator.join(cells)
-                self.faults.add(
-                    finding("row-length", cells=counted(len(cells), "cell"), value=value, **place)
-                )
-        return np.array(rows, np.int64), pd.DataFrame(kept, columns=[*file.header], dtype=object)
+        place: dict[str, Any] = {"file": file.source.shown, "row": file.header_row + 1}
+        try:
+            for cells in reader:
+                if len(cells) == wanted:
+                    rows.append(place["row"])
+                    self.records.append(cells)
+                elif len(cells) > 1 or "".join(cells).strip():
+                    self.faults.add(self._row_length(cells, place))
+                place["row"] = file.header_row + 1 + reader.line_num
+        except csv.Error as fault:
+            expected = 'a closing "' if "unexpected end" in str(fault) else None
+            self.faults.add(finding("not-readable", reason=str(fault), expected=expected, **place))
+        frame = pd.DataFrame(self.records, columns=[*file.header], dtype=object)
+        return np.array(rows, np.int64), [frame]
+
+    def _row_length(self, cells: list[str], place: dict[str, Any]) -> Finding:
+        wanted, separator = len(self.file.header), self.file.separator
+        expected = f"{wanted}, as in the header"
+        if len(cells) > wanted and cells[-1].strip() and separator == ",":
+            expected += "; decimal commas need semicolons between the columns"
+        given = {"value": separator.join(cells), "expected": expected}
+        return finding("row-length", cells=counted(len(cells), "cell"), **given, **place)
 
     def _column(self, name: str, column: Column) -> None:
         """Reads a column; a free one holds numbers where every cell is one, else texts."""
-        values = self.frame[name]
-        numbers: Floats | None = None
-        if column.numeric and values.dtype.kind in "iuf":
-            numbers = values.to_numpy(np.float64)
-        if numbers is not None and not np.isinf(numbers).any():
-            empty = np.isnan(numbers)
-        else:
-            cells = self._cells(name, column)
-            empty = cells.codes < 0
-            parsed = [self._value(column, label) for label in cells.labels]
-            sound = np.array([*parsed, None], np.float64)
-            sound[np.isinf(sound)] = np.nan
-            if column.kind == "text" or (column.kind == "free" and None in parsed):
-                self.table.texts[name] = cells
-            else:
-                numbers = sound[cells.codes]
-            if column.kind != "free" or numbers is not None:
-                self._check_cells(name, column, cells, np.isnan(sound)[cells.codes] & ~empty)
-        if not column.may_be_empty:
-            self.faults.cells(self.table, empty, name, "empty-cell", expected=column.expected)
-        if numbers is not None:
-            self.table.numbers[name] = numbers
-            self._check_size(name, column, numbers)
+        parts = [frame[name] for frame in self.frames]
+        if not column.numeric:
+            parts = self._unconverted(name, parts)
+        is_text = column.kind == "text"
+        numbers, empty = [np.zeros(0)], [np.zeros(0, bool)]
+        for values in parts:
+            if column.numeric and values.dtype.kind in "iuf":
+                numbers.append(values.to_numpy(np.float64))
+                empty.append(np.isnan(numbers[-1]))
+                continue
+            codes, labels = self._labelled(values, column)
+            of = partial(number, decimal=self.file.decimal)
+            parsed = [*map(of if column.numeric else partial(self._value, column), labels)]
+            numbers.append(np.array(parsed, np.float64)[codes])
+            empty.append(np.array([not label for label in labels])[codes])
+            cells = zip(labels, parsed, strict=True)
+            is_text |= column.kind == "free" and any(label and x is None for label, x in cells)
+        if is_text:
+            parts = self._unconverted(name, parts)
+            self.table.texts[name] = stacked([self._labelled(each, column) for each in parts])
+            if column.kind == "free":
+                return
+        found = np.concatenate(numbers)
+        odd = _excluded(found, column)
+        if column.may_be_empty:
+            odd &= ~np.concatenate(empty)
+        if odd.any():
+            found = np.where(np.isinf(found), np.nan, found)
+            fault = cache(partial(self._fault, name, column))
+            self.faults.cells(self.table, odd, name, lambda i: fault(self._text(name, i)))
+        if not is_text:
+            self.table.numbers[name] = found
 
-    def _cells(self, name: str, column: Column) -> Texts:
-        """The cells of a column, stripped, with labels in the order of appearance."""
+    def _unconverted(self, name: str, parts: list[Any]) -> list[Any]:
+        """The parts of a column of texts: pandas makes numbers of texts that look like them, and
+        part 007 into part 7.
+        """
+        labels = [part.cat.categories if part.dtype == "category" else part for part in parts]
+        if any(each.dtype.kind in "iufb" for each in labels):
+            return [frame[name] for frame in self._by_pandas(usecols=[name], dtype=object)]
+        return parts
+
+    def _labelled(self, values: Any, column: Column) -> tuple[Ints, list[str]]:
+        """The stripped cells `labels[codes[i]]` of a part of a column; the last is empty."""
         import pandas as pd
 
-        values = self.frame[name]
-        labels = values.cat.categories if values.dtype == "category" else values
-        if not self.one_by_one and labels.dtype.kind in "iufb":
-            # pandas makes numbers of texts that look like them, and part 007 into part 7.
-            values = self._by_pandas(usecols=[name], dtype=object)[name]
         codes, labels = pd.factorize(
             values if values.dtype == "category" else values.astype(object)
         )
@@ -346,74 +374,63 @@ class _Body:
         if column.known is not None:
             # The sign for micro and the Greek letter look alike.
             cells = [cell if cell in column.known else plain_unit(cell) for cell in cells]
-        return texts_of(cells, codes)
+        return codes, [*cells, ""]
+
+    @cached_property
+    def _lines(self) -> list[str]:
+        return self.file.content.decode().split("\n")
+
+    def _text(self, name: str, i: int) -> str:
+        """A cell as the file has it: its float may be another number."""
+        if self.records:
+            cells = self.records[i]
+        else:
+            cells = self._lines[self.table.rows[i] - 1].split(self.file.separator)
+        return cells[self.file.header.index(name)].strip()
 
     def _value(self, column: Column, label: str) -> float | None:
-        """The number that a cell says, 0 for a text that may stand there; None for what may not."""
-        if column.numeric:
-            return number(label, self.file.decimal)
+        """What stands for a cell: 0 for a text that may stand there; None for what may not."""
         if column.kind == "text":
             known = is_name(label) if column.known is None else label in column.known
             return 0.0 if known else None
         if column.kind == "sign":
             return direction_sign(label)
-        if column.kind == "time" and (time := time_of(label)) is not None:
-            self.file.aware |= {time[1]}
-            return time[0]
-        return None
+        if (time := time_of(label)) is None:
+            return None
+        self.file.aware |= {time[1]}
+        return time[0]
 
-    def _check_cells(self, name: str, column: Column, cells: Texts, bad: Flags) -> None:
-        """Finds the `bad` cells (n,): those that are no value of their column."""
-
-        @cache
-        def of_label(label: str) -> dict[str, Any]:
-            if column.known is not None:
-                return {"value": label, "what": name, **suggestion(label, column.known)}
-            says = column.says or expectation(label, self.file.decimal)
-            kind, expected = WANTED.get(column.kind, ("a number", says))
+    def _fault(self, name: str, column: Column, label: str) -> dict[str, Any]:
+        """What a Finding of a cell says that is no value of its column."""
+        says = SAYS.get(name, "")
+        if not label:
+            expected = says or WANTED.get(column.kind, ("", "a number"))[1]
+            return {"code": "empty-cell", "expected": expected}
+        given = {"value": label, "code": "wrong-type"}
+        if column.known is not None:
+            hint = suggestion(label, column.known)
+            return {**given, "code": "unknown-name", "what": name, **hint}
+        value = number(label, self.file.decimal) if column.numeric else None
+        if value is None or not math.isfinite(value):
+            expected = says or expectation(label, self.file.decimal)
+            kind, expected = WANTED.get(column.kind, ("a number", expected))
             meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
-            return {"value": label, "kind": kind, "expected": expected, "meant": meant}
-
-        code = "wrong-type" if column.known is None else "unknown-name"
-        self.faults.cells(
-            self.table, bad, name, code, lambda i: of_label(cells.labels[cells.codes[i]])
-        )
-
-    def _check_size(self, name: str, column: Column, values: Floats) -> None:
-        """Finds the cells beyond what a number of the column may be."""
-
-        @cache
-        def cells() -> Texts:
-            # A float may be another number than the file says.
-            return self._cells(name, column)
-
-        def report(bad: Flags, code: str, **facts: Any) -> None:
-            def of_row(i: int) -> dict[str, Any]:
-                return {"value": cells().labels[cells().codes[i]]}
-
-            self.faults.cells(self.table, bad, name, code, of_row, **facts)
-
-        if column.kind in ("whole", "count"):
-            broken = np.abs(values - np.round(values)) > 0
-            expected = "a whole number" + (" from 0 on" if column.kind == "count" else "")
-            whole = {"kind": "a whole number", "expected": column.says or expected}
-            report(broken, "wrong-type", **whole)
-        if column.kind == "count":
-            report(values < 0, "out-of-range", expected=expected)
-        if column.numeric and math.isfinite(column.largest):
-            most = column.says or f"at most {column.largest:g} in size"
-            report(np.abs(values) > column.largest, "out-of-range", expected=most)
+            return {**given, "kind": kind, "expected": expected, "meant": meant}
+        expected = f"at most {column.largest:g} in size"
+        if column.whole and (value % 1 or value < 0):
+            expected = "a whole number" + " from 0 on" * (column.kind == "count")
+        given["expected"] = says or expected
+        if column.whole and value % 1:
+            return {**given, "kind": "a whole number"}
+        return {**given, "code": "out-of-range"}
 
 
-def check_sensor_names(table: Table, file: File, faults: CellFaults) -> None:
-    """Columns of numbers of a file whose names say that they are temperatures, but not as
-    `T_<sensor>_degC`: nothing would read them. Beside parts ``T_12`` may be a tool.
-    """
-    for name in filter(looks_like_temperature, file.header):
-        tool = "part" in file.header and re.fullmatch(r"[Tt][\W_]*[0-9]*\W*", name)
-        if name in table.numbers and not tool:
-            better = as_temperature(name)
-            expected = "T_<sensor>_degC of letters a to z, digits and _"
-            expected += f", such as {better}" if better else ""
-            place = {**file.place, "column": name, "expected": expected}
-            faults.add(finding("wrong-type", kind="the name of a temperature", **place))
+def _excluded(numbers: Floats, column: Column) -> Flags:
+    """Where numbers (n,) are none that the column may hold; so is nan."""
+    largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
+    odd = ~(np.abs(numbers) <= largest)
+    if column.whole:
+        odd |= numbers != np.rint(numbers)
+    if column.kind == "count":
+        odd |= numbers < 0
+    return odd

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -56,17 +55,16 @@ class CellFaults:
         table: Table,
         bad: Flags,
         column: str,
-        code: str,
         describe: Callable[[int], dict[str, Any]] = lambda i: {},
         **given: Any,
     ) -> None:
         """One fault for each of the `bad` rows (n,), with what is `given` and what `describe` gives
-        for the row, counted from 0.
+        for the row, counted from 0: its code and what belongs to it.
         """
         rows = np.flatnonzero(bad)
         room = max(0, LISTED_FAULTS - len(self.listed))
         for i in rows[:room].tolist():
-            self.add(finding(code, **table.place(i), column=column, **given, **describe(i)))
+            self.add(finding(**{**table.place(i), "column": column, **given, **describe(i)}))
         self.uncounted += max(0, len(rows) - room)
 
     def raise_if_any(self) -> None:
@@ -166,23 +164,44 @@ class Table:
         """Whether each row's file has the column (n,)."""
         return self.of_files(lambda file: name in file.header)
 
-    def minutes(self) -> Floats:
-        """Minutes of each row (n,): `time_min` as given, `time` from the earliest of all files."""
-        times = self.numbers.get("time")
-        if times is None:
-            return self.number("time_min")
-        return (times - np.nanmin(times)) / MINUTE
-
-    def covariates(self, spec: TableSpec) -> dict[str, Floats | NDArray[np.object_]]:
-        """Every column that the contract does not name: floats with nan, or texts with ""."""
-        values: dict[str, Floats | NDArray[np.object_]] = {}
+    def fields(self, spec: TableSpec) -> dict[str, Any]:
+        """What the rows of every contract have: the fields of `Measured`."""
+        if (times := self.numbers.get("time")) is None:
+            minutes = self.number("time_min")
+        else:
+            minutes = (times - np.nanmin(times)) / MINUTE
+        covariates: dict[str, Floats | NDArray[np.object_]] = {}
         for name in (name for name in self.header if name not in spec.columns):
             if name in self.numbers:
-                values[name] = self.numbers[name]
+                covariates[name] = self.numbers[name]
             else:
                 column = self.texts[name]
-                values[name] = np.array([*column.labels, ""], dtype=object)[column.codes]
-        return values
+                covariates[name] = np.array([*column.labels, ""], dtype=object)[column.codes]
+        return {
+            "time_min": minutes,
+            "covariates": covariates,
+            "file_index": self.file_index,
+            "row": self.rows,
+            "sources": self.sources,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What readings and points have alike, of all files, end to end; every array has one entry a
+    row and may be read-only.
+
+    `time_min` in minutes, from the earliest time of all files where those are dates, nan where not
+    given; `covariates`, the columns that the contract does not name, are floats (nan where not
+    given) or texts ("" where not given); `row` counts as a text editor in the file
+    `sources[file_index[i]]`.
+    """
+
+    time_min: Floats
+    covariates: dict[str, Floats | NDArray[np.object_]]
+    file_index: Ints
+    row: Ints
+    sources: tuple[Source, ...]
 
 
 def joined(tables: Sequence[Table]) -> Table:
@@ -200,26 +219,27 @@ def joined(tables: Sequence[Table]) -> Table:
         if all(name not in table.texts for table in tables):
             whole.numbers[name] = np.concatenate([table.number(name) for table in tables])
             continue
-        labels: dict[str, int] = {}
-        codes = []
+        parts: list[tuple[Ints, Sequence[str]]] = []
         for table in tables:
-            column = table.texts.get(name) or _as_texts(table.number(name))
-            lookup = [labels.setdefault(label, len(labels)) for label in column.labels]
-            codes.append(np.array([*lookup, -1])[column.codes])
-        whole.texts[name] = Texts(np.concatenate(codes), tuple(labels))
+            if column := table.texts.get(name):
+                parts.append((column.codes, column.labels))
+            else:
+                cells = ["" if v != v else cell_text(v) for v in table.number(name).tolist()]
+                parts.append((np.arange(len(cells)), cells))
+        whole.texts[name] = stacked(parts)
     return whole
 
 
-def _as_texts(values: Floats) -> Texts:
-    cells = ["" if v != v else cell_text(v) for v in values.tolist()]
-    return texts_of(cells, np.arange(len(cells)))
-
-
-def texts_of(cells: Sequence[str], codes: Ints) -> Texts:
-    """`cells[codes[i]]` as a column: no text twice, none that is empty."""
-    labels = {label: i for i, label in enumerate(dict.fromkeys(filter(None, cells)))}
-    lookup = np.array([*(labels.get(cell, -1) for cell in cells), -1])
-    return Texts(lookup[codes], tuple(labels))
+def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:
+    """Parts of a column, each `cells[codes[i]]`, end to end: no text twice, none that is empty."""
+    every: list[str] = []
+    codes = [np.zeros(0, np.int64)]
+    for own, cells in parts:
+        codes.append(np.where(own < 0, -1, own + len(every)))
+        every += cells
+    labels = {label: i for i, label in enumerate(dict.fromkeys(filter(None, every)))}
+    lookup = np.array([*(labels.get(cell, -1) for cell in every), -1])
+    return Texts(lookup[np.concatenate(codes)], tuple(labels))
 
 
 def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
@@ -261,15 +281,9 @@ def number(cell: str, decimal: Decimal = ".") -> float | None:
     return value if text.isascii() and "_" not in text else None
 
 
-def is_not_finite(cell: str, decimal: Decimal = ".") -> bool:
-    """Whether a cell says nan or infinity, or is a number too large for one."""
-    value = number(cell, decimal)
-    return value is not None and not math.isfinite(value)
-
-
 def expectation(cell: str, decimal: Decimal) -> str:
     """What was expected of a cell that is no finite number."""
-    if is_not_finite(cell, decimal):
+    if number(cell, decimal) is not None:
         return "a finite number"
     if number(cell, "." if decimal == "," else ",") is None:
         return number_expectation(cell)

@@ -7,12 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from mtu_cli.files.contract import Contract, Name, wrong
-from mtu_cli.files.machine_contract import (
-    AxisName,
-    EquationText,
-    ParameterUnitName,
-)
+from mtu_cli.files.contract import Contract, Name, optional, wrong
+from mtu_cli.files.machine_contract import AxisName, EquationText, ParameterUnitName
 
 MAX_GRID = 500
 BOUNDS = ("span", "spacing", "low", "high")
@@ -51,21 +47,19 @@ Bounds = Annotated[
 class Search(Contract):
     """The grid of a parameter in which the equation is not linear."""
 
-    of: Text | None = Field(
-        default=None, description="The position or column that `span` and `low` are of"
-    )
-    grid: Literal["linear", "log", "frequency", "between"] = Field(
-        default="linear",
-        description="Even steps, even ratios, even steps of 1/value (at most a quarter of "
+    of: Text | None = optional("The position or column that `span` and `low` are of")
+    grid: Literal["linear", "log", "frequency", "between"] = optional(
+        "Even steps, even ratios, even steps of 1/value (at most a quarter of "
         "1/span), or half-way between the values of `of`",
+        "linear",
     )
     from_: Bounds = Field(default=["low"], alias="from", description="The largest of these")
-    to: Bounds = Field(default=["high"], description="The smallest of these")
-    count: Annotated[int, Field(ge=2, le=MAX_GRID)] | None = Field(
-        default=None, description="Number of values; the largest number of a frequency grid"
+    to: Bounds = optional("The smallest of these", ["high"])
+    count: Annotated[int, Field(ge=2, le=MAX_GRID)] | None = optional(
+        "Number of values; the largest number of a frequency grid"
     )
-    margin: Annotated[int, Field(ge=1)] = Field(
-        default=2, description="Values on either side of a grid between values"
+    margin: Annotated[int, Field(ge=1)] = optional(
+        "Values on either side of a grid between values", 2
     )
 
     @model_validator(mode="before")
@@ -87,42 +81,32 @@ class MemberTemplate(Contract):
 
     parameters: EffectParameters = Field(description="Name and unit")
     equations: EffectEquations = Field(description="mm; linear in the parameters")
-    search: Searched = Field(default={}, description="A parameter that is searched")
-    readings: bool = Field(
-        default=False, description="Whether it is tested on readings of a component alone"
-    )
+    search: Searched = optional("A parameter that is searched", {})
+    readings: bool = optional("Whether it is tested on readings of a component alone", False)
 
 
 class Family(Contract):
     """A family of candidate effects; either one form, or several as `members`."""
 
     family: FamilyName
-    name: Name | None = Field(
-        default=None, description="Name of a candidate; family-{a} or the family where not given"
-    )
+    name: Name | None = optional("Name of a candidate; family-{a} or the family where not given")
     says: Text = Field(description="What it is, in words")
-    separates: Text | None = Field(default=None, description="What tells it from its rivals")
-    separates_readings: Text | None = Field(
-        default=None, description="The same of readings of a component, where it is not the same"
+    separates: Text | None = optional("What tells it from its rivals")
+    separates_readings: Text | None = optional(
+        "The same of readings of a component, where it is not the same"
     )
-    kind: Kind = Field(default="mean", description="What of the errors it changes")
-    over: Literal["feature", "part", "operation"] | None = Field(
-        default=None, description="`chosen` is 1 on one of these, 0 on the others"
+    kind: Kind = optional("What of the errors it changes", "mean")
+    over: Literal["feature", "part", "operation"] | None = optional(
+        "`chosen` is 1 on one of these, 0 on the others"
     )
-    axes: list[AxisName] | None = Field(
-        default=None, description="What {a} may be; any if not given"
-    )
-    least_axes: Annotated[int, Field(ge=1, le=3)] = Field(
-        default=1, description="Axes with errors that it needs"
-    )
-    needs: list[Text] = Field(default=[], description="Columns that must be there and change")
-    parameters: EffectParameters | None = Field(default=None, description="Name and unit")
-    equations: EffectEquations | None = Field(
-        default=None, description="mm; linear in the parameters"
-    )
-    search: Searched = Field(default={}, description="A parameter that is searched")
-    members: Annotated[list[MemberTemplate], Field(min_length=1)] | None = Field(
-        default=None, description="Several forms of the family, tested apart"
+    axes: list[AxisName] | None = optional("What {a} may be; any if not given")
+    least_axes: Annotated[int, Field(ge=1, le=3)] = optional("Axes with errors that it needs", 1)
+    needs: list[Text] = optional("Columns that must be there and change", [])
+    parameters: EffectParameters | None = optional("Name and unit")
+    equations: EffectEquations | None = optional("mm; linear in the parameters")
+    search: Searched = optional("A parameter that is searched", {})
+    members: Annotated[list[MemberTemplate], Field(min_length=1)] | None = optional(
+        "Several forms of the family, tested apart"
     )
 
 

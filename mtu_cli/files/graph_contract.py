@@ -1,4 +1,4 @@
-"""The shape of a measurement graph file (``mtu/graph/1``)."""
+"""The shape of a measurement graph file (``mtu/graph/1``); `model.graph.net` checks its net."""
 
 from __future__ import annotations
 
@@ -9,8 +9,16 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from mtu_cli.files.budget import Correlation
-from mtu_cli.files.contract import Contract, IdText, Name, number_expectation, wrong
-from mtu_cli.files.graph_kinds import PlaceKind, TransitionKind
+from mtu_cli.files.contract import (
+    Contract,
+    IdText,
+    Name,
+    is_number,
+    number_expectation,
+    optional,
+    short,
+    wrong,
+)
 from mtu_cli.findings import InputError
 from mtu_cli.language import check_known, evaluate, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -20,6 +28,23 @@ LARGEST = 1e9
 LARGEST_U_UM = 1e6
 MAX_REPEATS = 10_000
 Triple = tuple[float, float, float]
+PlaceKind = Literal["coordinate", "point", "vector", "line", "plane", "frame", "constant"]
+COORDINATES: dict[str, tuple[str, ...]] = {
+    "coordinate": ("value",),
+    "constant": ("value",),
+    "point": ("x", "y", "z"),
+    "vector": ("i", "j", "k"),
+    "line": ("x", "y", "z", "i", "j", "k"),
+    "plane": ("x", "y", "z", "i", "j", "k"),
+    "frame": ("x", "y", "z", "rx", "ry", "rz"),
+}
+"""rx, ry, rz: the rotation of a frame about its own nominal axes."""
+TransitionKind = Literal[
+    "meas", "displace", "middle", "vector", "unit_v", "ratio", "length", "ball", "hole",
+    "circle", "sphere", "line", "aline", "plane", "point", "normal", "direction", "project",
+    "per_proj", "distance", "angle", "frame", "transform", "compute",
+]  # fmt: skip
+"""As `model.graph.transitions` registers them."""
 
 
 def number_or_formula(value: object) -> float:
@@ -39,18 +64,19 @@ def number_or_formula(value: object) -> float:
             expected = number_expectation(value, "a number, or a formula of numbers")
             raise wrong(expected, "wrong-type", kind=kind) from None
         value = float(evaluate(node, {}))
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if not is_number(value):
         raise wrong("a number, or a formula such as 30*pi/180")
-    if not abs(value) <= LARGEST:
+    if not abs(number := float(value)) <= LARGEST:
         raise wrong(f"a number of at most {LARGEST:g}")
-    return float(value)
+    return number
 
 
 def _nominal(value: object) -> tuple[float, ...]:
-    items = value if isinstance(value, list) else [value]
-    if isinstance(value, list) and len(items) != 3:
+    if not isinstance(value, list):
+        return (number_or_formula(value),)
+    if len(value) != 3:
         raise wrong("one number for a coordinate, [x, y, z] for a point")
-    return tuple(map(number_or_formula, items))
+    return tuple(map(number_or_formula, value))
 
 
 def _direction(value: object) -> Triple:
@@ -67,10 +93,6 @@ def _direction(value: object) -> Triple:
     return (i / length, j / length, k / length)
 
 
-def _listed(value: object) -> object:
-    return value if isinstance(value, list) else [value]
-
-
 Number = Annotated[float, BeforeValidator(number_or_formula, json_schema_input_type=float | str)]
 Nominal = Annotated[
     tuple[float, ...],
@@ -81,44 +103,32 @@ Direction = Annotated[
 ]
 Um = Annotated[float, Field(ge=0, le=LARGEST_U_UM)]
 Repeats = Annotated[int, Field(ge=1, le=MAX_REPEATS)]
+_SINGLE = short(lambda value: not isinstance(value, list), lambda value: [value], str | list[str])
+Outputs = Annotated[list[IdText], Field(min_length=1), _SINGLE]
 
 
 class Probing(Contract):
     """Standard uncertainties of one probing, um: u1, u2 and u3 of Stryczek, eq. (1)."""
 
-    axis_um: Um = Field(default=0.0, description="u1: position of the axis")
-    probe_um: Um = Field(default=0.0, description="u2: the probe; averaged by repeats")
-    perpendicular_um: Um = Field(default=0.0, description="u3: probing not perpendicular")
-
-
-class OwnProbing(Contract):
-    """What one transition has otherwise than the graph."""
-
-    axis_um: Um | None = None
-    probe_um: Um | None = None
-    perpendicular_um: Um | None = None
+    axis_um: Um = optional("u1: position of the axis", 0.0)
+    probe_um: Um = optional("u2: the probe; averaged by repeats", 0.0)
+    perpendicular_um: Um = optional("u3: probing not perpendicular", 0.0)
 
 
 class Place(Contract):
     """A place: what it holds, and its nominal or its value where no transition computes it."""
 
     kind: PlaceKind
-    axis: Literal["x", "y", "z"] | None = Field(default=None, description="Of a coordinate")
-    nominal_mm: Nominal | None = Field(
-        default=None, description="Of a measured coordinate or point"
-    )
-    value: Number | None = Field(default=None, description="Of a constant: mm, rad or 1")
-    u: Annotated[Number, Field(ge=0)] | None = Field(
-        default=None, description="Its standard uncertainty"
-    )
+    axis: Literal["x", "y", "z"] | None = optional("Of a coordinate")
+    nominal_mm: Nominal | None = optional("Of a measured coordinate or point")
+    value: Number | None = optional("Of a constant: mm, rad or 1")
+    u: Annotated[Number, Field(ge=0)] | None = optional("Its standard uncertainty")
     distribution: Literal["normal", "rectangular", "triangular"] = "normal"
-    known: bool = Field(
-        default=False, description="A point that is exact from the start: of a drawing, say"
+    known: bool = optional("A point that is exact from the start: of a drawing, say", False)
+    unit: Literal["mm", "rad", "1"] | None = optional(
+        "Of a constant, where its transition does not give it"
     )
-    unit: Literal["mm", "rad", "1"] | None = Field(
-        default=None, description="Of a constant, where its transition does not give it"
-    )
-    says: str | None = Field(default=None, description="What it is, in words")
+    says: str | None = optional("What it is, in words")
 
     @property
     def marked(self) -> bool:
@@ -138,18 +148,12 @@ class Transition(Contract):
 
     do: TransitionKind
     in_: list[IdText] = Field(default=[], alias="in")
-    out: Annotated[
-        list[IdText],
-        Field(min_length=1),
-        BeforeValidator(_listed, json_schema_input_type=str | list[str]),
-    ]
-    repeats: Repeats | None = Field(default=None, description="Probings averaged")
-    uncertainty: OwnProbing | None = None
-    along: Direction | None = Field(default=None, description="Direction of probing")
-    formula: str | None = Field(
-        default=None, description="Of compute, in the input places; H1.x of a point H1"
-    )
-    says: str | None = Field(default=None, description="What it is, in words")
+    out: Outputs
+    repeats: Repeats | None = optional("Probings averaged")
+    uncertainty: Probing | None = optional("What differs from that of the graph")
+    along: Direction | None = optional("Direction of probing")
+    formula: str | None = optional("Of compute, in the input places; H1.x of a point H1")
+    says: str | None = optional("What it is, in words")
 
 
 class Graph(Contract):
@@ -157,13 +161,11 @@ class Graph(Contract):
 
     schema_: Literal["mtu/graph/1"] = Field(alias="schema")
     name: Name
-    says: str | None = Field(default=None, description="What it is, in words")
-    notes: str | None = Field(default=None, description="Free text")
-    uncertainty: Probing = Field(default=Probing(), description="Of one probing, um")
-    repeats: Repeats = Field(default=1, description="Probings averaged at every meas")
+    says: str | None = optional("What it is, in words")
+    notes: str | None = optional("Free text")
+    uncertainty: Probing = optional("Of one probing, um", Probing())
+    repeats: Repeats = optional("Probings averaged at every meas", 1)
     places: Annotated[dict[Name, Place], Field(min_length=1)]
     transitions: Annotated[list[Transition], Field(min_length=1)]
-    report: list[IdText] = Field(default=[], description="Default: places that end the graph")
-    correlations: list[Correlation] = Field(
-        default=[], description="Of two uncertain constants: [first, second, r]"
-    )
+    report: list[IdText] = optional("Default: places that end the graph", [])
+    correlations: list[Correlation] = optional("Of two uncertain constants: [first, second, r]", [])

@@ -13,7 +13,7 @@ from typing import Any, Literal
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import SIGN_EXPECTED, is_covariate
 from mtu_cli.files.source import Source
-from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
+from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.units import UNITS
 
 Kind = Literal["number", "whole", "count", "free", "sign", "time", "text"]
@@ -30,8 +30,8 @@ WANTED = {
 """What a cell of a kind is, and how it is written; those of other kinds are numbers."""
 SAYS_NOTHING = {"no", "nr", "number", "num", "id", "name", "mm", "s"}
 """Words of a column's name that tell it from no other."""
-SLIP = 0.9
-"""Likeness of two names of which one is a slip of the other."""
+LIKE, SLIP = 0.6, 0.9
+"""Likeness of the name of a column that has to be there, and of one that need not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,7 @@ class Column:
 
     A `whole` number may be negative, a `count` is not; a `free` column holds numbers or texts; a
     `sign` is -1 or +1 and may be written in words. `largest` bounds a number in size. `known` are
-    the texts that its cells may be (None: any name). `says` words what a cell should be; `synonyms`
-    are what other programs call the column: words in any order, without unit, number and accents.
+    the texts that its cells may be (None: any name).
     """
 
     kind: Kind = "number"
@@ -49,8 +48,6 @@ class Column:
     may_be_empty: bool = False
     largest: float = LARGEST_READING
     known: Collection[str] | None = None
-    says: str = ""
-    synonyms: str = ""
 
     @property
     def numeric(self) -> bool:
@@ -58,9 +55,9 @@ class Column:
         return self.kind in ("number", "whole", "count", "free")
 
     @property
-    def expected(self) -> str:
-        """What an empty cell lacks."""
-        return self.says or WANTED.get(self.kind, ("", "a number"))[1]
+    def whole(self) -> bool:
+        """Whether its numbers are whole."""
+        return self.kind in ("whole", "count")
 
 
 SENSOR = Column(may_be_empty=True, largest=math.inf)
@@ -99,47 +96,21 @@ class TableSpec:
 EXCLUSIVE = ("time", "time_min")
 """Columns of which a table has one at most."""
 TIMES = {
-    "time": Column("time", largest=math.inf, synonyms="timestamp, date, datetime, zeit"),
+    "time": Column("time"),
     # Minutes since 1970 are within a century, seconds are not.
-    "time_min": Column(
-        largest=5.3e7,
-        says="minutes, at most a century (5.3e+07) from the start",
-        synonyms="minutes, elapsed min",
-    ),
+    "time_min": Column(largest=5.3e7),
 }
 READINGS = TableSpec(
     holds="readings of components",
     option="--lbb, --laser or --drift",
     columns={
-        "component": Column(
-            "text",
-            required=True,
-            says="the name of a component of the machine",
-            synonyms="error component, error name, parameter, komponente",
-        ),
-        "error": Column(required=True, synonyms="value, reading, deviation, abweichung"),
-        "unit": Column(
-            "text",
-            required=True,
-            known=UNITS,
-            says=f"one of: {', '.join(UNITS)}",
-            synonyms="units, einheit",
-        ),
-        "position_mm": Column(
-            may_be_empty=True, synonyms="position, pos, target, target position, nominal position"
-        ),
-        "pass": Column(
-            "count",
-            largest=LARGEST_INTEGER,
-            says="a whole number from 0 to 2^53 - 1",
-            synonyms="run, repeat, repetition, durchlauf",
-        ),
-        "direction": Column("sign", may_be_empty=True, synonyms="dir, approach, richtung"),
-        "cycle": Column(
-            "text",
-            says="the name of a warm-up or cool-down in every row, or no column 'cycle'",
-            synonyms="warm up, zyklus",
-        ),
+        "component": Column("text", required=True),
+        "error": Column(required=True),
+        "unit": Column("text", required=True, known=UNITS),
+        "position_mm": Column(may_be_empty=True),
+        "pass": Column("count", largest=LARGEST_INTEGER),
+        "direction": Column("sign", may_be_empty=True),
+        "cycle": Column("text"),
         **TIMES,
     },
 )
@@ -149,45 +120,50 @@ POINTS = TableSpec(
     option="--cmm",
     together=(("nominal_x_mm", "nominal_y_mm"),),
     columns={
-        "part": Column(
-            "text",
-            required=True,
-            says="the serial number or name of the part",
-            synonyms="workpiece, piece, serial, serial number, sn, teil, werkstuck",
-        ),
-        "feature": Column(
-            "text",
-            required=True,
-            says="the name of a feature of the part",
-            synonyms="hole, bore, point, element, characteristic, merkmal, bohrung",
-        ),
-        "operation": Column(
-            "text",
-            says="a name such as drilled in every row, or no column 'operation'",
-            synonyms="process",
-        ),
-        "repeat": Column(
-            "count", synonyms="repetition, replicate, run, trial, measurement, wiederholung"
-        ),
-        "sequence": Column(
-            "whole",
-            largest=LARGEST_INTEGER,
-            says="a whole number, at most 2^53 - 1 in size",
-            synonyms="order, reihenfolge",
-        ),
-        "x_mm": Column(required=True, synonyms="x, actual x, measured x, act x, ist x"),
-        "y_mm": Column(required=True, synonyms="y, actual y, measured y, act y, ist y"),
-        "z_mm": Column(synonyms="z, actual z, measured z, act z, ist z"),
-        "nominal_x_mm": Column(may_be_empty=True, synonyms="nominal x, nom x, soll x"),
-        "nominal_y_mm": Column(may_be_empty=True, synonyms="nominal y, nom y, soll y"),
-        "nominal_z_mm": Column(may_be_empty=True, synonyms="nominal z, nom z, soll z"),
-        "dir_x": Column("sign", may_be_empty=True, synonyms="direction x, approach x"),
-        "dir_y": Column("sign", may_be_empty=True, synonyms="direction y, approach y"),
-        "dir_z": Column("sign", may_be_empty=True, synonyms="direction z, approach z"),
+        "part": Column("text", required=True),
+        "feature": Column("text", required=True),
+        "operation": Column("text"),
+        "repeat": Column("count"),
+        "sequence": Column("whole", largest=LARGEST_INTEGER),
+        **{f"{axis}_mm": Column(required=axis != "z") for axis in "xyz"},
+        **{f"nominal_{axis}_mm": Column(may_be_empty=True) for axis in "xyz"},
+        **{f"dir_{axis}": Column("sign", may_be_empty=True) for axis in "xyz"},
         **TIMES,
     },
 )
 """Of ``--cmm``: one row per measured point."""
+SAYS = {
+    "component": "the name of a component of the machine",
+    "pass": "a whole number from 0 to 2^53 - 1",
+    "cycle": "the name of a warm-up or cool-down in every row, or no column 'cycle'",
+    "time_min": "minutes, at most a century (5.3e+07) from the start",
+    "part": "the serial number or name of the part",
+    "feature": "the name of a feature of the part",
+    "operation": "a name such as drilled in every row, or no column 'operation'",
+    "sequence": "a whole number, at most 2^53 - 1 in size",
+    "unit": f"one of: {', '.join(UNITS)}",
+}
+"""What a cell of a column should be, where its kind does not say it."""
+SYNONYMS = {
+    "component": "error component, error name, parameter, komponente",
+    "error": "value, reading, deviation, abweichung",
+    "unit": "units, einheit",
+    "position_mm": "position, pos, target, target position, nominal position",
+    "pass": "run, repeat, repetition, durchlauf",
+    "direction": "dir, approach, richtung",
+    "cycle": "warm up, zyklus",
+    "time": "timestamp, date, datetime, zeit",
+    "time_min": "minutes, elapsed min",
+    "part": "workpiece, piece, serial, serial number, sn, teil, werkstuck",
+    "feature": "hole, bore, point, element, characteristic, merkmal, bohrung",
+    "operation": "process",
+    "repeat": "repetition, replicate, run, trial, measurement, wiederholung",
+    "sequence": "order, reihenfolge",
+    **{f"{a}_mm": f"{a}, actual {a}, measured {a}, act {a}, ist {a}" for a in "xyz"},
+    **{f"nominal_{a}_mm": f"nominal {a}, nom {a}, soll {a}" for a in "xyz"},
+    **{f"dir_{a}": f"direction {a}, approach {a}" for a in "xyz"},
+}
+"""What other programs call a column: words in any order, without unit, number and accents."""
 
 
 def check_header(source: Source, row: int, header: Sequence[str], spec: TableSpec) -> None:
@@ -213,50 +189,46 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
         elif name in header[: i - 1]:
             expected = f"one of the columns {header.index(name) + 1} and {i}"
             yield finding("appears-twice", what="the column", column=name, expected=expected)
-    wanted = [*spec.required]
-    wanted += [name for pair in spec.together if {*pair} & {*header} for name in pair]
-    absent = [name for name in dict.fromkeys(wanted) if name not in header]
+    wanted = {*spec.required}
+    wanted |= {name for pair in spec.together if {*pair} & {*header} for name in pair}
     free = [name for name in header if name and name not in spec.columns]
-    for name in absent:
-        near = meant_by(name, free, spec)
-        known = f"a column {name!r} (the columns are {listed(header, 12)})"
-        expected = f"{near!r} renamed to {name!r}" if near else known
-        yield finding("missing-column", column=name, expected=expected)
+    timed = EXCLUSIVE if {*EXCLUSIVE} & {*header} else ()
+    for name in sorted(spec.columns, key=lambda name: name not in wanted):
+        if name in header or name in timed:
+            continue
+        near = meant_by(name, free, spec, LIKE if name in wanted else SLIP)
         free = [other for other in free if other != near]
-    settled = {*header, *absent, *(EXCLUSIVE if {*EXCLUSIVE} & {*header} else ())}
-    for name in sorted({*spec.columns} - settled):
-        if near := meant_by(name, free, spec, slips=True):
+        if name in wanted:
+            known = f"a column {name!r} (the columns are {listed(header, 12)})"
+            expected = f"{near!r} renamed to {name!r}" if near else known
+            yield finding("missing-column", column=name, expected=expected)
+        elif near:
             expected = f"it renamed to {name!r}, or to a name of its own"
             yield finding("unknown-name", what="column", value=near, expected=expected)
-            free.remove(near)
     if {*EXCLUSIVE} <= {*header}:
         yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 
 
-def meant_by(
-    name: str, others: Sequence[str], spec: TableSpec, *, slips: bool = False
-) -> str | None:
+def meant_by(name: str, others: Sequence[str], spec: TableSpec, likeness: float) -> str | None:
     """The column among `others` that is probably meant as `name` of a contract: by a synonym, by
-    its words in another order or case, or with a slip of a letter.
+    its words in another order or case, or by letters that are alike.
     """
-    words = _all_words(name, spec)
+    words = _all_words(name)
     if same := [other for other in others if _words(other) in words]:
         exact = [other for other in same if _words(other) == _words(name)]
         return same[0] if len(same) == 1 else next(iter(exact), None)
-    if slips:
-        plain = {_letters(other): other for other in others}
-        near = get_close_matches(_letters(name), plain, 1, SLIP)
-        return plain[near[0]] if near else None
-    taken = set().union(*(_all_words(each, spec) for each in spec.columns if each != name))
-    return closest(name, [other for other in others if _words(other) not in taken])
+    taken = set().union(*(_all_words(each) for each in spec.columns if each != name))
+    letters = {_letters(other): other for other in others if _words(other) not in taken}
+    near = get_close_matches(_letters(name), letters, 1, likeness)
+    return letters[near[0]] if near else None
 
 
 def _letters(name: str) -> str:
     return re.sub(r"[\W_]", "", name[:200]).casefold()
 
 
-def _all_words(name: str, spec: TableSpec) -> set[frozenset[str]]:
-    return {_words(each) for each in (name, *spec.columns[name].synonyms.split(", "))}
+def _all_words(name: str) -> set[frozenset[str]]:
+    return {_words(each) for each in (name, *SYNONYMS.get(name, name).split(", "))}
 
 
 def _words(name: str) -> frozenset[str]:

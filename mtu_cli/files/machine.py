@@ -16,6 +16,7 @@ from mtu_cli.files.covariates import (
     own_columns,
 )
 from mtu_cli.files.machine_contract import (
+    AUTO,
     Component,
     Effect,
     EquationName,
@@ -25,8 +26,7 @@ from mtu_cli.files.machine_contract import (
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, counted, finding, suggestion
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
-from mtu_cli.language.evaluate import check_finite
-from mtu_cli.language.functions import MACHINE_FUNCTIONS
+from mtu_cli.language.functions import MACHINE_FUNCTIONS, check_finite
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, internal
 
 ROUNDING = 1e-6
@@ -36,6 +36,7 @@ INDEFINITE = 1e-8
 PRINTED = 0.1
 """Relative difference of a u and the root of its variance that one printed digit explains."""
 PASSES = "a covariance of passes"
+OF_TABLES = ("at_mm", "roughness_um2_per_mm3", "between_um2", "own_um2_per_mm3")
 NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
 
 
@@ -76,6 +77,10 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
 
     def check(machine: Machine, faults: Faults) -> None:
         _check_names(machine, faults)
+        iso = [(name, x.iso) for name, x in machine.components.items() if x.iso]
+        for name, own in iso:
+            if (name, own) != next(pair for pair in iso if pair[1] == own):
+                faults.add(("components", name, "iso"), "appears-twice", what="the name", value=own)
         for name, component in machine.components.items():
             _check_component(component, ("components", name), faults)
             _check_thermal(machine, component, ("components", name, "thermal"), faults)
@@ -151,15 +156,30 @@ def _check_names(machine: Machine, faults: Faults) -> None:
 
 
 def _check_component(item: Component, path: YamlPath, faults: Faults) -> None:
-    """Degree, sizes and matrices of a component."""
-    size, count = item.degree + 1, len(item.coefficients or ())
-    if item.of is None and item.degree != 0:
-        own = (*path, "degree")
-        faults.add(own, "incomplete", value=item.degree, what="a degree", other="`of`")
+    """Degree or positions, sizes and matrices of a component."""
+    count = size = len(item.coefficients or ())
+    kind, of_table = "degree", item.is_table
+    if of_table:
+        size, kind = len(item.at_mm or ()), "table"
+    elif item.degree != AUTO:
+        size = int(item.degree) + 1
+    if item.of is None and (of_table or item.degree != 0):
+        own, value = ("shape", "table") if of_table else ("degree", item.degree)
+        faults.add((*path, own), "incomplete", value=value, what=f"a {kind}", other="`of`")
+        return
+    for key in OF_TABLES:
+        if not of_table and getattr(item, key) is not None:
+            faults.add((*path, key), "misplaced", key=key, where="a component of `shape: table`")
+    if of_table and count and not size:
+        given = {"what": "the values of a table", "other": "`at_mm`"}
+        faults.add((*path, "coefficients"), "incomplete", **given)
         return
     if count not in (0, size):
-        found = f"{counted(count, 'coefficient')} of a component of degree {item.degree}"
+        whole = f"a table of {counted(size, 'position')}"
+        whole = whole if of_table else f"a component of degree {item.degree}"
+        found = f"{counted(count, 'coefficient')} of {whole}"
         faults.add((*path, "coefficients"), "wrong-count", found=found, expected=f"{size}")
+    size = size or 2
     if item.covariance is not None:
         check_covariance(item.covariance, size, (*path, "covariance"), faults)
     if item.pass_covariance is not None:

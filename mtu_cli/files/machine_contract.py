@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
@@ -45,6 +46,12 @@ def _rising(ends: list[float]) -> list[float]:
     return ends
 
 
+def _climbing(values: list[float]) -> list[float]:
+    if any(after <= before for before, after in pairwise(values)):
+        raise wrong("positions that rise")
+    return values
+
+
 def _apart(ends: list[float]) -> list[float]:
     if ends[0] == ends[1]:
         raise wrong("two different ends")
@@ -63,6 +70,11 @@ EquationText = Annotated[str, short(is_number, repr, str | float)]
 """An equation may be a bare number: `Ez: 0`."""
 Equations = Annotated[dict[EquationName, EquationText], Field(min_length=1)]
 Degree = Annotated[int, Field(ge=0, le=MAX_DEGREE)]
+AUTO: Literal["auto"] = "auto"
+LEAST_OF_TABLE = 3
+"""Positions: of fewer there is no bend."""
+IsoName = Annotated[str, Field(pattern=r"^E[ABCXYZ](0[ABCXYZ]|\(0[XYZ]\)[ABCXYZ]|[ABCXYZ])$")]
+"""Such as EXX, EAX; of squareness EC0Y or EC(0X)Y (ISO 230-1:2012)."""
 # No axis twice; which names are components is known to the machine alone.
 _AXES = r"^(?![xyz]*([xyz])[xyz]*\1[xyz]*$)[A-Za-z_][A-Za-z0-9_]*$"
 EffectAxis = Annotated[str, Field(json_schema_extra={"pattern": _AXES})]
@@ -138,19 +150,38 @@ class Thermal(Contract):
 
 
 class Component(Contract):
-    """One error component: a polynomial in the position along one axis, or a constant.
+    """One error component: a polynomial or a table of the position along one axis, or a constant.
 
     Matrices and deviations are in `unit` (squared), positions in mm; `coefficients` ascend
-    in powers of mm. `pass_covariance` is of the intercept at `pass_center_mm` (0 where it is
-    not given) and the slope.
+    in powers of mm, those of a table are its values at `at_mm`. `pass_covariance` is of the
+    intercept at `pass_center_mm` (0 where it is not given) and the slope. What is in um2 is in
+    arcsec2 of an angle.
     """
 
     of: AxisName | None = optional("The axis it depends on; none: a constant")
     unit: UnitName = Field(description="Unit of readings and coefficients")
-    degree: Degree = optional("Degree of the polynomial; 0 without `of`", 1)
+    iso: IsoName | None = optional("Its name of ISO 230-1, such as EXX")
+    shape: Literal["polynomial", "table"] = optional(
+        "A table has a value at every position, with natural cubic interpolation", "polynomial"
+    )
+    degree: Degree | Literal["auto"] = optional(
+        "Degree of the polynomial; auto: that, or the table, which held-out passes choose; 0 "
+        "without `of`",
+        1,
+    )
+    at_mm: (
+        Annotated[list[Number], Field(min_length=LEAST_OF_TABLE), AfterValidator(_climbing)] | None
+    ) = optional("Positions of a table whose values are known")
+    roughness_um2_per_mm3: Size | None = optional(
+        "Of a table: variance of the integrated Wiener process between its positions"
+    )
+    between_um2: Size | None = optional("Of a table: a variance added off its positions")
+    own_um2_per_mm3: Size | None = optional("Of a table: the same of the runs' own bend")
     says: str | None = optional("What it is, in words")
     notes: str | None = optional("Free text")
-    coefficients: Numbers | None = optional("Known coefficients, ascending powers of mm")
+    coefficients: Numbers | None = optional(
+        "Known coefficients, ascending powers of mm; of a table its values"
+    )
     covariance: Matrix | None = optional("Covariance of the coefficients")
     s_repeat: Size | None = optional("Repeatability of one visit")
     pass_covariance: Matrix | None = optional("Pass-to-pass covariance of intercept and slope")
@@ -167,11 +198,18 @@ class Component(Contract):
     @classmethod
     def _degree(cls, data: Any) -> Any:
         # The degree that is not written follows from what is; the contract's 1 else.
-        if not isinstance(data, dict) or data.get("degree") is not None:
+        if not isinstance(data, dict) or data.get("degree") not in (None, AUTO):
             return data
         known = data.get("coefficients")
+        if data.get("shape") == "table" or (data.get("degree") == AUTO and not known):
+            return data
         count = len(known) if isinstance(known, list) and known else 2
         return data | {"degree": count - 1 if data.get("of") else 0}
+
+    @property
+    def is_table(self) -> bool:
+        """Whether its coefficients are values at positions."""
+        return self.shape == "table"
 
 
 class Parameter(Contract):

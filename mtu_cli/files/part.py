@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -18,6 +19,7 @@ from mtu_cli.files.contract import (
     Positive,
     check_contract,
     is_number,
+    number_expectation,
     optional,
     present,
     wrong,
@@ -32,12 +34,48 @@ LARGEST_MM = 1e9
 Coordinate = Annotated[float, Field(ge=-LARGEST_MM, le=LARGEST_MM)]
 
 
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """The least and the largest error allowed, actual minus nominal, in the unit of its key."""
+
+    low: float
+    high: float
+
+    @property
+    def stated(self) -> float | tuple[float, float]:
+        """As files and reports have it: a number is plus-minus, otherwise the pair."""
+        return self.high if self.low == -self.high else (self.low, self.high)
+
+
+def _tolerance(value: Any) -> Tolerance:
+    """20 for plus-minus 20, or [-5, 25]."""
+    expected = "a number above 0, or [low, high]"
+    if isinstance(value, str):
+        raise wrong(number_expectation(value, expected))
+    ends: Any = [-value, value] if is_number(value) else value
+    if not (isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends))):
+        raise wrong(expected)
+    if not (all(map(isfinite, ends)) and ends[0] < ends[1]):
+        raise wrong(expected)
+    return Tolerance(*map(float, ends))
+
+
+Tolerated = Annotated[
+    Tolerance,
+    BeforeValidator(
+        _tolerance,
+        json_schema_input_type=Positive | Annotated[list[float], Field(min_length=2, max_length=2)],
+    ),
+]
+
+
 class Feature(Contract):
     """The nominal place of a feature in the part's frame, mm."""
 
     x_mm: Coordinate
     y_mm: Coordinate
     z_mm: Coordinate | None = optional("Default: the part's z_mm")
+    position_um: Positive | None = optional("True position: diameter of its tolerance zone")
 
 
 class _Identified(Contract):
@@ -50,7 +88,9 @@ class Length(_Identified):
     id: IdText = optional("Default: from-to", "")
     from_: IdText = Field(alias="from")
     to: IdText
-    tolerance_um: Positive | None = optional("Tolerance, plus-minus")
+    tolerance: Tolerated | None = Field(
+        default=None, alias="tolerance_um", description="Tolerance: plus-minus, or [low, high]"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -65,6 +105,9 @@ class Orthogonality(_Identified):
 
     row: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along x")
     column: Annotated[list[IdText], Field(min_length=2)] = Field(description="Features along y")
+    tolerance: Tolerated | None = Field(
+        default=None, alias="tolerance_arcsec", description="Tolerance: plus-minus, or [low, high]"
+    )
 
 
 def _by_temperature(value: object) -> object:

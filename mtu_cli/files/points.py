@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.files.csv_file import check_sensor_names, read_tables
-from mtu_cli.files.csv_table import CellFaults, Flags, Floats, Ints, Table, cell_text
+from mtu_cli.files.csv_file import read_tables
+from mtu_cli.files.csv_table import CellFaults, Floats, Ints, Measured, Table, cell_text
 from mtu_cli.files.headers import POINTS
-from mtu_cli.files.source import Source
-from mtu_cli.findings import finding, listed
+from mtu_cli.findings import finding
 
 Place = tuple[float, float, float | None]
 """Nominal x, y, z in mm; z None where nothing states it."""
@@ -24,34 +23,26 @@ SAME_MM = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Points:
-    """Measured points of all files, end to end; every array has one entry a point.
+class Points(Measured):
+    """Measured points of all files.
 
     `parts[part[i]]`, `features[feature[i]]`, `operations[operation[i]]` (-1: not given);
-    `measured` and `nominal` (n, 3) mm, nan where z is not given; `repeat` -1 where not
-    given; `time_min` in minutes, from the earliest of all files where those are dates, nan
-    where not given; `sequence` the order of manufacture, as given or counted from 1 in the
-    order in which parts first appear; `direction` (n, 3) -1, +1, or nan where not given;
-    `covariates` floats (nan where not given) or texts ("" where not given); `row` counts as a
-    text editor in the file `sources[file_index[i]]`. Arrays may be read-only.
+    `measured` and `nominal` (n, 3) mm, nan where z is not given; `repeat` -1 where not given;
+    `sequence` the order of manufacture, as given or counted from 1 in the order in which parts
+    first appear; `direction` (n, 3) -1, +1, or nan where not given.
     """
 
     parts: tuple[str, ...]
-    part: NDArray[np.int64]
+    part: Ints
     features: tuple[str, ...]
-    feature: NDArray[np.int64]
+    feature: Ints
     operations: tuple[str, ...]
-    operation: NDArray[np.int64]
-    measured: NDArray[np.float64]
-    nominal: NDArray[np.float64]
-    repeat: NDArray[np.int64]
-    time_min: NDArray[np.float64]
-    sequence: NDArray[np.int64]
-    direction: NDArray[np.float64]
-    covariates: dict[str, NDArray[np.float64] | NDArray[np.object_]]
-    file_index: NDArray[np.int64]
-    row: NDArray[np.int64]
-    sources: tuple[Source, ...]
+    operation: Ints
+    measured: Floats
+    nominal: Floats
+    repeat: Ints
+    sequence: Ints
+    direction: Floats
 
     def __len__(self) -> int:
         return len(self.part)
@@ -68,8 +59,6 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     """
     faults = CellFaults()
     table = read_tables(files, POINTS.knowing("feature", features), faults)
-    for file in table.files:
-        check_sensor_names(table, file, faults)
     faults.raise_if_any()
     nominal, sequence = _nominal(table, features, faults), _sequence(table, faults)
     faults.raise_if_any()
@@ -86,13 +75,9 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
         measured=_side_by_side(table, "{}_mm"),
         nominal=nominal,
         repeat=table.whole("repeat"),
-        time_min=table.minutes(),
         sequence=sequence,
         direction=_side_by_side(table, "dir_{}"),
-        covariates=table.covariates(POINTS),
-        file_index=table.file_index,
-        row=table.rows,
-        sources=table.sources,
+        **table.fields(POINTS),
     )
 
 
@@ -126,7 +111,7 @@ def _sequence(table: Table, faults: CellFaults) -> Ints:
         return {"value": str(sequence[i]), "expected": expected}
 
     bad = table.has("sequence") & (sequence != before)
-    faults.cells(table, bad, "sequence", "out-of-range", of_row)
+    faults.cells(table, bad, "sequence", of_row, code="out-of-range")
     return sequence
 
 
@@ -135,30 +120,20 @@ def _nominal(table: Table, features: Mapping[str, Place] | None, faults: CellFau
     nominal = _side_by_side(table, "nominal_{}_mm")
     column = table.texts["feature"]
     if features is None:
-        _check_known(table, np.isnan(nominal[:, 0] + nominal[:, 1]), faults)
+        bad = np.isnan(nominal[:, 0] + nominal[:, 1])
+        expected = "it in a part file (--part), or nominal_x_mm and nominal_y_mm"
+        given: dict[str, Any] = {"what": "the nominal place", "expected": expected}
+        faults.cells(table, bad, "feature", code="missing-input", **given)
         return nominal
     places = np.array([features[name] for name in column.labels], np.float64).reshape(-1, 3)
     stated = places[column.codes]
     for axis, letter in enumerate(AXES):
-        apart = np.flatnonzero(np.abs(nominal[:, axis] - stated[:, axis]) > SAME_MM)
-        # What is wrong of a feature is mostly wrong in every part: that is one finding a file.
-        cells = np.column_stack([table.file_index, column.codes, nominal[:, axis]])[apart]
-        for i in np.sort(apart[np.unique(cells, axis=0, return_index=True)[1]]).tolist():
-            expected = f"{stated[i, axis]:.9g}, as in the part file"
-            facts = {"value": cell_text(float(nominal[i, axis])), "expected": expected}
-            place = {**table.place(i), "column": f"nominal_{letter}_mm"}
+
+        def of_row(i: int, axis: int = axis) -> dict[str, str]:
             other = f"the nominal place of {column.labels[column.codes[i]]!r}"
-            faults.add(finding("contradicts", other=other, **place, **facts))
+            expected = f"{stated[i, axis]:.9g}, as in the part file"
+            return {"other": other, "value": cell_text(nominal[i, axis]), "expected": expected}
+
+        bad = np.abs(nominal[:, axis] - stated[:, axis]) > SAME_MM
+        faults.cells(table, bad, f"nominal_{letter}_mm", of_row, code="contradicts")
     return np.where(np.isnan(stated), nominal, stated)
-
-
-def _check_known(table: Table, bad: Flags, faults: CellFaults) -> None:
-    """One finding a file of all features in the `bad` rows (n,), without a nominal place."""
-    column = table.texts["feature"]
-    for i in np.unique(table.file_index[bad]).tolist():
-        rows = np.flatnonzero(bad & (table.file_index == i))
-        names = [column.labels[code] for code in dict.fromkeys(column.codes[rows].tolist())]
-        expected = "it in a part file (--part), or nominal_x_mm and nominal_y_mm"
-        what = f"the nominal place of {listed(names, 3)}"
-        place = {**table.place(rows[0]), "column": "feature"}
-        faults.add(finding("missing-input", what=what, expected=expected, **place))

@@ -5,76 +5,53 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.covariates import TEMPERATURE_EXPECTED, is_temperature
-from mtu_cli.files.csv_file import check_sensor_names, read_tables
-from mtu_cli.files.csv_table import CellFaults, Flags, Ints, Table
+from mtu_cli.files.csv_file import read_tables
+from mtu_cli.files.csv_table import CellFaults, Flags, Floats, Ints, Measured, Table
 from mtu_cli.files.headers import READINGS
-from mtu_cli.files.source import DRIFT, Source
+from mtu_cli.files.source import DRIFT
 from mtu_cli.findings import Finding, InputError, counted, finding, listed
 from mtu_cli.units import UNITS, dimension_name
 
 UNKNOWN = -9
 """For the dimension of a unit that is none."""
-
-
-class ComponentLike(Protocol):
-    """What readings need to know of a component of the machine."""
-
-    @property
-    def of(self) -> str | None:
-        """Its axis, None for a constant."""
-
-    @property
-    def unit(self) -> str:
-        """A key of UNITS."""
-
-    @property
-    def degree(self) -> int:
-        """Degree of its polynomial."""
+Components = Mapping[str, Any]
+"""Components of a machine by name, of which readings need `of`, `unit` and `degree`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Readings:
-    """Readings of all files, end to end; every array has one entry a reading.
+class Readings(Measured):
+    """Measured readings of all files.
 
     `components[code[i]]` is read; `position_mm` is nan where the component has no axis (a position
     given there has no meaning and is ignored); `error` in mm or rad, read in the `unit`-th of UNITS
-    (None where the readings were made, not read), as its `dimension` (the
-    exponent of length) says; `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1,
-    or 0 where not given; `cycles[cycle[i]]`, -1 where not given; `time_min` in minutes, from the
-    earliest time of all files where those are dates, nan where not given; `covariates` are floats
-    (nan where not given) or texts ("" where not given); `row` counts as a text editor in the file
-    `sources[file_index[i]]`, whose role is `roles[file_index[i]]`. Arrays may be read-only. `notes`
-    say what a fit does not use and what looks odd.
+    (None where the readings were made, not read), as its `dimension` (the exponent of length) says;
+    `pass_number` counts where `has_pass`, else -1; `direction` is +1, -1, or 0 where not given;
+    `cycles[cycle[i]]`, -1 where not given; `roles[file_index[i]]` is the role of its file.
     """
 
     components: tuple[str, ...]
-    code: NDArray[np.int64]
-    position_mm: NDArray[np.float64]
-    error: NDArray[np.float64]
+    code: Ints
+    position_mm: Floats
+    error: Floats
     dimension: NDArray[np.int8]
-    pass_number: NDArray[np.int64]
-    has_pass: NDArray[np.bool_]
+    pass_number: Ints
+    has_pass: Flags
     direction: NDArray[np.int8]
     cycles: tuple[str, ...]
-    cycle: NDArray[np.int64]
-    time_min: NDArray[np.float64]
-    covariates: dict[str, NDArray[np.float64] | NDArray[np.object_]]
-    file_index: NDArray[np.int64]
-    row: NDArray[np.int64]
-    sources: tuple[Source, ...]
+    cycle: Ints
     roles: tuple[str, ...]
     unit: NDArray[np.int8] | None = None
 
     def __len__(self) -> int:
         return len(self.code)
 
-    def where(self, keep: NDArray[np.bool_]) -> Readings:
+    def where(self, keep: Flags) -> Readings:
         """The readings that are kept; `keep` (n,)."""
         arrays: dict[str, Any] = {
             item.name: value[keep]
@@ -87,7 +64,7 @@ class Readings:
 
 def read_readings(
     files: Sequence[tuple[Path, str]],
-    components: Mapping[str, ComponentLike] | None,
+    components: Components | None,
     *,
     for_fit: bool,
 ) -> Readings:
@@ -109,8 +86,9 @@ def read_readings(
             _check_component(table, label, inside, component, faults)
         if for_fit:
             _check_directions(table, label, inside, faults)
-            if sound and component is not None and component.of is not None:
-                _count_positions(table, label, inside, component.degree, faults)
+            degree = 0 if component is None or component.of is None else component.degree
+            if sound and isinstance(degree, int) and degree:
+                _count_positions(table, label, inside, degree, faults)
     faults.raise_if_any()
     return _readings(table, components)
 
@@ -123,10 +101,9 @@ def _check_drift(table: Table, faults: CellFaults, for_fit: bool) -> None:
     for i, file in enumerate(table.files):
         sensors = [name for name in file.header if is_temperature(name) and name in table.numbers]
         if file.source.role == DRIFT:
-            check_sensor_names(table, file, faults)
             for name in sensors:
                 empty = (table.file_index == i) & np.isnan(table.numbers[name])
-                faults.cells(table, empty, name, "empty-cell", expected=TEMPERATURE_EXPECTED)
+                faults.cells(table, empty, name, code="empty-cell", expected=TEMPERATURE_EXPECTED)
         elif for_fit and sensors and {"cycle", "pass", "direction"} & {*file.header} == {"cycle"}:
             raise InputError(drift_problem(file.source.shown, sensors))
 
@@ -139,7 +116,7 @@ def drift_problem(file: str, sensors: Sequence[str]) -> Finding:
 
 
 def _check_component(
-    table: Table, label: str, inside: Flags, component: ComponentLike | None, faults: CellFaults
+    table: Table, label: str, inside: Flags, component: Any, faults: CellFaults
 ) -> None:
     """One kind of unit in the rows `inside` (n,), and a position where it is a function of one: as
     the machine has the component. Without a machine drift readings have to be alike.
@@ -163,12 +140,12 @@ def _check_component(
     wanted = dimension_name(kind)
     facts = {"of": label, "wanted": wanted, "expected": f"{wanted}: {why}"}
     bad = inside & (kinds != kind) & (kinds != UNKNOWN)
-    faults.cells(table, bad, "unit", "wrong-unit", of_row, **facts)
+    faults.cells(table, bad, "unit", of_row, code="wrong-unit", **facts)
     unplaced = inside & empty & placed
     for i in np.unique(table.file_index[unplaced & ~given]).tolist():
         place = {**table.files[i].place, "column": "position_mm", "expected": expected}
         faults.add(finding("missing-column", **place))
-    faults.cells(table, unplaced & given, "position_mm", "empty-cell", expected=expected)
+    faults.cells(table, unplaced & given, "position_mm", code="empty-cell", expected=expected)
 
 
 def _check_directions(table: Table, label: str, inside: Flags, faults: CellFaults) -> None:
@@ -177,7 +154,7 @@ def _check_directions(table: Table, label: str, inside: Flags, faults: CellFault
     blank = judged & np.isnan(table.number("direction"))
     if blank.sum() < judged.sum():
         expected = f"forward or reverse, as in the other rows of {label}"
-        faults.cells(table, blank, "direction", "empty-cell", expected=expected)
+        faults.cells(table, blank, "direction", code="empty-cell", expected=expected)
 
 
 def _count_positions(
@@ -205,7 +182,7 @@ def _dimensions(table: Table) -> Ints:
     return np.array([*known, UNKNOWN], np.int64)[units.codes]
 
 
-def _readings(table: Table, components: Mapping[str, ComponentLike] | None) -> Readings:
+def _readings(table: Table, components: Components | None) -> Readings:
     """The rows of a sound table as readings."""
     names, code = table.labelled("component", tuple(components or ()))
     position = table.number("position_mm")
@@ -226,10 +203,6 @@ def _readings(table: Table, components: Mapping[str, ComponentLike] | None) -> R
         direction=np.nan_to_num(table.number("direction")).astype(np.int8),
         cycles=cycles,
         cycle=cycle,
-        time_min=table.minutes(),
-        covariates=table.covariates(READINGS),
-        file_index=table.file_index,
-        row=table.rows,
-        sources=table.sources,
         roles=tuple(source.role for source in table.sources),
+        **table.fields(READINGS),
     )

@@ -6,29 +6,33 @@ beyond these fields is ignored, so that reports of other versions are read too.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Collection, Iterable, Mapping
+import json
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from math import isnan
+from math import isfinite, isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
 
-from mtu_cli.files.contract import Faults, NonNegative, Number, check_contract, sized
+from mtu_cli.files.contract import NonNegative, Number, all_wrong, check_contract, sized, wrong
 from mtu_cli.files.covariates import is_temperature
-from mtu_cli.files.json_file import read_json
 from mtu_cli.files.machine import covariance_fault
 from mtu_cli.files.machine_contract import (
-    STEEPEST,
+    AxisName,
+    Gradient,
+    ParameterUnitName,
     SensorU,
     TimeConstant,
+    UnitName,
 )
-from mtu_cli.files.source import Source
-from mtu_cli.files.yaml_file import YamlDocument, YamlPath
-from mtu_cli.findings import Finding, InputError, counted, error, finding
-from mtu_cli.units import PARAMETER_UNITS, UNITS
+from mtu_cli.files.source import Source, check_text, read_source
+from mtu_cli.files.yaml_file import YamlDocument
+from mtu_cli.findings import Finding, InputError, error, finding, shorten
 
+MAX_BYTES = 1 << 30
 COMPONENTS = "mtu/fit-components/1"
 THERMAL = "mtu/thermal-fit/1"
 DOUBTS = ("no-better", "not-held-out")
@@ -37,32 +41,49 @@ DOUBTS = ("no-better", "not-held-out")
 
 def _not_negative(value: float) -> float:
     if value < 0:
-        raise ValueError("a number of at least 0")
+        raise wrong("a number of at least 0")
     return value
 
 
-Figure = Annotated[
-    float,
-    Field(strict=True, allow_inf_nan=True),
-    BeforeValidator(lambda value: math.nan if value is None else value),
-    AfterValidator(sized),
-]
+def _once(names: list[str]) -> list[str]:
+    if doubled := [name for name, count in Counter(names).items() if count > 1]:
+        raise wrong(code="appears-twice", what="the name", value=doubled[0])
+    return names
+
+
+def _temperature(name: str) -> str:
+    if not is_temperature(name):
+        raise wrong("T_<sensor>_degC", "wrong-type", kind="the name of a temperature")
+    return name
+
+
+def _determined(matrix: Matrix) -> Matrix:
+    if any(isnan(value) for row in matrix for value in row):
+        facts = {"what": "the readings do not determine it", "value": None}
+        raise wrong("more readings or cycles", "too-little-data", **facts)
+    return matrix
+
+
+_OR_NULL = BeforeValidator(lambda value: nan if value is None else value)
+_STRICT = Field(strict=True, allow_inf_nan=True)
+Figure = Annotated[float, _STRICT, _OR_NULL, AfterValidator(sized)]
 """A number; nan where the report says null, because the readings do not determine it."""
+Deviation = Annotated[Figure, AfterValidator(_not_negative)]
 Matrix = list[list[Figure]]
+Determined = Annotated[Matrix, AfterValidator(_determined)]
+Names = Annotated[list[str], AfterValidator(_once)]
+Sensors = Annotated[list[Annotated[str, AfterValidator(_temperature)]], AfterValidator(_once)]
 Shape = tuple[int, ...]
 
 
 class _Reported(BaseModel):
     """A part of a report, with what its values ask of one another.
 
-    The `shapes` of lists and covariances; the texts `known` of a unit, or a list of them; which
-    lists of `names` hold each name once; which matrices are `differences` of mean squares, negative
-    where passes, or runs, hardly differ; and whether something was `estimated` with each of its
-    degrees of freedom, which then are not 0.
+    The `shapes` of lists and covariances; which matrices are `differences` of mean squares,
+    negative where passes, or runs, hardly differ; and whether something was `estimated` with each
+    of its degrees of freedom, which then are not 0.
     """
 
-    known: ClassVar[Mapping[str, Collection[str]]] = {}
-    names: ClassVar[tuple[str, ...]] = ()
     differences: ClassVar[tuple[str, ...]] = ()
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
@@ -72,21 +93,48 @@ class _Reported(BaseModel):
     def estimated(self) -> dict[str, bool]:
         return {}
 
+    @model_validator(mode="after")
+    def _consistent(self) -> _Reported:
+        if faults := [*self._faults()]:
+            raise all_wrong(faults)
+        return self
+
+    def _faults(self) -> Iterator[PydanticCustomError]:
+        for key, (size, *width) in self.shapes().items():
+            if (values := getattr(self, key)) is None:
+                continue
+            if width and key != "coefficients":
+                reason = covariance_fault(values, size, difference=key in self.differences)
+                if reason is not None:
+                    yield wrong("", "wrong-correlation", key, reason=reason)
+            elif len(values) != size or any(len(row) not in width for row in values if width):
+                wanted = " x ".join(map(str, (size, *width)))
+                yield wrong(wanted, "wrong-count", key, found="another size")
+        for key, estimated in self.estimated().items():
+            if estimated and getattr(self, key) == 0:
+                facts = {"what": "an estimate", "other": "degrees of freedom", "value": 0}
+                yield wrong("more than 0, or null: known exactly", "incomplete", key, **facts)
+
 
 class ReportedComponent(_Reported):
     """One entry of `results.components` of fit-components; in `unit` and mm."""
 
-    known = {"unit": UNITS}
     differences = ("pass_covariance_moment", "run_covariance")
     of: str | None
-    unit: str
-    degree: int = Field(ge=0)
+    unit: UnitName
+    degree: int | None = Field(ge=0)
+    shape: Literal["polynomial", "table"] = "polynomial"
+    at_mm: list[Number] | None = None
+    roughness_um2_per_mm3: NonNegative | None = None
+    between_um2: NonNegative | None = None
+    own_um2_per_mm3: NonNegative | None = None
+    own_dof: NonNegative | None = None
     n_passes: int | None
     coefficients: list[Number] = Field(min_length=1)
     covariance: Matrix
     covariance_independent: Matrix | None
     s: NonNegative | None
-    s_repeat: Annotated[Figure, AfterValidator(_not_negative)]
+    s_repeat: Deviation
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     half_difference_mean_square: list[list[Number]] | None = None
@@ -101,13 +149,24 @@ class ReportedComponent(_Reported):
         whole = dict.fromkeys(("covariance", "covariance_independent"), (k, k))
         linear = ("pass_covariance", "half_difference_mean_square", *self.differences)
         passes = dict.fromkeys(linear, (min(2, k), min(2, k)))
-        return {"coefficients": (self.degree + 1,), **whole, **passes}
+        count = len(self.at_mm or ()) if self.degree is None else self.degree + 1
+        return {"coefficients": (count,), **whole, **passes}
 
     def estimated(self) -> dict[str, bool]:
         # pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
         one_square = self.pass_dof == 0 and _any(self.covariance)
         repeat = self.s_repeat > 0 or one_square
         return {"pass_dof": _any(self.pass_covariance), "repeat_dof": repeat}
+
+    @model_validator(mode="after")
+    def _known(self) -> ReportedComponent:
+        # A fit of as many readings as coefficients tells neither a covariance nor a repeatability;
+        # any other tells all of both.
+        unknown = _unknown(self.covariance)
+        if len(unknown) < len(self.coefficients) ** 2 and (unknown or isnan(self.s_repeat)):
+            key = "covariance" if unknown else "s_repeat"
+            raise wrong("", "missing-input", key, what="a number")
+        return self
 
 
 class ReportedGroup(_Reported):
@@ -136,10 +195,8 @@ class ReportedEffects(_Reported):
     `parameters` are named ``effect.parameter``; `covariance` is over all of them in order.
     """
 
-    known = {"units": PARAMETER_UNITS}
-    names = ("parameters",)
-    parameters: list[str]
-    units: list[str]
+    parameters: Names
+    units: list[ParameterUnitName]
     values: list[Number]
     covariance: list[list[Number]]
 
@@ -155,18 +212,16 @@ class ReportedDrift(_Reported):
     freedom that are None are infinite.
     """
 
-    known = {"unit": UNITS}
-    names = ("sensors",)
-    of: Literal["x", "y", "z"] | None
-    unit: str
+    of: AxisName | None
+    unit: UnitName
     degree: int = Field(ge=0)
-    sensors: list[str]
+    sensors: Sensors
     reference_temperature_degC: Number  # noqa: N815  # unit
     time_constants_min: list[TimeConstant]
-    coefficients: list[list[Annotated[float, Field(ge=-STEEPEST, le=STEEPEST)]]]
-    covariance: Matrix
+    coefficients: list[list[Gradient]]
+    covariance: Determined
     coefficient_dof: NonNegative | None
-    leftover_covariance: Matrix
+    leftover_covariance: Determined
     leftover_dof: NonNegative | None
     sensor_u_degC: list[SensorU]  # noqa: N815  # unit
     temperature_range_degC: list[tuple[Number, Number]] | None  # noqa: N815  # unit
@@ -186,11 +241,37 @@ class ReportedDrift(_Reported):
         left = _any(self.leftover_covariance)
         return {"coefficient_dof": _any(self.covariance), "leftover_dof": left}
 
+    @model_validator(mode="after")
+    def _of_an_axis(self) -> ReportedDrift:
+        if self.of is None and self.degree > 0:
+            facts = {"what": "a degree", "other": "`of`", "value": self.degree}
+            raise wrong("0, or the axis as `of`", "incomplete", "degree", **facts)
+        return self
+
 
 class _Components(_Reported):
     components: dict[str, ReportedComponent]
     joint_pass_covariance: list[ReportedGroup] = []
     effects: ReportedEffects | None = None
+
+    @model_validator(mode="after")
+    def _joint(self) -> _Components:
+        """Components that were fitted together are there, with as many coefficients."""
+        for i, group in enumerate(self.joint_pass_covariance):
+            at = ("joint_pass_covariance", i)
+            known = [self.components[name] for name in group.components if name in self.components]
+            widths = [len(item.coefficients) for item in known]
+            if group.widths != widths or len(known) < len(group.components):
+                expected = f"components of the report, whose widths are {widths}"
+                raise wrong(expected, "wrong-value", *at, value=group.components)
+            # Of as many readings as coefficients nobody can tell a covariance, but of passes
+            # everybody can.
+            lacks = [bool(_unknown(item.covariance)) for item in known for _ in item.coefficients]
+            places = _unknown(group.coefficient_covariance)
+            odd = [(i, j) for i, j in places if not (lacks[i] or lacks[j])]
+            if odd or _unknown(group.pass_covariance):
+                raise wrong("", "missing-input", *at, what="a number of a covariance")
+        return self
 
 
 class _Drifts(_Reported):
@@ -203,16 +284,22 @@ class _Warning(_Reported):
     facts: dict[str, Any] = {}
 
 
-class _Fit(_Reported):
+class _Report(_Reported):
+    inputs: list[dict[str, Any]] = []
+
+    def read_from(self, *roles: str) -> frozenset[str]:
+        """The hashes of the readings that it was made from, as far as it states them."""
+        made_from = (file for file in self.inputs if file.get("role") in roles)
+        return frozenset(str(file.get("sha256")) for file in made_from)
+
+
+class _Fit(_Report):
     results: _Components
 
 
-class _ThermalFit(_Reported):
+class _ThermalFit(_Report):
     results: _Drifts
     warnings: list[_Warning] = []
-
-
-R = TypeVar("R", _Fit, _ThermalFit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -265,10 +352,8 @@ def read_report(path: Path) -> ComponentsReport | ThermalReport:
         return thermal_from(replace(source, role="thermal"), document)
     if schema == COMPONENTS:
         return components_from(source, document)
-    expected = (
-        f"{COMPONENTS!r} or {THERMAL!r}, as `mtu fit-components -o FILE.json` or "
-        "`mtu thermal-fit -o FILE.json` writes it"
-    )
+    commands = "`mtu fit-components -o FILE.json` or `mtu thermal-fit -o FILE.json`"
+    expected = f"{COMPONENTS!r} or {THERMAL!r}, as {commands} writes it"
     place = {} if schema is None else {"path": "schema", "value": str(schema)}
     facts = {"kind": "a components report", "expected": expected}
     raise error("wrong-type", file=source.shown, **facts, **place)
@@ -287,12 +372,10 @@ def read_reports(paths: Iterable[Path]) -> ModelReports:
         except InputError as fault:
             findings += fault.findings
             continue
-        kind = "components" if isinstance(report, ComponentsReport) else "thermal"
-        first = reports.setdefault(kind, report)
-        if first is not report:
+        kind = report.source.role
+        if (first := reports.setdefault(kind, report)) is not report:
             names = [first.source.shown, report.source.shown]
-            expected = f"one {kind} report at most"
-            facts = {"names": names, "expected": expected}
+            facts = {"names": names, "expected": f"one {kind} report at most"}
             findings.append(finding("exclusive", file=report.source.shown, **facts))
     if findings:
         raise InputError(findings)
@@ -304,14 +387,14 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
 
     Raises InputError with every fault of the document.
     """
-    results = _checked(source, document, _Fit, "fit-components", _check_components).results
+    report = check_contract(YamlDocument(source=source, data=document), _Fit, "fit-components")
     return ComponentsReport(
         source=source,
-        components=results.components,
-        joint=tuple(results.joint_pass_covariance),
-        effects=results.effects,
+        components=report.results.components,
+        joint=tuple(report.results.joint_pass_covariance),
+        effects=report.results.effects,
         document=document,
-        readings=_read_from(document, ("lbb", "laser")),
+        readings=report.read_from("lbb", "laser"),
     )
 
 
@@ -320,7 +403,7 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
 
     Raises InputError with every fault of the document.
     """
-    report = _checked(source, document, _ThermalFit, "thermal-fit", _check_drifts)
+    report = check_contract(YamlDocument(source=source, data=document), _ThermalFit, "thermal-fit")
     names: dict[tuple[str, str], list[str]] = {}
     for item in report.warnings:
         if item.code in DOUBTS:
@@ -336,62 +419,8 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
         source=source,
         components=report.results.components,
         doubts=tuple(doubts),
-        readings=_read_from(document, ("drift",)),
+        readings=report.read_from("drift"),
     )
-
-
-def _read_from(document: Any, roles: Collection[str]) -> frozenset[str]:
-    """The hashes of the readings that a report was made from, as far as it states them."""
-    inputs = document.get("inputs")
-    entries = [item for item in inputs if isinstance(item, dict)] if type(inputs) is list else []
-    return frozenset(str(item.get("sha256")) for item in entries if item.get("role") in roles)
-
-
-def _checked(
-    source: Source, document: Any, model: type[R], kind: str, check: Callable[[R, Faults], None]
-) -> R:
-    """A report as its `model`; `check(report, faults)` sees it where its shape is sound."""
-
-    def sound(report: R, faults: Faults) -> None:
-        if not faults.findings:
-            check(report, faults)
-
-    # JSON has no lines: the path tells the place.
-    plain = YamlDocument(source=source, data=document, lines={})
-    return check_contract(plain, model, kind, sound)
-
-
-def _check_entry(item: _Reported, path: YamlPath, faults: Faults) -> bool:
-    """Shapes, covariances and degrees of freedom of a part of a report; whether these are sound."""
-    before = len(faults.findings)
-    for key, known in item.known.items():
-        value = getattr(item, key)
-        for i, unit in enumerate([value] if isinstance(value, str) else value):
-            if unit not in known:
-                at = (*path, key) if unit is value else (*path, key, i)
-                faults.unknown(at, unit, known, "unit")
-    for key in item.names:
-        faults.once((*path, key), enumerate(getattr(item, key)), "the name")
-    for key, (size, *width) in item.shapes().items():
-        values, place = getattr(item, key), (*path, key)
-        if values is None:
-            continue
-        if width and key != "coefficients":
-            reason = covariance_fault(values, size, difference=key in item.differences)
-            if reason is not None:
-                faults.add(place, "wrong-correlation", reason=reason)
-            continue
-        rows = [((*place, i), row, width[0]) for i, row in enumerate(values) if width]
-        for at, entries, wanted in [(place, values, size), *rows]:
-            if len(entries) != wanted:
-                count = counted(len(entries), "entry", "entries")
-                faults.add(at, "wrong-count", found=count, expected=f"{wanted}")
-    for key, estimated in item.estimated().items():
-        if estimated and getattr(item, key) == 0:
-            facts = {"what": "an estimate", "other": "degrees of freedom"}
-            expected = "more than 0, or null: known exactly"
-            faults.add((*path, key), "incomplete", value=0, expected=expected, **facts)
-    return len(faults.findings) == before
 
 
 def _any(matrix: Matrix) -> bool:
@@ -404,64 +433,41 @@ def _unknown(matrix: Matrix) -> list[tuple[int, int]]:
     return [(i, j) for i, row in enumerate(matrix) for j, v in enumerate(row) if isnan(v)]
 
 
-def _check_components(report: _Fit, faults: Faults) -> None:
-    results = report.results
-    for name, item in results.components.items():
-        path: YamlPath = ("results", "components", name)
-        _check_entry(item, path, faults)
-        # A fit of as many readings as coefficients tells neither a covariance nor a repeatability;
-        # any other tells all of both.
-        unknown = _unknown(item.covariance)
-        if len(unknown) < sum(map(len, item.covariance)):
-            places = [("covariance", *at) for at in unknown[:1]]
-            for place in [*places, *([("s_repeat",)] if isnan(item.s_repeat) else [])]:
-                faults.add((*path, *place), "missing-input", what="a number")
-    for index, group in enumerate(results.joint_pass_covariance):
-        path = ("results", "joint_pass_covariance", index)
-        _check_group(group, results.components, path, faults)
-    if results.effects is not None:
-        _check_entry(results.effects, ("results", "effects"), faults)
+def read_json(path: Path, role: str) -> tuple[Source, Any]:
+    """The values of a JSON file.
+
+    Raises InputError for a file that cannot be read (see `read_source`), text that is not
+    JSON (with line and column), NaN or Infinity, a key that appears twice in one object.
+    """
+    source, content = read_source(path, role, max_bytes=MAX_BYTES)
+    check_text(content, source.shown)
+    text = content.decode("utf-8-sig")
+    place: dict[str, Any] = {"file": source.shown}
+    hooks: dict[str, Any] = dict.fromkeys(("parse_constant", "parse_int", "parse_float"), _number)
+    try:
+        data = json.loads(text, object_pairs_hook=_without_duplicates, **hooks)
+    except json.JSONDecodeError as fault:
+        place |= {"line": fault.lineno, "column": fault.colno}
+        why = fault.msg.lower().removesuffix(" starting at")
+        if not text[: fault.pos].strip():
+            why, place["expected"] = "it is no JSON", f"a {role} report, as -o FILE.json writes it"
+        raise error("not-readable", reason=why, **place) from None
+    except (RecursionError, ValueError) as fault:
+        why = "it is nested too deeply" if isinstance(fault, RecursionError) else str(fault)
+        raise error("not-readable", reason=why, **place) from None
+    return source, data
 
 
-def _check_group(
-    group: ReportedGroup, known: dict[str, ReportedComponent], path: YamlPath, faults: Faults
-) -> None:
-    """The matrices of components that were fitted together."""
-    unknown = [name for name in group.components if name not in known]
-    for name in unknown:
-        faults.unknown((*path, "components"), name, known.keys(), "component")
-    widths = [len(known[name].coefficients) for name in group.components if name in known]
-    if not unknown and group.widths != widths:
-        faults.add((*path, "widths"), "wrong-value", value=group.widths, expected=str(widths))
-    if unknown or group.widths != widths or not _check_entry(group, path, faults):
-        return
-    # Of as many readings as coefficients nobody can tell a covariance, but of passes everybody can.
-    bare = [bool(_unknown(known[name].covariance)) for name in group.components]
-    lacks = [each for each, width in zip(bare, widths, strict=True) for _ in range(width)]
-    places = [("pass_covariance", i, j) for i, j in _unknown(group.pass_covariance)]
-    places += [
-        ("coefficient_covariance", i, j)
-        for i, j in _unknown(group.coefficient_covariance)
-        if not (lacks[i] or lacks[j])
-    ]
-    for place in places[:1]:
-        faults.add((*path, *place), "missing-input", what="a number")
+def _number(text: str) -> int | float:
+    value = float(text)
+    if not isfinite(value):
+        raise ValueError(f"{shorten(text)} is no finite number")
+    return int(text) if text.removeprefix("-").isdecimal() else value
 
 
-def _check_drifts(report: _ThermalFit, faults: Faults) -> None:
-    for name, item in report.results.components.items():
-        path: YamlPath = ("results", "components", name)
-        for i, sensor in enumerate(item.sensors):
-            if not is_temperature(sensor):
-                facts = {"kind": "the name of a temperature", "expected": "T_<sensor>_degC"}
-                faults.add((*path, "sensors", i), "wrong-type", value=sensor, **facts)
-        unknown = [k for k in ("covariance", "leftover_covariance") if _unknown(getattr(item, k))]
-        for key in unknown:
-            facts = {"what": "the readings do not determine it"}
-            expected = "more readings or cycles"
-            faults.add((*path, key), "too-little-data", expected=expected, **facts)
-        if not unknown:
-            _check_entry(item, path, faults)
-        if item.of is None and item.degree > 0:
-            facts = {"what": "a degree", "other": "`of`", "expected": "0, or the axis as `of`"}
-            faults.add((*path, "degree"), "incomplete", value=item.degree, **facts)
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    values = dict(pairs)
+    if len(values) < len(pairs):
+        name = next(key for key, n in Counter(key for key, _ in pairs).items() if n > 1)
+        raise ValueError(f"the key {name!r} appears twice in one object")
+    return values

@@ -13,6 +13,8 @@ from mtu_cli.findings import Finding, closest, error, finding, printable
 
 DRIFT = "drift"
 """The role of readings that follow temperatures in time: their runs are cycles, no passes."""
+SYNTHETIC = "# Synthetic"
+"""How a file of `mtu simulate` begins: another one holds what somebody has measured."""
 KINDS = {".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".json": "json"}
 """What the endings of files say: those of one kind may be meant for each other."""
 MARKS = {
@@ -36,7 +38,8 @@ def a_file(kind: str) -> str:
 class Source:
     """One input file: its role in the run, its name in reports and the hash of its bytes.
 
-    `shown` never is an absolute path; `rows` counts the data rows of a CSV file.
+    `shown` never is an absolute path; `rows` counts the data rows of a CSV file, which is
+    `synthetic` where `mtu simulate` has made it.
     """
 
     role: str
@@ -44,6 +47,7 @@ class Source:
     shown: str
     sha256: str
     rows: int | None = None
+    synthetic: bool = False
 
 
 def shown_path(path: Path) -> str:
@@ -101,7 +105,8 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     if not content:
         raise error("empty-file", what="text", **place)
     digest = hashlib.sha256(content).hexdigest()
-    return Source(role=role, path=path, shown=shown, sha256=digest), content
+    made = content.startswith(SYNTHETIC.encode())
+    return Source(role=role, path=path, shown=shown, sha256=digest, synthetic=made), content
 
 
 def _instead_of(path: Path, role: str) -> dict[str, object]:

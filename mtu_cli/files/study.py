@@ -26,11 +26,9 @@ SINGLE = ("machine", "part")
 SEVERAL = ("components", "lbb", "laser", "cmm", "drift")
 
 MAX_COVERAGE = 100.0
-MIN_TRIALS = 1000
 MAX_TRIALS = 10_000_000_000
 """Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
 MAX_DIGITS = 4
-MAX_THREADS = 1024
 
 Share = Annotated[float, Field(gt=0, lt=1)]
 FileName = Annotated[str, Field(min_length=1)]
@@ -50,7 +48,7 @@ class Settings(Contract):
     correlation: Literal["shared", "independent"] | None = optional(
         "Points of a part share components, or stand alone as in the papers"
     )
-    trials: Annotated[int, Field(ge=MIN_TRIALS, le=MAX_TRIALS)] | None = optional(
+    trials: Annotated[int, Field(ge=1000, le=MAX_TRIALS)] | None = optional(
         "Monte Carlo trials; adaptive without it"
     )
     digits: Annotated[int, Field(ge=1, le=MAX_DIGITS)] | None = optional(
@@ -62,7 +60,10 @@ class Settings(Contract):
         "Freedoms of the part coordinate system"
     )
     max_effects: Annotated[int, Field(ge=1)] | None = optional("Causes that close-loop may add")
-    threads: Annotated[int, Field(ge=1, le=MAX_THREADS)] | None = optional("Threads of Monte Carlo")
+    zeroed: Literal["auto", "cycle", "never"] | None = optional(
+        "Whether the drift probe was zeroed in every cycle"
+    )
+    threads: Annotated[int, Field(ge=1, le=1024)] | None = optional("Threads of Monte Carlo")
 
 
 class Study(Contract):

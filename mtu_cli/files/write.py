@@ -1,7 +1,8 @@
-"""Files that are written whole or not at all."""
+"""Reports as bytes, and files that are written whole or not at all."""
 
 from __future__ import annotations
 
+import json
 import os
 import secrets
 import shutil
@@ -10,9 +11,56 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mtu_cli.files.source import given_path, resolved, system_reason
 from mtu_cli.findings import Finding, InputError, error, finding
+
+
+def report_bytes(document: Mapping[str, Any]) -> bytes:
+    """A report as UTF-8 bytes: keys in the order given, floats to the last digit.
+
+    Mappings stand one key a line, lists of records one record a line, other lists on one
+    line, so that a report can be read and compared line by line. numpy scalars and arrays
+    are written as numbers and lists.
+
+    Raises ValueError for a number that is not finite and TypeError for what JSON cannot
+    hold: both are faults of the calling program.
+    """
+    return (_written(document, "", "report") + "\n").encode()
+
+
+def _written(value: Any, indent: str, place: str) -> str:
+    deeper = indent + "  "
+    if isinstance(value, Mapping) and value:
+        lines = [
+            f"{deeper}{_compact(str(key))}: {_written(item, deeper, f'{place}.{key}')}"
+            for key, item in value.items()
+        ]
+        return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
+    value = value.tolist() if hasattr(value, "tolist") else value
+    try:
+        if isinstance(value, (list, tuple)) and any(map(_is_compound, value)):
+            return "[\n" + ",\n".join(deeper + _compact(item) for item in value) + f"\n{indent}]"
+        return _compact(value)
+    except (TypeError, ValueError) as fault:
+        raise type(fault)(f"{place}: {fault}") from None
+
+
+def _is_compound(value: Any) -> bool:
+    return isinstance(value, (Mapping, list, tuple)) or getattr(value, "ndim", 0) > 0
+
+
+def _compact(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, default=_plain)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return dict(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"JSON cannot hold a {type(value).__name__}")
 
 
 @dataclass(frozen=True, slots=True)

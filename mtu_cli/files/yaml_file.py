@@ -11,7 +11,7 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,7 +60,7 @@ class YamlDocument:
 
     source: Source
     data: Any
-    lines: Mapping[YamlPath, int]
+    lines: Mapping[YamlPath, int] = field(default_factory=dict)
     content: bytes = b""
 
     def reached(self, path: YamlPath) -> tuple[YamlPath, Any]:
@@ -171,9 +171,8 @@ def _not_yaml(fault: yaml.MarkedYAMLError, text: str, shown: str) -> InputError:
     expected = next((own for start, own in EXPECTED.items() if problem.startswith(start)), None)
     if line is not None and re.match(r"[ ]*\t", "".join(text.splitlines()[line - 1 : line])):
         expected = "spaces, not tabs, for indentation"
-    return error(
-        "not-readable", reason=f"no YAML: {problem}", file=shown, line=line, expected=expected
-    )
+    why = f"no YAML: {problem}"
+    return error("not-readable", reason=why, file=shown, line=line, expected=expected)
 
 
 class _Builder:
@@ -197,9 +196,10 @@ class _Builder:
         if len(path) > MAX_DEPTH:
             raise error("too-large", most=MAX_DEPTH, what="levels", file=self.shown, line=line)
         if node.tag:
-            self.refuse(f"the tag {node.tag.replace('tag:yaml.org,2002:', '!!')!r}", line)
+            tag = node.tag.replace("tag:yaml.org,2002:", "!!")
+            self.add("yaml-feature", line, what=f"the tag {tag!r}")
         if id(node) in self.open:
-            self.refuse("an alias inside its own anchor", line)
+            self.add("yaml-feature", line, what="an alias inside its own anchor")
             return None
         self.lines[path] = line
         if isinstance(node, yaml.ScalarNode):
@@ -207,9 +207,8 @@ class _Builder:
         self.open.add(id(node))
         found: Any
         if isinstance(node, yaml.MappingNode):
-            found = {
-                key: self.value(item, (*path, key), at) for key, item, at in self.entries(node)
-            }
+            entries = self.entries(node)
+            found = {key: self.value(item, (*path, key), at) for key, item, at in entries}
         else:
             items = enumerate(node.value)
             found = [self.value(item, (*path, i), item.start_mark.line + 1) for i, item in items]
@@ -224,7 +223,7 @@ class _Builder:
             line, name = key.start_mark.line + 1, str(key.value)
             if not isinstance(key, yaml.ScalarNode) or key.tag or (name == "<<" and not key.style):
                 what = "a merge key (<<)" if name == "<<" else "a list, mapping or tag as a key"
-                self.refuse(what, line, expected="plain keys")
+                self.add("yaml-feature", line, what=what, expected="plain keys")
                 continue
             if name in first:
                 where, expected = f"the key {name!r}", f"it once: it is in line {first[name]} too"
@@ -240,12 +239,8 @@ class _Builder:
             text = self.text[node.start_mark.index : node.end_mark.index]
             if _TIGHT.search(text) and _SPACED.search(text):
                 expected = "decimal points, and a blank behind each comma between two numbers"
-                what = "a comma within a number"
-                self.refuse(what, line, path=path_text(path), value=text, expected=expected)
-
-    def refuse(self, what: str, line: int, **facts: Any) -> None:
-        """What YAML has and no file of ours."""
-        self.add("yaml-feature", line, what=what, **facts)
+                facts = {"what": "a comma within a number", "value": text, "expected": expected}
+                self.add("yaml-feature", line, path=path_text(path), **facts)
 
     def add(self, code: str, line: int, **facts: Any) -> None:
         self.findings.append(finding(code, file=self.shown, line=line, **facts))

@@ -5,7 +5,7 @@ InputErrors of findings whose `column` is a character of the equation, counted f
 the file adds it with `Finding.at`.
 """
 
-from mtu_cli.language.evaluate import evaluate
+from mtu_cli.language.functions import evaluate
 from mtu_cli.language.linear import LinearForm, linear_form
 from mtu_cli.language.parser import parse
 from mtu_cli.language.tree import Node, check_known, names, to_text

@@ -12,14 +12,19 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language.evaluate import given
-from mtu_cli.language.functions import FUNCTIONS, ORDER, Slopes, apply_scalar, power_slopes
+from mtu_cli.language.functions import (
+    FUNCTIONS,
+    ORDER,
+    Slopes,
+    apply_scalar,
+    given,
+    power_slopes,
+)
 from mtu_cli.language.tree import Call, Name, Node, Number
 from mtu_cli.language.tree import names as names_in
 
@@ -62,7 +67,7 @@ def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -
     n, used = len(names), names_in(node)
     rows = np.array([k for k, name in enumerate(names) if name in used], dtype=np.intp)
     # All pairs of the names that it has; without any there is its value.
-    i, j = np.triu_indices(len(rows)) if len(rows) else (np.zeros(1, int), np.zeros(1, int))
+    i, j = np.triu_indices(max(1, len(rows)))
     place = {names[row]: k for k, row in enumerate(rows)}
 
     def along(name: str) -> FloatArray | None:
@@ -166,13 +171,12 @@ class _Expansion:
                 found: _Jet = FUNCTIONS[function].scalar(*jets)
                 return found
         value, slopes = apply_scalar(function, (jets[0].value,)), FUNCTIONS[function].slopes
-        assert slopes is not None, function
         return self.chained(f"{function}()", value, slopes, jets[0], column)
 
-    def constant(self, value: float) -> _Jet:
+    def constant(self, value: float, varies: NDArray[np.bool_] | None = None) -> _Jet:
         series = np.zeros((len(TERMS), self.pairs))
         series[0] = value
-        return _Jet(series, np.zeros(self.pairs, bool))
+        return _Jet(series, np.zeros(self.pairs, bool) if varies is None else varies)
 
     def power(self, base: _Jet, exponent: float, what: str, column: int) -> _Jet:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
@@ -192,24 +196,24 @@ class _Expansion:
         angle = math.atan2(y.value, x.value)
         if y.value == 0.0 and x.value <= 0.0:
             # The angle jumps by 2 pi there, or is any angle at the origin: it has a value alone.
-            alone = _Jet(self.constant(angle).series, y.varies | x.varies)
+            alone = self.constant(angle, y.varies | x.varies)
             return self.without_slopes(alone, "atan2(y, x) with y = 0", x.value, column)
         # The larger one divides; the derivatives of both forms are those of the angle.
         over, under, sign = (y, x, 1.0) if abs(x.value) >= abs(y.value) else (x, y, -1.0)
         ratio = over * self.power(under, -1.0, "'/'", column)
         jet = self.call("atan", [ratio], column)
-        series = sign * jet.series
-        series[0] = angle
-        return _Jet(series, jet.varies)
+        jet.series[:] *= sign
+        jet.series[0] = angle
+        return jet
 
     def chained(
         self, what: str, value: float | None, slopes: Slopes | None, inner: _Jet, column: int
     ) -> _Jet:
         """f(u) = f(u0) + f' h + f'' h^2/2 + f''' h^3/6 with h = u - u0."""
         if value is None or slopes is None:
-            self.fault(what, f" at {inner.value:.6g}", column)
+            self.fault(what, inner.value, column)
             return _Jet(np.full_like(inner.series, math.nan), inner.varies)
-        jet = _Jet(self.constant(value).series, inner.varies)
+        jet = self.constant(value, inner.varies)
         found = slopes(inner.value)
         if not math.isfinite(found[0]):
             return self.without_slopes(jet, what, inner.value, column)
@@ -226,10 +230,10 @@ class _Expansion:
     def without_slopes(self, jet: _Jet, what: str, at: float, column: int) -> _Jet:
         """A value that has no derivatives where it varies, which is a fault then."""
         if np.any(jet.varies):
-            self.fault(f"the derivative of {what}", f" at {at:.6g}", column)
+            self.fault(f"the derivative of {what}", at, column)
             jet.series[1:, jet.varies] = math.nan
         return jet
 
-    def fault(self, what: str, where: str, column: int) -> None:
-        facts: dict[str, Any] = {"what": what, "where": where, "column": column}
-        self.faults.append(finding("no-finite-value", **facts))
+    def fault(self, what: str, at: float, column: int) -> None:
+        where = f" at {at:.6g}"
+        self.faults.append(finding("no-finite-value", what=what, where=where, column=column))

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from mtu_cli.findings import InputError, error
 from mtu_cli.language.tree import Call, Name, Node, Number, names
 
-COMPONENT, PARAMETER = "component", "parameter"
+Parts = dict[str, Node]
+"""The coefficient of every linear name, and of "": what holds none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,19 +29,15 @@ def linear_form(
     Raises InputError with the column at which linearity is lost: a product of two
     components, a division by one, a power or a function of one.
     """
-    linear = {name: PARAMETER if name in parameters else COMPONENT for name in linear_names}
+    linear = {name: "parameter" if name in parameters else "component" for name in linear_names}
     parts = _split(node, linear)
-    remainder = parts.pop(None, None)
-    return LinearForm({name: part for name, part in parts.items() if name is not None}, remainder)
-
-
-Parts = dict[str | None, Node]
-"""The coefficient of every linear name, and of None: of 1."""
+    remainder = parts.pop("", None)
+    return LinearForm(parts, remainder)
 
 
 def _split(node: Node, linear: Mapping[str, str]) -> Parts:
     if not _held(node, linear):
-        return {None: node}
+        return {"": node}
     match node:
         case Name(name, column):
             return {name: Number(1.0, column)}
@@ -56,12 +53,11 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
         case Call("*", (left, right), column):
             of_left, of_right = _split(left, linear), _split(right, linear)
             in_left, in_right = ([name for name in own if name] for own in (of_left, of_right))
-            if in_left and in_right:
-                both = (in_left[0], in_right[0])
-                raise _not_linear(both, linear, "their product", column)
-            if in_left:
+            if not in_left:
+                return _scaled(of_right, lambda part: _times(left, part, column))
+            if not in_right:
                 return _scaled(of_left, lambda part: _times(part, right, column))
-            return _scaled(of_right, lambda part: _times(left, part, column))
+            raise _not_linear((in_left[0], in_right[0]), linear, "their product", column)
         case Call("/", (left, right), column) if not _held(right, linear):
             return _scaled(_split(left, linear), lambda part: Call("/", (part, right), column))
         case Call("/", (_, right)):

@@ -9,8 +9,7 @@ from functools import cache
 from typing import NamedTuple
 
 from mtu_cli.findings import InputError, error, suggestion
-from mtu_cli.language.evaluate import folded
-from mtu_cli.language.functions import MACHINE_FUNCTIONS, Function
+from mtu_cli.language.functions import MACHINE_FUNCTIONS, Function, folded
 from mtu_cli.language.tree import PRECEDENCE, Call, Name, Node, Number
 
 MAX_CHARACTERS = 20_000
@@ -63,16 +62,14 @@ def _too_large(what: str, most: int, column: int) -> InputError:
 def _tokens(text: str, pattern: re.Pattern[str]) -> list[_Token]:
     """The words of an equation, and last its end."""
     tokens: list[_Token] = []
-    position = 0
-    end = len(text.rstrip())
+    position, end = 0, len(text.rstrip())
     while position < end:
         match = pattern.match(text, position)
         if match is None:
-            start = position + len(text[position:]) - len(text[position:].lstrip())
-            expected = "a number, a name, + - * / ** or parentheses"
-            if text[start] == "^":
-                expected = "** for a power"
-            raise _unexpected(_Token("", text[start], start + 1), expected)
+            rest = text[position:].lstrip()
+            power, other = "** for a power", "a number, a name, + - * / ** or parentheses"
+            token = _Token("", rest[0], len(text) - len(rest) + 1)
+            raise _unexpected(token, power if rest[0] == "^" else other)
         kind = match.lastgroup or ""
         tokens.append(_Token(kind, match.group(kind), match.start(kind) + 1))
         position = match.end()
@@ -127,8 +124,7 @@ class _Parser:
     def prefix(self) -> Node:
         token = self.take()
         if token.kind == "number":
-            value = float(token.text)
-            if not math.isfinite(value):
+            if not math.isfinite(value := float(token.text)):
                 kind = "a finite number"
                 raise error("wrong-type", kind=kind, value=token.text, column=token.column)
             return Number(value, token.column)

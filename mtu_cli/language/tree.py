@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 
 from mtu_cli.findings import InputError, finding, shorten, suggestion
 
@@ -42,26 +42,14 @@ class Call:
 Node = Number | Name | Call
 
 
-def children(node: Node) -> tuple[Node, ...]:
-    """The operands of a node, from left to right."""
-    return node.arguments if isinstance(node, Call) else ()
-
-
 def walk(node: Node) -> Iterator[Node]:
     """Every node of the tree, parents first, from left to right."""
     waiting = [node]
     while waiting:
         item = waiting.pop()
         yield item
-        waiting.extend(reversed(children(item)))
-
-
-def rewritten(node: Node, change: Callable[[Node], Node]) -> Node:
-    """The tree with every node that `change` returns another for replaced, from the top down."""
-    changed = change(node)
-    if changed is node and isinstance(node, Call):
-        return replace(node, arguments=tuple(rewritten(item, change) for item in node.arguments))
-    return changed
+        if isinstance(item, Call):
+            waiting.extend(reversed(item.arguments))
 
 
 def names(node: Node) -> dict[str, int]:
@@ -78,12 +66,13 @@ def check_known(node: Node, known: Collection[str], what: str = "name") -> None:
 
     Raises InputError with all others, each with its column and the closest known name.
     """
-    unknown = [(name, column) for name, column in names(node).items() if name not in known]
+    unknown = [
+        finding("unknown-name", what=what, value=name, column=column, **suggestion(name, known))
+        for name, column in names(node).items()
+        if name not in known
+    ]
     if unknown:
-        raise InputError(
-            finding("unknown-name", what=what, value=name, column=column, **suggestion(name, known))
-            for name, column in unknown
-        )
+        raise InputError(unknown)
 
 
 def terms(node: Node) -> Iterator[Node]:
@@ -127,12 +116,10 @@ def shown(node: Node) -> str:
     return shorten(to_text(node))
 
 
-def to_text(node: Node) -> str:
-    """The equation as text that parses back to the same tree."""
-    return _text(node, 0)
-
-
-def _text(node: Node, outer: int) -> str:
+def to_text(node: Node, outer: int = 0) -> str:
+    """The equation as text that parses back to the same tree; in parentheses where it binds less
+    tightly than `outer`.
+    """
     match node:
         case Number(value):
             text = repr(value).removesuffix(".0")
@@ -141,20 +128,20 @@ def _text(node: Node, outer: int) -> str:
         case Name(name):
             return name
         case Call("neg", (operand,)):
-            return _wrap(f"-{_text(operand, 3)}", outer > 2)
+            return _wrap(f"-{to_text(operand, 3)}", outer > 2)
         case Call(sign, (left, right)) if sign in PRECEDENCE:
             own = PRECEDENCE[sign]
             # The left side of ** and the right side of the others need parentheses at
             # equal precedence: ** groups to the right, the others to the left.
-            left_text = _text(left, own + (sign == "**"))
-            right_text = _text(right, own if sign == "**" else own + 1)
+            left_text = to_text(left, own + (sign == "**"))
+            right_text = to_text(right, own if sign == "**" else own + 1)
             if sign != "**" and not isinstance(right, Number):
                 # a - -b*c would parse back, but nobody would read it.
                 right_text = _wrap(right_text, right_text.startswith("-"))
             space = " " if sign in "+-" else ""
             return _wrap(f"{left_text}{space}{sign}{space}{right_text}", own < outer)
         case Call(function, arguments):
-            return f"{function}({', '.join(_text(item, 0) for item in arguments)})"
+            return f"{function}({', '.join(to_text(item) for item in arguments)})"
 
 
 def _wrap(text: str, needed: bool) -> str:

@@ -86,12 +86,10 @@ class Algebra:
                 return self.of(first) * ANY
             case "root":
                 return self._raised(first, 0.5)
+            case "same" if first is last:
+                return self.of(first)
             case "same":
-                return (
-                    self.of(first)
-                    if first is last
-                    else self._alike(first, last, node.column, "added")
-                )
+                return self._alike(first, last, node.column, "added")
             case "alike":
                 self._alike(first, last, node.column, "compared")
             case "number":
@@ -185,10 +183,8 @@ def check_dimension(
         known = units if own is None else beside
         algebra = Algebra(units=known, factor=ANY if free else NO_LENGTH, empirical=free)
         found = algebra.of(term)
-        right = wanted is None or found.agrees(wanted)
-        if free and (not found.known or found.alike(PLAIN)):
-            right = True
-        if not (right or algebra.faults or wanted is None):
+        vague = free and (not found.known or found.alike(PLAIN))
+        if wanted is not None and not (vague or found.agrees(wanted) or algebra.faults):
             expected = _expected(found, wanted, free, None if own is None else stated[own], own)
             if expected is not None:
                 column, text = first_column(term), shown(term)

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from mtu_cli.findings import Finding
+from mtu_cli.model.covariates import Columns, Values, number, used_columns
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.residual_covariates import Columns, Values, number, used_columns
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.stats.least_squares import FloatArray
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.files.covariates import NEAR_K, is_temperature
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.effect_parameters import EFFECT_MARK, DeclaredEffect
 from mtu_cli.model.machine_model import AXES, MachineModel, design, places, theta
 from mtu_cli.stats.least_squares import FloatArray
 
+NEAR_K = 0.5
+"""Temperatures this near to one another are one to a shop: a meter of steel grows by 6 um."""
 SLACK = 0.1
 """Share of the range seen that may be exceeded without a word."""
 SAME = 1e-9

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mtu_cli.model.basis import Powers, Shape, TableShape
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import Unit
 
@@ -79,14 +80,14 @@ def through_positions(positions: FloatArray, values: FloatArray, degree: int) ->
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentEstimate:
-    """One component as a polynomial of its axis, in internal units (mm or rad, per mm^k).
+    """One component as a polynomial or table of its axis, in internal units (mm or rad, per mm^k).
 
-    `coefficients` (k,) in ascending powers; `covariance` C (k, k) their covariance, shared by
-    all predictions; `pass_covariance` D (k, k) the pass-to-pass covariance, shared by all
-    points of one part; `s_repeat` the repeatability of one visit, independent from visit to
-    visit. From readings D is the unbiased moment estimate, which may have a negative part:
-    clipping it would make every interval too wide where the passes hardly differ.
-    `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known exactly;
+    `coefficients` (k,) in ascending powers, or values at the positions of `table`; `covariance` C
+    (k, k) their covariance, shared by all predictions; `pass_covariance` D (k, k) the pass-to-pass
+    covariance, shared by all points of one part; `s_repeat` the repeatability of one visit,
+    independent from visit to visit. From readings D is the unbiased moment estimate, which may
+    have a negative part: clipping it would make every interval too wide where the passes hardly
+    differ. `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known exactly;
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
     given where C is the between-pass mean square over that number. `half_differences` (k, k) is
     the mean square S_h of runs there and back, S = S_m + S_h and C = S_m/runs (see
@@ -112,11 +113,17 @@ class ComponentEstimate:
     position_range: tuple[float, float] | None = None
     half_differences: FloatArray | None = None
     run_covariance: FloatArray | None = None
+    table: TableShape | None = None
 
     @property
-    def degree(self) -> int:
-        """Degree of the polynomial."""
-        return len(self.coefficients) - 1
+    def shape(self) -> Shape:
+        """What the coefficients multiply."""
+        return Powers(len(self.coefficients) - 1) if self.table is None else self.table
+
+    @property
+    def degree(self) -> int | None:
+        """Degree of the polynomial; None of a table."""
+        return len(self.coefficients) - 1 if self.table is None else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,29 +169,6 @@ class Estimates:
     effects: EffectEstimates | None = None
 
 
-def from_centre(center: float, k: int, q: int) -> FloatArray:
-    """T (k, q) from (intercept at the centre, slope) to coefficients at position 0.
-
-    intercept + slope (p - c) = (intercept - c slope) + slope p.
-    """
-    T = np.zeros((k, q))
-    T[0, 0] = 1.0
-    if q == 2:
-        T[0, 1], T[1, 1] = -center, 1.0
-    return T
-
-
-def to_centre(center: float, D: FloatArray) -> FloatArray:
-    """The (q, q) covariance of intercept at the centre and slope from coefficient space."""
-    q = min(2, len(D))
-    T = np.zeros((q, len(D)))
-    T[0] = center ** np.arange(len(D))
-    if q == 2:
-        T[1] = np.arange(len(D)) * center ** np.maximum(np.arange(len(D)) - 1, 0)
-    result: FloatArray = T @ D @ T.T
-    return result
-
-
 def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     """S (k, k), the mean square between passes that C and D come from; None without one.
 
@@ -192,11 +176,20 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     n C/2 + S_h of runs there and back. Powers
     that the passes have in common are known from within passes: then S = D + s_repeat^2 M,
     where M = n (P'X'X P)^-1 is the error of a pass's own level and slope, P their columns,
-    and (P'X'X P)^-1 is the Schur complement of those powers in (X'X)^-1.
+    and (P'X'X P)^-1 is the Schur complement of those powers in (X'X)^-1. Of a table X'X counts the
+    readings at its positions.
     """
     if estimate.n_passes is None:
         return None
     C, D, s = estimate.covariance, estimate.pass_covariance, estimate.independent_s
+    if estimate.table is not None:
+        if estimate.independent_covariance is None or not s:
+            return None
+        line = estimate.table.of_line(float(np.mean(estimate.table.at)), 2)
+        counts = s**2 / np.diag(estimate.independent_covariance)
+        M = estimate.n_passes * np.linalg.inv((line.T * counts) @ line)
+        of_visits: FloatArray = estimate.s_repeat**2 * line @ M @ line.T
+        return D + of_visits
     k = len(C)
     halves = estimate.half_differences
     # D of few passes may be cut to 0 in all; what differs between the ways of a run is not.

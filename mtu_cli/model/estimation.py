@@ -9,20 +9,22 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.files.machine_contract import AUTO
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import InputError, finding
+from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.model.basis import Powers
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     JointPasses,
     between_passes,
     covariance_in_run,
-    from_centre,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_of
+from mtu_cli.model.shapes import as_table, chosen_degree, fit_table
+from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import IntArray, PassFit, fit_passes
-from mtu_cli.stats.pass_pairs import covariance_in_runs
+from mtu_cli.stats.mixed_model import IntArray, PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
     FTest,
     Shift,
@@ -32,7 +34,8 @@ from mtu_cli.stats.pass_tests import (
     reversal,
     trend_units,
 )
-from mtu_cli.stats.positive_part import as_covariance
+from mtu_cli.stats.resolution import rounding_variance
+from mtu_cli.stats.smooth_profile import FEWEST_TARGETS, SmoothProfile
 from mtu_cli.units import UNITS, Unit
 
 
@@ -41,8 +44,10 @@ class InstrumentFit:
     """One component as one instrument read it; arrays in mm, rad and the readings' order.
 
     `group` (n,) is the pass of each reading among the passes `read`; `passes` are those of the fit,
-    in its order, which leaves out what broke off early; all three None where no pass is given. The
+    in its order, which leaves out what broke off early; all three None where no pass is given. Of
+    a table `profile` is the bend, and `fit` of the readings less it. The
     tests on the passes are made when they are first asked for: predictions need not all of them.
+    `rounding` is the variance of a reading by its last digit.
     """
 
     role: str
@@ -53,6 +58,8 @@ class InstrumentFit:
     read: Passes | None
     passes: Passes | None
     fit: PassFit
+    rounding: float = 0.0
+    profile: SmoothProfile | None = None
 
     @property
     def keys_read(self) -> tuple[PassKey, ...]:
@@ -68,12 +75,14 @@ class InstrumentFit:
     @cached_property
     def scatter(self) -> FTest | None:
         """Whether the passes differ by more than repeatability."""
-        return pass_scatter(self.fit)
+        return pass_scatter(self.fit, self.rounding)
 
     @cached_property
     def trend(self) -> Shift | None:
         """The drift a pass."""
-        return None if self.passes is None else pass_trend(self.fit, self.passes.order)
+        return (
+            None if self.passes is None else pass_trend(self.fit, self.passes.order, self.rounding)
+        )
 
     @property
     def trend_of_files(self) -> bool:
@@ -88,13 +97,16 @@ class InstrumentFit:
         """The mean reversal value."""
         if self.passes is None:
             return None
-        return reversal(self.fit, self.passes.order, timed=self.passes.timed)
+        timed = self.passes.timed
+        return reversal(self.fit, self.passes.order, timed=timed, r=self.rounding)
 
     @cached_property
     def lack_of_fit(self) -> FTest | None:
-        """Whether free means at the positions fit better than the polynomial."""
+        """Whether free means at the positions fit better than the polynomial; None of a table."""
+        if self.profile is not None:
+            return None
         degree = len(self.fit.plain.coefficients) - 1
-        return lack_of_fit(self.error, self.position, degree, self.group)
+        return lack_of_fit(self.error, self.position, degree, self.group, self.rounding)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,10 +136,14 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     rows = np.flatnonzero(readings.code == code)
     unit = UNITS[component.unit]
     roles = np.array(readings.roles)[readings.file_index[rows]]
+    by_role = [rows[roles == role] for role in dict.fromkeys(roles.tolist())]
     fits = tuple(
-        _fit_instrument(readings, rows[roles == role], role, component)
-        for role in dict.fromkeys(roles.tolist())
+        _fit_instrument(readings, own, str(roles[rows == own[0]][0]), component) for own in by_role
     )
+    if len(fits) > 1 and any(fit.profile is not None for fit in fits):
+        reason = f"{name!r} was read by several instruments, whose tables are not combined"
+        expected = "readings of one instrument, or a degree"
+        raise InputError([finding("not-applicable", reason=reason, expected=expected)])
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
     if len(fits) > 1:
         # Without scatter an instrument has no weight against the others.
@@ -167,7 +183,16 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
     if numbered or component.of is None:
         group, read = passes_of(readings, rows, numbers, sign)
         runs = read.runs[group]
-    fit = fit_passes(error, position, component.degree, group, direction, runs)
+    degree = None if component.is_table else component.degree
+    if degree == AUTO:
+        degree = chosen_degree(position, error, group, runs)
+    profile = None
+    if degree is not None:
+        fit = fit_passes(error, position, int(degree), group, direction, runs)
+    elif (found := fit_table(position, error, group, direction, runs)) is not None:
+        fit, profile = found
+    else:
+        raise InputError(_too_few_for_table(readings, rows))
     return InstrumentFit(
         role=role,
         position=position,
@@ -178,17 +203,41 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
         # Passes that broke off early do not take part in what compares passes.
         passes=read.only(fit.groups) if read is not None and fit.separated else read,
         fit=fit,
+        profile=profile,
+        rounding=_rounding(readings, rows, UNITS[component.unit]),
     )
+
+
+def _rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
+    """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, in the file
+    and unit where it is coarsest.
+    """
+    codes = readings.file_index[rows] * len(UNITS)
+    if readings.unit is not None:
+        codes = codes + readings.unit[rows]
+    found = []
+    for code in np.unique(codes).tolist():
+        unit = stated if readings.unit is None else list(UNITS.values())[code % len(UNITS)]
+        found.append(rounding_variance(readings.error[rows[codes == code]], unit.to_internal))
+    return max(found, default=0.0)
+
+
+def _too_few_for_table(readings: Readings, rows: IntArray) -> Finding:
+    """That a table cannot be fitted to these readings."""
+    name = readings.components[int(readings.code[rows[0]])]
+    source = readings.sources[int(readings.file_index[rows[0]])]
+    what = f"the readings of {name!r} for a table"
+    expected = f"at least {FEWEST_TARGETS} positions, each read in several passes"
+    return finding("too-little-data", what=what, file=source.shown, expected=expected)
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
     fit = found.fit
-    k = len(fit.plain.coefficients)
-    T = from_centre(fit.center, k, len(fit.D))
+    T = Powers(len(fit.plain.coefficients) - 1).of_line(fit.center, len(fit.D))
     D = T @ fit.D_moment @ T.T
     halves = None if fit.half_differences is None else T @ fit.half_differences @ T.T
     low, high = float(found.position.min()), float(found.position.max())
-    return ComponentEstimate(
+    estimate = ComponentEstimate(
         name=name,
         of=component.of,
         unit=unit,
@@ -204,6 +253,9 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
         position_range=None if component.of is None else (low, high),
         half_differences=None if halves is None else (halves + halves.T) / 2,
     )
+    if found.profile is None:
+        return estimate
+    return as_table(estimate, fit, found.profile, found.position, found.error)
 
 
 def combine(
@@ -325,7 +377,7 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     freedom of its covariance (Yao, Biometrika 52 (1965) 139, with Welch's weights taken over
     all coefficients): a chi-square would reject far too often, the covariances being estimated.
     """
-    from mtu_cli.stats.joint_test import hotelling_p
+    from mtu_cli.stats.family import hotelling_p
 
     d = a.coefficients - b.coefficients
     V = a.covariance + b.covariance
@@ -399,8 +451,8 @@ def _share(first: InstrumentFit, second: InstrumentFit) -> bool:
 
 def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     fits = [item.instruments[0].fit for item in group]
-    widths = tuple(len(fit.plain.coefficients) for fit in fits)
-    T = _block([from_centre(f.center, w, len(f.D)) for f, w in zip(fits, widths, strict=True)])
+    shapes = [item.estimate.shape for item in group]
+    T = _block([x.of_line(f.center, len(f.D)) for f, x in zip(fits, shapes, strict=True)])
     deviations = np.column_stack([fit.deviations for fit in fits])
     n = fits[0].n_passes
     S = deviations.T @ deviations / fits[0].divisor
@@ -416,7 +468,7 @@ def _joint(group: Sequence[ComponentFit]) -> JointPasses:
     halves = _block(own) + (off - off_runs) / 2 if own else None
     return JointPasses(
         components=tuple(item.name for item in group),
-        widths=widths,
+        widths=tuple(len(item.estimate.coefficients) for item in group),
         covariance=as_covariance(C),
         pass_covariance=(T @ D @ T.T + (T @ D @ T.T).T) / 2,
         pass_dof=float(fits[0].pass_dof),

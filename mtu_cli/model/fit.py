@@ -10,7 +10,7 @@ import numpy as np
 
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.machine_contract import Component, Thermal
+from mtu_cli.files.machine_contract import AUTO, Component, Thermal
 from mtu_cli.files.readings import Readings, drift_problem
 from mtu_cli.files.reports_read import (
     ComponentsReport,
@@ -21,29 +21,31 @@ from mtu_cli.files.reports_read import (
     ThermalReport,
 )
 from mtu_cli.findings import Finding, InputError, finding, suggestion
+from mtu_cli.model.basis import Powers, TableShape
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
     Estimates,
     JointPasses,
     ThermalEstimate,
-    from_centre,
     through_positions,
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
 from mtu_cli.model.reading_layout import without_effects
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import PARAMETER_UNITS, UNITS
+from mtu_cli.units import ARCSEC, LENGTH, PARAMETER_UNITS, UM, UNITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFit:
-    """Every component that readings were given for, and the groups that share passes; `warnings`
-    of effects that could not be taken off the readings.
+    """Every component that readings were given for, and the groups that share passes; `missing`
+    have neither readings nor coefficients. `warnings` of effects that could not be taken off the
+    readings, and of these.
     """
 
     components: dict[str, ComponentFit]
     joint: tuple[JointPasses, ...]
+    missing: tuple[str, ...] = ()
     warnings: tuple[Finding, ...] = ()
 
 
@@ -51,22 +53,15 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     """Fits every component that was read, to the readings less the machine's effects that were
     found in readings of it.
 
-    Raises InputError naming every component of the machine that has neither readings nor
-    coefficients.
+    A component that has neither readings nor coefficients is not fitted, which a note says: a
+    prediction that needs it fails (`build_model`).
+
+    Raises InputError for what looks like drift readings.
     """
     components = machine.machine.components
     read, shown = set(readings.components), ", ".join(each.shown for each in readings.sources)
     missing = [
-        finding(
-            "missing-input",
-            what=f"an estimate of {name}",
-            estimate_of=name,
-            file=machine.source.shown,
-            line=machine.line_of("components", name),
-            path=f"components.{name}",
-            expected=f"readings of it in {shown}, or coefficients here"
-            + ("" if name in machine.used else "; or no such component, as no equation uses it"),
-        )
+        name
         for name, component in components.items()
         if name not in read and component.coefficients is None
     ]
@@ -75,15 +70,24 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     if missing and sensors and readings.cycles and not moved:
         # They look like those of drifts: then these are not the machine's components.
         raise InputError(drift_problem(shown, sensors))
-    if missing:
-        raise InputError(missing)
     left, warned = without_effects(machine, readings)
     fits = {
         name: fit_component(left, name, component)
         for name, component in components.items()
         if name in read
     }
-    return MachineFit(components=fits, joint=shared_passes(fits), warnings=warned)
+    warnings = list(warned)
+    if missing:
+        place = {"file": machine.source.shown, "line": machine.line_of("components", missing[0])}
+        reason = f"no readings in {shown}, and none in the machine file"
+        given = {"quantity": "coefficients", "names": missing, "reason": reason}
+        warnings.append(finding("not-estimable", **given, **place))
+    return MachineFit(
+        components=fits,
+        joint=shared_passes(fits),
+        missing=tuple(missing),
+        warnings=tuple(warnings),
+    )
 
 
 def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:
@@ -148,7 +152,8 @@ def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
         elif entry.u_future is not None:
             repeat = entry.u_future
         q = min(2, k)
-        T = from_centre(entry.pass_center_mm or 0.0, k, q)
+        table = _stated_table(entry)
+        T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q)
         overall = np.inf if entry.dof is None else float(entry.dof)
         of_passes = overall if entry.pass_dof is None else float(entry.pass_dof)
         found[name] = ComponentEstimate(
@@ -161,8 +166,26 @@ def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
             s_repeat=repeat * f,
             pass_dof=0.0 if D is None else of_passes,
             repeat_dof=overall if entry.repeat_dof is None else float(entry.repeat_dof),
+            table=table,
+            # A table says nothing of what is beyond it.
+            position_range=None if table is None else (float(table.at[0]), float(table.at[-1])),
         )
     return found
+
+
+def _stated_table(entry: Component | ReportedComponent) -> TableShape | None:
+    """The table that a file states; None of a polynomial."""
+    if entry.at_mm is None:
+        return None
+    square = (UM if UNITS[entry.unit].dimension == LENGTH else ARCSEC) ** 2
+    own_dof = getattr(entry, "own_dof", None)
+    return TableShape(
+        at=np.asarray(entry.at_mm, float),
+        roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
+        between=(entry.between_um2 or 0.0) * square,
+        own=(entry.own_um2_per_mm3 or 0.0) * square,
+        own_dof=np.inf if own_dof is None else own_dof,
+    )
 
 
 def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> Estimates:
@@ -201,8 +224,8 @@ def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalRepo
                 wanted = f"{reference:g} degC, its reference temperature: fit again"
                 stated = f"{item.reference_temperature_degC:g} degC"
                 differ.append((".reference_temperature_degC", stated, wanted))
-        elif item.degree != entry.degree:
-            differ.append(("", f"of degree {item.degree}", f"degree {entry.degree}: fit again"))
+        elif entry.degree != AUTO and _shape(item) != _shape(entry):
+            differ.append(("", f"of {_shape(item)}", f"{_shape(entry)}: fit again"))
         if axis != entry.of or UNITS[entry.unit].dimension != UNITS[item.unit].dimension:
             wanted = f"of {entry.of} in {entry.unit}"
             differ.append(("", f"of {item.of} in {item.unit}", wanted))
@@ -214,11 +237,17 @@ def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalRepo
         raise InputError(problems)
 
 
+def _shape(entry: Component | ReportedComponent) -> str:
+    """As messages have it."""
+    return "`shape: table`" if entry.shape == "table" else f"degree {entry.degree}"
+
+
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
     unit = UNITS[item.unit]
     f = unit.to_internal
     k = len(item.coefficients)
-    T = from_centre(item.pass_center_mm, k, min(2, k))
+    table = _stated_table(item)
+    T = (table or Powers(k - 1)).of_line(item.pass_center_mm, min(2, k))
     independent = item.covariance_independent
     return ComponentEstimate(
         name=name,
@@ -236,6 +265,7 @@ def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
         position_range=item.position_range_mm,
         half_differences=_scaled(item.half_difference_mean_square, T * f),
         run_covariance=_scaled(item.run_covariance, T * f),
+        table=table,
     )
 
 

@@ -18,6 +18,7 @@ from mtu_cli.files.yaml_file import path_text
 from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call
+from mtu_cli.model.basis import Powers, Shape
 from mtu_cli.model.effect_parameters import (
     EFFECT_MARK,
     DeclaredEffect,
@@ -33,7 +34,7 @@ from mtu_cli.model.estimates import (
     temperature_estimate,
 )
 from mtu_cli.stats.lag import farthest_at_once, lag_of_moments
-from mtu_cli.stats.least_squares import FloatArray, polynomial
+from mtu_cli.stats.least_squares import FloatArray
 
 Covariates = Mapping[str, FloatArray | float]
 TIME = "time_min"
@@ -42,15 +43,15 @@ AGREE_DEGC = 0.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PolynomialBasis:
-    """1, p, p^2, ... of the position along `of`; without an axis the constant alone."""
+class PositionBasis:
+    """Columns of the position along `of`; without an axis the constant alone."""
 
     of: str | None
-    degree: int
+    shape: Shape
 
     def rows(self, place: Mapping[str, FloatArray], covariates: Covariates, n: int) -> FloatArray:
-        """The columns (n, degree + 1) at n places."""
-        return np.ones((n, 1)) if self.of is None else polynomial(place[self.of], self.degree)
+        """The columns (n, k) at n places."""
+        return np.ones((n, 1)) if self.of is None else self.shape.columns(place[self.of])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +63,9 @@ class ThermalBasis:
     def rows(self, place: Mapping[str, FloatArray], covariates: Covariates, n: int) -> FloatArray:
         """The columns (n, powers * sensors) at n places, with each sensor's lag."""
         estimate = self.estimate
-        powers = PolynomialBasis(of=estimate.of, degree=estimate.degree).rows(place, covariates, n)
+        powers = PositionBasis(of=estimate.of, shape=Powers(estimate.degree)).rows(
+            place, covariates, n
+        )
         rise = self.temperatures(covariates, n) - estimate.reference
         product: FloatArray = (powers[:, :, None] * rise[:, None, :]).reshape(n, -1)
         return product
@@ -119,7 +122,7 @@ def disagreement(drift: ThermalEstimate, covariates: Covariates) -> tuple[str, i
     return None
 
 
-Basis = PolynomialBasis | ThermalBasis
+Basis = PositionBasis | ThermalBasis
 
 
 AXES = ("x", "y", "z")
@@ -138,9 +141,9 @@ class Term:
     levers: dict[str, Node]
 
 
-def polynomial_term(estimate: ComponentEstimate, levers: dict[str, Node]) -> Term:
-    """The term of a component that is a polynomial of its axis."""
-    basis = PolynomialBasis(of=estimate.of, degree=estimate.degree)
+def component_term(estimate: ComponentEstimate, levers: dict[str, Node]) -> Term:
+    """The term of a component that is a polynomial or a table of its axis."""
+    basis = PositionBasis(of=estimate.of, shape=estimate.shape)
     return Term(estimate=estimate, basis=basis, levers=levers)
 
 
@@ -197,7 +200,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     found = estimates.components | effects.components
     axes = tuple(axis for axis in AXES if any(f"E{axis}" in form for form, _ in parts))
     levers = _levers(parts)
-    terms = [polynomial_term(found[name], levers[name]) for name in found if name in levers]
+    terms = [component_term(found[name], levers[name]) for name in found if name in levers]
     _check_terms(machine, terms, [name for name in levers if name not in found])
     paths: dict[tuple[str, str], tuple[str | int, ...]] = {
         ("", name[1:]): ("equations", name) for name in machine.machine.equations
@@ -279,7 +282,7 @@ def _thermal_terms(estimates: Estimates, levers: Mapping[str, dict[str, Node]]) 
                 basis=ThermalBasis(estimate=drift),
                 levers=levers[name],
             ),
-            polynomial_term(leftover_estimate(drift), levers[name]),
+            component_term(leftover_estimate(drift), levers[name]),
         ]
     return terms
 

@@ -15,7 +15,7 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import IntArray
+from mtu_cli.stats.mixed_model import IntArray
 from mtu_cli.stats.workspace import Workspace
 
 

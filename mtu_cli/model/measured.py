@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.files.csv_table import perhaps_equal
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, error, finding, listed
@@ -19,14 +17,14 @@ from mtu_cli.model.visits import (
     IntArray,
     Visits,
     axes_of,
+    distinct,
     only_features,
     operations_of,
     refuse_doubled,
 )
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loose_columns import loose_columns
-from mtu_cli.units import p_text, um_text
+from mtu_cli.stats.resolution import SEEN, rounding_variance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,25 +32,44 @@ class MeasuredTables:
     """Tables of one kind of quantity, one row a table and one column a part.
 
     `labels` name each table (operation, id, axis; "" where there is none), `cells` hold what an
-    analysis of variance needs, in mm or rad; `parts` the columns.
+    analysis of variance needs, in mm or rad; `parts` the columns. `rounding` (tables,) is the
+    variance of one of the values by the last digit of the coordinates (`stats.resolution`).
     """
 
     labels: tuple[tuple[str, str, str], ...]
     parts: tuple[str, ...]
     cells: Cells
+    rounding: FloatArray = field(default_factory=lambda: np.zeros(1))
 
     def only(self, kept: list[int]) -> MeasuredTables:
         """The tables at the indices `kept`."""
         labels = tuple(self.labels[i] for i in kept)
         cells = Cells(**{name: getattr(self.cells, name)[kept] for name in ARRAYS})
-        return MeasuredTables(labels=labels, parts=self.parts, cells=cells)
+        return MeasuredTables(
+            labels=labels, parts=self.parts, cells=cells, rounding=self.rounding[kept]
+        )
 
 
 ARRAYS = tuple(each.name for each in fields(Cells))
 
 
-def feature_tables(points: Points) -> MeasuredTables:
-    """One table an operation, feature and axis: measured minus nominal, mm.
+def roundings(points: Points) -> FloatArray:
+    """The variance r (3,) mm^2 of a coordinate by its last digit, of the coarsest file along each
+    axis. A coordinate that is the nominal one has the digits of the drawing.
+    """
+    found = np.zeros((len(points.sources), 3))
+    for code in range(len(points.sources)):
+        rows = np.flatnonzero(points.file_index == code)
+        rows = rows[:: len(rows) // SEEN + 1]
+        measured, nominal = points.measured[rows], points.nominal[rows]
+        for axis, values in enumerate(np.where(measured == nominal, np.nan, measured).T):
+            found[code, axis] = rounding_variance(values)
+    return np.asarray(found.max(axis=0))
+
+
+def feature_tables(points: Points, rounding: FloatArray | None = None) -> MeasuredTables:
+    """One table an operation, feature and axis: measured minus nominal, mm. `rounding` is that of
+    the points as they were read, where these are not (`roundings`).
 
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
@@ -81,7 +98,13 @@ def feature_tables(points: Points) -> MeasuredTables:
         for axis in axes
         for g in used.tolist()
     ]
-    return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
+    r = roundings(points) if rounding is None else rounding
+    return MeasuredTables(
+        labels=tuple(labels),
+        parts=points.parts,
+        cells=_stacked(found),
+        rounding=np.repeat(r[list(axes)], len(used)),
+    )
 
 
 def check_repeats(points: Points, cell: IntArray | None = None) -> None:
@@ -93,11 +116,12 @@ def check_repeats(points: Points, cell: IntArray | None = None) -> None:
         features, parts = len(points.features), len(points.parts)
         cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
     given = points.repeat >= 0
-    if perhaps_equal([cell[given], points.repeat[given]]).any():
-        code = np.unique(points.repeat, return_inverse=True)[1].reshape(-1)
-        place = cell * (int(code.max()) + 1) + code
-        if len(np.unique(place[given])) < int(given.sum()):
-            refuse_doubled(points, place, given)
+    if not given.any():
+        return
+    numbers, code = distinct(points.repeat)
+    place = cell * len(numbers) + code
+    if len(distinct(place[given])[0]) < int(given.sum()):
+        refuse_doubled(points, place, given)
 
 
 def _stacked(found: list[Cells]) -> Cells:
@@ -158,8 +182,11 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
     axes = list(length_axes(points, part))
     errors = visits.errors[:, :, axes]
     e = np.moveaxis(errors[:, pairs[:, 1]] - errors[:, pairs[:, 0]], (0, 1, 2), (2, 1, 0))
-    values = length_error(np.linalg.norm(delta, axis=1), delta[:, axes], e)
-    return _visit_tables(points, visits, ids, values)
+    nominal = np.linalg.norm(delta, axis=1)
+    values = length_error(nominal, delta[:, axes], e)
+    # Of both ends, along the length.
+    r = 2 * (delta[:, axes] / nominal[:, None]) ** 2 @ roundings(points)[axes]
+    return _visit_tables(points, visits, ids, values, r)
 
 
 def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
@@ -190,7 +217,8 @@ def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTa
     Raises InputError for a row or column that is off its axis by design.
     """
     index = {name: i for i, name in enumerate(points.features)}
-    ids, values = [], []
+    ids, values, variances = [], [], []
+    r = roundings(points)
     measured = [
         i
         for i, entry in enumerate(part.part.orthogonality)
@@ -205,7 +233,12 @@ def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTa
         (row, row_nominal), (column, column_nominal) = lines
         ids.append(entry.id)
         values.append(angle_error((row, column), (row_nominal, column_nominal)))
-    return _visit_tables(points, visits, ids, np.array(values)) if ids else None
+        # Of two slopes, each s^2/sum (x - mean x)^2.
+        spread = [float((line[0] ** 2).sum()) for line in (row_nominal, column_nominal)]
+        variances.append(r[1] / spread[0] + r[0] / spread[1])
+    if not ids:
+        return None
+    return _visit_tables(points, visits, ids, np.array(values), np.array(variances))
 
 
 def _line(visits: Visits, which: list[int], along: int, across: int) -> tuple[Line, Line]:
@@ -218,113 +251,26 @@ def _line(visits: Visits, which: list[int], along: int, across: int) -> tuple[Li
 
 
 def _visit_tables(
-    points: Points, visits: Visits, ids: list[str], values: FloatArray
+    points: Points, visits: Visits, ids: list[str], values: FloatArray, rounding: FloatArray
 ) -> MeasuredTables | None:
-    """Tables of quantities (ids, visits) by operation; visits without a value are left out."""
+    """Tables of quantities (ids, visits) by operation, `rounding` (ids,) the variance of each by
+    the last digit; visits without a value are left out.
+    """
     operations, _ = operations_of(points)
-    labels, found = [], []
+    labels, found, of = [], [], []
     parts = len(points.parts)
     for code, operation in enumerate(operations):
-        for name, value in zip(ids, values, strict=True):
+        for i, (name, value) in enumerate(zip(ids, values, strict=True)):
             kept = (visits.operation == code) & np.isfinite(value)
             if kept.any():
                 labels.append((operation, name, ""))
                 found.append(cells_of(value[kept], visits.part[kept], 1, parts))
+                of.append(rounding[i])
     if not found:
         return None
-    return MeasuredTables(labels=tuple(labels), parts=points.parts, cells=_stacked(found))
-
-
-FEWEST_LINES = 6
-"""Features from which on parts may turn and grow for themselves."""
-
-
-def smooth_of(places: FloatArray) -> FloatArray:
-    """A constant and, of enough features, the slopes along each axis that they differ along, all in
-    one unit of length.
-    """
-    ones = np.ones((len(places), 1))
-    if len(places) < FEWEST_LINES:
-        return ones
-    known = np.isfinite(places).all(axis=0) & (np.ptp(places, axis=0) > 0)
-    slopes = places[:, known] - places[:, known].mean(axis=0)
-    reach = float(np.abs(slopes).max(initial=1e-300))
-    return np.concatenate([ones, slopes / reach], axis=1)
-
-
-CODE = "feature-scatters"
-ROUNDING = 1e-12
-"""Of the mean square of the errors: what scatters less does not."""
-BEYOND = 0.1
-"""Of the largest range of the other features."""
-MOST_COLUMNS = 300
-"""Features that are looked at: of more the others are not known better, and time grows."""
-
-
-def loose_of_tables(tables: MeasuredTables, points: Points) -> list[Finding]:
-    """Of measured features, means of their repeats."""
-    axes = list(dict.fromkeys(label[2] for label in tables.labels))
-    by_axis = [[i for i, own in enumerate(tables.labels) if own[2] == axis] for axis in axes]
-    names = [[tables.labels[i][:2] for i in own] for own in by_axis]
-    if not names or any(own != names[0] for own in names):
-        return []
-    mean = np.stack([tables.cells.mean[own].T for own in by_axis], axis=2)
-    there = (tables.cells.n[by_axis[0]] > 0).T
-    nominal = np.full((len(points.features), 3), np.nan)
-    nominal[points.feature] = points.nominal
-    index = {name: i for i, name in enumerate(points.features)}
-    places = nominal[[index[name] for _, name in names[0]]]
-    columns = [" ".join(filter(None, own)) for own in names[0]]
-    return loose_features(mean, there, places, columns, axes)
-
-
-def loose_features(
-    errors: FloatArray,
-    there: NDArray[np.bool_],
-    places: FloatArray,
-    columns: Sequence[str],
-    axes: Sequence[str],
-) -> list[Finding]:
-    """A warning on each of the loosest `columns` of errors (P, H, A), mm, that are `there` (P, H),
-    features at `places` (H, 3), mm.
-    """
-    if len(columns) > MOST_COLUMNS:
-        return []
-    known = np.where(there[:, :, None], errors, 0.0)
-    least = ROUNDING * float(np.mean(known**2))
-    smooth = smooth_of(places)
-    found = [
-        own
-        for own in loose_columns(known, there, smooth)
-        if own.s**2 > least and not _stands_apart(places, smooth, own.column)
-    ]
-    # Of a column that a single slip makes loose nothing is left without the entry farthest off its
-    # median.
-    kept = there.copy()
-    for own in found:
-        parts = np.flatnonzero(there[:, own.column])
-        values = errors[parts, own.column, own.axis]
-        kept[parts[np.argmax(np.abs(values - np.median(values)))], own.column] = False
-    again = loose_columns(known, kept, smooth) if found else []
-    still = {(own.column, own.axis) for own in again}
-    found = [own for own in found if (own.column, own.axis) in still]
-    warnings = []
-    for column in dict.fromkeys(own.column for own in found):
-        each = [own for own in found if own.column == column]
-        sizes = ", ".join(f"{axes[own.axis]} {um_text(own.s)}" for own in each)
-        others = ", ".join(f"{axes[own.axis]} {um_text(own.others)}" for own in each)
-        p = max(own.p for own in each)
-        warnings.append(finding(CODE, feature=columns[column], s=sizes, others=others, p=p_text(p)))
-    return warnings
-
-
-def _stands_apart(places: FloatArray, smooth: FloatArray, column: int) -> bool:
-    """Whether one of so few features that parts have no lines lies beyond all others: a machine or
-    a part that turns from part to part moves it more than them.
-    """
-    if smooth.shape[1] > 1:
-        return False
-    others = np.delete(places, column, axis=0)
-    low, high = others.min(axis=0), others.max(axis=0)
-    margin = BEYOND * float(np.max(high - low))
-    return bool(((places[column] < low - margin) | (places[column] > high + margin)).any())
+    return MeasuredTables(
+        labels=tuple(labels),
+        parts=points.parts,
+        cells=_stacked(found),
+        rounding=np.array(of),
+    )

@@ -40,6 +40,7 @@ from mtu_cli.model.variance import (
     of_rows,
     pass_squares,
 )
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -235,6 +236,7 @@ def predict(
     rows = design(model, points, given)
     blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
     noise = temperature_blocks(model, points, given, rows.levers)
+    noise += table_blocks(model, points, rows.levers)
     constants = constant_effects(model, points, given, rows)
     independent = np.zeros(len(rows.J))
     for t, term in enumerate(model.terms):
@@ -265,6 +267,27 @@ def predict(
         independent_variance=independent + of_sensors + of_constants,
         outside=tuple(outside),
     )
+
+
+def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) -> list[Block]:
+    """What tables leave open between and beyond their positions, of all parts alike, and the bends
+    of runs (`basis.TableShape`); `levers` (rows, terms).
+    """
+    blocks, place = [], places(model, points)
+    for t, term in enumerate(model.terms):
+        table = term.estimate.table
+        if table is None or term.estimate.of is None:
+            continue
+        positions, at = np.unique(place[term.estimate.of], return_inverse=True)
+        G = np.repeat(np.eye(len(positions))[at], len(model.axes), axis=0) * levers[:, t, None]
+        for of_part, C, dof in (
+            (False, table.left_open(positions), np.inf),
+            (True, table.of_runs(positions), table.own_dof),
+        ):
+            if C.any():
+                block = normal_block(term.estimate.name, G @ covariance_root(C), of_part=of_part)
+                blocks.append(replace(block, pass_dof=dof) if of_part else block)
+    return blocks
 
 
 def independent_parts(estimate: ComponentEstimate) -> tuple[FloatArray, float]:

@@ -17,7 +17,7 @@ from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
 from mtu_cli.model.machine_model import AXES, TIME
 from mtu_cli.model.passes import Passes, passes_of
-from mtu_cli.model.residual_layout import Cells, IntArray, cells_of
+from mtu_cli.model.visits import Cells, IntArray, cells_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 

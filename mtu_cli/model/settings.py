@@ -42,18 +42,27 @@ class Settings:
         """Whether the papers' independence is asked for as the main result."""
         return self.correlation == "independent"
 
-    def run(self, model: TrialModel, *, keep: int = 0) -> MonteCarloResult:
-        """The Monte Carlo of a model under these settings, converged to a fifth of the
-        tolerance as clause 8 needs it; the first `keep` trials stay for a picture.
+    def run(
+        self,
+        model: TrialModel,
+        *,
+        keep: int = 0,
+        fraction: float = CONVERGED_TO,
+        most: int | None = None,
+    ) -> MonteCarloResult:
+        """The Monte Carlo of a model under these settings, converged to a fifth of the tolerance
+        as clause 8 needs it, or to another `fraction`; at `most` so many trials where the count
+        adapts. The first `keep` trials stay for a picture.
         """
+        enough = min(MOST_TRIALS, max(ENOUGH_TRIALS, MOST_DRAWN // len(model.names)))
         return monte_carlo(
             model,
             seed=self.seed,
             trials=self.trials,
             probability=PROBABILITY,
             digits=self.digits,
-            tolerance_fraction=CONVERGED_TO,
-            max_trials=min(MOST_TRIALS, max(ENOUGH_TRIALS, MOST_DRAWN // len(model.names))),
+            tolerance_fraction=fraction,
+            max_trials=self.trials or most or enough,
             threads=self.threads,
             keep=keep,
             progress=self.progress,

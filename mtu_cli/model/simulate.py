@@ -154,28 +154,17 @@ def values_of(option: str, node: Node, visits: Visits, least: float, most: float
     return found
 
 
-def check_coordinates(measured: FloatArray, axes: Sequence[str], visits: Visits) -> None:
-    """Raises InputError for `measured` (repeats, n, axes) in mm that no points file could hold:
-    the part may not say where a feature is, the machine's components, an offset or the CMM's
-    uncertainty may be as large.
-    """
-    sound = np.abs(measured) <= LARGEST_MM
-    if sound.all():
-        return
-    repeat, i, k = np.argwhere(~sound)[0]
-    if np.isnan(visits.points[i, AXES.index(axes[k])]):
+def check_places(points: FloatArray, ids: Sequence[str], axes: Sequence[str]) -> None:
+    """Raises InputError for a feature of which the part does not say where it is along an axis."""
+    unknown = np.isnan(points[:, [AXES.index(axis) for axis in axes]])
+    if unknown.any():
+        i, k = np.argwhere(unknown)[0]
         raise error(
             "missing-key",
             key=f"{axes[k]}_mm",
-            path=f"features.{visits.ids[i]}",
+            path=f"features.{ids[i]}",
             expected=f"{axes[k]}_mm of every feature in the part file",
         )
-    raise error(
-        "out-of-range",
-        path=f"the measured {axes[k]} {visits.named(int(i))}",
-        value=f"{measured[repeat, i, k]:g}",
-        expected=f"at most {LARGEST_MM:g} mm in size, of nominal place and all errors together",
-    )
 
 
 IntArray = np.ndarray
@@ -237,8 +226,8 @@ def simulate_points(
     offset, a feature one draw of every component's s_repeat, a repeat one of the CMM's.
 
     Raises InputError for an equation that uses an unknown name, or has no value or one out of
-    range at a feature; for a covariate of the machine that nothing gives; for coordinates that
-    no points file could hold.
+    range at a feature; for a covariate of the machine that nothing gives; for a place that the
+    part does not state.
     """
     first = _visits(ids, points, plan, 0)
     sensors = sensors_of(model)
@@ -251,7 +240,8 @@ def simulate_points(
             missing.append(finding("missing-input", what=what, names=[name], expected=expected))
     if missing:
         raise InputError(missing)
-    n = len(ids)
+    n, axes = len(ids), _written(model)
+    check_places(points, ids, axes)
     visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
     covariates = [own.values for own in visits]
     passes = pass_draws(model)
@@ -262,7 +252,6 @@ def simulate_points(
         for own in visits
     ]
     repeats = [len(own) for own in measured]
-    axes = _written(model)
     return SimulatedPoints(
         axes=axes,
         operation=plan.operation,
@@ -338,7 +327,6 @@ def _measured(
     others = [i for i in range(len(axes)) if i not in with_equation]
     of_others = stream(seed, OTHER_AXES_STREAM, part).standard_normal((repeats, n, len(others)))
     measured[:, :, others] += plan.cmm_u * of_others
-    check_coordinates(measured, axes, visits)
     return measured
 
 

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.findings import error
 from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.positive_part import covariance_root
 from mtu_cli.stats.streams import stream
 
 WOBBLE_MEMORY_MIN = 15.0
@@ -229,27 +228,24 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
     low, high = climate.sensor_lag
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
-    shares = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
+    drawn = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
     rise = climate.high - climate.reference
-    each = [_target(drift, plan, names, rise, shares) for drift in drifts]
-    asked = [item for item in each if item.asked]
-    if rise != 0 or asked:
-        kept = _kept(each, shares, rise)
-        if kept is None:
-            _check_reached(asked, _nearest(asked, shares, rise), rise)
-            kept = asked
-            # Limits come last: they may give way, and what is within them shall stay so.
-            for item in sorted(each, key=lambda item: item.limited):
-                if not item.asked:
-                    kept = _kept([*kept, item], shares, rise) or kept
-        shares = _nearest(kept, shares, rise)
+    targets = [_target(drift, plan, names, rise, drawn) for drift in drifts]
+    kept = [item for item in targets if item.asked]
+    _check_reached(kept, drawn, rise)
+    # Limits come last: they may give way, and what is within them shall stay so.
+    for item in sorted(targets, key=lambda item: item.limited):
+        if not item.asked and _missed([*kept, item], drawn, rise) <= 1.0:
+            kept.append(item)
+    shares = _nearest([item for item in targets if item in kept], drawn, rise)
     return Sensors(names=names, lags=lags, shares=shares, twins=plan.twins)
 
 
-class _Target(NamedTuple):
-    """Settled drifts `value` (places,) of a component in its own unit, `G` (places, s) per degC.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Target:
+    """Settled drifts `value` (places,) of a component in its unit, `G` (places, s) per degC.
 
-    `asked` for, else its own ones, which may be `limited`.
+    `asked` for, else as the drawn shares give them, which may be `limited`.
     """
 
     drift: ThermalEstimate
@@ -268,16 +264,21 @@ def _target(
     shares: FloatArray,
 ) -> _Target:
     scale, positions = drift.unit.to_internal, plan.positions[drift.component]
-    G = np.zeros((len(positions), len(names)))
     place = np.zeros(len(positions)) if drift.degree == 0 else positions
+    G = np.zeros((len(positions), len(names)))
     by_sensor = np.polynomial.polynomial.polyval(place, drift.coefficients).T
     G[:, [names.index(sensor) for sensor in drift.sensors]] = by_sensor
     G /= scale
     limit = plan.limits[drift.unit.dimension]
-    own, asked = rise * G @ shares * scale, plan.settled.get(drift.component)
-    value = (np.clip(own, -limit, limit) if asked is None else asked) / scale
-    limited = asked is None and bool((np.abs(own) > limit).any())
-    return _Target(drift, positions, G, value, asked is not None, limited)
+    free, asked = rise * G @ shares * scale, plan.settled.get(drift.component)
+    return _Target(
+        drift=drift,
+        positions=positions,
+        G=G,
+        value=(np.clip(free, -limit, limit) if asked is None else asked) / scale,
+        asked=asked is not None,
+        limited=asked is None and bool((np.abs(free) > limit).any()),
+    )
 
 
 def _nearest(targets: Sequence[_Target], shares: FloatArray, rise: float) -> FloatArray:
@@ -290,31 +291,31 @@ def _nearest(targets: Sequence[_Target], shares: FloatArray, rise: float) -> Flo
     return moved
 
 
-def _kept(targets: list[_Target], shares: FloatArray, rise: float) -> list[_Target] | None:
-    """The targets, where there are shares that reach all of them."""
+def _missed(targets: Sequence[_Target], shares: FloatArray, rise: float) -> float:
+    """By how much the shares nearest to `shares` miss the targets, of what counts as reached."""
     moved = _nearest(targets, shares, rise)
     reach = _REACHED * max([1.0, *(float(np.abs(item.value).max()) for item in targets)])
-    missed = (np.abs(rise * item.G @ moved - item.value) for item in targets)
-    return targets if all((each <= reach).all() for each in missed) else None
+    return max(float(np.abs(rise * item.G @ moved - item.value).max()) for item in targets) / reach
 
 
-def _check_reached(asked: list[_Target], shares: FloatArray, rise: float) -> None:
-    """Refuses settled drifts that are asked for and undefined, the one missed by most."""
-    if not asked or _kept(asked, shares, rise) is not None:
+def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) -> None:
+    """Refuses settled drifts that are asked for and undefined, naming the one missed by most."""
+    if not asked or _missed(asked, shares, rise) <= 1.0:
         return
-    missed = [np.abs(rise * item.G @ shares - item.value) for item in asked]
+    moved = _nearest(asked, shares, rise)
+    missed = [np.abs(rise * item.G @ moved - item.value) for item in asked]
     k = int(np.argmax([each.max() for each in missed]))
     i, worst = int(np.argmax(missed[k])), asked[k]
     name, unit = worst.drift.component, worst.drift.unit.name
     at = "" if np.isnan(worst.positions[i]) else f" at {worst.positions[i]:g} mm"
-    nearest = float(rise * worst.G[i] @ shares)
     raise error(
         "not-applicable",
         reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC give "
         f"{name} the settled drift{at}",
         value=f"{name}: {' '.join(f'{value:g}' for value in worst.value)}",
-        expected=f"instead of {worst.value[i]:g} {unit} about {nearest:.4g} {unit} (nearest for "
-        "all that is asked): drifts differ only where the gradients of the sensors do",
+        expected=f"instead of {worst.value[i]:g} {unit} about "
+        f"{float(rise * worst.G[i] @ moved):.4g} {unit} (nearest for all that is asked): drifts "
+        "differ only where the gradients of the sensors do",
     )
 
 

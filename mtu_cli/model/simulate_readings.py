@@ -11,8 +11,8 @@ from mtu_cli.findings import Finding, error, finding, listed
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.variance import Block, component_blocks, drawable_passes, positions_in_group
-from mtu_cli.stats.least_squares import FloatArray, polynomial
-from mtu_cli.stats.positive_part import covariance_root
+from mtu_cli.stats.covariance import covariance_root
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
 
 READINGS_STREAM = 0
@@ -166,7 +166,7 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
             for i, (sign, positions) in enumerate(own):
                 b = estimate.coefficients + deviations[number - 1, i]
                 scatter = estimate.s_repeat * noise[number - 1, i]
-                powers = polynomial(positions, estimate.degree)
+                powers = estimate.shape.columns(positions)
                 errors = (powers @ b + scatter) / estimate.unit.to_internal
                 rows += [
                     (estimate.name, estimate.unit.name, float(p), number, sign, float(e))

@@ -6,18 +6,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mtu_cli.files.part import Tolerance
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.coverage import t_quantiles
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed import IntArray
+from mtu_cli.stats.mixed_model import IntArray
 from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.stats.workspace import Workspace
+from mtu_cli.units import UM
 
 NORMAL_DOF = 1e6
 """From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
+
+Happens = Callable[[np.random.Generator, int], NDArray[np.bool_]]
+"""Random numbers and a count m -> whether each event happens (events, m)."""
 
 Measure = Callable[[FloatArray, Workspace], FloatArray]
 """Combined errors (combinations, m) in mm -> values (outputs, m) of the measurands."""
@@ -152,51 +158,68 @@ def factor_of(covariance: FloatArray) -> FloatArray:
     return factor
 
 
-JOINT_TRIALS = 200_000
-"""Trials behind the joint probability of conformance; its standard error is stated."""
+COUNTED_TRIALS = 200_000
+"""Trials behind a probability that is counted; its standard error is stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conformance:
-    """Probability that the error of a future part is within -+ `tolerance` (mm)."""
+    """Probability that an error of a future part is within its `tolerance` (um or arcsec)."""
 
-    tolerance: float
+    tolerance: Tolerance
     probability: float
 
 
 def conformance_of(
-    tolerance_um: float | None, error: float, u: float, dof: float
+    tolerance: Tolerance | None, size: float, error: float, u: float, dof: float
 ) -> Conformance | None:
-    """P(|error of a future part| <= tolerance) with t at the effective degrees of freedom."""
+    """P(low <= error of a future part <= high) with t at the effective degrees of freedom.
+
+    `size` is the tolerance's unit in that of `error` and `u`.
+    """
     from scipy.special import ndtr, stdtr
 
-    if tolerance_um is None:
+    if tolerance is None:
         return None
-    tolerance = tolerance_um * 1e-3
+    low, high = tolerance.low * size, tolerance.high * size
     if u == 0:
-        return Conformance(tolerance=tolerance, probability=float(abs(error) <= tolerance))
+        return Conformance(tolerance=tolerance, probability=float(low <= error <= high))
 
     def below(t: float) -> float:
         return float(ndtr(t) if np.isinf(dof) else stdtr(dof, t))
 
-    inside = below((tolerance - error) / u) - below((-tolerance - error) / u)
+    inside = below((high - error) / u) - below((low - error) / u)
     return Conformance(tolerance=tolerance, probability=inside)
 
 
-class _AllWithin:
-    """1 where every toleranced length of a trial's part is within its tolerance, else 0."""
+class _Counted:
+    """A Monte Carlo model of events: 1 where one happens, else 0."""
 
-    def __init__(self, model: PointTrials, limits: FloatArray) -> None:
-        self.names = ("all_within",)
-        self.linear_mean = None
-        self.u_exists = (True,)
-        self.model = model
-        self.limits = limits[:, None]
+    linear_mean = None
+
+    def __init__(self, names: tuple[str, ...], happens: Happens) -> None:
+        self.names = names
+        self.u_exists = (True,) * len(names)
+        self.happens = happens
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        values = self.model.values(rng, m)
-        within = np.all(np.abs(values) <= self.limits, axis=0, keepdims=True)
-        return Draws(values=within.astype(np.float64))
+        return Draws(values=self.happens(rng, m).astype(np.float64))
+
+
+def _counted(
+    names: tuple[str, ...], happens: Happens, settings: Settings
+) -> tuple[FloatArray, FloatArray]:
+    """Probabilities (events,) by Monte Carlo, and their standard errors."""
+    result = monte_carlo(
+        _Counted(names, happens),
+        seed=settings.seed,
+        trials=settings.trials or COUNTED_TRIALS,
+        threads=settings.threads,
+    )
+    n, p = result.trials, result.mean
+    # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
+    cautious = (p * n + 1) / (n + 2)
+    return p, np.sqrt(cautious * (1 - cautious) / n)
 
 
 def joint_conformance(
@@ -207,18 +230,89 @@ def joint_conformance(
     The lengths of a part are correlated, so this is not the product of their probabilities; nor is
     it more than the least of them, which the trials may scatter beyond.
     """
-    limits = np.array([np.inf if item is None else item.tolerance for item in items])
-    if np.isfinite(limits).sum() < 2:
+    known = [item.probability for item in items if item is not None]
+    if len(known) < 2:
         return None
-    result = monte_carlo(
-        _AllWithin(model, limits),
-        seed=settings.seed,
-        trials=settings.trials or JOINT_TRIALS,
-        threads=settings.threads,
-    )
-    n = result.trials
-    p = float(result.mean[0])
-    # One miss more and one hit more: 200 000 hits of 200 000 are not certainty.
-    cautious = (p * n + 1) / (n + 2)
-    least = min(item.probability for item in items if item is not None)
-    return min(p, least), float(np.sqrt(cautious * (1 - cautious) / n))
+    low = np.array([[-np.inf if x is None else x.tolerance.low * UM] for x in items])
+    high = np.array([[np.inf if x is None else x.tolerance.high * UM] for x in items])
+
+    def all_within(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
+        values = model.values(rng, m)
+        return np.asarray(np.all((low <= values) & (values <= high), axis=0, keepdims=True))
+
+    p, se = _counted(("all_within",), all_within, settings)
+    return min(float(p[0]), *known), float(se[0])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionConformance:
+    """Probability that the centre of a feature of a future part lies in its zone of true position,
+    of diameter `position_um`, and its standard error.
+    """
+
+    position_um: float
+    probability: float
+    se: float
+
+
+def position_conformance(
+    prediction: Prediction, position_um: Sequence[float | None], settings: Settings
+) -> tuple[PositionConformance | None, ...]:
+    """P(Ex^2 + Ey^2 <= (T/2)^2) of every feature with a T, by Monte Carlo.
+
+    A mean square MS of nu degrees of freedom says of its expectation that it is MS nu/W, W a
+    chi-squared of nu (JCGM 101:2008, 6.4.9): every trial draws one W a source, and with it the
+    errors that this source makes along x and y together. An axis without equation has no error.
+    """
+    found: list[PositionConformance | None] = [None] * len(position_um)
+    zones = {i: zone for i, zone in enumerate(position_um) if zone is not None}
+    axes = [prediction.axes.index(axis) for axis in "xy" if axis in prediction.axes]
+    if not (zones and axes):
+        return tuple(found)
+    rows: IntArray = np.array([[i * len(prediction.axes) + axis for axis in axes] for i in zones])
+    factor, dof = _plane_factor(prediction, rows, independent=settings.independent)
+    mean, limit = prediction.mean[rows].reshape(-1, 1), np.array([*zones.values()]) * UM / 2
+
+    def inside(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
+        z = rng.standard_normal((len(dof), len(axes), m))
+        for source in np.flatnonzero(dof < NORMAL_DOF):
+            half = dof[source] / 2
+            z[source] *= np.sqrt(half / rng.standard_gamma(half, m))
+        errors = (mean + factor @ z.reshape(-1, m)).reshape(len(zones), len(axes), m)
+        return np.asarray(np.hypot.reduce(errors, axis=1) <= limit[:, None])
+
+    names = tuple(prediction.ids[i] for i in zones)
+    for i, p, se in zip(zones, *_counted(names, inside, settings), strict=True):
+        found[i] = PositionConformance(position_um=zones[i], probability=float(p), se=float(se))
+    return tuple(found)
+
+
+def _plane_factor(
+    prediction: Prediction, rows: IntArray, *, independent: bool
+) -> tuple[FloatArray, FloatArray]:
+    """F (features*axes, K*axes) of K sources, and their degrees of freedom (K,).
+
+    F_k F_k' is the covariance that mean square k gives the errors `rows` (features, axes) of one
+    feature: by variances of Ex, Ey and Ex + Ey. What is negative in it (a difference of mean
+    squares) is left out, and the rows are scaled back to their variances.
+    """
+    n, a = rows.shape
+    if independent:
+        variances = prediction.independent_variance[rows]
+        return np.vstack([np.diag(np.sqrt(each)) for each in variances]), np.full(1, np.inf)
+    picked = np.zeros((n * a, len(prediction.mean)))
+    picked[np.arange(n * a), rows.ravel()] = 1.0
+    each = prediction.variance(picked)
+    squares = (each.squares.of_mean + each.squares.of_part).reshape(-1, n, a)
+    sources = squares[..., None] * np.eye(a)
+    if a == 2:
+        of_sum = prediction.variance(picked[::2] + picked[1::2]).squares
+        covariance = (of_sum.of_mean + of_sum.of_part - squares.sum(axis=2)) / 2
+        sources[..., 0, 1] = sources[..., 1, 0] = covariance
+    values, vectors = np.linalg.eigh(sources)
+    factors = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+    drawn = np.sum(factors**2, axis=(0, 3))
+    wanted = np.clip(each.total.reshape(n, a), 0.0, None)
+    ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+    scaled: FloatArray = (factors * ratio[..., None]).transpose(1, 2, 0, 3).reshape(n * a, -1)
+    return scaled, each.squares.dof

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from mtu_cli.model.estimates import JointPasses, between_passes, from_mean
 from mtu_cli.model.machine_model import MachineModel, Term
+from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.positive_part import positive_part
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -68,17 +69,20 @@ def visits_of(points: Points) -> Visits:
     place = visit * features + points.feature
     if np.bincount(place).max() > 1:
         refuse_doubled(points, place, np.ones(len(points), bool))
-    errors = np.full((len(runs) * features, 3), np.nan)
-    errors[place] = points.measured - points.nominal
-    nominal = np.full((features, 3), np.nan)
-    nominal[points.feature] = points.nominal
+    # Axis by axis, as the points lie in memory.
+    errors = np.full((3, len(runs) * features), np.nan)
+    nominal = np.full((3, features), np.nan)
+    for axis, (measured, at) in enumerate(zip(points.measured.T, points.nominal.T, strict=True)):
+        nominal[axis, points.feature] = at
+        if not np.isnan(measured).all():
+            errors[axis, place] = measured - at
     run_of = runs // len(numbers)
     return Visits(
         part=run_of % parts,
         operation=run_of // parts,
         of_point=visit,
-        errors=errors.reshape(len(runs), features, 3),
-        nominal=nominal,
+        errors=np.moveaxis(errors.reshape(3, len(runs), features), 0, 2),
+        nominal=nominal.T,
     )
 
 
@@ -121,8 +125,8 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
     )
 
 
-def only_rows(points: Points, rows: IntArray) -> Points:
-    """Some of the points (k,); parts, features and operations keep their codes."""
+def only_rows(points: Points, rows: NDArray[Any]) -> Points:
+    """Some of the points, by index (k,) or mask (n,); all parts and features keep their codes."""
     return replace(
         points,
         covariates={name: column[rows] for name, column in points.covariates.items()},
@@ -251,3 +255,90 @@ def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, 
     )
     changed = errors[visits.of_point, points.feature]
     return replace(points, measured=points.nominal + changed), complete
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cells:
+    """The cells of `parts` x `columns` that n measurements fall into; `cell` (n,) is
+    part * columns + column.
+
+    `order` (n,) sorts the measurements by cell, `starts` and `count` (m,) are the runs of the m
+    cells that hold any, `there` (m,) their numbers.
+    """
+
+    parts: int
+    columns: int
+    cell: IntArray
+    order: IntArray
+    starts: IntArray
+    count: IntArray
+    there: IntArray
+
+    @cached_property
+    def first(self) -> IntArray:
+        """The first measurement of each of the m cells."""
+        return self.order[self.starts]
+
+    @cached_property
+    def index(self) -> IntArray:
+        """The place (n,) of each measurement's cell among the m."""
+        place = np.zeros(self.parts * self.columns, np.int64)
+        place[self.there] = np.arange(len(self.there))
+        return place[self.cell]
+
+    @property
+    def part(self) -> IntArray:
+        """The part of each measurement."""
+        return self.cell // self.columns
+
+    @property
+    def column(self) -> IntArray:
+        """The column of each measurement."""
+        return self.cell % self.columns
+
+    def means(self, values: FloatArray) -> FloatArray:
+        """Means (m, ...) of values (n, ...); equal values keep their digits."""
+        ordered = values[self.order]
+        origin = ordered[self.starts]
+        if len(self.starts) == len(ordered):
+            return origin
+        away = ordered - np.repeat(origin, self.count, axis=0)
+        weight = self.count.reshape(-1, *(1,) * (values.ndim - 1))
+        found: FloatArray = origin + np.add.reduceat(away, self.starts, axis=0) / weight
+        return found
+
+    def squares(self, values: FloatArray) -> FloatArray:
+        """Sums (...) over all cells of the squares of values (n, ...) about their cell's mean."""
+        left = values - self.means(values)[self.index]
+        found: FloatArray = (left**2).sum(axis=0)
+        return found
+
+    def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
+        """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
+        found = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
+        found[self.there] = means
+        return found.reshape(self.parts, self.columns, *means.shape[1:])
+
+    @cached_property
+    def repeats(self) -> IntArray:
+        """Measurements in every cell, (parts, columns)."""
+        return np.bincount(self.cell, minlength=self.parts * self.columns).reshape(
+            self.parts, self.columns
+        )
+
+
+def cells_of(part: IntArray, column: IntArray, parts: int, columns: int) -> Cells:
+    """Gathers measurements by their codes `part` and `column` (n,)."""
+    cell = part.astype(np.int64) * columns + column
+    order = np.argsort(cell, kind="stable")
+    ordered = cell[order]
+    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
+    return Cells(
+        parts=parts,
+        columns=columns,
+        cell=cell,
+        order=order,
+        starts=starts,
+        count=np.diff(np.r_[starts, len(cell)]),
+        there=ordered[starts],
+    )

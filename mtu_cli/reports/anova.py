@@ -9,20 +9,20 @@ parts scatter less than the repeats alone make them in 39 of 40 studies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova.operations import AxisScatter
+from mtu_cli.analyses.anova.capability import Trend
 from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, RowOf, count, read, record, root, rows_of
-from mtu_cli.reports.numbers import p_value
+from mtu_cli.reports.numbers import MISSING
 
 SHOWN = 24
 """Tables of a kind that are listed in full; of more the worst are shown."""
@@ -152,6 +152,12 @@ def _of_unit(field: Field, unit: str) -> Field:
     )
 
 
+def _in_units(fields: Callable[[str], Iterable[Field]], *units: str) -> Iterator[Field]:
+    """Fields of lengths and of angles, or in these `units`, each of its own items."""
+    for unit in units or ("um", "arcsec"):
+        yield from (_of_unit(field, unit) for field in fields(unit))
+
+
 def _unit(item: Any) -> str:
     """Of the figures of an outlying part or of a table."""
     kind = item.where[2] if hasattr(item, "where") else item.kind
@@ -226,18 +232,57 @@ UNUSUAL_FEATURE: Fields = (
     Field("p_familywise", "p", "p among all features (Grubbs, Bonferroni)", head="p", show="p"),
     *_deviation("um"),
 )
-SCATTER: Fields = (
+
+
+def _slope(unit: str) -> Iterator[Field]:
+    text = "change from part to part in the sequence"
+    yield Field(f"slope_{unit}", "slope", text, head="slope", u="u")
+    yield Field(f"u_slope_{unit}", "u", "its standard uncertainty")
+
+
+TREND: Fields = (
+    *place("where"),
+    *_in_units(_slope),
+    Field("p_familywise", "p", "p that the sequence changes nothing", head="p", show="p"),
+)
+
+
+def _interval(name: str, meaning: str) -> Field:
+    return Field(
+        f"{name}_interval95", f"{name}_interval", meaning, head="95 %", show="interval", u=name
+    )
+
+
+def _index(name: str, meaning: str) -> Field:
+    def shown(value: float, u: None, digits: int) -> str:
+        return MISSING if np.isnan(value) else f"{value:.2f}"
+
+    return Field(name, meaning=meaning, head=name, show=shown)
+
+
+def _limits(unit: str) -> Iterator[Field]:
+    for name, meaning, head in (
+        ("low", "lower limit", "low"),
+        ("high", "upper limit; of a position half the diameter of its zone", "high"),
+        ("mean", "mean error; of a position the mean radial error", "mean"),
+        ("s", "standard deviation of the parts, repeats averaged", "s"),
+        ("s_moving", "mean moving range over the sequence, over 1.128", ""),
+    ):
+        yield Field(f"{name}_{unit}", name, meaning, head=head)
+
+
+CAPABILITY: Fields = (
+    Field("kind", meaning="position, length or angle", head="of", show="text"),
     OPERATION,
-    Field("parts", "test.rows", "number of parts", head="parts", show="count"),
-    Field("variance_ratio_y_to_x", "test.ratio", "variance in y over that in x"),
-    Field("variance_ratio_interval95", "interval", "its 95 % interval"),
-    Field("", root("test.ratio"), head="s ratio\ny/x"),
-    Field("", root("interval"), head="95 %", show="interval", u=root("test.ratio")),
-    Field(
-        "of", lambda item: "parts" if item.apart else "part means, CMM included", "what scatters"
-    ),
-    Field("p", "test.p", "p that both axes scatter alike"),
-    Field("p_familywise", "test.p_familywise", "p (Holm)", head="p (Holm)", show="p"),
+    Field("id", meaning="of the feature, length or angle", head="item", show="text"),
+    Field("parts", lambda x: len(x.values), "number of parts", head="parts", show="count"),
+    *_in_units(_limits),
+    _index("pp", "(high - low)/(6 s)"),
+    _interval("pp", "its 95 % interval (chi-squared)"),
+    _index("ppk", "nearer limit less mean over 3 s; of a position high/(99.73 % quantile)"),
+    _interval("ppk", "its 95 % interval (noncentral t)"),
+    _index("cp", "pp with s_moving for s"),
+    _index("cpk", "ppk with s_moving for s"),
 )
 
 
@@ -246,7 +291,7 @@ def unusual_part(*units: str) -> Fields:
     return (
         Field("part", meaning="its name", head="part", show="text"),
         Group("where", place(""), csv=False),
-        *(_of_unit(field, unit) for unit in units for field in _deviation(unit)),
+        *_in_units(_deviation, *units),
         Field("p_familywise", "p", "p over all parts and tables", head="p", show="p"),
         Field("why", meaning="of what: mean or distance (rms) of a group, a single table"),
         Group("singles", place(""), many=True),
@@ -284,21 +329,26 @@ RESULTS: Fields = (
     Group("totals", TOTAL, many=True),
     Field("unusual_parts", _unusual, UNUSUAL),
     Group("unusual_features", UNUSUAL_FEATURE, many=True),
-    Field("family_wise_rate", lambda _: FAMILY_RATE, "false alarm rate of the outliers"),
-    Group("axis_scatter", SCATTER, many=True),
+    Field(
+        "family_wise_rate",
+        lambda _: FAMILY_RATE,
+        "false alarm rate of outlying parts, outlying features and trends together",
+    ),
+    Group("trends", TREND, many=True),
+    Group("capability", CAPABILITY, "capabilities", many=True),
 )
 ROW = listing()
 
 
 def document(result: AnovaResult, digits: int = 2) -> Document:
     """A row an operation and axis; then outliers, lengths, angles and features."""
-    from mtu_cli.reports.anova_figure import figure
+    from mtu_cli.reports import part_figures
 
     return Document(
         title="Measured parts",
         results=(RESULTS, result),
         tables=list(_tables(result)),
-        figure=lambda: figure(result),
+        figure=lambda: part_figures.anova(result),
         verdict=_verdict(result),
         digits=digits,
     )
@@ -328,7 +378,18 @@ def _tables(result: AnovaResult) -> Iterator[Table]:
         items=result.unusual_features,
         footer="deviation from the mean error of the other features of the operation and axis",
     )
-    yield Table(title="Scatter in y over x", fields=SCATTER, items=result.axis_scatter, detail=True)
+    yield Table(
+        title="Trends over the sequence",
+        fields=TREND,
+        items=_significant(result),
+        footer="change from part to part, p over all tables (Holm)",
+    )
+    yield Table(
+        title="Capability",
+        fields=CAPABILITY,
+        items=result.capabilities,
+        footer="pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence",
+    )
     for found in (*result.kinds[1:], result.features):
         yield _listed(found, rows[found.kind])
 
@@ -348,7 +409,7 @@ def _listed(found: Analysed, rows: Sequence[RowOf]) -> Table:
 
 
 def _verdict(result: AnovaResult) -> str:
-    """Whether parts differ, which are outliers, and whether one axis scatters more."""
+    """Whether parts differ, which are outliers, and what changes over the sequence."""
     tested = sum(item.tested for item in result.totals)
     differ = sum(item.differ for item in result.totals)
     said = []
@@ -362,11 +423,11 @@ def _verdict(result: AnovaResult) -> str:
     if result.unusual_features:
         names = listed(" ".join(filter(None, item.where)) for item in result.unusual_features)
         said.append(f"Outlying features: {names}.")
-    said += [_wider(item) for item in result.axis_scatter if item.test.p_familywise <= FAMILY_RATE]
+    if trending := _significant(result):
+        names = listed(" ".join(filter(None, item.where)) for item in trending)
+        said.append(f"Trend over the sequence: {names}.")
     return " ".join(said) or "Too few parts or repeats for the F test and for outliers."
 
 
-def _wider(item: AxisScatter) -> str:
-    of = f", {item.operation}" if item.operation else ""
-    axis, p = "x" if item.test.ratio < 1 else "y", p_value(item.test.p_familywise)
-    return f"Parts scatter more in {axis}{of} (p {p})."
+def _significant(result: AnovaResult) -> list[Trend]:
+    return [item for item in result.trends if item.p <= FAMILY_RATE]

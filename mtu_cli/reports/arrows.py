@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_layout import IntArray
+from mtu_cli.model.visits import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.labels import clipped, cut, spread
 from mtu_cli.stats.least_squares import FloatArray
@@ -30,20 +30,21 @@ APART = 1e-3
 """Heights that differ by more of the part's extent are at two levels."""
 NAMED = 80
 """More features than this are drawn without their names."""
-LETTER, LINE = 0.066, 0.15
-"""Width of a letter and height of a line of names, inches."""
+LETTER, LINE, GAP = 0.066, 0.15, 0.06
+"""Width of a letter and height of a line of names, and the gap before them, inches."""
 SHORTEST, LONGEST = 4, 40
 """Letters that a name keeps where there is no room for all of it, at least and at most."""
-REACH = 0.95
-"""Length of the longest arrow in the plane over the distance of neighbours."""
-GAP = 0.05
-"""Between a feature and its name, inches."""
+REACH, UPWARDS, RADIUS = 0.95, 0.8, 0.42
+"""Of the longest arrow in the plane and across it, and of the largest ellipse, over the distance
+of neighbours."""
 ALIKE = 2.0
 """Scales in and across the plane that differ by less are made one."""
 LOWEST, TALLEST, ALONE = 1.0, 4.6, 6.2
 """Heights of a panel, inches; the last of a panel that is alone in its row."""
 ABOVE = 0.85
 """Inches of title, scale and labels of a row."""
+CLOSER = 0.65
+"""Features in rings and clusters are closer than those that are spread evenly."""
 THIN = 0.035
 """Half the width of the ellipses of errors across the plane, inches."""
 
@@ -102,9 +103,8 @@ class Panel:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
     """How maps lie on paper: the panels row by row, in `room` inches of which they take `width`,
-    `panel` inches high, limits (2,) in mm, `inch`
-    mm in an inch, `scales` mm of the figure a um in the plane and across it, `spacing` of
-    neighbours in mm, and room for names of so many `letters`.
+    `panel` inches high, limits (2,) in mm, `inch` mm in an inch, `scales` mm of the figure a um in
+    the plane and across it, `spacing` of neighbours in mm, and room for names of so many `letters`.
     """
 
     maps: Maps
@@ -133,17 +133,13 @@ class Sheet:
 
 
 def cut_of(places: FloatArray, axes: Collection[str]) -> Cut:
-    """From above, level by level, unless all features lie in a plane that is seen from the side,
-    or there are too many levels for one sheet: then along the axis with the fewest.
+    """From above, level by level, unless all features lie in a plane that is seen from the side.
 
     A feature without a height, or errors without one along z, can be seen from above alone.
     """
     sideways = set(AXES) <= set(axes) and not np.isnan(places[:, 2]).any()
     found = [_levels(places, normal) for normal in ((2, 1, 0) if sideways else (2,))]
-    face = next((item for item in found if item.total == 1), None)
-    if face is not None or found[0].total <= MOST:
-        return face or found[0]
-    return min(found, key=lambda item: len(item.levels))
+    return next((item for item in found if item.total == 1), found[0])
 
 
 def _levels(places: FloatArray, normal: int) -> Cut:
@@ -159,18 +155,18 @@ def _levels(places: FloatArray, normal: int) -> Cut:
         level[:] = 0
     rows = [np.flatnonzero(level == i) for i in spread(int(level.max()) + 1, MOST)]
     plane = [(1, 2), (0, 2), (0, 1)][normal]
-    levels = tuple(Level(at=_words(heights[own], normal), rows=own) for own in rows)
+    levels = tuple(Level(at=_height(heights[own], normal), rows=own) for own in rows)
     return Cut(plane=plane, normal=normal, levels=levels, total=total)
 
 
-def _words(heights: FloatArray, normal: int) -> str:
-    known = heights[np.isfinite(heights)]
+def _height(heights: FloatArray, normal: int) -> str:
+    """A level in words."""
+    known = heights[np.isfinite(heights)] + 0.0
     if not len(known):
         return ""
-    low, high = f"{known.min() + 0.0:.6g}", f"{known.max() + 0.0:.6g}"
     if np.ptp(known) <= 1e-3 * max(1.0, abs(float(known.max()))):
-        return f"{AXES[normal]} = {float(np.median(known)) + 0.0:.6g} mm"
-    return f"{AXES[normal]} {low} to {high} mm"
+        return f"{AXES[normal]} = {float(np.median(known)):.6g} mm"
+    return f"{AXES[normal]} {known.min():.6g} to {known.max():.6g} mm"
 
 
 def sheet(maps: Maps, width: float | None = None) -> Sheet:
@@ -180,67 +176,73 @@ def sheet(maps: Maps, width: float | None = None) -> Sheet:
     touch at the largest u.
     """
     found = cut_of(maps.places, maps.axes)
-    kinds = (
-        (False, True) if set(AXES) <= set(maps.axes) and _known(maps, found.normal) else (False,)
-    )
-    rows, columns = _rows(maps, found, kinds)
+    both = set(AXES) <= set(maps.axes) and _known(maps, found.normal)
+    rows, columns = _rows(maps, found, (False, True) if both else (False,))
     room = width or (8.0 if columns == 1 else 12.0)
     tallest = ALONE if columns == 1 else TALLEST
     paper = np.array([(room - 0.9) / columns - 0.2, tallest])
-    spacing = _spacing(maps.places, found)
-    extent = float(np.ptp(maps.places[:, found.plane], axis=0).max())
+    flat = maps.places[:, found.plane]
+    spacing = _spacing(flat, found)
+    extent = float(np.ptp(flat, axis=0).max())
     step = min(spacing, 0.3 * extent) if extent > 0 else spacing
-    scales = [_scale(maps, found, across, step) for across in kinds]
-    if max(scales) <= ALIKE * min(scales):
-        scales = [min(scales)] * len(scales)
-    scales = [value if math.isfinite(value) else 1.0 for value in scales]
-    corners = [maps.places[:, found.plane]]
-    for across, scale in zip(kinds, scales, strict=True):
-        for panel in (Panel(group=g, level=one, across=across) for g in range(len(maps.groups))
-                      for one in found.levels):  # fmt: skip
-            for places, errors, C in _arrows(maps, found, panel):
-                reach = scale * maps.k * _largest_u(C)[:, None]
-                corners += [places + scale * errors - reach, places + scale * errors + reach]
+    panels = [panel for row in rows for panel in row]
+    arrows = [(panel.across, *one) for panel in panels for one in _arrows(maps, found, panel)]
+    scales = dict.fromkeys((False, True) if both else (False,), math.inf)
+    for across, _, errors, C in arrows:
+        longest = float(np.linalg.norm(errors, axis=1).max(initial=0.0))
+        radius = maps.k * float(_largest_u(C).max())
+        reach = (UPWARDS if across else REACH) * step / longest if longest > 0 else math.inf
+        touch = RADIUS * step / radius if radius > 0 else math.inf
+        scales[across] = min(scales[across], reach, touch)
+    if max(scales.values()) <= ALIKE * min(scales.values()):
+        scales = dict.fromkeys(scales, min(scales.values()))
+    scales = {across: value if math.isfinite(value) else 1.0 for across, value in scales.items()}
+    corners = [flat]
+    for across, places, errors, C in arrows:
+        beyond = maps.k * _largest_u(C)[:, None]
+        corners += [places + scales[across] * (errors + sign * beyond) for sign in (-1, 1)]
     ends = np.vstack(corners)
     low, high = ends.min(axis=0) - 0.25 * step, ends.max(axis=0) + 0.25 * step
     letters = _letters(maps, found, float(((high - low) / paper).max()))
     beside = np.array([2 * GAP + LETTER * letters, 2 * GAP + LINE]) if letters else np.zeros(2)
-    size = np.ptp(corners[0], axis=0) / np.maximum(paper - 2 * beside, 0.4 * paper)
-    low = np.minimum(low, corners[0].min(axis=0) - beside * size.max())
-    high = np.maximum(high, corners[0].max(axis=0) + beside * size.max())
+    # Names need room beside the features, not beside the tips.
+    inch = float((np.ptp(flat, axis=0) / np.maximum(paper - 2 * beside, 0.4 * paper)).max())
+    low = np.minimum(low, flat.min(axis=0) - beside * inch)
+    high = np.maximum(high, flat.max(axis=0) + beside * inch)
     inch = float(((high - low) / paper).max())
-    width = max(8.0, min(room, columns * (float(high[0] - low[0]) / inch + 0.2) + 0.9))
     return Sheet(
-        maps=maps, cut=found, rows=rows, columns=columns, room=room, width=width,
-        panel=min(max(float(high[1] - low[1]) / inch, LOWEST), tallest), low=low, high=high,
-        inch=inch, scales=(scales[0], scales[-1]), spacing=spacing, letters=letters,
+        maps=maps, cut=found, rows=rows, columns=columns, room=room, low=low, high=high, inch=inch,
+        width=max(8.0, min(room, columns * (float(high[0] - low[0]) / inch + 0.2) + 0.9)),
+        panel=min(max(float(high[1] - low[1]) / inch, LOWEST), tallest), spacing=spacing,
+        scales=(scales[False], scales[both]), letters=letters,
     )  # fmt: skip
 
 
 def _known(maps: Maps, axis: int) -> bool:
     """Whether there are errors along an axis, and not exact zeros alone beside others."""
     sides = [side for _, own in maps.groups for side in own]
-    if not any(np.nansum(np.abs(side.errors)) for side in sides):
-        return any(np.isfinite(side.errors[:, axis]).any() for side in sides)
-    sure = all(side.covariance is None for side in sides)
-    errors = np.concatenate([side.errors[:, axis] for side in sides])
-    return bool(np.nan_to_num(errors).any() if sure else np.isfinite(errors).any())
+    along = np.concatenate([side.errors[:, axis] for side in sides])
+    still = not any(np.nansum(np.abs(side.errors)) for side in sides)
+    if still or any(side.covariance is not None for side in sides):
+        return bool(np.isfinite(along).any())
+    return bool(np.nan_to_num(along).any())
 
 
 def _rows(maps: Maps, found: Cut, kinds: tuple[bool, ...]) -> tuple[list[list[Panel]], int]:
     """A row a group and direction, a column a level; of one level all in rows one after another."""
-    groups, levels = range(len(maps.groups)), found.levels
     strips = [
-        [Panel(group=g, level=one, across=across) for one in levels]
-        for g in groups
+        [Panel(group=g, level=one, across=across) for one in found.levels]
+        for g in range(len(maps.groups))
         for across in kinds
     ]
-    if len(levels) == 1:
+    alone = len(found.levels) == 1
+    if alone:
         strips = [[panel for strip in strips for panel in strip]]
     width, height = np.ptp(maps.places[:, found.plane], axis=0)
     most = 1 if width > 5 * height > 0 else 2 if width > 2.2 * height > 0 else 3
-    columns = 2 if len(levels) == 1 and len(kinds) == 2 and most > 1 else 0
-    columns = columns or figures.columns_of(len(strips[0]), most)
+    columns = figures.columns_of(
+        len(strips[0]), min(most, 2) if alone and len(kinds) == 2 else most
+    )
     rows = [strip[i : i + columns] for strip in strips for i in range(0, len(strip), columns)]
     return rows, columns
 
@@ -271,34 +273,16 @@ def _largest_u(C: FloatArray | None) -> FloatArray:
     return u
 
 
-def _spacing(places: FloatArray, found: Cut) -> float:
-    """The typical distance of a feature to its nearest neighbour at its level; of features in
-    clusters half of what it would be were they spread evenly.
-    """
-    from scipy.spatial import KDTree
-
-    nearest = []
+def _spacing(flat: FloatArray, found: Cut) -> float:
+    """About the distance of neighbours at a level, as if features were spread evenly."""
+    apart = []
     for level in found.levels:
-        own = np.unique(np.round(places[level.rows][:, found.plane], 6), axis=0)
+        own = np.unique(np.round(flat[level.rows], 6), axis=0)
         if len(own) > 1:
-            median = float(np.median(KDTree(own).query(own, k=[2])[0]))
             width, height = np.ptp(own, axis=0)
-            even = max(math.sqrt(width * height / len(own)), max(width, height) / len(own))
-            nearest.append(max(median, 0.5 * even))
-    return min(nearest, default=10.0)
-
-
-def _scale(maps: Maps, found: Cut, across: bool, step: float) -> float:
-    """mm of the figure a um of error; infinite where there is nothing to draw."""
-    limits = [math.inf]
-    for g in range(len(maps.groups)):
-        for level in found.levels:
-            for _, errors, C in _arrows(maps, found, Panel(group=g, level=level, across=across)):
-                longest = float(np.linalg.norm(errors, axis=1).max(initial=0.0))
-                radius = maps.k * float(_largest_u(C).max())
-                limits += [(0.8 if across else REACH) * step / longest] if longest > 0 else []
-                limits += [0.42 * step / radius] if radius > 0 else []
-    return min(limits)
+            even = math.sqrt(width * height) / max(math.sqrt(len(own)) - 1, 1)
+            apart.append(CLOSER * max(even, max(width, height) / (len(own) - 1)))
+    return min(apart, default=10.0)
 
 
 def _letters(maps: Maps, found: Cut, inch: float) -> int:
@@ -340,39 +324,38 @@ def draw(page: Figure | SubFigure, drawn: Sheet, title: str) -> None:
         for panel in own[len(row) :]:
             panel.set_axis_off()
         for c, what in enumerate(row):
-            panel = own[c]
-            _draw_panel(panel, drawn, what)
-            panel.set_xlabel(f"{across}, mm")
+            _draw_panel(own[c], drawn, what)
+            own[c].set_xlabel(f"{across}, mm")
             if c == 0:
-                panel.set_ylabel(f"{up}, mm")
+                own[c].set_ylabel(f"{up}, mm")
             if c == 0 or what.across != row[c - 1].across:
-                _scale_arrow(panel, drawn, drawn.scales[what.across])
+                _scale_arrow(own[c], drawn, drawn.scales[what.across])
 
 
 def _draw_panel(panel: Axes, drawn: Sheet, what: Panel) -> None:
     maps, scale, fine = drawn.maps, drawn.scales[what.across], drawn.fine
     title, sides = maps.groups[what.group]
-    found = list(_arrows(maps, drawn.cut, what))
-    for i, (side, (places, errors, C)) in enumerate(zip(sides, found, strict=True)):
-        tips = places + scale * errors
+    for i, (side, (places, errors, C)) in enumerate(
+        zip(sides, _arrows(maps, drawn.cut, what), strict=True)
+    ):
         if C is not None:
-            _ellipses(panel, tips, C * (maps.k * scale) ** 2, what.across * THIN * drawn.inch)
+            squares = C * (maps.k * scale) ** 2
+            _ellipses(panel, places + scale * errors, squares, what.across * THIN * drawn.inch)
         # The first is wider, to be seen where both are the same.
         thick = 2.0 if len(sides) > 1 and i == 0 else 1.0
         panel.quiver(
-            *places.T, *(tips - places).T, angles="xy", scale_units="xy", scale=1,
+            *places.T, *scale * errors.T, angles="xy", scale_units="xy", scale=1,
             color=side.colour, units="inches", width=0.022 * fine * thick,
             headwidth=4.5 / thick**0.5, headlength=5.5 / thick**0.5, headaxislength=5 / thick**0.5,
             minlength=0.1, zorder=4,
         )  # fmt: skip
     dots = maps.places[what.level.rows][:, drawn.cut.plane]
-    panel.plot(*dots.T, "o", color=figures.INK, markersize=3.2 * fine, zorder=5)
+    panel.plot(*dots.T, "o", color=figures.INK, markersize=2.6 * fine, zorder=5)
     panel.set_aspect("equal")
     panel.set_xlim(drawn.low[0], drawn.high[0])
     panel.set_ylim(drawn.low[1], drawn.high[1])
     if drawn.letters:
-        arrows = [(places, places + scale * errors) for places, errors, _ in found]
-        _write_names(panel, drawn, what.level.rows, arrows)
+        _write_names(panel, drawn, what)
     plane = " and ".join(f"E{AXES[axis]}" for axis in drawn.cut.plane)
     kind = f"E{AXES[drawn.cut.normal]} (up is +)" if what.across else plane
     words = (cut(title, 20), kind, what.level.at)
@@ -397,30 +380,25 @@ def _ellipses(panel: Axes, tips: FloatArray, squares: FloatArray, least: float) 
     panel.add_collection(found, autolim=False)
 
 
-def _write_names(
-    panel: Axes, drawn: Sheet, rows: IntArray, arrows: list[tuple[FloatArray, FloatArray]]
-) -> None:
-    """Names, each in that of eight directions in which it is farthest from arrows and names."""
+def _write_names(panel: Axes, drawn: Sheet, what: Panel) -> None:
+    """Names across their arrows: to the left of upright ones, above or below level ones."""
     from matplotlib.patheffects import withStroke
 
     halo = [withStroke(linewidth=2.2, foreground="white")]
-    along = np.linspace(0.0, 1.0, 6)[:, None, None]
-    places = drawn.maps.places[rows][:, drawn.cut.plane]
-    taken = [(start + along * (end - start)).reshape(-1, 2) for start, end in arrows]
-    inked = np.vstack([places, *taken])
-    angle = np.arange(8) * np.pi / 4
-    around = np.column_stack([np.sin(angle), np.cos(angle)])
-    for row, place in zip(rows, places, strict=True):
-        name = clipped(drawn.maps.ids[row], drawn.letters)
-        size = np.array([LETTER * len(name), LINE]) * drawn.inch
-        spots = place + around * (0.5 * size + (GAP + 0.04) * drawn.inch)
-        # To the nearest edge of the name, not to its middle.
-        off = np.maximum(np.abs(inked[None] - spots[:, None]) - 0.5 * size, 0.0)
-        spot = spots[int(np.argmax(np.linalg.norm(off, axis=2).min(axis=1)))]
-        corners = spot + 0.5 * size * np.array([[-1, 0], [-0.5, 0], [0, 0], [0.5, 0], [1, 0]])
-        inked = np.vstack([inked, corners])
-        x, y = spot.tolist()
-        panel.text(x, y, name, ha="center", va="center", fontsize=7.5, zorder=6, path_effects=halo)
+    chosen = [drawn.cut.normal] if what.across else list(drawn.cut.plane)
+    total = np.nansum([side.errors for side in drawn.maps.groups[what.group][1]], axis=0)
+    for row in what.level.rows:
+        across, up = (0.0, *total[row, chosen])[-2:]
+        upright, below = abs(up) >= abs(across), up >= 0.0
+        x, y = drawn.maps.places[row, drawn.cut.plane].tolist()
+        panel.annotate(
+            clipped(drawn.maps.ids[row], drawn.letters),
+            (x, y), textcoords="offset points",
+            xytext=(-72 * GAP, 0) if upright else (0, 72 * GAP * (-1) ** below),
+            ha="right" if upright else "center",
+            va="center" if upright else ("top" if below else "bottom"),
+            fontsize=7.5, zorder=6, path_effects=halo,
+        )  # fmt: skip
 
 
 def _scale_arrow(panel: Axes, drawn: Sheet, scale: float) -> None:

@@ -9,7 +9,7 @@ import math
 from typing import Any
 
 from mtu_cli.analyses.budget import BudgetResult
-from mtu_cli.analyses.budget.first_order import Line, OutputBudget
+from mtu_cli.analyses.budget.result import Line, OutputBudget
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, rows_of
@@ -191,7 +191,7 @@ RESULTS: Fields = (
 
 def document(result: BudgetResult, digits: int = 2) -> Document:
     """One row an input of each output, and each output by three methods."""
-    from mtu_cli.reports.budget_figure import figure
+    from mtu_cli.reports import monte_carlo_figures
 
     units = {item.unit for item in result.outputs}
     contributions = Table(
@@ -226,7 +226,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         results=(OUTPUT, result.outputs[0]) if result.single else (OUTPUTS, result),
         also=[(INPUTS, result), *([named] if result.single else [])],
         tables=[contributions, estimates, correlation],
-        figure=lambda: figure(result),
+        figure=lambda: monte_carlo_figures.budget(result),
         verdict=_verdict(result, digits),
         digits=digits,
     )

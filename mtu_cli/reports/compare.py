@@ -87,11 +87,6 @@ ROW: Fields = (
     Field("biased", meaning="whether the mean is off; null: not tested"),
     Field("under_predicted", meaning="whether the scatter is larger than predicted"),
     Field("over_predicted", meaning="whether the scatter is smaller than predicted"),
-    Field(
-        "inconsistent",
-        lambda x: x.inconsistent is True,
-        "whether the mean is off, of parts too few to distinguish bias from scatter",
-    ),
     Field("verdict", "verdicts", "the gravest fault, or consistent; null: not tested"),
 )
 
@@ -100,11 +95,9 @@ def verdict_text(item: Summary) -> str:
     """Such as "drilled features: under-predicted (48 of 48: scatter 3.1 to 4.7 times predicted)",
     every fault with its size.
     """
-    few = "mean off by {} um, too few parts to distinguish bias from scatter"
     faults = (
         ("under-predicted", item.under_predicted, "under_factor", "scatter {} times predicted"),
         ("biased", item.biased, "bias_size", "mean off by {} um"),
-        ("inconsistent", item.inconsistent, "bias_size", few),
         ("over-predicted", item.over_predicted, "over_factor", "scatter {} times predicted"),
     )
     said = [
@@ -172,7 +165,7 @@ def summary(kind: str) -> Fields:
         Field("", lambda x: x.verdicts["consistent"], head="con-\nsistent", show=_some),
         *(
             Field(name, meaning="items with that fault", head=name.replace("_", "-\n"), show=_some)
-            for name in ("biased", "under_predicted", "over_predicted", "inconsistent")
+            for name in ("biased", "under_predicted", "over_predicted")
         ),
         Field(
             "under_predicted_factor",
@@ -217,7 +210,7 @@ RESULTS: Fields = (
 
 def document(result: CompareResult, digits: int = 2) -> Document:
     """A row an operation and kind, then a row an item, lengths first."""
-    from mtu_cli.reports.compare_figure import figure
+    from mtu_cli.reports import part_figures
 
     features = rows_of(result.features, len(result.features.labels))
     lengths, chosen, title = _lengths(result), features, "Lengths and features"
@@ -245,7 +238,7 @@ def document(result: CompareResult, digits: int = 2) -> Document:
                 f"({result.coverage_factor:g} u); p: of all items together (Holm)",
             ),
         ],
-        figure=lambda: figure(result),
+        figure=lambda: part_figures.compare(result),
         verdict="\n".join(f"{verdict_text(item)}." for item in summaries),
         digits=digits,
     )

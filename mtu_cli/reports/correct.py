@@ -230,7 +230,7 @@ RESULTS: Fields = (
 
 def document(result: CorrectResult, digits: int = 2) -> Document:
     """One row a measured point; before them the sizes, over all parts and one by one."""
-    from mtu_cli.reports.correct_figure import figure
+    from mtu_cli.reports import part_figures
 
     points = _points(result)
     summary = result.by_size()
@@ -275,7 +275,7 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
         title="Corrected points",
         results=(RESULTS, result),
         tables=tables,
-        figure=lambda: figure(result),
+        figure=lambda: part_figures.correct(result),
         verdict=_verdict(result),
         digits=digits,
     )

@@ -11,12 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from mtu_cli import __version__
+from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports.fields import Fields, csv_rows, leaves, record
+from mtu_cli.reports.fields import Fields, Group, csv_rows, fields_of, leaves, record
 from mtu_cli.reports.numbers import MISSING
 
 if TYPE_CHECKING:
@@ -25,17 +27,15 @@ if TYPE_CHECKING:
 
     from mtu_cli.reports.tables import Sheet
 
-SCHEMA_VERSION = 1
+
+DAGGER = "\N{DAGGER}"
+OUTSIDE = f"; {DAGGER} outside the measured range of a component"
+"""Its meaning, for a footer."""
 
 
 def MARK(item: Any) -> str:
     """The mark of a row with a place beyond the measured range of a component."""
     return DAGGER if item.outside else ""
-
-
-DAGGER = "\N{DAGGER}"
-OUTSIDE = f"; {DAGGER} outside the measured range of a component"
-"""Its meaning, for a footer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,16 +70,13 @@ class Table:
                 column = [text.removesuffix(".000") for text in column]
             cells.append(column)
             text = field.show == "text"
-            columns.append(
-                Column(
-                    title=field.title,
-                    text=text,
-                    folds=text,
-                    names=field.names,
-                    begins=field.begins,
-                    meaning=field.meaning,
-                )
-            )
+            head: dict[str, Any] = {
+                "title": field.title,
+                "text": text,
+                "folds": text,
+                "meaning": field.meaning,
+            }
+            columns.append(Column(**head, names=field.names, begins=field.begins))
         if all(column.title.endswith("\n") for column in columns):
             columns = [replace(column, title=column.title.rstrip("\n")) for column in columns]
         notes = [self.footer] if self.footer else []
@@ -129,23 +126,10 @@ class Document:
                 yield table.sheet(self.digits, detail=detail)
 
 
-class InputFile(Protocol):
-    """What a report says of an input file; `shown` is a relative path."""
-
-    @property
-    def role(self) -> str: ...
-    @property
-    def shown(self) -> str: ...
-    @property
-    def sha256(self) -> str: ...
-    @property
-    def rows(self) -> int | None: ...
-
-
 def envelope(
     command: str,
     *,
-    inputs: Iterable[InputFile],
+    inputs: Iterable[Source],
     settings: Settings,
     results: Mapping[str, Any],
     warnings: Iterable[Finding] = (),
@@ -154,10 +138,11 @@ def envelope(
     """The whole document of a command, ``mtu/<command>/1``; `at` are the covariates given."""
     distinct = {(item.code, item.message): item for item in warnings}
     return {
-        "schema": f"mtu/{command}/{SCHEMA_VERSION}",
+        "schema": f"mtu/{command}/1",
         "tool": {"name": "mtu", "version": __version__},
         "inputs": [
             {"role": item.role, "path": item.shown, "sha256": item.sha256, "rows": item.rows}
+            | ({"synthetic": True} if item.synthetic else {})
             for item in inputs
         ],
         "settings": {
@@ -178,3 +163,69 @@ def finite(value: float | None) -> float | None:
     if value is None or not math.isfinite(value):
         return None
     return float(value)
+
+
+REPORTS = {
+    "fit-components": ("fit_components", "RESULTS", "ROW"),
+    "predict-points": ("predict_points", "RESULTS", "ROW"),
+    "lengths": ("lengths", "RESULTS", "ROW"),
+    "orthogonality": ("orthogonality", "RESULTS", "ROW"),
+    "anova": ("anova", "RESULTS", "ROW"),
+    "compare": ("compare", "RESULTS", "ROW"),
+    "thermal-fit": ("thermal_fit", "RESULTS", "ROW"),
+    "correct": ("correct", "RESULTS", "ROW"),
+    "budget": ("budget", "RESULTS", "ROW"),
+    "graph check": ("graph", "CHECK", "STEP"),
+    "graph simulate": ("graph", "SIMULATION", "COORDINATE_ROW"),
+    "graph sweep": ("graph", "SWEEP", "GRID_ROW"),
+}
+"""By command: its module, the fields of `results`, those of a row of --csv. Where they depend on
+the input (axes, coefficients, units, what is varied), these are of the usual one."""
+
+
+def declared(command: str) -> tuple[Fields, Fields]:
+    """The fields of `results` and of a row of --csv."""
+    name, results, row = REPORTS[command]
+    module = import_module(f"mtu_cli.reports.{name}")
+    return getattr(module, results), getattr(module, row)
+
+
+def described(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
+    """Path in `results` and meaning of every figure of JSON: for help and tests."""
+    for each in fields:
+        path = f"{within}{each.path}"
+        if isinstance(each, Group):
+            member = (".<name>" if each.named else "[]") * int(each.many)
+            yield from described(fields_of(each.fields), f"{path}{member}.")
+        elif each.path:
+            yield path, each.meaning
+
+
+def described_columns(fields: Fields) -> Iterator[tuple[str, str]]:
+    """Name and meaning of every column of a CSV."""
+    for field in leaves(fields):
+        ends = ("", "") if len(field.columns) < 2 else ("; its lower end", "; its upper end")
+        for name, end in zip(field.columns, ends, strict=False):
+            yield name, f"{field.meaning}{end}"
+
+
+def help_text(command: str) -> str:
+    """Markdown: what each key of the report and each column of --csv means; of all commands that
+    begin with this name.
+    """
+    known = [name for name in REPORTS if name == command or name.startswith(f"{command} ")]
+    return "".join(f"{line}\n" for name in known for line in _lines(name))
+
+
+def _lines(command: str) -> Iterator[str]:
+    results, row = declared(command)
+    yield from ("", f"## Report of {command}: `results` of --out", "")
+    yield from _listed("key", described(results))
+    yield from ("", f"## Columns of --csv of {command}", "")
+    yield from _listed("column", described_columns(row))
+
+
+def _listed(title: str, entries: Iterator[tuple[str, str]]) -> Iterator[str]:
+    yield from (f"| {title} | meaning |", "|---|---|")
+    for name, meaning in entries:
+        yield f"| `{name}` | {meaning.replace('|', chr(92) + '|')} |"

@@ -11,9 +11,9 @@ How a command is declared (`lengths.py` is the model):
 
        Field("error_um", "error", "actual minus nominal length", head="error", u="u")
 
-   - `path`: the JSON key; dots nest (``independent.u_um``). Without one the figure stands in
-     tables or CSV alone. **The unit is the ending of the name**: um, um2, arcsec divide by their
-     size, any other name leaves the value alone. `size` is for items of different units.
+   - `path`: the JSON key; dots nest. Without one the figure stands in tables or CSV alone. **The
+     unit is the ending of the name**: um, um2, arcsec divide by their size, any other name leaves
+     the value alone. `size` is for items of different units, `unit` for headings.
    - `value`: an attribute (``run.mean.0``: dots reach deeper, None on the way is None), or a
      function of the item; without it the attribute that `path` names, ``""`` the item itself.
    - `meaning`: one clause in plain English, for ``mtu help`` and the HTML report.
@@ -23,14 +23,13 @@ How a command is declared (`lengths.py` is the model):
      without any value in it is not shown, one of `detail` only with ``--detail``.
    - `u`: what the value is rounded to (JCGM 100, 7.2.6); `show`: a key of `SHOWN` or a function
      of (value, u, digits); `mark`: what follows the cell, such as ``*`` or a dagger.
-   - `begins`: where a table is too wide for its columns, they rather go on below from here, and
-     the columns that are text or `names` the row stand there again.
+   - `begins`: a table too wide for its columns rather goes on below from here, where the columns
+     that are text or `names` the row stand again.
 4. A `Group` is a document within one: of one part of the item (null where it is None), or with
    `many` of each of a list (a mapping makes a JSON object by name; of lists of lists `many` is
    2). CSV names begin with its path.
 5. Results that are arrays: ``rows_of(found, count)`` gives items whose attributes are the
    elements ``i`` of the arrays of `found`, so that ``"predicted.mean"`` is a figure of item i.
-6. Axes, components and other names of the input make fields in a loop: declarations are values.
 
 None, nan and infinity are null in JSON, empty in CSV, ``-`` in a table.
 """
@@ -94,6 +93,7 @@ class Field:
     detail: bool = False
     begins: bool = False
     names: bool = False
+    within: tuple[Callable[[Any], Any], ...] = ()
 
     @property
     def title(self) -> str:
@@ -110,9 +110,16 @@ class Field:
         size = SIZES.get(self.unit_name, 1.0) if self.size is None else read(item, self.size)
         return _divided(read(item, value), size)
 
+    def part(self, item: Any) -> Any:
+        """What the figure is of: the item, or the part of it that the groups around it name."""
+        for within in self.within:
+            item = None if item is None else within(item)
+        return item
+
     def json(self, item: Any) -> Any:
         """The value as JSON holds it; an interval without one of its ends is none."""
-        value = plain(self.of(item, self.source))
+        part = self.part(item)
+        value = None if part is None else plain(self.of(part, self.source))
         return None if self.show == "interval" and value and None in value else value
 
     @property
@@ -122,11 +129,14 @@ class Field:
 
     def cell(self, item: Any, digits: int) -> str:
         """The value as a table shows it."""
-        value = self.of(item, self.source)
-        u = None if self.u is None else self.of(item, self.u)
-        show = SHOWN[self.show] if isinstance(self.show, str) else self.show
-        text = numbers.MISSING if value is None else show(value, u, digits)
-        return f"{text}{read(item, self.mark) or ''}"
+        part = self.part(item)
+        value = None if part is None else self.of(part, self.source)
+        mark = None if part is None else read(part, self.mark)
+        text = numbers.MISSING
+        if value is not None:
+            show = SHOWN[self.show] if isinstance(self.show, str) else self.show
+            text = show(value, None if self.u is None else self.of(part, self.u), digits)
+        return f"{text}{mark or ''}"
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -164,9 +174,7 @@ class Group:
     def json(self, item: Any) -> Any:
         """A document, null, or with `many` a list or an object of documents."""
         part = self.part(item)
-        if part is None or not self.many:
-            return None if part is None else record(self.fields, part)
-        return self._each(part, int(self.many))
+        return None if part is None else self._each(part, int(self.many))
 
     def _each(self, part: Any, depth: int) -> Any:
         if not depth:
@@ -178,25 +186,9 @@ class Group:
     def leaves(self) -> Iterator[Field]:
         """Its figures as those of the whole item."""
         for field in () if self.many else leaves(fields_of(self.fields)):
-            yield replace(
-                field,
-                path=f"{self.path}.{field.path}" if field.path else "",
-                csv=field.csv if self.csv else "",
-                value=self._within(field.source),
-                u=self._within(field.u),
-                size=self._within(field.size),
-                mark=self._within(field.mark),
-            )
-
-    def _within(self, value: Value | None) -> Value | None:
-        if value is None:
-            return None
-
-        def found(item: Any) -> Any:
-            part = self.part(item)
-            return None if part is None else read(part, value)
-
-        return found
+            path = f"{self.path}.{field.path}" if field.path else ""
+            csv, within = field.csv if self.csv else "", (self.part, *field.within)
+            yield replace(field, path=path, value=field.source, csv=csv, within=within)
 
 
 Fields = Sequence[Field | Group]
@@ -329,25 +321,6 @@ def _csv_cell(value: Any) -> str:
     return " ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
 
 
-def described(fields: Fields, within: str = "") -> Iterator[tuple[str, str]]:
-    """Path in `results` and meaning of every figure of JSON: for help and tests."""
-    for each in fields:
-        path = f"{within}{each.path}"
-        if isinstance(each, Group):
-            member = (".<name>" if each.named else "[]") * int(each.many)
-            yield from described(fields_of(each.fields), f"{path}{member}.")
-        elif each.path:
-            yield path, each.meaning
-
-
-def described_columns(fields: Fields) -> Iterator[tuple[str, str]]:
-    """Name and meaning of every column of a CSV."""
-    for field in leaves(fields):
-        ends = ("", "") if len(field.columns) < 2 else ("; its lower end", "; its upper end")
-        for name, end in zip(field.columns, ends, strict=False):
-            yield name, f"{field.meaning}{end}"
-
-
 @dataclass(frozen=True, slots=True)
 class RowOf:
     """Element `index` of everything that a result holds by rows."""
@@ -395,11 +368,49 @@ def validation(unit: str, *, csv: str = "") -> Group:
     )
 
 
+def conformance(unit: str) -> Group:
+    """The probability that an error of a future part is within its tolerance, in `unit`."""
+    return Group(
+        "conformance",
+        (
+            Field(
+                f"tolerance_{unit}",
+                "tolerance.stated",
+                "errors allowed: plus and minus this, or [low, high]; conformance is null without",
+                csv=f"tolerance_{unit}",
+                head="tolerance",
+                # As the part file has it, in its unit.
+                size=lambda _: 1.0,
+                show=_tolerance,
+            ),
+            conforming(),
+        ),
+    )
+
+
+def conforming() -> Field:
+    """The probability of conformance."""
+    return Field(
+        "probability",
+        meaning="probability that a future part is within the tolerance",
+        csv="conformance_probability",
+        head="conforming\n%",
+        show="percent",
+    )
+
+
+def _tolerance(stated: float | tuple[float, float], u: None, digits: int) -> str:
+    if isinstance(stated, tuple):
+        return " to ".join(f"{end:+g}" for end in stated)
+    return f"±{stated:g}"
+
+
 def shares(path: str = "shares", value: Value | None = None) -> Group:
     """What a variance consists of; null under independence and where u is 0."""
     meanings = {
         "coefficients": "share of u^2 of the coefficients, the same for all parts",
-        "passes": "share of the drift between passes, common to the points of one part",
+        "passes": "share of the drift between passes, common to the points of one part; "
+        "negative: a covariance that reduces u",
         "repeatability": "share of the repeatability of every visit",
     }
     return Group(
@@ -414,4 +425,6 @@ def shares(path: str = "shares", value: Value | None = None) -> Group:
 
 
 def _share(value: float, u: None, digits: int) -> str:
-    return numbers.fixed(100 * value, 1)
+    """A negative share is of a covariance, no part of u^2: it says what it does."""
+    shown = numbers.fixed(100 * abs(value), 1)
+    return f"reduces u^2 by {shown}" if value < 0 and float(shown) else shown

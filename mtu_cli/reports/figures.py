@@ -1,4 +1,4 @@
-"""What all figures share: the style, the bytes of a file, intervals by row, histograms, legends.
+"""What all figures share: the style, the bytes of a file, intervals, bars, legends.
 
 Matplotlib without a display and whatever the user's settings file; the same bytes every time.
 """
@@ -12,13 +12,11 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import wraps
-from importlib import import_module
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
-from mtu_cli.reports.labels import folded
-from mtu_cli.stats.distributions import log_density
+from mtu_cli.reports.labels import folded, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -39,9 +37,7 @@ PALE = "#c9dcf0"
 
 FEW_ROWS = 24
 """More rows of intervals than this stand closer together."""
-DASHES = (0, (4, 3))
-CLOSE = 1e5
-"""Values that differ by less than this part of them have ticks that show only what differs."""
+TICKS = 12
 
 _STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -56,7 +52,6 @@ _STYLE: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.grid": True,
-    "axes.unicode_minus": True,
     "grid.color": "#e6e9ed",
     "grid.linewidth": 0.7,
     "xtick.color": INK,
@@ -74,7 +69,6 @@ _STYLE: dict[str, Any] = {
     "svg.hashsalt": "mtu",
     "svg.fonttype": "path",
     "pdf.fonttype": 42,
-    "path.sketch": None,
 }
 
 _METADATA: dict[str, dict[str, Any]] = {
@@ -82,8 +76,6 @@ _METADATA: dict[str, dict[str, Any]] = {
     "svg": {"Date": None},
     "pdf": {"CreationDate": None, "ModDate": None},
 }
-
-_BACKENDS = {"png": "agg", "svg": "svg", "pdf": "pdf"}
 
 
 @contextmanager
@@ -128,22 +120,11 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     with house_style(), warnings.catch_warnings():
         # Names are the user's: a sign that the font lacks is drawn as a box, without a word.
         warnings.filterwarnings("ignore", r"Glyph .* missing from", UserWarning)
-        _printed(figure, kind, out)
+        # Laid out once: with an engine savefig would do it again, and twice.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        figure.savefig(out, format=kind, metadata=_METADATA[kind])
     return out.getvalue()
-
-
-def _printed(figure: Figure, kind: str, out: io.BytesIO) -> None:
-    """The bytes of Figure.savefig, but drawn once: it draws another time to lay the figure out,
-    which every drawing does by itself.
-    """
-    canvas, dots = figure.canvas, figure.dpi
-    backend = import_module(f"matplotlib.backends.backend_{_BACKENDS[kind]}")
-    try:
-        getattr(backend.FigureCanvas(figure), f"print_{kind}")(out, metadata=_METADATA[kind])
-    finally:
-        # Those of vectors leave the figure with 72 dots an inch.
-        figure.set_canvas(canvas)
-        figure.dpi = dots
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,13 +149,11 @@ def intervals(
 ) -> None:
     """Intervals about their values, a row each from top to bottom; texts `beside` the rows."""
     rows = np.arange(len(names))
-    small = len(names) > FEW_ROWS
     panel.axvline(0.0, color=GREY, linewidth=0.9)
     for item in shown:
         panel.errorbar(
             item.value, rows + item.shift, xerr=item.half, fmt="o", color=item.colour,
-            elinewidth=item.width, capsize=2.0 if small else 3.0, markersize=3.5 if small else 4.5,
-            label=item.label,
+            elinewidth=item.width, capsize=2.0, markersize=4.0, label=item.label,
         )  # fmt: skip
     for row, text in enumerate(beside):
         panel.annotate(
@@ -186,83 +165,51 @@ def intervals(
     panel.grid(axis="y", visible=False)
 
 
+def over_length(
+    panel: Axes, shown: Sequence[Intervals], nominal: FloatArray, label: str
+) -> FloatArray:
+    """Intervals over nominal lengths (n,), mm: many rows would hide how errors grow with them.
+
+    Where most lengths are equal to others these stand side by side in a group. Returns the places
+    (n,) on the axis.
+    """
+    groups, of, counts = np.unique(np.round(nominal, 3), return_inverse=True, return_counts=True)
+    place = nominal
+    if 2 * len(groups) <= len(nominal):
+        order = np.argsort(of, kind="stable")
+        rank = np.empty(len(nominal))
+        rank[order] = (
+            np.concatenate([np.arange(count) + 0.5 for count in counts]) / counts[of[order]]
+        )
+        place = of + 0.7 * (rank - 0.5)
+        ticks = spread(len(groups), TICKS)
+        panel.set_xticks(ticks, [f"{groups[i]:g}" for i in ticks])
+    panel.axhline(0.0, color=GREY, linewidth=0.9)
+    for item in shown:
+        panel.errorbar(
+            place, item.value, yerr=item.half, fmt="o", color=item.colour, alpha=0.7,
+            elinewidth=0.7 * item.width, capsize=2.0, markersize=3.5, label=item.label,
+        )  # fmt: skip
+    panel.set_xlabel(
+        "nominal length, mm" + (", equal ones side by side" if place is not nominal else "")
+    )
+    panel.set_ylabel(label)
+    panel.grid(axis="x", visible=False)
+    return place
+
+
 def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:
     """A bar a row from top to bottom, negative ones in another colour, its text at its end."""
     rows = range(len(values))
     colours = [BLUE if value >= 0 else ORANGE for value in values]
-    drawn = panel.barh(rows, values, color=colours, height=0.66)
+    drawn = panel.barh(rows, values, color=colours, height=min(0.66, 0.17 * len(values)))
     panel.bar_label(drawn, texts, padding=3, fontsize=7.5)
     panel.set_yticks(rows, names)
-    panel.set_ylim(max(len(values), 4) - 0.4, -0.6)
-    panel.margins(x=0.16)
+    panel.set_ylim(max(len(values), 1) - 0.4, -0.6)
+    # Texts of negative bars would reach the names.
+    panel.margins(x=0.16 if min(values, default=0.0) >= 0 else 0.32)
     panel.axvline(0.0, color=GREY, linewidth=0.8)
     panel.grid(axis="y", visible=False)
-
-
-def over_length(panel: Axes, shown: Sequence[Intervals], nominal: FloatArray, label: str) -> None:
-    """The same over nominal lengths (n,), mm: many rows would hide how errors grow with them."""
-    panel.axhline(0.0, color=GREY, linewidth=0.9)
-    for item in shown:
-        panel.errorbar(
-            nominal, item.value, yerr=item.half, fmt="o", color=item.colour, alpha=0.7,
-            elinewidth=0.7 * item.width, capsize=2.0, markersize=3.5, label=item.label,
-        )  # fmt: skip
-    panel.set_xlabel("nominal length, mm")
-    panel.set_ylabel(label)
-    panel.grid(axis="x", visible=False)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spread:
-    """Monte Carlo trials of one quantity with their interval, beside the result of first order:
-    value, u (0: none), degrees of freedom, interval.
-    """
-
-    samples: FloatArray
-    interval: tuple[float, float]
-    first: tuple[float, float, float]
-    first_interval: tuple[float, float]
-    percent: str = "95 %"
-
-
-def histogram(panel: Axes, item: Spread) -> None:
-    """The density of the trials, the curve of first order, both intervals."""
-    (low, high), (value, u, dof) = item.interval, item.first
-    left, right = _frame(item)
-    bins = np.linspace(left, right, 81)
-    density = np.histogram(item.samples, bins)[0] / (len(item.samples) * np.diff(bins))
-    panel.stairs(density, bins, fill=True, color=PALE, label="Monte Carlo trials")
-    if u > 0.0:
-        grid = np.linspace(left, right, 400)
-        curve = np.exp(log_density((grid - value) / u, dof)) / u
-        panel.plot(grid, curve, color=INK, label="first order")
-        for end in item.first_interval:
-            panel.axvline(
-                end,
-                color=INK,
-                linewidth=1.0,
-                linestyle=DASHES,
-                label=f"{item.percent}, first order",
-            )
-    panel.axvspan(low, high, ymax=0.03, color=BLUE, label=f"{item.percent}, Monte Carlo")
-    panel.set_xlim(left, right)
-    panel.set_ylim(0.0, None)
-    panel.set_yticks([])
-    panel.locator_params(axis="x", nbins=5)
-    offset = max(abs(left), abs(right)) > CLOSE * (right - left)
-    panel.ticklabel_format(axis="x", useOffset=offset, scilimits=(-4, 9))
-
-
-def _frame(item: Spread) -> tuple[float, float]:
-    """All but the far tails and both intervals, and no wider than that."""
-    (low, high), (value, u, _) = item.interval, item.first
-    left, right = (float(end) for end in np.quantile(item.samples, [0.001, 0.999]))
-    left, right = max(left, 2 * low - high), min(right, 2 * high - low)
-    if u > 0.0:
-        reach = 1.1 * max(abs(end - value) for end in item.first_interval)
-        left, right = min(left, value - reach), max(right, value + reach)
-    least = max(1e-12 * max(abs(left), abs(right)), 1e-300)
-    return (left, right) if right - left > least else (left - 1e6 * least, right + 1e6 * least)
 
 
 def columns_of(count: int, most: int = 3) -> int:
@@ -279,15 +226,13 @@ def panels_of(page: Figure, count: int, columns: int) -> list[Axes]:
     return every
 
 
-def legend(page: Figure | SubFigure, columns: int = 4, free: Axes | None = None) -> None:
-    """What stands in the panels, each label once: below them, or in a `free` one."""
+def legend(page: Figure | SubFigure, columns: int = 4) -> None:
+    """What stands in the panels, each label once, below them."""
     known: dict[str, Any] = {}
     for panel in page.axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             known.setdefault(str(label), handle)
-    if free is not None:
-        free.legend(list(known.values()), list(known), loc="center")
-    elif known:
+    if known:
         page.legend(list(known.values()), list(known), loc="outside lower center", ncols=columns)
 
 

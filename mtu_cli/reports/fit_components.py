@@ -7,17 +7,18 @@ Per component everything is in the component's own `unit` and mm: `coefficients`
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.fit_components import TESTS, FitResult
+from mtu_cli.analyses.fit_components import TESTS, Component, FitResult
 from mtu_cli.analyses.observability import NotDetermined
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group
 from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 
 MM_PER_M = 1000.0
 SHOWN = 12
@@ -110,6 +111,18 @@ RUN: Fields = (
 )
 
 
+OF_TABLES = (
+    (
+        "roughness_um2_per_mm3",
+        "roughness",
+        "of a table: variance of the integrated Wiener process between its positions (arcsec2 of "
+        "an angle)",
+    ),
+    ("between_um2", "between", "of a table: variance added off its positions"),
+    ("own_um2_per_mm3", "own", "of a table: the same of the bend of a run, of future readings"),
+)
+
+
 def component(powers: int) -> Fields:
     """The figures of a component; in tables and CSV those of `powers` coefficients."""
     scatter = "standard deviation from pass to pass at pass_center_mm"
@@ -126,7 +139,16 @@ def component(powers: int) -> Fields:
             detail=True,
         ),
         *(_coefficient(power) for power in range(powers)),
-        Field("degree", "estimate.degree", "degree of the polynomial"),
+        Field("degree", "estimate.degree", "degree of the polynomial; null of a table"),
+        Field("shape", lambda x: _shape_name(x.estimate), "polynomial or table"),
+        Field("at_mm", "estimate.table.at", "positions of the values of a table", csv=""),
+        *(
+            Field(name, f"estimate.table.{key}", meaning, size=_square, csv="")
+            for name, key, meaning in OF_TABLES
+        ),
+        Field(
+            "own_dof", "estimate.table.own_dof", "degrees of freedom of it; null: infinite", csv=""
+        ),
         Field("n", meaning="number of readings"),
         Field("n_passes", "estimate.n_passes", "passes in the mean square between passes"),
         Field(
@@ -140,7 +162,7 @@ def component(powers: int) -> Fields:
         Group("runs", RUN, many=True),
         Field(
             "coefficients",
-            meaning="ascending powers of mm",
+            meaning="ascending powers of mm; of a table its values at at_mm",
             size=SIZE,
             csv="",
         ),
@@ -201,11 +223,20 @@ def component(powers: int) -> Fields:
     )
 
 
+def _shape_name(estimate: Any) -> str:
+    return "polynomial" if estimate.table is None else "table"
+
+
+def _square(item: Any) -> float:
+    """um^2, or arcsec^2 of an angle."""
+    return float((UM if item.unit.dimension == LENGTH else ARCSEC) ** 2)
+
+
 def _value(power: int, scale: float = 1.0) -> Callable[[Any], float | None]:
-    """A coefficient, per mm^power times `scale`; None beyond the degree."""
+    """A coefficient, per mm^power times `scale`; None beyond the degree, and of a table."""
 
     def value(item: Any) -> float | None:
-        return item.coefficients[power] * scale if power < len(item.coefficients) else None
+        return item.coefficients[power] * scale if power < _powers(item) else None
 
     return value
 
@@ -214,7 +245,7 @@ def _u(power: int, scale: float = 1.0) -> Callable[[Any], float | None]:
     """Its standard uncertainty, 0 where the machine file states none."""
 
     def value(item: Any) -> float | None:
-        known = power < len(item.covariance)
+        known = power < min(_powers(item), len(item.covariance))
         return float(np.sqrt(item.covariance[power, power])) * scale if known else None
 
     return value
@@ -284,18 +315,18 @@ RESULTS = results(ROW)
 
 def document(result: FitResult, digits: int = 2) -> Document:
     """One row a component, and one for each of several instruments that read it."""
-    from mtu_cli.reports.fit_figure import figure
+    from mtu_cli.reports import machine_figures
 
     components = list(result.components.values())
     says = {name: x.says for name, x in result.components.items() if x.says}
-    fields = component(max((len(x.coefficients) for x in components), default=0))
+    fields = component(max(map(_powers, components), default=0))
     table = Table(
         title=f"Components of {result.machine}",
         fields=fields,
         items=components,
         shown=[each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))],
         footer="± one standard uncertainty; reversal: forward minus reverse; * significant at "
-        f"{100 * FAMILY_RATE:g} % (Bonferroni)",
+        f"{100 * FAMILY_RATE:g} % (Bonferroni){_not_fitted(result)}",
         notes=[
             "drift: passes differ by more than repeatability; trend: steady from pass to pass; "
             "misfit: the polynomial does not fit",
@@ -305,11 +336,55 @@ def document(result: FitResult, digits: int = 2) -> Document:
     return Document(
         title="Components",
         results=(results(fields), result),
-        tables=[table],
-        figure=lambda: figure(result.fit, result.estimates, result.coverage_factor, says=says),
+        tables=[table, *_tables(components)],
+        figure=lambda: machine_figures.components(
+            result.fit, result.estimates, result.coverage_factor, says=says
+        ),
         verdict=_verdict(result),
         digits=digits,
     )
+
+
+def _not_fitted(result: FitResult) -> str:
+    missing = result.fit.missing
+    return f"; not fitted, without readings: {listed(missing, SHOWN)}" if missing else ""
+
+
+def _powers(item: Any) -> int:
+    """Coefficients of powers that a line of the table states."""
+    return 0 if isinstance(item, Component) and item.estimate.table else len(item.coefficients)
+
+
+class Knot(NamedTuple):
+    """A value of a table with its standard uncertainty, in `unit`."""
+
+    component: str
+    unit: Unit
+    at: float
+    value: float
+    u: float
+
+
+KNOT: Fields = (
+    Field("", "component", head="component", show="text", names=True),
+    Field("", "unit.name", head="unit", show="text"),
+    Field("", "at", head="at\nmm", show="mm"),
+    Field("", "value", head="value\nunit", size=SIZE, u="u", show="plus-minus"),
+)
+
+
+def _tables(components: Iterable[Component]) -> Iterator[Table]:
+    knots = [
+        Knot(x.label, x.unit, *map(float, row))
+        for x in components
+        if x.estimate.table is not None
+        for row in zip(
+            x.estimate.table.at, x.coefficients, np.sqrt(np.diag(x.covariance)), strict=True
+        )
+    ]
+    if knots:
+        footer = "natural cubic interpolation between the positions; ± one standard uncertainty"
+        yield Table(title="Values of the tables", fields=KNOT, items=knots, footer=footer)
 
 
 def _verdict(result: FitResult) -> str:

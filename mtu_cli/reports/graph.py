@@ -1,26 +1,27 @@
 """The reports of graph check, simulate and sweep.
 
 Values are in the unit of each coordinate: mm, rad or 1; tables show deviations in um, urad or
-millionths.
+millionths, chances in percent.
 """
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
-from mtu_cli.analyses.graph.check import Fired, GraphCheck
+from mtu_cli.analyses.graph.check import GraphCheck
 from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
 from mtu_cli.analyses.graph.surface import Formula
 from mtu_cli.analyses.graph.sweep import Sweep
 from mtu_cli.findings import listed
+from mtu_cli.model.graph.transitions import Step
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import VERDICTS, Field, Fields, Group, validation
-from mtu_cli.reports.graph_layout import shares_text, small_unit
-from mtu_cli.reports.numbers import UNSEEN, chance_text, plus_minus, significant, with_u
+from mtu_cli.reports.fields import Field, Fields, Group, validation
+from mtu_cli.reports.graph_drawing import shares_text, small_unit
+from mtu_cli.reports.numbers import chance, plus_minus, significant, with_u
 
 MOST = 12
 """Places named in one cell."""
@@ -28,47 +29,54 @@ DIGITS = 6
 """Of a nominal."""
 EXACT_PERCENT = 1e-9
 """Of doubles that went through a fit: a smaller error of the formula is none."""
-BOUNDS = f"< and >: none or all of n trials are 1, and {UNSEEN:g}/n bounds the chance (95 %)"
+Fired = Sequence[tuple[int, Step]]
 
 
-def _fires(fired: tuple[Fired, ...]) -> str:
-    counts = Counter(step.do for step in fired)
+def _fires(fired: Fired) -> str:
+    counts = Counter(step.do for _, step in fired)
     return ", ".join(f"{count} x {do}" if count > 1 else do for do, count in counts.items())
 
 
-def _makes(fired: tuple[Fired, ...]) -> str:
-    return listed((name for step in fired for name in step.outputs), MOST)
+def _makes(fired: Fired) -> str:
+    return listed((name for _, step in fired for name in step.outputs), MOST)
+
+
+def _numbered(result: GraphCheck) -> list[Fired]:
+    """The transitions of every round, each with the number of its round."""
+    return [[(i, step) for step in fired] for i, fired in enumerate(result.rounds, 1)]
 
 
 STEP: Fields = (
-    Field("", "round", "round in which the transition fires, from 1", csv="round"),
-    Field("do", meaning="what the transition does"),
-    Field("in", "inputs", "places that it takes"),
-    Field("out", "outputs", "places that it makes"),
+    Field("", "0", "round in which the transition fires, from 1", csv="round"),
+    Field("do", "1.do", "what the transition does"),
+    Field("in", "1.inputs", "places that it takes"),
+    Field("out", "1.outputs", "places that it makes"),
 )
 ROUND: Fields = (
-    Field("", "0.round", head="round", show="count"),
+    Field("", "0.0", head="round", show="count"),
     Field("", _fires, head="fires", show="text"),
     Field("", _makes, head="makes", show="text"),
 )
 CHECK: Fields = (
     Field("name", meaning="name of the graph"),
     Field("places", "kinds", "number of places by kind"),
-    Field("transitions", lambda result: len(result.transitions), "number of transitions"),
+    Field("transitions", lambda x: sum(map(len, x.rounds)), "number of transitions"),
     Field("probings", meaning="probings of one cycle"),
     Field("reported", meaning="places that are reported"),
-    Group("firing_order", STEP, "rounds", many=2),
+    Group("firing_order", STEP, _numbered, many=2),
 )
 
 
 def check(result: GraphCheck, figure: Callable[[], Any]) -> Document:
     """One row a round of transitions; in CSV one a transition."""
     kinds = ", ".join(f"{count} {kind}" for kind, count in result.kinds.items())
+    rounds = _numbered(result)
+    items = [item for fired in rounds for item in fired]
     order = Table(
         title=f"Graph: {result.name}",
         fields=STEP,
-        items=result.transitions,
-        shown=result.rounds,
+        items=items,
+        shown=rounds,
         shown_fields=ROUND,
         footer=f"reported: {listed(result.reported, MOST)}",
     )
@@ -77,9 +85,20 @@ def check(result: GraphCheck, figure: Callable[[], Any]) -> Document:
         results=(CHECK, result),
         tables=[order],
         figure=figure,
-        verdict=f"The graph is sound: {result.places} places ({kinds}), "
-        f"{len(result.transitions)} transitions, {result.probings} probings.",
+        verdict=f"The graph is sound: {sum(result.kinds.values())} places ({kinds}), "
+        f"{len(items)} transitions, {result.probings} probings.",
     )
+
+
+def chance_text(item: SimulatedCoordinate) -> str:
+    """How likely a place is 1, in percent. About 1/(n + 2) is the standard deviation of a chance,
+    all values being equally likely before, where none or all of n trials hit.
+    """
+    return chance(item.mean, max(item.se_mean, 1.0 / (item.trials + 2)))
+
+
+def _as_it_is(text: str, u: None, digits: int) -> str:
+    return text
 
 
 def _size(item: SimulatedCoordinate) -> float:
@@ -91,13 +110,14 @@ def _nominal(item: SimulatedCoordinate, u: None, digits: int) -> str:
     return text if item.output.unit == "1" else f"{text} {item.output.unit}"
 
 
-def _chance(item: Any) -> str:
-    se = item.errors.mean if isinstance(item, SimulatedCoordinate) else item.se_mean
-    return chance_text(item.mean, se, item.trials)
-
-
 def _share(source: str, item: SimulatedCoordinate) -> float | None:
     return item.shares.get(source)
+
+
+STANDARD_ERRORS: Fields = (
+    Field("monte_carlo.se_mean", "se_mean", "standard error of the mean", csv="se_mean"),
+    Field("monte_carlo.se_u", "se_u", "standard error of u", csv="se_u"),
+)
 
 
 def coordinate(sources: tuple[str, ...] = ()) -> Fields:
@@ -115,31 +135,10 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
         Field("shortest95", "shortest", "shortest 95 % interval", show="interval"),
         Field("first_order_u", meaning="standard uncertainty of first order"),
         validation("", csv="validation_passed"),
-        Group(
-            "chance",
-            (
-                Field("probability", "mean", "how likely the place is 1"),
-                Field("standard_error", "errors.mean", "standard error of that"),
-            ),
-            lambda item: item if item.chance else None,
-            csv=False,
-        ),
+        Field("chance", meaning="whether all trials are 0 or 1", csv=""),
         Field("trials", meaning="number of trials; 0: the place is fixed"),
         Field("converged", meaning="whether they reached the digits asked for"),
-        *(
-            Field(
-                f"monte_carlo.se_{name}",
-                f"errors.{name}",
-                f"standard error of {what}",
-                csv=f"se_{name}" if name in ("mean", "u") else "",
-            )
-            for name, what in (
-                ("mean", "the mean"),
-                ("u", "u"),
-                ("low", "the lower end of the interval"),
-                ("high", "the upper end of the interval"),
-            )
-        ),
+        *STANDARD_ERRORS,
         *(
             Field("", partial(_share, name), f"share of {name} in u^2", csv=f"share_{name}")
             for name in sources
@@ -147,8 +146,9 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
     )
 
 
+PLACE = Field("", lambda item: str(item.output), head="place", show="text")
 COORDINATE: Fields = (
-    Field("", lambda item: str(item.output), head="place", show="text"),
+    PLACE,
     Field("", "", head="nominal", show=_nominal),
     Field("", "deviation", head="mean less\nnominal", size=_size, u="u"),
     Field("", "u", head="u", size=_size),
@@ -162,30 +162,19 @@ COORDINATE: Fields = (
         u="u",
     ),
     Field("", lambda item: small_unit(item.output.unit)[1], head="unit", show="text"),
-    Field(
-        "",
-        lambda item: shares_text(item.shares),
-        head="variance from,\n% of u^2",
-        show="text",
-    ),
+    Field("", lambda x: shares_text(x.shares), head="variance from,\n% of u^2", show="text"),
     Field("", "first_order_u", head="first-\norder u", size=_size, detail=True),
-    Field(
-        "",
-        lambda item: None if item.validation is None else VERDICTS[item.validation.passed],
-        head="first order\nvalid",
-        show="text",
-        detail=True,
-    ),
+    validation(""),
 )
 CHANCE: Fields = (
-    Field("", lambda item: str(item.output), head="place", show="text"),
+    PLACE,
     Field("", "nominal", head="at nominal", show="exact"),
-    Field("", _chance, head="chance of 1", show=lambda text, u, digits: text),
+    Field("", chance_text, head="chance of 1\n%", show=_as_it_is),
     Field("", "trials", head="trials", show="count"),
 )
 PLACES: Fields = (
     Group("places", coordinate(), many=2, named=True),
-    Field("trials", meaning="largest number of trials that a coordinate took"),
+    Field("trials", meaning="number of trials"),
     Field(
         "budget",
         lambda result: {
@@ -202,55 +191,47 @@ COORDINATE_ROW = coordinate(("<source>",))
 
 def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     """One row a coordinate that varies by degrees, and one a chance; in CSV all together."""
-    from mtu_cli.reports.graph_figure import simulated
+    from mtu_cli.reports.monte_carlo_figures import simulated
 
-    chances = [item for item in result.coordinates if item.chance]
     places = Table(
         title=f"Graph: {result.graph.graph.name}",
         fields=coordinate(result.sources),
         items=result.coordinates,
         shown_fields=COORDINATE,
         shown=[item for item in result.coordinates if not item.chance],
-        footer=f"U = k u; up to {result.trials} Monte Carlo trials",
+        footer=f"U = k u; {result.trials} Monte Carlo trials",
         notes=[
             "first-order u: differences over one standard uncertainty to either side; first order "
             "valid: JCGM 101, clause 8; no*: use the interval of the Monte Carlo"
         ],
     )
+    chances = [item for item in result.coordinates if item.chance]
     return Document(
         title=result.graph.graph.name,
         results=(SIMULATION, result),
-        tables=[
-            places,
-            Table(title="Chances", fields=CHANCE, items=chances, footer=_bounds(chances)),
-        ],
+        tables=[places, Table(title="Chances", fields=CHANCE, items=chances)],
         figure=lambda: simulated(result),
         verdict=_simulated(result, digits),
         digits=digits,
     )
 
 
-def _bounds(items: Any) -> str:
-    """What < and > mean, where none or all of the trials of something hit."""
-    return BOUNDS if any(_chance(item)[0] in "<>" for item in items) else ""
-
-
 def _simulated(result: GraphSimulation, digits: int) -> str:
     """The result of a single coordinate; of several, what clause 8 says of them."""
-    judged = [item for item in result.coordinates if item.validation is not None]
-    failed = [x.output for x in judged if x.validation is not None and x.validation.passed is False]
     if len(result.coordinates) == 1:
         (item,) = result.coordinates
         if item.chance:
-            return f"The chance that {item.output} is 1 is {_chance(item)}."
+            return f"The chance that {item.output} is 1 is {chance_text(item)} %."
         unit = "" if item.output.unit == "1" else f" {item.output.unit}"
         return f"{item.output} = {plus_minus(item.mean, item.U, digits)}{unit} (k = {item.k:g})."
+    judged = [(x.output, x.validation.passed) for x in result.coordinates if x.validation]
+    failed = [output for output, passed in judged if passed is False]
     if failed:
         return (
             f"First order is not valid (JCGM 101, clause 8) for {listed(failed)}: use the "
             "intervals of the Monte Carlo."
         )
-    if any(x.validation is not None and x.validation.passed is None for x in judged):
+    if any(passed is None for _, passed in judged):
         return "Too few trials to validate first order."
     return "First order is valid (JCGM 101, clause 8)." if judged else ""
 
@@ -278,8 +259,7 @@ def grid_point(varied: Iterable[str], unit: str = "", shown: Iterable[Field] = (
         Field("formula_u", meaning="standard uncertainty by the formula"),
         Field("error_percent", meaning="formula less Monte Carlo, of u"),
         *shown,
-        Field("monte_carlo.se_mean", "se_mean", "standard error of the mean", csv="se_mean"),
-        Field("monte_carlo.se_u", "se_u", "standard error of u", csv="se_u"),
+        *STANDARD_ERRORS,
         Field("trials", meaning="number of trials", head="trials", show="count"),
         Field("converged", meaning="whether they reached the digits asked for"),
     )
@@ -288,33 +268,15 @@ def grid_point(varied: Iterable[str], unit: str = "", shown: Iterable[Field] = (
 def _shown(result: Sweep) -> Iterator[Field]:
     """What the table has of a point: the chance; or deviations, in um for a length."""
     if result.chance:
-        yield Field("", _chance, head="chance of 1\n± standard error", show=_as_it_is)
+        yield Field("", chance_text, head="chance of 1\n%", show=_as_it_is)
         return
-    unit = "um" if result.output.unit == "mm" else result.output.unit
-    factor = {"um": 1e-3}.get(unit, 1.0)
-    columns = {
-        "deviation": "mean less nominal",
-        "u": "u",
-        "first_order_u": "first-order u",
-        "formula_u": "formula",
-    }
-    for name, title in columns.items():
-        yield Field(
-            "",
-            name,
-            head=f"{title}\n{unit}",
-            size=lambda item: factor,
-            u="u" if name == "deviation" else None,
-            show="number" if name == "deviation" else _four_digits,
-        )
+    unit, size = ("um", 1e-3) if result.output.unit == "mm" else (result.output.unit, 1.0)
+    given: dict[str, Any] = {"size": lambda item: size}
+    yield Field("", "deviation", head=f"mean less nominal\n{unit}", u="u", **given)
+    for name, title in (("u", "u"), ("first_order_u", "first-order u"), ("formula_u", "formula")):
+        yield Field("", name, head=f"{title}\n{unit}", show=_four_digits, **given)
     scatter = math.nan if result.formula is None else result.formula.monte_carlo_percent
-    yield Field(
-        "", "error_percent", head="error\n%", show=lambda value, u, digits: _error(value, scatter)
-    )
-
-
-def _as_it_is(text: str, u: None, digits: int) -> str:
-    return text
+    yield Field("", "error_percent", head="error\n%", show=lambda x, u, d: _error(x, scatter))
 
 
 def _four_digits(value: float, u: None, digits: int) -> str:
@@ -345,11 +307,6 @@ FORMULA: Fields = (
         "largest difference that these alone would make",
     ),
     Field("monte_carlo.p", "p", "p of the differences if the formula is true"),
-    Field(
-        "own_max_error_percent",
-        "own_max_percent",
-        "largest error of the formula for the first-order u; null where that is 0",
-    ),
 )
 
 
@@ -377,14 +334,14 @@ SWEEP: Fields = (*PLACES, *grid(GRID_ROW), *ALL_CONVERGED)
 
 def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     """One row a point of the grid; `base` is the output as the file has it."""
-    from mtu_cli.reports.graph_figure import swept
+    from mtu_cli.reports.monte_carlo_figures import swept
 
     fields = grid_point(result.varied, result.output.unit, _shown(result))
     table = Table(
         title=f"{'chance' if result.chance else 'u'} of {result.output}",
         fields=fields,
         items=result.grid,
-        footer=_formula_text(result.formula) if result.formula else _bounds(result.grid),
+        footer=_formula_text(result.formula) if result.formula else "",
         notes=_notes(result),
     )
     return Document(
@@ -412,10 +369,6 @@ def _notes(result: Sweep) -> list[str]:
             f"chance alone the largest of {len(result.grid)} differences is about "
             f"{significant(found.expected_max_percent, 1)} %"
         )
-    if found is not None and math.isfinite(found.own_max_percent):
-        own = found.own_max_percent
-        text = "less than 0.001" if own < 0.001 else significant(own)
-        notes.append(f"largest error of the formula, on the first-order u: {text} %")
     return notes
 
 
@@ -423,8 +376,8 @@ def _swept(result: Sweep) -> str:
     found = result.formula
     if result.chance:
         points = sorted(result.grid, key=lambda item: item.mean)
-        least, most = _chance(points[0]), _chance(points[-1])
-        return f"The chance that {result.output} is 1 goes from {least} to {most}."
+        least, most = chance_text(points[0]), chance_text(points[-1])
+        return f"The chance that {result.output} is 1 goes from {least} % to {most} %."
     if found is None:
         return f"No formula: {result.no_formula}."
     if len(result.grid) == len(found.terms):

@@ -8,8 +8,7 @@ import numpy as np
 
 from mtu_cli.files.graph_contract import Graph, Place
 from mtu_cli.model.graph.transitions import Values
-from mtu_cli.reports.graph_drawing import COLOURS
-from mtu_cli.reports.graph_layout import Net, Node, lay_out, share_percent
+from mtu_cli.reports.graph_drawing import COLOURS, Net, Node, lay_out, share_percent
 
 PIXELS = 96
 """A dot in an inch of the layout, for the paper's coordinates."""

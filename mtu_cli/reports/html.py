@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from rich.text import Text
 
 from mtu_cli import __version__
+from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, error
-from mtu_cli.reports.document import InputFile
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import Sheet, plain_text
 
@@ -31,7 +31,7 @@ class Page:
     tables: Iterable[object]
     figure: Figure | None
     warnings: Sequence[Finding]
-    inputs: Sequence[InputFile]
+    inputs: Sequence[Source]
     settings: Mapping[str, Any]
     date: str | None = None
 
@@ -50,32 +50,27 @@ def report_bytes(page: Page, suffix: str) -> bytes:
     text = environment.from_string(source).render(
         title=page.title,
         subject=page.subject,
-        blocks=list(_blocks(page.tables)),
+        blocks=[block for block in map(_block, page.tables) if block],
         figure=figure,
         warnings=list({each.message: each for each in page.warnings}.values()),
         inputs=page.inputs,
-        settings=page.settings,
+        settings={key: _short(value) for key, value in page.settings.items()},
         version=__version__,
         date=page.date,
     )
     return _pdf(text) if suffix == ".pdf" else text.encode()
 
 
-def _blocks(tables: Iterable[object]) -> Iterator[dict[str, Any]]:
-    """Tables and sentences in the order in which a terminal has them."""
-    for item in tables:
-        if isinstance(item, Sheet):
-            yield {
-                "kind": "table",
-                "title": item.title,
-                "columns": item.columns,
-                "rows": item.rows,
-                "notes": item.notes,
-            }
-        else:
-            text = item.plain if isinstance(item, Text) else plain_text([item])
-            if text.strip():
-                yield {"kind": "text", "text": text.strip()}
+def _block(item: object) -> Sheet | str:
+    """A table, or what else a terminal shows as text."""
+    if isinstance(item, Sheet):
+        return item
+    return (item.plain if isinstance(item, Text) else plain_text([item])).strip()
+
+
+def _short(value: object) -> object:
+    """A setting without the digits that nobody chose."""
+    return f"{value:.6g}" if isinstance(value, float) else value
 
 
 def _svg(figure: Figure) -> str:
@@ -92,5 +87,5 @@ def _pdf(text: str) -> bytes:
         expected = "the extra mtu-cli[pdf] (pip install 'mtu-cli[pdf]'), or a name ending in .html"
         reason = "this installation writes no PDF"
         raise error("output-form", path="--report", reason=reason, expected=expected) from None
-    found: bytes = HTML(string=text).write_pdf()
-    return found
+    written: bytes = HTML(string=text).write_pdf()
+    return written

@@ -1,8 +1,12 @@
-"""Names cut to the room that a figure or a table has for them."""
+"""Names cut to the room that a figure or a table has for them, and words that both show."""
 
 from __future__ import annotations
 
 import textwrap
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    pass
 
 WIDTH = 34
 """Characters of a line of a name beside a panel."""

@@ -9,7 +9,16 @@ import numpy as np
 from mtu_cli.analyses.lengths import LengthsResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, root, rows_of, shares, validation
+from mtu_cli.reports.fields import (
+    Field,
+    Fields,
+    Group,
+    conformance,
+    root,
+    rows_of,
+    shares,
+    validation,
+)
 from mtu_cli.reports.numbers import chance, percent, significant
 from mtu_cli.units import UM
 
@@ -78,26 +87,7 @@ ROW: Fields = (
         "the two components read in passes of their own that contribute most; null: fewer than two",
         csv="",
     ),
-    Group(
-        "conformance",
-        (
-            Field(
-                "tolerance_um",
-                "tolerance",
-                "largest error allowed, plus and minus; conformance is null without one",
-                csv="tolerance_um",
-                head="tolerance",
-                show=lambda value, u, digits: f"±{value:g}",
-            ),
-            Field(
-                "probability",
-                meaning="probability that the length of a future part is within its tolerance",
-                csv="conformance_probability",
-                head="conforming\n%",
-                show="percent",
-            ),
-        ),
-    ),
+    conformance("um"),
     shares(),
     validation("um"),
 )
@@ -118,7 +108,7 @@ RESULTS: Fields = (
 
 def document(result: LengthsResult, digits: int = 2) -> Document:
     """One row a length; a length with an end beyond a measured range is marked."""
-    from mtu_cli.reports.lengths_figure import figure
+    from mtu_cli.reports import prediction_figures
 
     k, outside = result.coverage_factor, any(result.outside)
     table = Table(
@@ -137,7 +127,7 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
         title="Lengths",
         results=(RESULTS, result),
         tables=[table],
-        figure=lambda: figure(result, digits),
+        figure=lambda: prediction_figures.lengths(result, digits),
         verdict=_verdict(result),
         digits=digits,
     )

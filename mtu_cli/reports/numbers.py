@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import TypeGuard
 
 MISSING = "-"
-UNSEEN = 3.0
-"""Hits expected, below which there may be none: e^-3 is 1 in 20."""
 PLAIN_DIGITS = 6
 """Significant digits of a value that is known exactly."""
 
-_SMALLEST, _LARGEST = -4, 7
-"""Decimal exponents between which numbers are written without a power of ten."""
+SMALLEST, LARGEST_PLACE = -4, 5
+"""Decimal exponents between which numbers are written without a power of ten: that of the number,
+and that of its last digit.
+"""
+
+
+def known(value: float | None) -> TypeGuard[float]:
+    """Whether there is a number to show."""
+    return value is not None and math.isfinite(value)
 
 
 def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, str]:
@@ -20,17 +26,13 @@ def with_u(value: float | None, u: float | None, digits: int = 2) -> tuple[str, 
     (-0.34, 8.06) gives ("-0.3", "8.1"). Without an uncertainty the value has six significant
     digits; what is None or not finite is shown as "-".
     """
-    if value is None or not math.isfinite(value):
-        return MISSING, MISSING if u is None or not math.isfinite(u) else significant(u, digits)
-    if u is None or not math.isfinite(u) or u < 0:
-        return significant(value, PLAIN_DIGITS), MISSING
-    if u == 0:
-        return significant(value, PLAIN_DIGITS), "0"
-    last = decimal_exponent(u, digits) - digits + 1
-    largest = max(decimal_exponent(u, digits), decimal_exponent(value, digits))
-    if largest < _SMALLEST or last > _LARGEST - 2:
-        return _scaled(value, last, largest), _scaled(u, last, largest)
-    return _to_place(value, last), _to_place(u, last)
+    if not known(value):
+        return MISSING, significant(u, digits)
+    if not known(u) or u <= 0:
+        return significant(value, PLAIN_DIGITS), "0" if u == 0 else MISSING
+    exponent = decimal_exponent(u, digits)
+    last, largest = exponent - digits + 1, max(exponent, decimal_exponent(value, digits))
+    return _rounded(value, last, largest), _rounded(u, last, largest)
 
 
 def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
@@ -41,7 +43,7 @@ def plus_minus(value: float | None, u: float | None, digits: int = 2) -> str:
 
 def interval(low: float | None, high: float | None, u: float | None, digits: int = 2) -> str:
     """ "[-16.5, 15.8]", the ends rounded to the last place of `u`."""
-    if low is None or high is None or not (math.isfinite(low) and math.isfinite(high)):
+    if not (known(low) and known(high)):
         return MISSING
     return f"[{with_u(low, u, digits)[0]}, {with_u(high, u, digits)[0]}]"
 
@@ -53,27 +55,24 @@ def span(low: str, high: str) -> str:
 
 def significant(value: float | None, digits: int = 2) -> str:
     """`value` to so many significant digits, without a power of ten where it is readable."""
-    if value is None or not math.isfinite(value):
-        return MISSING
-    if value == 0:
-        return "0"
+    if not known(value) or value == 0:
+        return "0" if value == 0 else MISSING
     exponent = decimal_exponent(value, digits)
-    if exponent < _SMALLEST or exponent > _LARGEST:
-        return _scaled(value, exponent - digits + 1, exponent)
-    text = _to_place(value, exponent - digits + 1)
-    return text.rstrip("0").rstrip(".") if digits >= PLAIN_DIGITS and "." in text else text
+    text = _rounded(value, exponent - digits + 1, exponent)
+    plain = digits >= PLAIN_DIGITS and "." in text and "e" not in text
+    return text.rstrip("0").rstrip(".") if plain else text
 
 
 def fixed(value: float | None, decimals: int) -> str:
     """`value` to so many decimals; what rounds to zero has no sign."""
-    if value is None or not math.isfinite(value):
+    if not known(value):
         return MISSING
     return _unsigned_zero(f"{value:.{decimals}f}")
 
 
 def p_value(p: float | None) -> str:
     """A p value: three decimals below 0.1, two above, "<0.001" below that."""
-    if p is None or not math.isfinite(p):
+    if not known(p):
         return MISSING
     if p < 0.001:
         return "<0.001"
@@ -82,7 +81,7 @@ def p_value(p: float | None) -> str:
 
 def percent(probability: float | None) -> str:
     """A probability in percent with the digits that tell it from 0 and 100."""
-    if probability is None or not math.isfinite(probability):
+    if not known(probability):
         return MISSING
     value = 100 * probability
     if value < 0.01:
@@ -105,16 +104,6 @@ def chance(probability: float, se: float) -> str:
     return plus_minus(100 * probability, 100 * se, 1)
 
 
-def chance_text(probability: float, se: float, trials: int) -> str:
-    """ "0.796 ± 0.016", or the bound that is left where none or all of the trials of what varies
-    hit: with a chance of 3/n, n trials hit nothing one time in 20, (1 - p)^n is about e^(-n p).
-    """
-    if se == 0.0 or 0.0 < probability < 1.0:
-        return plus_minus(probability, se)
-    bound = min(UNSEEN / trials, 1.0)
-    return f"< {significant(bound)}" if probability == 0.0 else f"> {with_u(1.0 - bound, bound)[0]}"
-
-
 def degrees_of_freedom(dof: float) -> str:
     """Degrees of freedom, one decimal where they are few; "inf" where they are infinite."""
     if math.isinf(dof):
@@ -131,14 +120,12 @@ def decimal_exponent(value: float, digits: int) -> int:
     return int(f"{value:.{digits - 1}e}".partition("e")[2])
 
 
-def _to_place(value: float, last: int) -> str:
-    """`value` rounded to the decimal place 10^last."""
-    text = f"{value:.{-last}f}" if last < 0 else f"{round(value, -last):.0f}"
-    return _unsigned_zero(text)
-
-
-def _scaled(value: float, last: int, exponent: int) -> str:
-    """`value` rounded to 10^last and written as a multiple of 10^exponent; 0 as 0."""
+def _rounded(value: float, last: int, exponent: int) -> str:
+    """`value` rounded to the decimal place 10^last, as a multiple of 10^exponent where plain digits
+    would be many; 0 as 0.
+    """
+    if exponent >= SMALLEST and last <= LARGEST_PLACE:
+        return _unsigned_zero(f"{value:.{-last}f}" if last < 0 else f"{round(value, -last):.0f}")
     mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0 ** (-exponent)
     text = _unsigned_zero(f"{mantissa:.{max(exponent - last, 0)}f}")
     return f"{text}e{exponent}" if text.strip("0.") else "0"

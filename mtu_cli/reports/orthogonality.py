@@ -5,7 +5,7 @@ from __future__ import annotations
 from mtu_cli.analyses.orthogonality import Orthogonality, OrthogonalityResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, shares, validation
+from mtu_cli.reports.fields import Field, Fields, Group, conformance, shares, validation
 from mtu_cli.reports.numbers import interval, significant, with_u
 from mtu_cli.units import ARCSEC
 
@@ -74,6 +74,7 @@ ROW: Fields = (
         "mean -+ t u of first order",
         csv="",
     ),
+    conformance("arcsec"),
     validation("arcsec", csv="validation_passed"),
     Field("independent.mean_arcsec", "independent.mean.0", "mean with all features independent"),
     Field(
@@ -120,7 +121,7 @@ RESULTS: Fields = (Group("orthogonality", ROW, "angles", many=True),)
 
 def document(result: OrthogonalityResult, digits: int = 2) -> Document:
     """One row an angle; an angle with a feature beyond a measured range is marked."""
-    from mtu_cli.reports.orthogonality_figure import figure
+    from mtu_cli.reports import monte_carlo_figures
 
     outside = any(item.outside for item in result.angles)
     k = result.angles[0].k
@@ -139,7 +140,7 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
         title="Orthogonality",
         results=(RESULTS, result),
         tables=[table],
-        figure=lambda: figure(result),
+        figure=lambda: monte_carlo_figures.orthogonality(result),
         verdict=_verdict(result.angles, digits),
         digits=digits,
     )

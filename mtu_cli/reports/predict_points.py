@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.reports.document import DAGGER, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, RowOf, read, rows_of, shares
+from mtu_cli.reports.fields import Field, Fields, Group, RowOf, conforming, read, rows_of, shares
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -47,6 +47,23 @@ def point(axes: tuple[str, ...], *, independent: bool = False) -> Fields:
             field
             for j, axis in enumerate(axes)
             for field in _of_axis(axis, j, len(axes), independent=independent)
+        ),
+        Group(
+            "conformance",
+            (
+                Field(
+                    "position_um",
+                    meaning="diameter of the zone of true position; conformance is null without",
+                    csv="position_um",
+                    head="position",
+                    # As the part file has it.
+                    size=lambda _: 1.0,
+                    show=lambda value, u, digits: f"⌀{value:g}",
+                    begins=True,
+                ),
+                conforming(),
+                Field("se", meaning="standard error of the probability (Monte Carlo)", csv=""),
+            ),
         ),
         Field(
             "outside_measured_range",
@@ -178,9 +195,9 @@ def document(
 
 
 def _figure(result: PointsResult, *, grid: bool) -> Any:
-    from mtu_cli.reports import points_figure, volume_map
+    from mtu_cli.reports import prediction_figures
 
-    return volume_map.figure(result) if grid else points_figure.figure(result)
+    return (prediction_figures.volume if grid else prediction_figures.points)(result)
 
 
 def _verdict(result: PointsResult, digits: int) -> str:

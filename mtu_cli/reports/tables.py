@@ -21,8 +21,6 @@ WIDTH = 100
 """Columns that a table may take."""
 FOLDED = 12
 """Of these a column that folds can do with."""
-GAPS = (2, 1)
-"""Blanks between two columns, the second where there is no room for the first."""
 JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
 """Pieces of a name, each with the sign that a line may end with."""
 
@@ -79,36 +77,33 @@ class Sheet:
         every = range(len(self.columns))
         front = max(1, next((i for i in every if not self.columns[i].text), 1))
         names = [i for i in every if i < front or self.columns[i].names]
-        least = [self._least(i) + GAPS[-1] for i in every]
-        room = width + GAPS[-1] - sum(least[i] for i in names)
-        groups: list[list[int]] = []
-        mine: list[int] = []
+        groups, group = [], [*names]
         for i in (i for i in every if i not in names):
-            while mine and sum(least[j] for j in [*mine, i]) > room:
-                starts = [n for n, j in enumerate([*mine, i]) if n and self.columns[j].begins]
-                end = starts[-1] if starts else len(mine)
-                groups.append([*names, *mine[:end]])
-                mine = mine[end:]
-            mine.append(i)
-        return [*groups, [*names, *mine]]
+            while len(group) > len(names) and self._narrowest([*group, i]) > width:
+                both = enumerate([*group, i])
+                starts = [n for n, j in both if n > len(names) and self.columns[j].begins]
+                end = starts[-1] if starts else len(group)
+                groups.append(group[:end])
+                group = [*names, *group[end:]]
+            group.append(i)
+        return [*groups, group]
+
+    def _narrowest(self, group: Sequence[int]) -> int:
+        return sum(self._least(i) + 1 for i in group) - 1
 
     def _widths(self, group: Sequence[int], width: int) -> tuple[list[int], int]:
-        """Columns as wide as they want where that has room, else the widest narrower first; and
-        the gap between them.
+        """Columns as wide as they want where that has room, else the narrow rather than the wide;
+        and the gap between them.
         """
         wanted = [self._wanted(i) for i in group]
-        for gap in GAPS:
-            if sum(wanted) + gap * (len(group) - 1) <= width:
-                return wanted, gap
-        room = width - GAPS[-1] * (len(group) - 1)
-        least = widths = [self._least(i) for i in group]
-        # From the least up, letter by letter: the narrow have all they want before the wide.
-        for cap in range(min(least), width + 1):
-            wider = [min(w, max(n, cap)) for w, n in zip(wanted, least, strict=True)]
-            if sum(wider) > room:
-                break
-            widths = wider
-        return widths, GAPS[-1]
+        gaps = len(group) - 1
+        if sum(wanted) + gaps <= width:
+            return wanted, 2 if sum(wanted) + 2 * gaps <= width else 1
+        widths = [self._least(i) for i in group]
+        for _ in range(width - gaps - sum(widths)):
+            narrow = [i for i, most in enumerate(wanted) if widths[i] < most]
+            widths[min(narrow, key=widths.__getitem__)] += 1
+        return widths, 1
 
     def _lines(self, group: Sequence[int], width: int, *, ruled: bool) -> Iterator[Text]:
         widths, gap = self._widths(group, width)

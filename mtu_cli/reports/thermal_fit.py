@@ -75,6 +75,13 @@ TESTS: Fields = (
     Field("residuals.lag1_autocorrelation", "residuals.lag1", "from reading to reading"),
     Field("residuals.n_effective", "residuals.effective", "independent readings"),
 )
+ZEROED: Fields = (
+    Field("zeroed.offsets", meaning="whether every cycle has an offset of its own"),
+    Field("zeroed.by", meaning="setting, first readings (all 0) or test of the offsets"),
+    Field("zeroed.F", meaning="variance ratio of the offsets"),
+    Field("zeroed.p", meaning="p that there are none"),
+)
+CYCLE = Field("cycle", meaning="of a zeroed probe; null: of all cycles")
 POSITION = Field("position_mm", "position", "observed position; null: the same at all")
 
 
@@ -107,8 +114,20 @@ def component(item: ComponentDrift | None) -> Fields:
     )
     gradients = f"gradients_{unit}_per_degC"
     intercept = Field(f"intercept_{unit}", "value", "drift at the reference temperature")
+    group = (
+        Field("sensors", meaning="that have a gradient together only"),
+        Field(
+            f"gradient_{unit}_per_degC",
+            "value",
+            "drift per degC of the first, the others moving with it as they did",
+            unit=unit,
+        ),
+        Field(f"u_{unit}_per_degC", "u", "its standard uncertainty", unit=unit),
+        Field(f"interval95_{unit}_per_degC", "interval", "that holds it at 95 %", unit=unit),
+    )
     return (
         *FITTED,
+        *ZEROED,
         Field(f"rms_before_{unit}", "rms_before", "rms of the drift"),
         Field(f"rms_after_{unit}", "rms_after", "rms of the residuals"),
         Group("held_out", held_out(unit)),
@@ -117,10 +136,16 @@ def component(item: ComponentDrift | None) -> Fields:
         Group("shares", share, "by_share", many=True),
         Group(
             "at_positions",
-            (POSITION, Field(gradients, "gradients", "of the model, by sensor", unit=unit)),
+            (
+                POSITION,
+                Field(gradients, "gradients", "of the model, by sensor", unit=unit),
+                Field(f"u_{gradients}", "u", "standard uncertainties", unit=unit),
+                Field(f"interval95_{gradients}", "intervals", "95 % intervals", unit=unit),
+                Group("inseparable", group, many=True),
+            ),
             many=True,
         ),
-        Group("intercepts", (POSITION, intercept), many=True),
+        Group("intercepts", (POSITION, CYCLE, intercept), many=True),
     )
 
 
@@ -147,6 +172,14 @@ ROW: Fields = (
     Field("", lambda x: x.value if x.value or x.u else None, head="gradient\nper degC",
           show="plus-minus", u="u", size="drift.size"),
     Field("", "u", "its standard uncertainty", csv="u_gradient_per_degC", size="drift.size"),
+    Field("", "interval", "its 95 % interval", csv="interval95_gradient",
+          head="95 % interval\nper degC", show="interval", u="u", size="drift.size"),
+    Field("", lambda x: None if x.separable is None else x.separable,
+          "false: its gradient is known together with other sensors' only", csv="separable"),
+    Field("", lambda x: None if x.separable is None or x.separable else "no", head="sepa-\nrable",
+          show="text"),
+    Field("", "by", "u from the scatter of cycles, or the model of the errors", csv="u_by",
+          head="u by", show="text"),
     Field("", "share", "rms of its part of the modelled drift", csv="share_rms", head="rms\npart",
           show=_three, size="drift.size"),
     Field("", "lag", "time constant; 0: none", csv="time_constant_min", head="lag", unit="min"),
@@ -189,7 +222,7 @@ TRIED: Fields = (
 
 def document(fit: ThermalFit, digits: int = 2) -> Document:
     """One row a component; in the CSV one a component, observed position and sensor."""
-    from mtu_cli.reports.thermal_figure import figure
+    from mtu_cli.reports import machine_figures
 
     items = list(fit.components.values())
     gradients = [each for item in items for each in item.gradients]
@@ -200,7 +233,10 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
         shown=items,
         shown_fields=MODEL,
         footer=f"rms of the drift without and with temperatures above {fit.reference:g} degC; "
-        "held out: cycles not in the fit",
+        "held out: cycles not in the fit"
+        + (
+            "; zeroed in every cycle: from its mean" if any(x.zeroed.offsets for x in items) else ""
+        ),
         notes=[
             "all sensors: ordinary least squares; position: test of the drift being the same at "
             "all positions; residuals: autocorrelation from reading to reading",
@@ -217,7 +253,8 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
         title="Gradients of the sensors",
         fields=ROW,
         items=[each for each in gradients if each.sensor is not None],
-        footer="± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation",
+        footer="± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; "
+        "not separable: known together only (warnings)",
         notes=[f"{listed(group)} move alike and share their drift" for group in _alike(items)],
         detail=True,
     )
@@ -225,7 +262,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
         title="Thermal models",
         results=(RESULTS, fit),
         tables=[models, tried, sensors],
-        figure=lambda: figure(fit),
+        figure=lambda: machine_figures.drift(fit),
         verdict=_verdict(items),
         digits=digits,
     )

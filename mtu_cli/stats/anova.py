@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.resolution import hidden
 
 BoolArray = NDArray[np.bool_]
 _BLOCK = 1 << 15
@@ -108,8 +109,12 @@ def _rounding(n: FloatArray, mean: FloatArray, tables: int) -> FloatArray:
     return rounding
 
 
-def one_way(cells: Cells) -> OneWay:
-    """The analysis of every table; nan where there is too little data for a figure."""
+def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
+    """The analysis of every table; nan where there is too little data for a figure.
+
+    In F the variance `rounding` (tables,) that the last digit hides from the repeats of a part
+    (`resolution.hidden`) adds to that of its mean; `ms_within` is as it was measured.
+    """
     from scipy.special import fdtrc, fdtri
 
     n, m = cells.n, cells.mean
@@ -121,7 +126,9 @@ def one_way(cells: Cells) -> OneWay:
     df_between, df_within = parts - 1, N - parts
     ms_between = _ratio(ss_between, df_between)
     ms_within = _ratio(cells.within, df_within)
-    F = np.where(ms_within > 0, _ratio(ms_between, ms_within), np.nan)
+    n0 = _ratio(N - (n**2).sum(axis=1) / N, df_between)
+    noise = ms_within + np.nan_to_num(n0) * hidden(ms_within, rounding)
+    F = np.where(ms_within > 0, _ratio(ms_between, noise), np.nan)
     known = np.isfinite(F) & (df_between > 0)
     safe_b, safe_w = np.where(known, df_between, 1), np.where(known, df_within, 1)
     total = ss_between + cells.within
@@ -137,7 +144,7 @@ def one_way(cells: Cells) -> OneWay:
         F_critical_95=np.where(known, fdtri(safe_b, safe_w, 0.95), np.nan),
         p=np.where(known, fdtrc(safe_b, safe_w, np.where(known, F, 1.0)), np.nan),
         r2=_ratio(ss_between, total),
-        n0=_ratio(N - (n**2).sum(axis=1) / N, df_between),
+        n0=n0,
     )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,11 +29,6 @@ ENOUGH_BLOCKS = 30
 """Blocks whose scatter is known well enough to make them longer instead of more."""
 FIRST_LOOK = 20
 """Blocks before an adaptive count is first judged: the decision needs a surer scatter."""
-MARGIN = 0.15
-"""Share of a tail by which a cut is set further in: four standard deviations of the count of
-values beyond it where a tail has 700, fewer in shorter ones."""
-WORTH_IT = 1000
-"""Trials from which on a cut is quicker than to order the block."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -235,7 +229,6 @@ class BlockSummariser:
             self._end = quantiles(np.array([plan.end_probability]))[:, 0]
             self._expected = plan.expected_ordered(quantiles)
         self._work = Workspace()
-        self._ordered, self._ordered_linear = OrderedTails(), OrderedTails()
 
     def summarise(self, draws: Draws) -> BlockSummary:
         """Summary of one block of finite values."""
@@ -245,7 +238,7 @@ class BlockSummariser:
         centred = self._work.array("centred", values.shape)
         np.subtract(values, mean[:, np.newaxis], out=centred)
         squares = centred @ centred.T
-        lower, upper = self._tails(values, self._ordered)
+        lower, upper = self._tails(values)
         weights = self.plan.end_weights
         ends = lower @ weights, upper @ weights
         controls, linear_tails = self._control(draws)
@@ -258,9 +251,17 @@ class BlockSummariser:
             linear_tails=linear_tails,
         )
 
-    def _tails(self, values: FloatArray, ordered: OrderedTails) -> tuple[FloatArray, FloatArray]:
+    def _tails(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ordered values of a block (outputs, tail), from the lowest up and the highest down."""
         m = values.shape[1]
-        lower, upper = ordered.of(values, min(self.plan.tail + 1, m))
+        n = min(self.plan.tail + 1, m)
+        if 2 * n < m:
+            parted = np.partition(values, (n - 1, m - n), axis=1)
+            lower, upper = np.sort(parted[:, :n], axis=1), np.sort(parted[:, m - n :], axis=1)
+        else:
+            ordered = np.sort(values, axis=1)
+            lower, upper = ordered[:, :n], ordered[:, m - n :]
+        upper = np.ascontiguousarray(upper[:, ::-1])
         return self.plan.on_grid(lower, m), self.plan.on_grid(upper, m)
 
     def _control(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
@@ -276,62 +277,9 @@ class BlockSummariser:
         controls[1] = variance - self.linear_variance
         if not self._knows_ends:
             return np.nan_to_num(controls), np.zeros((2, outputs, self.plan.tail))
-        lower, upper = self._tails(linear, self._ordered_linear)
+        lower, upper = self._tails(linear)
         weights, column = self.plan.end_weights, mean[:, np.newaxis]
         controls[2] = lower @ weights - (mean + self._end)
         controls[3] = upper @ weights - (mean - self._end)
         tails = np.array([lower - (column + self._expected), upper - (column - self._expected)])
         return np.nan_to_num(controls), np.nan_to_num(tails)
-
-
-class OrderedTails(threading.local):
-    """Finds the tails of block after block of the same outputs; one in each thread.
-
-    Where the last block's tail ended the next one's does too, or nearly so: only the values
-    beyond are taken and ordered. Where they turn out to be too few the block is partitioned.
-    So what is returned never depends on the cuts.
-    """
-
-    def __init__(self) -> None:
-        self._cuts: FloatArray | None = None
-        self._beyond = np.empty((2, 0), bool)
-
-    def of(self, values: FloatArray, tail: int) -> tuple[FloatArray, FloatArray]:
-        """The `tail` lowest values from the lowest up and the highest from the highest down.
-
-        `values` (outputs, m) -> (outputs, tail) each; `values` stay as they are.
-        """
-        outputs, m = values.shape
-        if m < WORTH_IT or 2 * tail >= m:
-            ordered = np.sort(values, axis=1)
-            return ordered[:, :tail].copy(), ordered[:, ::-1][:, :tail].copy()
-        known = self._cuts is not None and len(self._cuts) == outputs
-        cuts = self._cuts if known and self._cuts is not None else np.full((outputs, 2), np.nan)
-        lower, upper = np.empty((outputs, tail)), np.empty((outputs, tail))
-        if self._beyond.shape[1] != m:
-            self._beyond = np.empty((2, m), bool)
-        for row, low, high, (below, above) in zip(values, lower, upper, cuts, strict=True):
-            beyond, lows, highs = self._ordered_beyond(row, below, above)
-            few = np.sort(np.partition(row, tail - 1)[:tail]) if lows < tail else beyond[:tail]
-            top = np.sort(np.partition(row, m - tail)[m - tail :]) if highs < tail else beyond
-            low[:], high[:] = few, top[::-1][:tail]
-        inner = tail - 1 - int(MARGIN * tail)
-        self._cuts = np.stack(
-            [2.0 * end[:, -1] - end[:, inner] for end in (lower, upper)],
-            axis=1,
-        )
-        return lower, upper
-
-    def _ordered_beyond(
-        self, row: FloatArray, below: float, above: float
-    ) -> tuple[FloatArray, int, int]:
-        """The values of a row (m,) beyond either cut, in order, and how many are beyond each."""
-        one, other = self._beyond
-        np.less(row, below, out=one)
-        np.greater(row, above, out=other)
-        lows, highs = int(np.count_nonzero(one)), int(np.count_nonzero(other))
-        np.logical_or(one, other, out=one)
-        # Three times as quick as row[one].
-        found: FloatArray = row.take(np.flatnonzero(one))
-        found.sort()
-        return found, lows, highs

@@ -14,9 +14,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.copula import bounded_quantile
 from mtu_cli.stats.coverage import t_quantile
-from mtu_cli.stats.distributions import NORMAL_DOF, Distribution
+from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, bounded_quantile
 
 FloatArray = NDArray[np.float64]
 Quantile = Callable[[FloatArray], FloatArray]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.resolution import hidden
 
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
@@ -19,8 +20,6 @@ GROSS = 8.0
 MOST = 0.2
 """Share of the readings beyond which they are their own distribution."""
 NORMAL_MAD = 1.4826
-ROUNDED = 1e-9
-"""Share of the largest value below which two differ by rounding alone."""
 LEAST_DOF = 0.1
 """Share of the degrees of freedom that medians leave at least."""
 
@@ -52,30 +51,16 @@ def deviation_limit(count: FloatArray, p: float) -> FloatArray:
     return found
 
 
-def display_step(values: FloatArray, rounding: float = 0.0) -> float:
-    """What values (n,) were rounded to, as far as they tell: the least that two of them differ by;
-    not by `rounding` or less. 0 where all are equal.
-    """
-    steps = np.unique(values)
-    apart = np.diff(steps)
-    # Each gap beside its own two values: one that is far off says nothing of the others.
-    least = np.maximum(rounding, ROUNDED * np.maximum(np.abs(steps[1:]), np.abs(steps[:-1])))
-    return float(apart[apart > least].min(initial=np.inf)) if (apart > least).any() else 0.0
-
-
-def display_u(values: FloatArray) -> float:
-    """Standard uncertainty of a `display_step` (JCGM 100:2008, F.2.2.1): no values scatter less."""
-    return display_step(values) / math.sqrt(12.0)
-
-
-DISPLAYED = 10_000
-"""Values that are enough to see what all were rounded to."""
 SAMPLED = 100_000
 """Values that are enough for a median and a deviation to half a percent."""
 OUTLYING_P = 1e-4
 """Chance that any value of a sound normal sample is beyond the limit of `outlying`."""
 FACTOR = 2.0
 """Outliers are so many times farther off than all that are none."""
+NEAR, NORMAL_NEAR, NEAR_EFFICIENCY = 0.8, 0.4377, 0.4
+"""Share of values near the median, the mean of their squares in normal values of variance 1, and
+of the degrees of freedom of s those that count: 0.55 by its efficiency, less as medians that were
+taken before fit the values near them best."""
 MAD_EFFICIENCY = 0.37
 """Of a median absolute deviation as a deviation of normal values (Rousseeuw & Croux,
 J. Am. Stat. Assoc. 88 (1993) 1273): so many of its degrees of freedom count."""
@@ -114,19 +99,19 @@ def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
     return found
 
 
-def outlying(values: FloatArray, fitted: int = 0) -> tuple[BoolArray, float]:
+def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolArray, float]:
     """Outliers among values of any shape that are one sample, and its deviation s; nan is none.
 
-    r is the distance from the median, s = 1.4826 median r / sqrt(1 - g/n) of n values and g
-    parameters, this median and those `fitted` before, and no less than the display hides. An
-    outlier is beyond GROSS s, beyond s times Student's t at OUTLYING_P/n (Bonferroni), and beyond
-    FACTOR times the farthest of the rest: no tail of a distribution, nor the turn of a curve. More
-    than a fifth are none.
+    d is the distance from the median, s^2 = mean of the NEAR smallest d^2 / 0.438 / (1 - g/n) of n
+    values and g parameters, this median and those `fitted` before, with the variance `r` that a
+    coarse display hides (`resolution.hidden`). An outlier is beyond GROSS s, beyond s times
+    Student's t at OUTLYING_P/n (Bonferroni), and beyond FACTOR times the farthest of the rest: no
+    tail of a distribution, nor the turn of a curve. More than a fifth are none.
 
     >>> values = np.append(np.sin(np.arange(30.0)), 40.0)
     >>> mask, s = outlying(values)
     >>> mask.nonzero()[0].tolist(), round(s, 2)
-    ([30], 1.05)
+    ([30], 0.9)
     """
     from scipy.special import stdtrit
 
@@ -138,10 +123,12 @@ def outlying(values: FloatArray, fitted: int = 0) -> tuple[BoolArray, float]:
         return found, 0.0
     middle = np.median(known[:: n // SAMPLED + 1])
     rest = np.abs(known - middle)
-    s = NORMAL_MAD * float(np.median(rest[:: n // SAMPLED + 1]))
-    s = s / math.sqrt(max(dof / n, LEAST_DOF))
-    s = max(s, display_u(known[:DISPLAYED]))
-    t = -float(stdtrit(max(MAD_EFFICIENCY * dof, 1.0), OUTLYING_P / (2 * n)))
+    sample = rest[:: n // SAMPLED + 1]
+    count = max(int(NEAR * len(sample)), 1)
+    near = np.partition(sample, count - 1)[:count]
+    s2 = float(np.mean(near**2)) / NORMAL_NEAR / max(dof / n, LEAST_DOF)
+    s = math.sqrt(s2 + float(hidden(s2, r)))
+    t = -float(stdtrit(max(NEAR_EFFICIENCY * dof, 1.0), OUTLYING_P / (2 * n)))
     beyond = rest > max(GROSS, t) * s
     far = np.sort(rest[beyond])
     # The outermost gap that is wide enough parts the outliers from the rest.
@@ -152,9 +139,9 @@ def outlying(values: FloatArray, fitted: int = 0) -> tuple[BoolArray, float]:
     return found, s
 
 
-def spikes(values: FloatArray, least: float = 0.0) -> tuple[BoolArray, float]:
+def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[BoolArray, float]:
     """Outliers among evenly taken values (n,) of a curve that are off by `least` or more, and the
-    deviation s, as `outlying`.
+    deviation s, as `outlying`, with the variance `r` that a coarse display hides.
 
     A value is compared with the lines through the two before, the two after and those on both
     sides, and its smallest deviation counts: beside a kink one of them is sound. Those that are
@@ -173,7 +160,8 @@ def spikes(values: FloatArray, least: float = 0.0) -> tuple[BoolArray, float]:
     while len(rest := np.flatnonzero(usable & ~found)) >= 2 * FEWEST:
         away, scatter = _off_neighbours(values[rest])
         known = scatter[np.isfinite(scatter)]
-        s = max(NORMAL_MAD * float(np.median(np.abs(known))), display_u(values[rest]))
+        s2 = (NORMAL_MAD * float(np.median(np.abs(known)))) ** 2
+        s = math.sqrt(s2 + float(hidden(s2, r)))
         dof = max(MAD_EFFICIENCY * len(known), 1.0)
         limit = max(GROSS, -float(stdtrit(dof, OUTLYING_P / (2 * len(known)))))
         off = np.where(away > max(limit * s, least), away, 0.0)

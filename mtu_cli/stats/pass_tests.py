@@ -11,9 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
-from mtu_cli.stats.mixed import IntArray, PassFit
-from mtu_cli.stats.pass_lines import ROUNDING, lines_by_pass
-from mtu_cli.stats.pass_pairs import FEWEST_RUNS
+from mtu_cli.stats.mixed_model import ARITHMETIC, FEWEST_RUNS, IntArray, PassFit, lines_by_pass
+from mtu_cli.stats.resolution import hidden
 
 MAX_POSITIONS = 400
 """More distinct positions than this count as a continuous run, without replicates."""
@@ -62,16 +61,18 @@ def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:
     return Shift(value=value, u=u, p=float(2 * stdtr(dof, -abs(value) / u)), dof=dof)
 
 
-def pass_scatter(fit: PassFit) -> FTest | None:
+def pass_scatter(fit: PassFit, r: float = 0.0) -> FTest | None:
     """Do the passes differ by more than repeatability? None where that cannot be told.
 
     The extra sum of squares of one line a pass over one line a direction, against
-    s_repeat^2 (Draper & Smith, Applied Regression Analysis, 6.1): exact on any design.
+    s_repeat^2 (Draper & Smith, Applied Regression Analysis, 6.1): exact on any design. What the
+    last digit hides from s_repeat^2, `r` at most, counts as scatter (`stats.resolution`).
     """
     df = fit.pooled_dof - fit.within_dof
     if not fit.separated or fit.within_dof < 1 or df < 1:
         return None
-    return f_test((fit.pooled_rss - fit.within_rss) / df, fit.s2, df, fit.within_dof)
+    noise = fit.s2 + float(hidden(fit.s2, r)) if fit.s2 > 0 else 0.0
+    return f_test((fit.pooled_rss - fit.within_rss) / df, noise, df, fit.within_dof)
 
 
 def by_runs(fit: PassFit) -> bool:
@@ -88,12 +89,12 @@ def trend_units(fit: PassFit) -> IntArray:
     return found
 
 
-def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
+def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Shift | None:
     """Drift a pass of the level at the mean position, direction taken out.
 
     `order` (G,) is the sequence of the passes in time. A trend means that passes are not
     exchangeable, which D and every interval built on it assume. Passes there and back of a run
-    are one unit, their mean, and count as one pass.
+    are one unit, their mean, and count as one pass; `r` as in `pass_scatter`.
     """
     if not fit.separated or fit.pass_dof < 2:
         return None
@@ -106,7 +107,8 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray) -> Shift | None:
     line = least_squares(np.column_stack([*fixed, count - count.mean()]), level)
     if line.rank < len(line.coefficients) or line.dof < 1:
         return None
-    u = float(np.sqrt(line.s2 * line.unscaled_covariance[-1, -1]))
+    s2 = line.s2 + float(hidden(max(line.s2, fit.s2), r))
+    u = float(np.sqrt(s2 * line.unscaled_covariance[-1, -1]))
     return _shift(float(line.coefficients[-1]), u, line.dof, fit.rounding)
 
 
@@ -114,7 +116,9 @@ def _ranks(order: IntArray | FloatArray) -> FloatArray:
     return np.argsort(np.argsort(order, kind="stable"), kind="stable").astype(np.float64)
 
 
-def reversal(fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True) -> Shift | None:
+def reversal(
+    fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True, r: float = 0.0
+) -> Shift | None:
     """Mean reversal value (forward minus reverse, ISO 230-2) at the mean position.
 
     Of runs there and back it is the mean of their own differences 2 h_r, less what a steady drift
@@ -125,7 +129,8 @@ def reversal(fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True) 
     where S_m holds the drift itself: of runs that share all their scatter u is too large. Where
     the order is not `timed` but assumed b d may have either sign: it is then in u alone.
     Without runs it is judged against pass-to-pass scatter: the passes are the units that were
-    repeated. None with two passes, whose only difference is the reversal itself.
+    repeated. None with two passes, whose only difference is the reversal itself. Readings that the
+    last digit, of variance `r`, makes alike add r to the variance of either mean.
     """
     forward, reverse = fit.group_direction > 0, fit.group_direction < 0
     if not fit.separated or not forward.any() or not reverse.any() or fit.n_passes < FEWEST_PASSES:
@@ -133,15 +138,16 @@ def reversal(fit: PassFit, order: IntArray | FloatArray, *, timed: bool = True) 
     level = fit.pass_coefficients[:, 0]
     if by_runs(fit):
         ranks = _ranks(order)[fit.pairs]
-        return _reversal_of_runs(level[fit.pairs], ranks, timed, fit.rounding)
+        return _reversal_of_runs(level[fit.pairs], ranks, timed, fit, r)
     value = float(level[forward].mean() - level[reverse].mean())
     count = 1 / forward.sum() + 1 / reverse.sum()
-    u = float(np.sqrt(fit.between[0, 0] * count))
+    s2 = float(fit.between[0, 0])
+    u = float(np.sqrt(s2 * count + 2 * hidden(max(s2, fit.s2), r)))
     return _shift(value, u, fit.pass_dof, fit.rounding)
 
 
 def _reversal_of_runs(
-    level: FloatArray, rank: FloatArray, timed: bool, rounding: float
+    level: FloatArray, rank: FloatArray, timed: bool, fit: PassFit, r: float
 ) -> Shift | None:
     """From levels and places in time (P, 2) of the passes there and back."""
     P = len(level)
@@ -152,22 +158,24 @@ def _reversal_of_runs(
     drift, of_drift = 0.0, 0.0
     if spread > 0:
         drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
-    u2 = float(np.var(twice, ddof=1)) / P + apart**2 * of_drift
+    s2 = float(np.var(twice, ddof=1))
+    u2 = s2 / P + apart**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
     value = float(twice.mean())
     if timed:
         value += drift * apart
     else:
         u2 += (drift * apart) ** 2
-    return _shift(value, float(np.sqrt(u2)), P - 1, rounding)
+    return _shift(value, float(np.sqrt(u2)), P - 1, fit.rounding)
 
 
 def lack_of_fit(
-    y: FloatArray, position: FloatArray, degree: int, group: IntArray | None
+    y: FloatArray, position: FloatArray, degree: int, group: IntArray | None, r: float = 0.0
 ) -> FTest | None:
     """Does a free mean at each position fit better than the polynomial?
 
     Every pass keeps its own intercept (and slope, from degree 1), so that pass-to-pass drift
-    does not count as error (Draper & Smith, Applied Regression Analysis, 1.5, within passes).
+    does not count as error (Draper & Smith, Applied Regression Analysis, 1.5, within passes); what
+    the last digit hides of n readings a position, n r, does.
     """
     distinct, at = np.unique(position, return_inverse=True)
     m = len(distinct)
@@ -185,10 +193,12 @@ def lack_of_fit(
     means = _fit_rank(np.column_stack([powers, free[:, :m]]), response)
     df_pure = len(y) - _lines_rank(at, codes, own) - means[1]
     df_lack = means[1] - line[1]
-    rounding = len(y) * float(ROUNDING * np.abs(y).max()) ** 2
+    rounding = len(y) * float(ARITHMETIC * np.abs(y).max()) ** 2
     if df_pure < 1 or means[0] <= rounding:
         return None
-    return f_test((line[0] - means[0]) / max(df_lack, 1), means[0] / df_pure, df_lack, df_pure)
+    pure = means[0] / df_pure
+    pure += len(y) / m * float(hidden(pure, r))
+    return f_test((line[0] - means[0]) / max(df_lack, 1), pure, df_lack, df_pure)
 
 
 def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
-from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
-from mtu_cli.stats.orthogonal import orthonormal
+from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray, orthonormal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

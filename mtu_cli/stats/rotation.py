@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import deviation_limit, deviation_p
+from mtu_cli.stats.resolution import hidden
 
 RATE = 0.05
 ROTATIONS = 999
@@ -46,7 +47,7 @@ class Outstanding:
     columns of each group), `by_cell` (rows, columns) for single entries. `row_kind` tells
     which statistic of the row was smallest: 0 distance, 1 mean. `limit` (columns,) is the
     deviation from the column's mean, over its sample deviation, beyond which an entry's p is at
-    most `RATE`; nan where no entry can get there.
+    most the rate; nan where no entry can get there.
     """
 
     by_row: FloatArray
@@ -55,28 +56,35 @@ class Outstanding:
     limit: FloatArray
 
 
-def outstanding_rows(table: FloatArray, groups: NDArray[np.int64], seed: int) -> Outstanding:
+def outstanding_rows(
+    table: FloatArray,
+    groups: NDArray[np.int64],
+    seed: int,
+    rate: float = RATE,
+    rounding: FloatArray | float = 0.0,
+) -> Outstanding:
     """Rows that stand out of `table` (rows, columns), nan where an entry is missing.
 
     Three kinds of statistics share the error rate: single entries |d_ij|/s_j, the distance
     sum_j d_ij^2/s_j^2 over the columns of a group (an axis of an operation, say) and over all
     of them, and the mean |sum_j d_ij/s_j| over those of a group; d is the deviation from the
     column's mean, s its sample deviation. Missing entries count as 0, which errs on the safe
-    side; rows of unequal repeats should be scaled to equal variance before.
+    side; rows of unequal repeats should be scaled to equal variance before. `rounding` (columns,)
+    is the variance that the last digit hides from entries that are alike (`resolution.hidden`).
     """
-    d, count = _scaled(table)
+    d, count = _scaled(table, rounding)
     indicator = (groups[:, None] == np.unique(groups)[None, :]).astype(np.float64)
     rng = np.random.default_rng(seed)
     if d.size <= ENTRIES:
-        return _by_rotation(d, count, indicator, rng)
-    return _by_bounds(d, count, indicator, rng)
+        return _by_rotation(d, count, indicator, rng, rate)
+    return _by_bounds(d, count, indicator, rng, rate)
 
 
 def _by_rotation(
-    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator
+    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator, rate: float
 ) -> Outstanding:
     observed = _statistics(d, indicator)
-    rotate = _rotations(_filled(d, count), rng)
+    rotate = _rotations(_filled(d), rng)
     largest: list[list[FloatArray]] = [[], [], []]
     square = len(d) ** 2 if len(d) <= DENSE_ROWS else 0
     batch = max(1, IN_CACHE // max(d.size, square, 1))
@@ -97,19 +105,19 @@ def _by_rotation(
     own = np.array([_tail(null, null) for null in nulls])
     smallest = own.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
-    limit = np.full(len(count), _critical(nulls[0], smallest))
+    limit = np.full(len(count), _critical(nulls[0], smallest, rate))
     return _outstanding(entries, distance.min(axis=1), mean.min(axis=1), limit, count)
 
 
-def _critical(null: FloatArray, smallest: FloatArray) -> float:
-    """The value of a statistic with `null` beyond which its adjusted p is at most `RATE`."""
+def _critical(null: FloatArray, smallest: FloatArray, rate: float) -> float:
+    """The value of a statistic with `null` beyond which its adjusted p is at most `rate`."""
     steps = np.arange(1, len(null) + 1)
-    reached = steps[_lower_tail(steps / (1 + len(null)), smallest) <= RATE]
+    reached = steps[_lower_tail(steps / (1 + len(null)), smallest) <= rate]
     return float(np.sort(null)[-reached[-1]]) if len(reached) else np.inf
 
 
 def _by_bounds(
-    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator
+    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator, rate: float
 ) -> Outstanding:
     """Large tables: half of the error rate to the distances, by few rotations, a quarter each
     to single entries and means, by the bound of Bonferroni on Grubbs's statistic.
@@ -123,7 +131,7 @@ def _by_bounds(
     together = _and_all(indicator)
     observed = (d**2) @ together
     # Single precision suffices for a null distribution and halves the time.
-    rotate = _rotations(_filled(d, count).astype(np.float32), rng)
+    rotate = _rotations(_filled(d).astype(np.float32), rng)
     single = together.astype(np.float32)
     rotations = max(FEWEST, min(ROTATIONS, WORK // d.size))
     largest = np.empty((rotations, together.shape[1]))
@@ -131,7 +139,7 @@ def _by_bounds(
         (turned,) = rotate(1)
         largest[b] = (np.square(turned, out=turned) @ single).max(axis=0)
     distance = np.minimum(2 * _tail(*_alike(observed, largest), 1e-5), 1.0)
-    limit = deviation_limit(count, RATE / (4 * d.size))
+    limit = deviation_limit(count, rate / (4 * d.size))
     return _outstanding(entries, distance.min(axis=1), mean.min(axis=1), limit, count)
 
 
@@ -165,20 +173,24 @@ def _outstanding(
     )
 
 
-def _scaled(table: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _scaled(table: FloatArray, rounding: FloatArray | float) -> tuple[FloatArray, FloatArray]:
     """Deviations over their columns' sample deviations, and the columns' counts."""
     known = np.isfinite(table)
     count = known.sum(axis=0).astype(np.float64)
     mean = np.where(known, table, 0.0).sum(axis=0) / np.maximum(count, 1)
     d = np.where(known, table - mean, 0.0)
-    s = np.sqrt(np.einsum("ij,ij->j", d, d) / np.maximum(count - 1, 1))
+    s2 = np.einsum("ij,ij->j", d, d) / np.maximum(count - 1, 1)
+    s = np.sqrt(s2 + hidden(s2, rounding))
     scaled: FloatArray = d / np.where(s > 0, s, 1.0)
     return scaled, count
 
 
-def _filled(d: FloatArray, count: FloatArray) -> FloatArray:
-    """What is rotated: columns with missing entries stretched to the variance of full ones."""
-    stretched: FloatArray = d * np.sqrt((len(d) - 1) / np.maximum(count - 1, 1))
+def _filled(d: FloatArray) -> FloatArray:
+    """What is rotated: columns with missing entries, or that the last digit makes too small, are
+    stretched to the variance of the others.
+    """
+    squares = np.einsum("ij,ij->j", d, d)
+    stretched: FloatArray = d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
     return stretched
 
 

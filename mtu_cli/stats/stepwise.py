@@ -9,10 +9,8 @@ import numpy as np
 from scipy.linalg.lapack import dtrtri
 from scipy.special import fdtrc
 
-from mtu_cli.stats.autocorrelation import autocorrelation, effective_number
-from mtu_cli.stats.compressed import Compressed
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.orthogonal import shortened, triangle
+from mtu_cli.stats.compressed import Compressed, autocorrelation, effective_number
+from mtu_cli.stats.least_squares import FloatArray, least_squares, shortened, triangle
 
 ENTER = 0.05
 REMOVE = 0.10

@@ -1,17 +1,20 @@
-"""`mtu thermal-fit` on ten million rows of 16 sensors, against pandas reading the same file.
+"""`mtu thermal-fit`: rates on simulated drift tests, and speed on ten million rows of 16 sensors.
 
-Ratios decide: time to that of a process that imports pandas and reads the file, memory to that of
-importing what the command imports. Runs alternate and the best of each counts.
+`MTU_THERMAL_SETS` drift tests of each kind (see thermal_sets). Of the speed, ratios to pandas
+reading the same file decide: time to that of a process that imports pandas and reads it, memory to
+that of importing what the command imports. Runs alternate and the best of each counts.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from thermal_sets import KINDS, row
 from watched_process import MTU, READ, watched
 
 ROWS = 10_000_000
@@ -19,6 +22,30 @@ RUNS = 2
 SENSORS = [f"T_{s:02d}_degC" for s in range(1, 17)]
 MOST_BYTES = 600 << 20
 """Of which 80 MB tell rows that stand twice, and 100 MB are imports."""
+
+
+SETS = int(os.environ.get("MTU_THERMAL_SETS", "12"))
+SIGMAS = 3.0
+"""Of the binomial scatter of a rate of so many sets."""
+
+
+def least(rate: float, count: int) -> float:
+    """A rate that so many tries fall below by chance only rarely."""
+    return rate - SIGMAS * float(np.sqrt(rate * (1 - rate) / max(count, 1)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rates(kind: str) -> None:
+    found = row(KINDS[kind], SETS, seed=7)
+    print(f"\n{kind}: {found}")
+    if found.gradients:
+        assert found.coverage >= least(0.92, found.gradients)
+    if KINDS[kind].r <= 0.95:
+        assert 1 - found.inseparable >= least(0.80, SETS)
+    assert found.to_single <= 1.1
+    assert (found.offsets == 1.0) if KINDS[kind].zeroed else (found.offsets <= 0.05)
+    if KINDS[kind].zeroed:
+        assert found.to_unzeroed <= 1.1
 
 
 def write(path: Path, rows: int) -> None:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import os
 import shutil
 import subprocess
 import sys
+import warnings
 from collections.abc import Mapping
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from functools import cache
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
-from typing import Any
+from tempfile import mkdtemp
+from typing import Any, NamedTuple
+from unittest.mock import patch
 
-from forked_calls import POSSIBLE, ForkServer
-from support import SIMULATED
+from support import CONFIGS, SIMULATED
+
+from mtu_cli.cli.main import called
 
 HERE = Path(__file__).parent
 VALID = HERE / "valid"
@@ -38,26 +45,29 @@ def environment(changes: Mapping[str, str] | None = None) -> dict[str, str]:
     return kept | dict(changes or {})
 
 
-@cache
-def fork_server() -> ForkServer:
-    """That of this worker of the tests, which ends with it."""
-    return ForkServer(MTU, environment())
-
-
 def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
-    """One call, standard input closed: a child of the fork server, which has the libraries.
-
-    Where another environment is asked for than the width of a terminal, or that of the tests has
-    changed, a process is started. What tests see of time and memory is of started processes only.
+    """One call within this process, which has the libraries; `test_cli_started` holds that it
+    does what a process does. Where another environment is asked for than the width of a terminal
+    a process is started.
     """
-    if not POSSIBLE or not fork_server().serves(environment(env)):
+    changes = dict(env or {})
+    if changes.keys() - {"COLUMNS"}:
         return started(*args, cwd=cwd, env=env)
-    return forked(*args, cwd=cwd, env=env)
-
-
-def forked(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
-    """One call in a child of the fork server."""
-    return fork_server().call([*map(str, args)], cwd, environment(env), TIMEOUT_S)
+    out, error = (
+        TextIOWrapper(BytesIO(), "utf-8", errors="backslashreplace", write_through=True)
+        for _ in range(2)
+    )
+    with (
+        patch.dict(os.environ, environment(changes), clear=True),
+        chdir(cwd or Path.cwd()),
+        warnings.catch_warnings(),
+        redirect_stdout(out),
+        redirect_stderr(error),
+    ):
+        warnings.resetwarnings()
+        code = called([*map(str, args)])
+    said = [stream.buffer.getvalue().decode() for stream in (out, error)]
+    return subprocess.CompletedProcess([*map(str, args)], code, *said)
 
 
 def started(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
@@ -99,6 +109,43 @@ def report(*args: object, cwd: Path | None = None) -> dict[str, Any]:
     """The JSON report of a call, from standard output."""
     found: dict[str, Any] = json.loads(done(mtu(*args, "-o", "-", cwd=cwd)).stdout)
     return found
+
+
+RIDGE = "thermal-fit configs/valdes-ring --model ridge"
+"""As a word of a call: the report of this one, which is quickly made."""
+PAGES = (
+    *("fit-components configs/undeclared", "predict-points configs/gilsinn-ling"),
+    *("lengths configs/undeclared", "orthogonality configs/gilsinn-ling --trials 20000"),
+    *("anova configs/undeclared", "compare configs/undeclared"),
+    *("close-loop configs/undeclared", "correct configs/valdes-ring -c RIDGE"),
+    "budget configs/budgets/gum-h1-end-gauge.yaml --trials 20000",
+)
+"""Of these the file to hand on is made, too."""
+
+
+class Shared(NamedTuple):
+    """What a call has said and written: report, main table, and of PAGES the file to hand on."""
+
+    said: Result
+    report: dict[str, Any]
+    table: str
+    page: Path
+
+
+@cache
+def shared(call: str) -> Shared:
+    """A call on a shipped file, made once for all tests that look at what is written of it."""
+    command, _, words = call.partition(" configs/")
+    folder = Path(mkdtemp(prefix="mtu-"))
+    atexit.register(shutil.rmtree, folder)
+    out, table, page = (folder / name for name in ("out.json", "out.csv", "out.html"))
+    study, *options = words.split()
+    outputs = ["-o", out, "--csv", table, *(["--report", page] if call in PAGES else [])]
+    if "RIDGE" in options:
+        options[options.index("RIDGE")] = str(shared(RIDGE).page.with_name(out.name))
+    said = done(mtu(*command.split(), CONFIGS / study, *options, *outputs))
+    report = json.loads(out.read_text("utf-8"))
+    return Shared(said, report, table.read_text("utf-8"), page)
 
 
 def listing(folder: Path) -> Listing:

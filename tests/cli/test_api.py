@@ -3,31 +3,33 @@
 from __future__ import annotations
 
 import json
+from io import StringIO
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
-from cli_runner import done, mtu
+from cli_runner import done, mtu, shared
 from support import CONFIGS, DATA
 
 import mtu_cli
 from mtu_cli import api
+from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import InputError
 
 UNDECLARED = CONFIGS / "undeclared"
 LBB, CMM = DATA / "undeclared" / "lbb.csv", DATA / "undeclared" / "cmm.csv"
 
 
-@pytest.mark.parametrize("name", ["fit-components", "lengths", "orthogonality", "anova", "compare"])
-def test_a_function_returns_what_the_command_writes(name: str, tmp_path: Path) -> None:
-    done(mtu(name, UNDECLARED, "-q", "-o", tmp_path / "r.json", "--csv", tmp_path / "r.csv"))
+@pytest.mark.parametrize("name", ["fit-components", "lengths", "anova", "compare"])
+def test_a_function_returns_what_the_command_writes(name: str) -> None:
+    made = shared(f"{name} configs/undeclared")
     result = getattr(mtu_cli, name.replace("-", "_"))(UNDECLARED)
-    report = json.loads((tmp_path / "r.json").read_text("utf-8"))
-    assert json.loads(json.dumps(result.to_dict())) == report["results"]
-    assert [each.to_dict()["message"] for each in result.warnings if each] == [
-        each["message"] for each in report["warnings"]
+    assert json.loads(json.dumps(result.to_dict())) == made.report["results"]
+    assert [each.to_dict()["message"] for each in result.warnings] == [
+        each["message"] for each in made.report["warnings"]
     ]
-    table = pd.read_csv(tmp_path / "r.csv")
+    table = pd.read_csv(StringIO(made.table))
     assert list(result.to_frame().columns) == list(table.columns)
     assert len(result.to_frame()) == len(table)
 
@@ -64,6 +66,51 @@ def test_check_warns_of_what_looks_wrong(tmp_path: Path) -> None:
     assert (found.code, found.row) == ("far-from-nominal", 9)
 
 
+@pytest.mark.parametrize(
+    ("make", "options"),
+    [("cmm", {"parts": 2, "cmm_room": 21.0}), ("lbb", {"passes": 2}), ("drift", {"cycles": 1})],
+)
+def test_a_virtual_machine_makes_what_the_command_writes(
+    make: str, options: dict[str, Any], tmp_path: Path
+) -> None:
+    study = CONFIGS / "valdes-ring"
+    machine, part, target = study / "truth.yaml", study / "part.yaml", tmp_path / "made.csv"
+    words = [f"--{name.replace('_', '-')}={value}" for name, value in options.items()]
+    done(mtu("simulate", "-m", machine, "-p", part, *words, f"--write-{make}", target, "-q"))
+    result = mtu_cli.simulate(machine=machine, part=part, make=make, **options)
+    pd.testing.assert_frame_equal(result.to_frame(), pd.read_csv(target, comment="#"))
+    assert list(result.to_dict()[make]) == list(result.to_frame().columns)
+
+
+def test_files_of_their_own_are_evaluated(tmp_path: Path) -> None:
+    graph = CONFIGS / "graphs" / "axes-a-and-c.yaml"
+    call = ("graph", "simulate", graph, "--trials", 1000, "-q", "-o", tmp_path / "r.json")
+    done(mtu(*call))
+    written = json.loads((tmp_path / "r.json").read_text("utf-8"))
+    assert mtu_cli.graph_simulate(graph, trials=1000).report() == written
+    swept = mtu_cli.graph_sweep(graph, of="d_AC", vary=["axis_um=1,2"], trials=1000)
+    assert len(swept.to_dict()["grid"]) == 2
+    assert mtu_cli.graph_check(graph).to_dict()
+    budget = mtu_cli.budget(CONFIGS / "budgets" / "gum-h1-end-gauge.yaml", trials=1000)
+    assert round(budget.to_dict()["u"], 1) == 31.7
+
+
+def test_reports_say_which_data_are_synthetic(tmp_path: Path) -> None:
+    """Those of `mtu simulate`, as its first line says."""
+    study, made = UNDECLARED, tmp_path / "made.csv"
+    done(mtu("simulate", study, "-q", "--parts", "4", "--write-cmm", made))
+    assert made.read_text("utf-8").startswith(SYNTHETIC)
+    measured = tmp_path / "measured.csv"
+    measured.write_text("# CMM 4\n" + made.read_text("utf-8").partition("\n")[2], "utf-8")
+    for path in (made, measured):
+        report = mtu_cli.anova(part=study / "part.yaml", cmm=path).report()
+        cmm = next(item for item in report["inputs"] if item["role"] == "cmm")
+        assert cmm.get("synthetic", False) == (path == made)
+        page = tmp_path / "r.html"
+        done(mtu("anova", "-p", study / "part.yaml", "--cmm", path, "-q", "--report", page))
+        assert page.read_text("utf-8").count("synthetic data") == (path == made)
+
+
 def test_faults_are_raised() -> None:
     with pytest.raises(InputError, match="no such file"):
         mtu_cli.read_machine("nowhere.yaml")
@@ -74,6 +121,11 @@ def test_faults_are_raised() -> None:
             mtu_cli.lengths(UNDECLARED, **{name: "x"})
     with pytest.raises(TypeError, match="lengths takes no int"):
         mtu_cli.lengths(5)
+    for given in ("write_cmm", "out"):
+        with pytest.raises(TypeError, match=f"simulate has no option {given}"):
+            mtu_cli.simulate(UNDECLARED, **{given: "x"})
+    with pytest.raises(ValueError, match="make: 'parts' is none of"):
+        mtu_cli.simulate(UNDECLARED, make="parts")
     with pytest.raises(AttributeError):
         _ = mtu_cli.no_such_command
     assert [name for name in api.FUNCTIONS if not api.function_of(name).__doc__] == []

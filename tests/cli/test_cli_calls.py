@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import SMALL, TRUTH, done, mtu, prepared, refused
-from support import CONFIGS, PAPER
+from cli_runner import SMALL, done, mtu, prepared, refused
+from support import CONFIGS, PAPER, SIMULATED
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
@@ -227,86 +227,6 @@ def test_two_limits_of_nonconforming_parts_are_refused(work: Path) -> None:
     assert message.startswith("mtu: --fail-if nonconforming appears twice")
 
 
-SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.csv"]
-
-
-@pytest.mark.parametrize(
-    ("call", "words"),
-    [
-        (["--positions", "0:140"], "--positions: not LOW:HIGH:COUNT: '0:140'"),
-        (["--positions", "0:inf:8"], "--positions: not a finite number: 'inf'"),
-        (["--positions", "x=0:ab:8"], "--positions: not a number: 'ab'; expected a number"),
-        (
-            ["--positions", "0:9:8.0"],
-            "--positions: not a whole number: '8.0'",
-        ),
-        (["--positions", "0::8"], "--positions: not LOW:HIGH:COUNT: '0::8'"),
-        (
-            ["--positions", "0:1:2:3"],
-            "--positions: not LOW:HIGH:COUNT: '0:1:2:3'; expected 0:140",
-        ),
-        (["--positions", "100:0:3"], "--positions: out of range: '100:0:3'; expected LOW below"),
-        (["--positions", "x=5:5:3"], "--positions: out of range: '5:5:3'; expected LOW below"),
-        (["--positions", "0:100:1"], "'0:100:1'; expected a COUNT from 2 to 10000"),
-        (["--effect", "0.004*dir_x"], "--effect: not NAME: EQUATION: '0.004*dir_x'"),
-        (
-            ["--covariate", "T_a_degC 20"],
-            "--covariate: not NAME: EQUATION: 'T_a_degC 20'; expected 'T_spindle_degC: 20 + ",
-        ),
-        (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
-        (["--effect", "Ex: 0.004*dirx"], "unknown name at column 11: 'dirx'"),
-        (
-            ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
-            "dir_y, or a covariate (--covariate 'T_spindle_degC: ...')",
-        ),
-        (["--effect", "Ex: 0.004*"], "--effect Ex: unexpected end of the equation at column 11"),
-        (
-            ["--effect", "Ex: 1/(x - x)"],
-            "has no finite value at x = 0 in part 1 at feature 'A'",
-        ),
-        (
-            ["--effect", "Ex: x*(T_a_degC - 20)", "--covariate", "T_a_degC: 20"],
-            "--effect Ex: this term is mm*K, not a length (mm) at column 5: 'x*(T_a_degC - 20)'; "
-            "expected a number before it",
-        ),
-        (["--effect", "Ex: exp(-time_min)"], "--effect Ex: the argument of exp is a time (min)"),
-        (["--scatter", "Ex: x*y"], "--scatter Ex: this term is mm^2, not a length"),
-        (
-            ["--covariate", "T_a_degC: 20 + time_min"],
-            "--covariate T_a_degC: this term is a time (min), not a temperature "
-            "(degC) at column 16: 'time_min'",
-        ),
-        (["--covariate", "load: x + time_min"], "what is added is a time (min), not a length"),
-        (
-            ["--covariate", "x_mm: 1"],
-            "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
-        ),
-        (
-            ["--covariate", "dir_x: 1"],
-            "--covariate: the name is taken",
-        ),
-        (["--covariate", "T_a_degC: 20 + t"], "unknown name at column 16: 't'"),
-        (["--covariate", "a: 1", "--covariate", "a: 2"], "a column of the points: 'a: 2'"),
-        (["--minutes", "inf"], "'--minutes': Input should be less than or equal to 1000000"),
-        (["--parts", "1000000000"], "'--parts': Input should be less than or equal to 10000"),
-        (["--passes", "1000000000"], "'--passes': Input should be less than or equal to 10000"),
-        (["--cmm-u-um", "nan"], "invalid value for '--cmm-u-um'"),
-        (
-            ["--operation", ""],
-            "--operation: not a name: ''; expected a text on one line",
-        ),
-        (
-            ["--operation", " "],
-            "--operation: not a name: ' '; expected a text on one line",
-        ),
-        (["--operation", "a\nb"], "--operation: not a name: 'a"),
-    ],
-    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
-)
-def test_faulty_simulations(call: list[str], words: str, work: Path) -> None:
-    assert words in refused(work, *SIMULATE, *call)
-
-
 def test_unknown_schema_and_command(work: Path) -> None:
     message = refused(work, "schema", "machin")
     assert message.startswith("mtu: unknown schema: 'machin'; did you mean 'machine'?")
@@ -333,17 +253,14 @@ def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any
         work, "lengths", "-c", "range.json", *OUTPUTS
     )
     components["dx_x"]["s_repeat"] = 1.0
-    group = fitted["results"]["joint_pass_covariance"][0]
-    group["widths"][0] = 1
     (work / "sizes.json").write_text(json.dumps(fitted))
     found = refused(work, "lengths", "-c", "sizes.json", *OUTPUTS)
     for words in (
         "results.components.dx_x.unit: unknown unit: 'inch'",
         "results.components.ez_x.covariance: a variance is negative",
         "results.components.dy_y.pass_dof: an estimate without degrees of freedom",
-        "results.components.dy_y.coefficients: 2 entries; expected 4",
+        "results.components.dy_y.coefficients: another size; expected 4",
         "results.components.axy.pass_covariance: not 1 x 1",
-        "results.joint_pass_covariance[0].widths: wrong value",
     ):
         assert words in found
 
@@ -369,23 +286,72 @@ def test_a_components_report_of_another_machine(work: Path) -> None:
     assert shown.startswith("mtu: fit.json: not overwritten, as it is an input")
 
 
-def test_a_component_that_no_equation_uses_is_told(tmp_path: Path) -> None:
-    """Nothing of it is simulated, and a fit without readings of it says that none are needed."""
-    known = "{of: x, unit: um, coefficients: [1, 0.01], s_repeat: 0.5}"
-    equations = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\n"
-    (tmp_path / "m.yaml").write_text(equations + f"components:\n  a: {known}\n  b: {known}\n")
-    call = ["-m", "m.yaml", "--passes", "5", "--positions", "0:100:5", "--write-lbb", "l.csv"]
-    result = done(mtu("simulate", *call, cwd=tmp_path))
-    assert result.stderr.startswith(
-        "warning: m.yaml:6: components.b: the component 'b' is in no equation"
+def test_options_that_may_be_repeated_still_may(work: Path) -> None:
+    done(mtu("lengths", work, "--at", "T_a_degC=1", "--at", "T_b_degC=2", "-q"))
+
+
+def test_pictures_do_not_ask_what_a_notebook_set(tmp_path: Path) -> None:
+    env = {"MPLBACKEND": "module://no_such_package.backend"}
+    done(mtu("lengths", SMALL, "--plot", tmp_path / "a.png", env=env))
+    assert (tmp_path / "a.png").stat().st_size > 0
+
+
+@pytest.mark.parametrize("command", ["lengths", "predict-points"])
+def test_names_with_dollars_are_drawn_as_they_are(command: str, work: Path) -> None:
+    part = work / "part.yaml"
+    text = part.read_text("utf-8")
+    renamed = re.sub(r"\bA\b", "'$A_{$'", text)
+    assert renamed != text
+    part.write_text(renamed, "utf-8")
+    done(mtu(command, work, "--plot", work / "a.png"))
+
+
+def test_an_equation_that_grows_beyond_numbers_is_told(work: Path) -> None:
+    machine = work / "machine.yaml"
+    text = machine.read_text("utf-8")
+    grown = text.replace("Ex: dx_x - y*axy", "Ex: dx_x - y*axy*exp(9*y)")
+    assert grown != text
+    machine.write_text(grown, "utf-8")
+    message = refused(work, "predict-points")
+    assert "the equation Ex" in message
+    assert "no exponential" in message
+
+
+@pytest.mark.parametrize(
+    ("call", "what"),
+    [
+        (["lengths", "-o", f"{'a' * 300}.json"], "cannot be written"),
+        (["lengths", f"{'a' * 350}"], "the system refuses"),
+    ],
+)
+def test_a_name_that_no_system_takes_is_told_and_cut(
+    call: list[str], what: str, work: Path
+) -> None:
+    message = refused(work, *call)
+    assert len(message) < 300
+    assert message.endswith(f"a...: {what}: file name too long\n")
+
+
+def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:
+    message = refused(work, "predict-points", "-m", "machine.yaml", "-p", "part.yaml")
+    assert "an estimate of" in message
+    assert "mtu.yaml is not read where -m is given without a study" in message
+
+
+@pytest.mark.parametrize("study", [SMALL, SIMULATED], ids=["small", "simulated"])
+def test_the_gate_of_drifts_is_the_star_of_the_table(study: Path) -> None:
+    """Both hold each kind of test against its own kind alone."""
+    result = mtu("fit-components", study, "--fail-if", "drift")
+    starred = [line.split()[0] for line in result.stdout.splitlines() if re.search(r"\d\*", line)]
+    assert result.returncode == (3 if starred else 0)
+    assert all(name in result.stderr for name in starred)
+
+
+def test_two_features_at_one_place_are_asked_about(tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text(
+        "schema: mtu/part/1\nname: plate\nfeatures:\n"
+        "  A: {x_mm: 10, y_mm: 20}\n  B: {x_mm: 50, y_mm: 20}\n  C: {x_mm: 10, y_mm: 20}\n"
     )
-    assert "b," not in (tmp_path / "l.csv").read_text("utf-8")
-    fitted = "  a: {of: x, unit: um}\n  b: {of: x, unit: um}\n"
-    (tmp_path / "m.yaml").write_text(equations + "components:\n" + fitted)
-    message = refused(tmp_path, "fit-components", "-m", "m.yaml", "--lbb", "l.csv")
-    assert "or coefficients here; or no such component, as no equation uses it" in message
-
-
-def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:
-    message = refused(work, *SIMULATE, "-m", TRUTH)
-    assert message.startswith("mtu: the part file is missing; expected -p FILE")
+    machine = CONFIGS / "gilsinn-ling" / "machine.yaml"
+    told = done(mtu("predict-points", "-m", machine, "-p", "part.yaml", "-q", cwd=tmp_path)).stderr
+    assert "part.yaml:6: features.C: features at the same nominal place: A, C" in told

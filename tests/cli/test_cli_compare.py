@@ -19,7 +19,7 @@ ITEM = {
     "id", "axis", "operation", "predicted", "measured", "bias_um", "E_n", "ratio_u", "ratio_range",
     "range_width_um", "verdict",
 }  # fmt: skip
-VERDICTS = {"consistent", "biased", "under-predicted", "over-predicted", "inconsistent"}
+VERDICTS = {"consistent", "biased", "under-predicted", "over-predicted"}
 FAULTS = {"biased": "biased", "under_predicted": "under-predicted"}
 OUTPUTS = ("-o", "out.json", "--csv", "out.csv", "--plot", "out.png")
 Item = dict[str, Any]

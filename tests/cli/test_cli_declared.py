@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
-from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import done, mtu
-from support import CONFIGS
+from cli_runner import done, mtu, shared
 
-from mtu_cli.reports.declared import REPORTS, declared
-from mtu_cli.reports.fields import Fields, Group, described, described_columns, fields_of
+from mtu_cli.reports.document import REPORTS, declared, described, described_columns
+from mtu_cli.reports.fields import Fields, Group, fields_of
 
 GAUGE, IMPEDANCE = ("gum-h1-end-gauge.yaml", "gum-h2-impedance.yaml")
 CALLS = {
@@ -23,7 +20,7 @@ CALLS = {
     "anova": ["gilsinn-ling-parts", "undeclared"],
     "compare": ["gilsinn-ling-parts", "undeclared"],
     "thermal-fit": ["valdes-ring --model ridge"],
-    "correct": ["valdes-ring"],
+    "correct": ["valdes-ring -c RIDGE"],
     "budget": [f"budgets/{GAUGE} --trials 20000", f"budgets/{IMPEDANCE} --trials 20000"],
     "graph check": ["graphs/axes-a-and-c.yaml"],
     "graph simulate": ["graphs/rotary-axis-a.yaml --trials 1000"],
@@ -68,19 +65,16 @@ def undeclared(known: Any, value: Any, at: str = "") -> set[str]:
 
 
 @pytest.mark.parametrize("command", REPORTS)
-def test_every_field_and_column_is_declared_once(command: str, tmp_path: Path) -> None:
+def test_every_field_and_column_is_declared_once(command: str) -> None:
     results, row = declared(command)
     known = tree(results)
     if command == "budget":
         # Of one output its figures stand where `outputs` does for several.
         known |= known["outputs"][1]
     for call in CALLS[command]:
-        out, table = tmp_path / "o.json", tmp_path / "o.csv"
-        study, *options = call.split()
-        done(mtu(*command.split(), CONFIGS / study, *options, "-q", "-o", out, "--csv", table))
-        assert undeclared(known, json.loads(out.read_text("utf-8"))["results"]) == set()
-        with table.open(encoding="utf-8", newline="") as file:
-            header = next(csv.reader(file))
+        made = shared(f"{command} configs/{call}")
+        assert undeclared(known, made.report["results"]) == set()
+        header = next(csv.reader([made.table.partition("\n")[0]]))
         free = ("share_", "coefficient_", "u_coefficient_")
         columns = {name for name, _ in described_columns(row)}
         assert {x for x in header if not x.startswith(free)} <= columns

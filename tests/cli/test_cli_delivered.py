@@ -16,6 +16,7 @@ from mtu_cli.cli.emit import deliver, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
+from mtu_cli.cli.predictions import lengths
 from mtu_cli.cli.readings import fit_components as fitting
 from mtu_cli.findings import Finding, InputError, finding
 
@@ -83,11 +84,11 @@ def _told(values: Mapping[str, Any]) -> tuple[list[Finding], list[str]]:
 
 
 def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
-    """The report of a run has it in any case; the screen only where the files are others."""
+    """A note; a warning only where the files are others."""
     fitted = _report(work)
     (item,), lines = _told({"components": [fitted]})
     assert item.code == "readings-of-report"
-    assert lines == []
+    assert lines == [f"note: {item.message} [readings-of-report]"]
     (work / "new.csv").write_bytes((work / "lbb.csv").read_bytes() + b"# once more\n")
     for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
         (item,), (line,) = _told({"components": [fitted], "lbb": [Path(name) for name in lbb]})
@@ -99,8 +100,8 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
     document["inputs"].append({"role": "laser", "path": "l.csv", "sha256": "0", "rows": 3})
     fitted.write_text(json.dumps(document))
     assert "[not-used]" in _told({"components": [fitted]})[1][0]
-    fitted.write_text(json.dumps(document | {"inputs": None}))
-    assert _told({"components": [fitted]})[1]
+    fitted.write_text(json.dumps(document | {"inputs": []}))
+    assert "[not-used]" in _told({"components": [fitted]})[1][0]
 
 
 def test_a_covariate_that_is_needed_by_another_name(work: Path) -> None:
@@ -173,12 +174,24 @@ def test_counts_that_act_on_nothing_are_told(
         assert line.endswith("--write-lbb FILE [option-not-used]")
 
 
-def test_what_the_report_alone_says() -> None:
+def test_warnings_and_notes_are_told_once() -> None:
     warned = [
         finding("no-formula", reason="m"),
         finding("not-estimable", quantity="u", names=["a"], reason="n"),
     ]
-    assert warning_lines([*warned, *warned]) == ["warning: no formula: m [no-formula]"]
+    assert warning_lines([*warned, *warned]) == [
+        "warning: no formula: m [no-formula]",
+        "note: not estimable: u (a); n [not-estimable]",
+    ]
+
+
+def test_notes_are_not_told_with_quiet(work: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fitted = _report(work)
+    for quiet in (True, False):
+        capsys.readouterr()
+        values = {"components": [fitted], "quiet": quiet}
+        execute(Options("lengths", values), lengths)
+        assert ("readings-of-report" in capsys.readouterr().err) != quiet
 
 
 def test_many_warnings_of_one_kind_are_summed_up() -> None:
@@ -228,13 +241,3 @@ def test_rows_are_told_once_they_are_written(
         _simulated(write_lbb=work / "l.csv", write_cmm=Path("/dev/full"))
     assert capsys.readouterr().out == ""
     assert listing(work) == before
-
-
-def test_of_drift_readings_no_passes_are_told(
-    work: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(simulate, "_drift_test", lambda *_: ((), None))
-    monkeypatch.setattr(simulate, "simulate_drift", lambda *_: None)
-    monkeypatch.setattr(simulate, "drift_csv", lambda *_: "a\n1\n")
-    _simulated(write_drift=work / "d.csv")
-    assert "negative-variance" not in capsys.readouterr().err

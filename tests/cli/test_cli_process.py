@@ -112,10 +112,9 @@ def test_a_terminal_receives_colour() -> None:
         assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
 
 
-@pytest.mark.parametrize("columns", [20, 80])
-def test_a_narrow_terminal_loses_nothing(columns: int) -> None:
+def test_a_narrow_terminal_loses_nothing() -> None:
     """Columns stand below each other there: all that a pipe receives is to be seen."""
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=columns))
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=20))
     _, _, _, *rows = in_a_pipe().partition("\nU = ")[0].splitlines()
     for row in rows:
         for cell in re.split(" {2,}", row):
@@ -123,14 +122,14 @@ def test_a_narrow_terminal_loses_nothing(columns: int) -> None:
 
 
 def test_a_reader_that_leaves_early() -> None:
-    for call in (f"mtu lengths {SMALL}", f"mtu fit-components {SMALL} -o -", "mtu schema machine"):
+    for call in (f"mtu lengths {SMALL}", "mtu schema machine"):
         result = done(shell(f"set -o pipefail; {call} | head -1"))
         assert len(result.stdout.splitlines()) == 1
         assert "BrokenPipe" not in result.stderr
         assert "Exception" not in result.stderr
 
 
-@pytest.mark.parametrize("call", ["--help", "lengths --help", "--version", f"lengths {SMALL}"])
+@pytest.mark.parametrize("call", ["lengths --help", f"lengths {SMALL}"])
 def test_a_reader_that_never_reads(call: str, tmp_path: Path) -> None:
     """Help is written by a library, which would have ended with 1."""
     process = start(*call.split(), cwd=tmp_path)
@@ -178,8 +177,9 @@ def test_devices_are_refused_and_pipes_are_read() -> None:
     assert done(shell(f"cat {SMALL}/lbb.csv | {fit} /dev/stdin")).stdout == told
 
 
-@pytest.mark.parametrize("call", ["lengths", "lengths -o r.json", "lengths -o -", "--help"])
-@pytest.mark.parametrize("others", ["", "<&-"])
+@pytest.mark.parametrize(
+    ("call", "others"), [("lengths -o r.json", ""), ("lengths -o -", "<&-"), ("--help", "<&-")]
+)
 def test_a_closed_output_takes_nothing(call: str, others: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
     before = listing(work)
@@ -188,9 +188,8 @@ def test_a_closed_output_takes_nothing(call: str, others: str, tmp_path: Path) -
     assert listing(work) == before
 
 
-@pytest.mark.parametrize("others", ["", "<&-"])
-def test_who_says_nothing_needs_no_output(others: str) -> None:
-    done(shell(f"mtu lengths -q {SMALL} >&- {others}"))
+def test_who_says_nothing_needs_no_output() -> None:
+    done(shell(f"mtu lengths -q {SMALL} >&- <&-"))
 
 
 def test_an_output_that_lacks_letters() -> None:
@@ -213,9 +212,7 @@ def test_interrupt(tmp_path: Path) -> None:
     assert listing(work) == before
 
 
-@pytest.mark.parametrize(
-    "module", ["mtu_cli.cli.usage", "typer", "mtu_cli.cli.predictions", "numpy", "scipy"]
-)
+@pytest.mark.parametrize("module", ["typer", "mtu_cli.cli.predictions"])
 def test_interrupt_while_it_imports(module: str, tmp_path: Path) -> None:
     process = start(
         module, "lengths", SMALL, cwd=tmp_path, program=[sys.executable, "-c", INTERRUPTED]
@@ -249,7 +246,7 @@ def test_stopped_while_writing(number: signal.Signals, tmp_path: Path) -> None:
     call = large(tmp_path / "work")
     work = tmp_path / "work"
     kept = 0
-    for delay in (0.0, 0.004, 0.03):
+    for delay in (0.0, 0.03):
         (work / "out.json").write_bytes(OLD)
         (work / "out.csv").unlink(missing_ok=True)
         for left in work.glob(".out*"):

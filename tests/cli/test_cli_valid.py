@@ -12,7 +12,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from cli_runner import SMALL, TRUTH, VALID, done, listing, mtu, prepared, report
+from cli_runner import SMALL, TRUTH, VALID, done, listing, mtu, prepared, report, shared
 from support import CONFIGS, DATA, PAPER, SIMULATED
 
 from mtu_cli.files.yaml_file import read_yaml
@@ -27,7 +27,10 @@ MAIN = {
     "lengths": "lengths",
     "orthogonality": "orthogonality",
 }
-SHIPPED = [(command, SIMULATED) for command in MAIN] + [(command, PAPER) for command in PREDICTIONS]
+SHIPPED = (
+    *("fit-components configs/gilsinn-ling-simulated", "lengths configs/gilsinn-ling-simulated"),
+    *("predict-points configs/gilsinn-ling", "orthogonality configs/gilsinn-ling --trials 20000"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -46,23 +49,19 @@ def test_sound_input(folder: Path, tmp_path: Path) -> None:
         assert words in result.stdout + result.stderr
 
 
-@pytest.mark.parametrize(
-    ("command", "study"), SHIPPED, ids=lambda x: x.name if isinstance(x, Path) else x
-)
-def test_shipped_studies(command: str, study: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("call", SHIPPED)
+def test_shipped_studies(call: str) -> None:
     """Tables, report and main table come from one call and agree in what they list."""
-    outputs = ["-o", str(tmp_path / "out.json"), "--csv", str(tmp_path / "out.csv")]
-    result = done(mtu(command, study, *outputs))
-    document = json.loads((tmp_path / "out.json").read_text("utf-8"))
+    result, document, made, _ = shared(call)
+    command = call.partition(" ")[0]
     assert set(document) == KEYS
     assert document["schema"] == f"mtu/{command}/1"
     assert {item["role"] for item in document["inputs"]} >= {"study", "machine"}
     assert all(re.fullmatch("[0-9a-f]{64}", item["sha256"]) for item in document["inputs"])
-    told = [item for item in document["warnings"] if item["severity"] != "note"]
-    assert {f"[{item['code']}]" in result.stderr for item in told} <= {True}
-    assert len(result.stderr.splitlines()) == len(told)
+    told = [f"{x['severity']}: {x['message']} [{x['code']}]" for x in document["warnings"]]
+    assert result.stderr.splitlines() == told
     main = document["results"][MAIN[command]]
-    rows = (tmp_path / "out.csv").read_text("utf-8").splitlines()
+    rows = made.splitlines()
     assert len(rows) == len(main) + 1
     ids = list(main) if isinstance(main, dict) else [item["id"] for item in main]
     assert [row.split(",")[0] for row in rows[1:]] == ids
@@ -225,31 +224,6 @@ def test_simulate_fit_predict(tmp_path: Path) -> None:
             assert abs(item["coefficients"][k] - value) < 5 * item["covariance"][k][k] ** 0.5
     lengths = report("lengths", *machine, "-p", part, "-c", fit)["results"]["lengths"]
     assert [item["id"] for item in lengths] == ["3-9", "9-15", "3-15"]
-
-
-def csv_rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file below its comment lines."""
-    lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
-    header = lines[0].split(",")
-    return [dict(zip(header, line.split(","), strict=True)) for line in lines[1:]]
-
-
-def test_simulated_effects_and_covariates(tmp_path: Path) -> None:
-    call = ["simulate", "-m", TRUTH, "-p", SIMULATED / "part.yaml", "--parts", "2", "-q"]
-    call += ["--covariate", "T_bed_degC: 20 + time_min/60"]
-    done(mtu(*call, "--write-cmm", tmp_path / "a.csv"))
-    effect = ["--effect", "Ex: 0.004*dir_x", "--effect", "Ey: 0.001*(T_bed_degC\n - 20)"]
-    done(mtu(*call, *effect, "--write-cmm", tmp_path / "b.csv"))
-    plain, changed = csv_rows(tmp_path / "a.csv"), csv_rows(tmp_path / "b.csv")
-    assert len(plain) == len(changed) == 96
-    assert {row["dir_x"] for row in plain} == {"1", "-1"}
-    for first, second in zip(plain, changed, strict=True):
-        temperature = 20 + float(first["time_min"]) / 60
-        assert float(second["T_bed_degC"]) == pytest.approx(temperature, abs=1e-6)
-        moved = float(second["x_mm"]) - float(first["x_mm"])
-        assert moved == pytest.approx(0.004 * float(first["dir_x"]), abs=1.1e-6)
-        moved = float(second["y_mm"]) - float(first["y_mm"])
-        assert moved == pytest.approx(0.001 * (temperature - 20), abs=1.1e-6)
 
 
 def as_semicolons(text: str) -> bytes:

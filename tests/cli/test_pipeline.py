@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from cli_runner import MTU, done, environment
 from cli_runner import mtu as called
-from pipeline_runner import GILSINN_LING, PART, STUDY, make, placed
+from pipeline_runner import GILSINN_LING, PART, STUDY, make, placed, quick
 from support import CONFIGS
 
 
@@ -158,7 +158,7 @@ def test_names_with_blanks_in_a_study_run_and_pass(tmp_path: Path) -> None:
     text = STUDY.replace("part.yaml", "'part (2) of 3: new.yaml'  # two holes")
     (study / "mtu.yaml").write_text(text, "utf-8")
     for _ in range(2):
-        ran = make(tmp_path / "out", "GATE=1", f"ROOT={study.parent}")
+        ran = make(tmp_path / "out", "GATE=1", f"ROOT={study.parent}", quick(tmp_path))
         assert ran.returncode == 0, ran.stderr
         assert "mill: passed" in ran.stdout
         assert "== mill: lengths" in ran.stdout

@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 import pytest
-from pipeline_runner import STUDY, make, placed
+from pipeline_runner import STUDY, make, placed, quick
 
 
 def measured(study: Path, errors: list[float]) -> None:
@@ -41,7 +41,7 @@ def test_the_end_says_where_the_reports_are(tmp_path: Path, gate: str) -> None:
     placed(tmp_path / "shop" / "mill")
     out = tmp_path / "out"
     told = f"reports, tables and pictures: {out}/<study>/"
-    call = (f"ROOT={tmp_path / 'shop'}", f"GATE={gate}")
+    call = (f"ROOT={tmp_path / 'shop'}", f"GATE={gate}", quick(tmp_path))
     for _ in range(2):
         # The second finds nothing to do.
         ran = make(out, "-j2", *call)
@@ -55,7 +55,7 @@ def test_the_end_says_where_the_reports_are(tmp_path: Path, gate: str) -> None:
 
 def test_who_asks_for_silence_has_no_last_line(tmp_path: Path) -> None:
     placed(tmp_path / "shop" / "mill")
-    ran = make(tmp_path / "out", "-s", f"ROOT={tmp_path / 'shop'}")
+    ran = make(tmp_path / "out", "-s", f"ROOT={tmp_path / 'shop'}", quick(tmp_path))
     assert ran.returncode == 0, ran.stderr
     assert "reports" not in ran.stdout
     assert (tmp_path / "out" / "mill" / "points.json").is_file()
@@ -63,14 +63,14 @@ def test_who_asks_for_silence_has_no_last_line(tmp_path: Path) -> None:
 
 def test_what_passed_the_gates_of_an_older_pipeline_is_judged_again(tmp_path: Path) -> None:
     placed(tmp_path / "shop" / "mill")
-    out, root = tmp_path / "out", f"ROOT={tmp_path / 'shop'}"
-    assert make(out, root, "GATE=1").returncode == 0
+    out, root, mtu = tmp_path / "out", f"ROOT={tmp_path / 'shop'}", quick(tmp_path)
+    assert make(out, root, mtu, "GATE=1").returncode == 0
     stamp = out / "mill" / "lengths.passed"
     os.utime(stamp, (1, 1))
     # Of the study itself nothing is newer than its mark.
     for path in (*(tmp_path / "shop" / "mill").iterdir(), out / "mill" / "lengths.json"):
         os.utime(path, (0, 0))
-    again = make(out, root, "GATE=1")
+    again = make(out, root, mtu, "GATE=1")
     assert again.returncode == 0, again.stderr
     assert "== mill: lengths" in again.stdout
     assert stamp.stat().st_mtime > 1

@@ -16,8 +16,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
 from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
 from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate
 from mtu_cli.close_loop_sealed.model.effect_library import candidates, effect_library
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
-from mtu_cli.model.residual_table import ResidualTable
 
 UM = 1e-3
 """In mm."""

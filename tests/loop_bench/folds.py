@@ -18,7 +18,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.held_out import (
     splits_of,
 )
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, effect_library
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 LIBRARY = effect_library()
 

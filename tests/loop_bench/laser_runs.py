@@ -20,11 +20,11 @@ from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
 from mtu_cli.close_loop_sealed.analyses.loop.searched import searched
 from mtu_cli.close_loop_sealed.model.effect_library import EffectLibrary, candidates, effect_library
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.threads import one_blas_thread
 
 UM = 1e-3

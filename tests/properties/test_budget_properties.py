@@ -8,10 +8,8 @@ from budget_examples import loaded
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtu_cli.analyses.budget.correlation import input_covariance
 from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
-from mtu_cli.analyses.budget.quantities import input_quantities
-from mtu_cli.analyses.budget.sources import independent_sources
+from mtu_cli.analyses.budget.inputs import inputs_of
 
 positive = st.floats(0.01, 10.0)
 signed = st.floats(-5.0, 5.0)
@@ -20,10 +18,7 @@ numbers = st.tuples(signed, signed, signed, positive, positive, positive, st.flo
 
 def output(text: str) -> FirstOrder:
     file = loaded(text)
-    inputs = input_quantities(file)
-    covariance = input_covariance(file, inputs)
-    sources = independent_sources(file, inputs, covariance)
-    (found,) = first_order(file, inputs, covariance, sources)
+    (found,) = first_order(file, inputs_of(file))
     return found
 
 

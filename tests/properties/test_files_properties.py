@@ -19,7 +19,6 @@ from fuzz.samples import KINDS, Kind, Sample
 from hypothesis import given
 from hypothesis import strategies as st
 from property_settings import tried
-from reading_files import stream_readings
 
 from mtu_cli.files.machine_contract import Component
 from mtu_cli.files.points import read_points
@@ -171,19 +170,6 @@ def test_the_unit_of_a_reading_does_not_matter(
     one = read(saved(tmp_path, HEADER, rows)).error
     two = read(saved(tmp_path, HEADER, other)).error
     assert two == pytest.approx(one, rel=1e-14, abs=1e-300)
-
-
-@tried(30)
-@given(rows=tables, layout=layouts, cut=st.integers(0, 8))
-def test_a_stream_is_the_whole(tmp_path: Path, rows: Rows, layout: Layout, cut: int) -> None:
-    paths = []
-    for name, part in (("a", rows[:cut]), ("b", rows[cut:])):
-        if part:
-            (tmp_path / name).mkdir(exist_ok=True)
-            paths.append((saved(tmp_path / name, HEADER, part, layout), "lbb"))
-    whole = read_readings(paths, COMPONENTS, for_fit=False)
-    blocks = [item for block in stream_readings(paths, COMPONENTS) for item in in_rows(block)]
-    assert blocks == in_rows(whole)
 
 
 PLACES = {"1": (0.0, 0.0, None), "2": (50.0, 0.0, None), "B 3": (0.0, 50.0, 7.5)}

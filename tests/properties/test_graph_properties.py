@@ -11,21 +11,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from mtu_cli.files.graph import Step
-from mtu_cli.files.graph_kinds import TRANSITIONS
 from mtu_cli.model.geometry import fit_circle, fit_sphere
-from mtu_cli.model.graph.transitions import Computed, construction
+from mtu_cli.model.graph.transitions import TRANSITIONS, Computed, Step, Use
 
 Floats = NDArray[np.float64]
 BOUND = {"ball", "hole", "meas", "compute"}
 """They read coordinates of the machine, or no geometry at all."""
 MORE = {"circle": (3, 7), "plane": (3, 6), "sphere": (4, 8)}
 CASES = [
-    (do, variant.name, count)
-    for do, variants in TRANSITIONS.items()
-    for variant in variants
-    if do not in BOUND and (do, variant.name) != ("displace", "coordinate")
-    for count in (MORE[do] if variant.inputs[0].most is None else (0,))
+    (do, use, count)
+    for do, uses in TRANSITIONS.items()
+    for use in uses
+    if do not in BOUND and "coordinate" not in use.signature
+    for count in (MORE[do] if "*" in use.signature.split("->")[0] else (0,))
 ]
 TRIALS = 5
 
@@ -77,38 +75,46 @@ def moved(kind: str, value: Floats, R: Floats, t: Floats) -> Floats:
 def made(step: Step, nominal: list[Floats], places: list[Floats]) -> tuple[Floats, ...]:
     """The outputs of a step whose fits start from `nominal`."""
     values = dict(zip(step.inputs, places, strict=True))
-    Computed(step=step, construct=construction(step, nominal)).run(values)
+    start = dict(zip(step.inputs, nominal, strict=True))
+    Computed.ready(step, start).run(values)
     return tuple(values[name] for name in step.outputs)
 
 
-@pytest.mark.parametrize(("do", "variant", "count"), CASES, ids=lambda item: str(item))
+def kinds_of(side: str) -> list[list[str]]:
+    """The kinds of every slot of one side of a signature."""
+    return [slot.partition("*")[0].split("|") for slot in side.split()]
+
+
+@pytest.mark.parametrize(
+    ("do", "use", "count"), CASES, ids=lambda x: getattr(x, "signature", str(x))
+)
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
-def test_turned_and_moved(do: str, variant: str, count: int, seed: int) -> None:
+def test_turned_and_moved(do: str, use: Use, count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    entry = next(item for item in TRANSITIONS[do] if item.name == variant)
+    taken, given = map(kinds_of, use.signature.split("->"))
     if count:
         inputs = round_points(count, do != "sphere", rng)
-        inputs += [place(slot.kinds[0], rng) * 0 + 20 for slot in entry.inputs[1:]]
-        kinds = ["point"] * count + [slot.kinds[0] for slot in entry.inputs[1:]]
+        inputs += [place(kinds[0], rng) * 0 + 20 for kinds in taken[1:]]
+        kinds = ["point"] * count + [own[0] for own in taken[1:]]
     else:
-        kinds = [slot.kinds[int(rng.integers(len(slot.kinds)))] for slot in entry.inputs]
+        kinds = [own[int(rng.integers(len(own)))] for own in taken]
         inputs = [place(kind, rng) for kind in kinds]
     R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     R *= np.linalg.det(R)
     t = rng.normal(size=3) * 100
     turned = [moved(kind, value, R, t) for kind, value in zip(kinds, inputs, strict=True)]
     names = tuple(map(str, range(len(inputs))))
-    out = tuple(f"out{i}" for i in range(len(entry.outputs)))
-    step = Step(index=0, do=do, variant=variant, inputs=names, outputs=out)
+    out = tuple(f"out{i}" for i in range(len(given)))
+    step = Step(index=0, do=do, use=use, inputs=names, outputs=out)
     outputs = made(step, [item[..., :1] for item in inputs], inputs)
     others = made(step, [item[..., :1] for item in turned], turned)
-    for slot, before, after in zip(entry.outputs, outputs, others, strict=False):
+    for made_kinds, before, after in zip(given, outputs, others, strict=False):
         if do == "transform":
             # What is seen from a frame that moves along does not move.
             assert after == pytest.approx(before, rel=1e-7, abs=1e-7)
             continue
-        wanted = moved(slot.kinds[0], before, R, t)
+        wanted = moved(made_kinds[0], before, R, t)
         scale = max(1.0, float(np.abs(wanted).max()))
         assert after == pytest.approx(wanted, rel=1e-7, abs=1e-9 * scale)
 
@@ -116,8 +122,7 @@ def test_turned_and_moved(do: str, variant: str, count: int, seed: int) -> None:
 def fitted(do: str, points: list[Floats]) -> tuple[Floats, ...]:
     """The fit as a step of a graph has it, from nominal points (3, 1) and trials (3, m)."""
     names = tuple(map(str, range(len(points))))
-    variant = "free" if do == "sphere" else ""
-    step = Step(index=0, do=do, variant=variant, inputs=names, outputs=("C", "r"))
+    step = Step(index=0, do=do, use=TRANSITIONS[do][0], inputs=names, outputs=("C", "r"))
     nominal = [point[:, :1] for point in points]
     return made(step, nominal, [point[:, 1:] for point in points])
 

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from property_settings import tried
 
-from mtu_cli.files.json_file import read_json, report_bytes
+from mtu_cli.files.reports_read import read_json
+from mtu_cli.files.write import report_bytes
 
 LOOKS_LIKE = (
     "1e-6", "0o17", "0x1F", "007", "no", "NULL", "~", ".inf", "-.5", "12:30", "2024-05-03", "- a",

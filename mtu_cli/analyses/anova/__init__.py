@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mtu_cli.analyses.anova.capability import (
+    Capability,
+    Trend,
+    capabilities,
+    sequences,
+    trends,
+)
 from mtu_cli.analyses.anova.operations import (
-    AxisScatter,
     FeatureMap,
     Total,
-    axis_scatter,
     maps,
     rows_by_axis,
     set_up_warnings,
@@ -36,7 +42,7 @@ from mtu_cli.model.measured import (
     left_out,
     length_tables,
     length_warnings,
-    loose_of_tables,
+    roundings,
 )
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import Datum, axes_of, freed, incomplete_datum, only_features, visits_of
@@ -53,10 +59,10 @@ class AnovaResult:
     """The analysis of all measured parts.
 
     `kinds` are features, then lengths and right angles where there are any. `unusual` is None
-    where there are too few parts to tell; `axis_scatter` has one test an operation, y over x;
-    `shown` are (operation, feature) in the order of their interest: where a part is an outlier,
-    those that are outliers themselves, the largest errors to come. `maps` are the mean errors in
-    the plane.
+    where there are too few parts to tell; `sequence` has the place (parts,) of each part in an
+    operation; `trends` are of all tables, `capabilities` of what has a tolerance. `shown` are
+    (operation, feature) in the order of their interest: where a part is an outlier, those that are
+    outliers themselves, the largest errors to come. `maps` are the mean errors in the plane.
     """
 
     method: Method
@@ -66,7 +72,9 @@ class AnovaResult:
     limit: FloatArray
     unusual: tuple[UnusualPart, ...] | None
     unusual_features: tuple[UnusualFeature, ...]
-    axis_scatter: tuple[AxisScatter, ...]
+    sequence: Mapping[str, FloatArray]
+    trends: tuple[Trend, ...]
+    capabilities: tuple[Capability, ...]
     totals: tuple[Total, ...]
     shown: tuple[tuple[str, str], ...]
     maps: tuple[FeatureMap, ...]
@@ -114,7 +122,8 @@ def analyse_variance(
     places = np.full((len(points.features), 3), np.nan)
     places[points.feature] = points.nominal
     planes = maps(features, dict(zip(points.features, places, strict=True)))
-    labels = features.labels
+    labels, sequence = features.labels, sequences(points)
+    rounding = float(features.tables.rounding.mean())
     with_parts = [labels[i] for i, parts in enumerate(features.unusual) if parts]
     interesting = [*with_parts, *(x.where for x in outside), *(labels[i] for i in features.order)]
     return AnovaResult(
@@ -125,13 +134,15 @@ def analyse_variance(
         limit=limit,
         unusual=unusual,
         unusual_features=outside,
-        axis_scatter=axis_scatter(features.tables, features.one_way, rows),
+        sequence=sequence,
+        trends=trends(kinds, sequence),
+        capabilities=capabilities(kinds, part, sequence),
         totals=totals(features, rows),
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
         maps=planes,
         warnings=(
             *warnings,
-            *(set_up_warnings(planes) if datum == "none" else ()),
+            *(set_up_warnings(planes, rounding) if datum == "none" else ()),
             *anova_warnings(kinds, method),
         ),
     )
@@ -142,8 +153,8 @@ def _measured(
 ) -> tuple[dict[Kind, MeasuredTables], list[Finding]]:
     """The tables of all kinds that there are, features first, and what is odd about the data."""
     loose, complete = freed(points, axes_of(points), datum)
-    features = feature_tables(loose)
-    warnings = [*left_out(points), *loose_of_tables(features, points)]
+    features = feature_tables(loose, roundings(points))
+    warnings = left_out(points)
     if not complete:
         warnings.append(incomplete_datum())
     found: dict[Kind, MeasuredTables | None] = {"feature": features}

@@ -1,8 +1,8 @@
-"""Features summed up by operation: totals by axis, the scatter in y over x, set-up."""
+"""Features summed up by operation: totals by axis, maps of the mean errors, set-up."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,19 +10,8 @@ from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.analyses.anova.tables import Analysed, Label
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.visits import basis, without
-from mtu_cli.stats.anova import BoolArray, OneWay
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.scatter_ratio import (
-    FEWEST_ROWS,
-    ScatterRatio,
-    Side,
-    familywise,
-    ratio_interval,
-    scatter_ratio,
-    untested,
-)
 
 FEWEST_LEFT, MOST = 6, 0.5
 """With fewer errors left over a rigid motion explains much by chance; the share it may explain."""
@@ -108,63 +97,6 @@ def _total(found: Analysed, operation: str, axis: str, members: list[int]) -> To
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AxisScatter:
-    """y over x in one operation: of the parts alone where `apart`, else the CMM's scatter of
-    their means included, because nothing was measured twice. `interval` of the ratio of
-    variances, 95 %, for this operation alone; nan where it is not estimable.
-    """
-
-    operation: str
-    test: ScatterRatio
-    interval: tuple[float, float]
-    apart: bool
-
-
-def axis_scatter(tables: MeasuredTables, table: OneWay, rows: Rows) -> tuple[AxisScatter, ...]:
-    """The part component of y against that of x, over all features; p adjusted for all
-    operations (Holm). Operations of too few parts are there, without a p.
-    """
-    found = []
-    for operation in dict.fromkeys(operation for operation, _ in rows):
-        x, y = (rows.get((operation, axis), []) for axis in ("x", "y"))
-        kept = np.asarray(tables.cells.present[x].any(axis=0), np.bool_)
-        # One part has no scatter to compare.
-        if not x or len(x) != len(y) or int(kept.sum()) < 2:
-            continue
-        apart = all((table.df_within[side] > 0).any() for side in (x, y))
-        test, interval = untested(int(kept.sum())), (float("nan"), float("nan"))
-        if test.rows >= FEWEST_ROWS:
-            sides = [_side(tables, table, side, kept, apart=apart) for side in (x, y)]
-            test, interval = scatter_ratio(*sides), ratio_interval(*sides)
-        found.append(AxisScatter(operation=operation, test=test, interval=interval, apart=apart))
-    tests = familywise([item.test for item in found])
-    return tuple(replace(item, test=test) for item, test in zip(found, tests, strict=True))
-
-
-def _side(
-    tables: MeasuredTables, table: OneWay, chosen: list[int], kept: BoolArray, *, apart: bool
-) -> Side:
-    """Part means (parts, tables) with what the CMM adds to their squared deviations.
-
-    Of the mean of n_i repeats among a parts: s^2 ((1 - 2/a)/n_i + sum(1/n)/a^2).
-    """
-    cells = tables.cells
-    there = cells.present[chosen][:, kept]
-    values = np.where(there, cells.mean[chosen][:, kept], np.nan).T
-    if not apart:
-        return Side(values=values, noise=np.zeros(len(values)))
-    df, ms = table.df_within[chosen], table.ms_within[chosen]
-    known = df > 0
-    s2 = np.where(known, ms, ms[known].mean())
-    inverse = np.divide(1.0, cells.n[chosen][:, kept], out=np.zeros(there.shape), where=there)
-    a = np.maximum(there.sum(axis=1), 1)
-    of_mean = np.where(there, (inverse.sum(axis=1) / a**2)[:, None], 0)
-    each = inverse * (1 - 2 / a)[:, None] + of_mean
-    u2 = (each.sum(axis=1) * s2) ** 2 * 2 / np.where(known, df, df.sum())
-    return Side(values=values, noise=s2 @ each, u2=float(u2.sum()))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FeatureMap:
     """Mean errors (n, 3) of the features of an operation, mm, at nominal `places` (n, 3); nan
     along z where z was not measured or is not known.
@@ -196,10 +128,11 @@ def maps(found: Analysed, places: dict[str, FloatArray]) -> tuple[FeatureMap, ..
     )
 
 
-def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Finding]:
+def set_up_warnings(found: tuple[FeatureMap, ...], rounding: float) -> list[Finding]:
     """Mean errors most of which one offset and rotation of all features explain.
 
-    By mean squares before and after: the motion's own freedoms count.
+    By mean squares before and after: the motion's own freedoms count. Errors that the last digit
+    makes, whose variance is `rounding`, are none.
     """
     warned = []
     for item in found:
@@ -208,7 +141,7 @@ def set_up_warnings(found: tuple[FeatureMap, ...]) -> list[Finding]:
         Q = basis(places, (0, 1), "offset,rotation")
         before = errors.ravel()
         left = len(before) - Q.shape[1]
-        if left < FEWEST_LEFT or not before.any():
+        if left < FEWEST_LEFT or not (before**2).mean() > 3 * rounding:
             continue
         rest = float((without(Q, before[:, None]) ** 2).sum()) / left
         explained = 1 - rest / float((before**2).mean())

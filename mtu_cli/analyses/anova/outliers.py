@@ -11,15 +11,22 @@ import numpy as np
 from mtu_cli.analyses.anova.tables import Analysed, Label
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.outliers import deviation_p
+from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
 
 FAMILY_RATE = RATE
+"""Of clean studies so many have an alarm of any kind: an outlying part, an outlying feature, or a
+trend over the sequence."""
+PARTS, FEATURES, TRENDS = 0.6, 0.2, 0.2
+"""Shares of the rate (weighted Bonferroni): p of each kind are over its share."""
+PARTS_RATE = PARTS * FAMILY_RATE
 FEWEST_PARTS = 4
 """Among fewer parts none can be called an outlier."""
 FEWEST_FEATURES = 5
 """Nor any among fewer features."""
 
 Why = Literal["distance", "mean", "single"]
+KINDS: tuple[Why, ...] = ("mean", "distance")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,7 +66,8 @@ class PartsTable:
     """All tables of a study side by side: deviations of the part means (parts, tables).
 
     `raw` in the tables' unit, `scaled` = raw/`scale` to equal variance for unequal repeats; nan
-    where a part is missing. Tables of equal operation and axis are looked at together.
+    where a part is missing. `rounding` (tables,) is the variance of a value by the last digit, in
+    the tables' unit, squared. Tables of equal operation and axis are looked at together.
     """
 
     labels: tuple[Label, ...]
@@ -67,6 +75,7 @@ class PartsTable:
     raw: FloatArray
     scale: FloatArray
     scaled: FloatArray
+    rounding: FloatArray
 
     def limits(self, column: int, limit: FloatArray) -> FloatArray:
         """The values (2, parts) of part means beyond which a part is an outlier of one table by
@@ -74,8 +83,14 @@ class PartsTable:
         """
         scaled, scale = self.scaled[:, column], np.abs(self.scale[:, column])
         known = scaled[np.isfinite(scaled)]
-        half = limit[column] * known.std(ddof=1) if len(known) > 1 else np.nan
+        s2 = known.var(ddof=1) if len(known) > 1 else np.nan
+        half = limit[column] * np.sqrt(s2 + hidden(s2, self.rounding_scaled[column]))
         return np.stack([scale * (known.mean() - half), scale * (known.mean() + half)])
+
+    @property
+    def rounding_scaled(self) -> FloatArray:
+        """`rounding` (tables,) of scaled values."""
+        return np.asarray(self.rounding / np.median(self.scale, axis=0) ** 2)
 
 
 def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
@@ -93,23 +108,30 @@ def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
     raw, scale = np.concatenate(raws).T, np.concatenate(scales).T
     labels = tuple(label for found in kinds for label in found.labels)
     parts = kinds[0].tables.parts
-    return PartsTable(labels=labels, parts=parts, raw=raw, scale=scale, scaled=raw / scale)
+    return PartsTable(
+        labels=labels,
+        parts=parts,
+        raw=raw,
+        scale=scale,
+        scaled=raw / scale,
+        rounding=np.concatenate([found.tables.rounding for found in kinds]),
+    )
 
 
 def unusual_parts(
     table: PartsTable, seed: int
 ) -> tuple[FloatArray, tuple[UnusualPart, ...] | None]:
     """The limits (tables,) of single tables, nan where no part can be an outlier, and outlying
-    parts with a family-wise error rate of 5 % over all parts and tables; None of too few parts.
+    parts at their share of the family-wise rate over all parts and tables; None of too few parts.
     """
     if len(table.parts) < FEWEST_PARTS:
         return np.full(len(table.labels), np.nan), None
     names = [(operation, "", axis) for operation, _, axis in table.labels]
     codes = {name: code for code, name in enumerate(dict.fromkeys(names))}
     groups = np.array([codes[name] for name in names])
-    found = outstanding_rows(table.scaled, groups, seed)
+    found = outstanding_rows(table.scaled, groups, seed, PARTS_RATE, table.rounding_scaled)
     p = np.minimum(found.by_row, found.by_cell.min(axis=1))
-    outside = np.flatnonzero(p <= FAMILY_RATE).tolist()
+    outside = np.flatnonzero(p <= PARTS_RATE).tolist()
     unusual = [_unusual(table, groups, list(codes), found, i) for i in outside]
     return found.limit, tuple(sorted(unusual, key=lambda item: item.p))
 
@@ -117,41 +139,58 @@ def unusual_parts(
 def _unusual(
     table: PartsTable, groups: np.ndarray, names: list[Label], found: Outstanding, i: int
 ) -> UnusualPart:
-    """Part `i` with the table or group of its largest deviation from the mean of the others."""
-    p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
+    """Part `i`, and where it lies farthest from the mean of the others, in terms of how far these
+    do: a single table, if that has two thirds of its squared deviations, else the mean or the
+    distance of a group.
+    """
     others = np.delete(table.raw, i, axis=0)
     known = np.isfinite(others)
     mean = np.where(known, others, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     off = table.raw - mean
-    if p_row <= p_single:
-        why: Why = "mean" if found.row_kind[i] else "distance"
-        sizes = [_of_group(off[:, groups == code], i, why) for code in range(len(names))]
-        best = int(np.argmax([share for share, _, _ in sizes]))
-        where, (_, deviation, typical) = names[best], sizes[best]
-    else:
-        why, j = "single", int(np.argmin(found.by_cell[i]))
+    scale2 = _squares(np.delete(off, i, axis=0)) + table.rounding
+    each = np.nan_to_num(off[i]) / np.sqrt(np.where(scale2 > 0, scale2, 1.0))
+    p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
+    j = int(np.argmax(np.abs(each)))
+    of_one = found.by_cell[i, j] <= PARTS_RATE and 3 * each[j] ** 2 > 2 * each @ each
+    if p_single < p_row or of_one:
+        j = j if of_one else int(np.argmin(found.by_cell[i]))
+        why: Why = "single"
         where, deviation, typical = table.labels[j], float(off[i, j]), _rms(np.delete(off[:, j], i))
+    else:
+        rounding = [float(table.rounding[groups == code].mean()) for code in range(len(names))]
+        sizes = [
+            (*_of_group(off[:, groups == code], i, kind, r), kind, names[code])
+            for code, r in enumerate(rounding)
+            for kind in KINDS
+        ]
+        _, deviation, typical, why, where = max(sizes, key=lambda size: size[0])
     return UnusualPart(
         part=table.parts[i],
-        p=min(p_row, p_single),
+        p=min(min(p_row, p_single) / PARTS, 1.0),
         why=why,
         where=where,
         deviation=deviation,
         typical=typical,
-        singles=tuple(table.labels[j] for j in np.flatnonzero(found.by_cell[i] <= FAMILY_RATE)),
+        singles=tuple(table.labels[j] for j in np.flatnonzero(found.by_cell[i] <= PARTS_RATE)),
     )
 
 
-def _of_group(off: FloatArray, i: int, why: Why) -> tuple[float, float, float]:
-    """Of the tables of a group: part `i`'s deviation over the others', its own, the others'."""
-    known = np.where(np.isfinite(off), off, 0.0)
+def _of_group(off: FloatArray, i: int, why: Why, r: float) -> tuple[float, float, float]:
+    """Of the tables of a group: part `i`'s deviation over the others', of which the last digit
+    makes the variance `r`, its own, the others'.
+    """
     count = np.maximum(np.isfinite(off).sum(axis=1), 1)
-    mean, square = known.sum(axis=1) / count, np.einsum("ij,ij->i", known, known) / count
-    value = mean if why == "mean" else np.sqrt(square)
+    mean = np.nan_to_num(off).sum(axis=1) / count
+    value = mean if why == "mean" else np.sqrt((np.nan_to_num(off) ** 2).sum(axis=1) / count)
     typical, deviation = _rms(np.delete(value, i)), float(value[i])
-    # Where nothing differs at all, nor does this part.
-    alone = np.inf if deviation else 0.0
-    return abs(deviation) / typical if typical > 0 else alone, deviation, typical
+    scale = np.sqrt(typical**2 + r)
+    return abs(deviation) / scale if scale > 0 else 0.0, deviation, typical
+
+
+def _squares(values: FloatArray) -> FloatArray:
+    """Mean squares of the columns of values (rows, columns), 0 where all are nan."""
+    count = np.isfinite(values).sum(axis=0)
+    return np.asarray((np.nan_to_num(values) ** 2).sum(axis=0) / np.maximum(count, 1))
 
 
 def _rms(values: FloatArray) -> float:
@@ -164,17 +203,18 @@ def unusual_features(
 ) -> tuple[UnusualFeature, ...]:
     """Mean errors too far from the other features' of the same operation and axis (`rows`).
 
-    Grubbs's statistic with the bound of Bonferroni over all features and axes: 5 % of studies
-    whose features differ as normal draws do have a false alarm.
+    Grubbs's statistic with the bound of Bonferroni over all features and axes, at the share of
+    outlying features of the family-wise rate.
     """
     found = []
     for members in rows.values():
         n, mean = len(members), features.one_way.mean[members]
         away = mean - mean.mean()
-        s = float(np.sqrt((away**2).sum() / max(n - 1, 1)))
-        if n < FEWEST_FEATURES or s == 0:
+        if n < FEWEST_FEATURES:
             continue
-        p = deviation_p(away / s, np.full(n, float(n))) * len(features.labels)
+        s2 = float((away**2).sum()) / (n - 1)
+        s = np.sqrt(s2 + hidden(s2, features.tables.rounding[members].mean()))
+        p = deviation_p(away / s, np.full(n, float(n))) * len(features.labels) / FEATURES
         for j in np.flatnonzero(p <= FAMILY_RATE).tolist():
             others = np.delete(mean, j)
             found.append(

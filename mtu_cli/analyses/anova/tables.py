@@ -13,6 +13,7 @@ from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, par
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
+from mtu_cli.stats.resolution import hidden
 
 Method = Literal["paper", "anova", "reml"]
 METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
@@ -31,7 +32,7 @@ class Analysed:
     none. `both` is MS_between, and `both_interval` (tables, 2) its interval, where without
     repeats it holds the part's and the CMM's variance together, else nan. `u_mean` of the grand
     mean, in which every reading counts alike, and `u_future` of a future part, with `dof_mean`
-    and `dof_future`; `interval_future` (tables, 2) is mean -+ t u_future. `p_parts` of F and
+    and `dof_future`; `interval_future` (tables, 2): see `_half_width`. `p_parts` of F and
     `p_mean` of a mean of zero (t test) are adjusted for all tables of the kind (Holm). `order`
     of the tables is that of |mean| + k u_future, the largest first; `unusual` are the outlying
     parts of each table by itself.
@@ -71,17 +72,14 @@ class Analysed:
 
 def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> Analysed:
     """The analysis of one kind by one method, with the coverage factor k."""
-    from scipy.special import chdtri, stdtr, stdtrit
+    from scipy.special import chdtri, stdtr
 
-    table, by_reml = one_way(tables.cells), reml(tables.cells)
+    table, by_reml = one_way(tables.cells, tables.rounding), reml(tables.cells)
     methods = {"paper": paper, "anova": moments}
     components = methods[method](table) if method in methods else by_reml
-    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(
-        table, tables.cells.n, components, method
-    )
-    tail, known = (1 - PROBABILITY) / 2, np.isfinite(dof_future)
-    t = stdtrit(np.where(known, dof_future, 1.0), (1 + PROBABILITY) / 2)
-    half = np.where(known, t, np.nan) * u_future
+    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(table, tables, components, method)
+    tail = (1 - PROBABILITY) / 2
+    half = _half_width(table, tables, u_future, dof_future, method)
     known = (u_mean > 0) & np.isfinite(dof_mean)
     t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=known)
     p_zero = np.where(known, 2 * stdtr(np.where(known, dof_mean, 1.0), -t), np.nan)
@@ -113,30 +111,65 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
     )
 
 
+def _half_width(
+    table: OneWay,
+    tables: MeasuredTables,
+    u_future: FloatArray,
+    dof_future: FloatArray,
+    method: Method,
+) -> FloatArray:
+    """Half (tables,) of the 95 % interval of a future part, t u_future.
+
+    s_part^2 is a difference of mean squares, of which Satterthwaite leaves fewer degrees of freedom
+    than the parts have. There sqrt((1 + sum n_i^2/N^2) MS_between/n0) with theirs bounds it: the
+    CMM's scatter included it is too large, but its t is not (3 parts measured twice: half the
+    width, and 95 % or more still covered).
+    """
+    from scipy.special import stdtrit
+
+    def t(dof: FloatArray) -> FloatArray:
+        known = np.isfinite(dof) & (dof > 0)
+        quantile = stdtrit(np.where(known, dof, 1.0), (1 + PROBABILITY) / 2)
+        return np.where(known, quantile, np.nan)
+
+    share = (tables.cells.n**2).sum(axis=1) / table.N**2
+    between = (1 + share) * table.ms_between / table.n0
+    rounding = hidden(between, tables.rounding)
+    bound = t(table.df_between) * np.sqrt(between + rounding)
+    half = t(dof_future) * u_future
+    # The paper's method has no variance of parts to bound.
+    few = (dof_future < table.df_between) & (method != "paper")
+    return np.where(few, np.fmin(half, bound), half)
+
+
 WithDof = tuple[FloatArray, FloatArray]
 
 
 def _uncertainties(
-    table: OneWay, n: FloatArray, components: Components, method: Method
+    table: OneWay, tables: MeasuredTables, components: Components, method: Method
 ) -> tuple[WithDof, WithDof]:
     """(u, degrees of freedom) of the grand mean and of a future part, (tables,) each.
 
     u^2(mean) = s_part^2 sum n_i^2/N^2 + s_repeat^2/N: that of the mean of all readings, in which
     a part counts by its repeats. A future part adds s_part^2. Without repeats MS_between, the
     sum of both components, serves for both. By the paper's method eqs. (32)-(33), which have
-    the repeat scatter alone.
+    the repeat scatter alone. Where the readings scatter less than the last digit hides, that is
+    added to both.
     """
+    r, n = tables.rounding, tables.cells.n
     if method == "paper":
         s2, dof = table.ms_within, np.where(table.df_within > 0, table.df_within, np.nan)
-        return (np.sqrt(s2 / table.N), dof), (np.sqrt(s2 * (1 + 1 / table.N)), dof)
+        of_mean, of_one = (s2 * share + hidden(s2, r) for share in (1 / table.N, 1 + 1 / table.N))
+        return (np.sqrt(of_mean), dof), (np.sqrt(of_one), dof)
     df_both = np.where(table.df_between > 0, table.df_between, np.nan)
     both = np.where(table.df_between > 0, table.ms_between, np.nan)
     separable = np.isfinite(components.part)
     share = (n**2).sum(axis=1) / table.N**2
+    rounding = hidden(np.where(separable, components.part + components.repeat, both), r)
     found = []
     for weight, of_both in ((share, 1 / table.N), (1 + share, 1 + 1 / table.N)):
         u2 = components.part * weight + components.repeat / table.N
-        u = np.sqrt(np.where(separable, u2, both * of_both))
+        u = np.sqrt(np.where(separable, u2, both * of_both) + rounding)
         found.append((u, np.where(separable, _satterthwaite(table, weight, u2), df_both)))
     return found[0], found[1]
 

@@ -11,48 +11,24 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.budget.copulas import copula_correlations
-from mtu_cli.analyses.budget.correlation import correlation_of, input_covariance
-from mtu_cli.analyses.budget.first_order import FirstOrder, OutputBudget, first_order
-from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
-from mtu_cli.analyses.budget.sources import Source, independent_sources
+from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
+from mtu_cli.analyses.budget.inputs import InputQuantity, inputs_of
+from mtu_cli.analyses.budget.result import BudgetResult, OutputBudget, budget_warnings
 from mtu_cli.analyses.budget.trials import BudgetTrials
-from mtu_cli.analyses.budget.warnings import budget_warnings
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.blocks import is_one_block
+from mtu_cli.stats.covariance import correlation_of
 from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
+__all__ = ["BudgetResult", "evaluate_budget"]
+
 DRAWN = 2**17
 """Trials kept for the histogram."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BudgetResult:
-    """A budget: `inputs` with `input_correlation` (n, n), and `outputs`.
-
-    `covariance`, `correlation` (outputs, outputs): of the outputs, to first order (JCGM
-    102:2011, 6.2: C V C'). `probability`: of the intervals; where a factor k is given, that of
-    a normal distribution at k. `run`: one Monte Carlo for all outputs; `converged`: to the digits
-    asked for.
-    """
-
-    name: str
-    single: bool
-    inputs: tuple[InputQuantity, ...]
-    sources: tuple[Source, ...]
-    input_correlation: FloatArray
-    outputs: tuple[OutputBudget, ...]
-    covariance: FloatArray
-    correlation: FloatArray
-    probability: float
-    run: MonteCarloResult
-    converged: bool
-    warnings: tuple[Finding, ...]
 
 
 def evaluate_budget(
@@ -63,34 +39,28 @@ def evaluate_budget(
     Raises InputError for correlations that no inputs can have, an equation without a finite
     value at the estimates or in some trials, a factor so small that it covers nothing.
     """
-    inputs = input_quantities(loaded)
-    covariance = input_covariance(loaded, inputs)
-    sources = independent_sources(loaded, inputs, covariance)
-    rho = copula_correlations(loaded, inputs, sources)
-    first = first_order(loaded, inputs, covariance, sources)
+    inputs = inputs_of(loaded)
+    first = first_order(loaded, inputs)
     k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
     probability = _probability(loaded, k, coverage_factor is not None)
-    trials = BudgetTrials(
-        loaded.trees, inputs, sources, first, rho, not is_one_block(settings.trials, probability)
-    )
-    judge = _Judge(first, inputs, loaded.units, k, probability, settings.digits)
+    controlled = not is_one_block(settings.trials, probability)
+    trials = BudgetTrials(loaded.trees, inputs, first, controlled)
+    judge = _Judge(first, inputs.quantities, loaded.units, k, probability, settings.digits)
     run, converged = _run(loaded, trials, judge, settings)
     outputs = judge.outputs(run, converged)
-    joint = _joint(first, covariance)
-    return BudgetResult(
+    joint = _joint(first, inputs.covariance)
+    result = BudgetResult(
         name=loaded.budget.name,
         single=loaded.single,
-        inputs=inputs,
-        sources=sources,
-        input_correlation=np.nan_to_num(correlation_of(covariance)),
+        given=inputs,
         outputs=outputs,
         covariance=joint,
         correlation=correlation_of(joint),
         probability=probability,
         run=run,
         converged=converged,
-        warnings=budget_warnings(loaded, inputs, sources, outputs, run, converged),
     )
+    return replace(result, warnings=budget_warnings(loaded, result))
 
 
 def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:

@@ -8,21 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.budget.correlation import factor_of
-from mtu_cli.analyses.budget.first_order import FirstOrder
-from mtu_cli.analyses.budget.quantities import InputQuantity
-from mtu_cli.analyses.budget.sources import ROUNDING, Source
+from mtu_cli.analyses.budget.first_order import NO_U, FirstOrder
+from mtu_cli.analyses.budget.inputs import ROUNDING, Inputs, Source
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.stats.blocks import Draws
-from mtu_cli.stats.copula import bounded_quantile
-from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, t_scales
+from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, bounded_quantile, t_scales
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.workspace import Workspace
 
-MOMENTS_FROM = 2.0
-"""A t distribution needs more degrees of freedom than this for a standard deviation."""
 SCALED = (
     "mean", "u", "low", "high", "shortest_low", "shortest_high", "se_mean", "se_u", "se_low",
     "se_high",
@@ -44,29 +39,28 @@ class BudgetTrials:
     def __init__(
         self,
         trees: dict[str, Node],
-        inputs: Sequence[InputQuantity],
-        sources: Sequence[Source],
+        inputs: Inputs,
         first: Sequence[FirstOrder],
-        rho: Sequence[FloatArray | None],
         controlled: bool = True,
     ) -> None:
         self.names = tuple(trees)
         self.trees = trees
         self.inputs = inputs
-        self.sources = sources
         self.work = Workspace()
-        self.factors = [_factor(source, r) for source, r in zip(sources, rho, strict=True)]
-        self.value = np.array([item.value for item in inputs])[:, None]
-        self.u_exists = np.array([_has_u(tree, inputs) for tree in trees.values()])
+        self.value = np.array([item.value for item in inputs.quantities])[:, None]
+        short = {item.name for item in inputs.quantities if item.least_dof <= NO_U}
+        self.u_exists = np.array([short.isdisjoint(names(tree)) for tree in trees.values()])
         # A form that does not exist is a constant, which controls nothing.
         self.scale = np.array([item.scale for item in first])
         slopes = np.array([item.sensitivity / item.scale for item in first])
         self.gradient = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
         self.offset = np.array([item.value for item in first]) / self.scale
         self.linear_mean: FloatArray | None = self.offset if controlled else None
-        # Inputs that cancel leave a scatter that is none and would never converge.
-        u = np.array([item.u for item in inputs])
-        self.rounding = ROUNDING * (np.abs(self.gradient) @ u)
+        # What cancels, of inputs or in an equation, leaves a scatter that is none and would never
+        # converge.
+        self.rounding = ROUNDING * (np.abs(self.gradient) @ inputs.u)
+        still = np.array([item.rounding if item.u == 0.0 else 0.0 for item in first]) / self.scale
+        self.rounding = np.maximum(self.rounding, still)
         if controlled:
             self._control()
 
@@ -78,7 +72,7 @@ class BudgetTrials:
             # Inputs that cancel to first order still scatter where each has a scale of its own.
             counted = [
                 source
-                for source in self.sources
+                for source in self.inputs.sources
                 if source.variance(g) > 0.0
                 or (np.any(g[list(source.rows)]) and not source.is_simple)
             ]
@@ -95,12 +89,12 @@ class BudgetTrials:
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and, where it controls, first-order values (outputs, m)."""
-        deviation = self.work.array("deviation", (len(self.inputs), m))
+        deviation = self.work.array("deviation", (len(self.value), m))
         deviation[:] = 0.0
-        for source, factor in zip(self.sources, self.factors, strict=True):
-            self._add(source, factor, rng, deviation)
+        for source in self.inputs.sources:
+            self._add(source, rng, deviation)
         x = np.add(deviation, self.value, out=self.work.array("x", deviation.shape))
-        drawn = {item.name: x[i] for i, item in enumerate(self.inputs)}
+        drawn = {item.name: x[i] for i, item in enumerate(self.inputs.quantities)}
         values = self.work.array("values", (len(self.names), m))
         for k, tree in enumerate(self.trees.values()):
             values[k] = evaluate(tree, drawn)
@@ -125,21 +119,14 @@ class BudgetTrials:
             samples = run.samples * self.scale[:, None]
         return replace(run, covariance=covariance, samples=samples, **scaled)
 
-    def _add(
-        self,
-        source: Source,
-        factor: FloatArray,
-        rng: np.random.Generator,
-        deviation: FloatArray,
-    ) -> None:
+    def _add(self, source: Source, rng: np.random.Generator, deviation: FloatArray) -> None:
         m = deviation.shape[1]
         if source.how == "alone":
             drawn = self.work.array("drawn", (m,))
             source.members[0].draw(rng, drawn, self.work)
             deviation[source.rows[0]] += drawn
             return
-        z = rng.standard_normal((factor.shape[1], m))
-        joint = factor @ z
+        joint = source.factor @ rng.standard_normal((source.factor.shape[1], m))
         scale = self.work.array("scale", (m,))
         if source.how == "normal" and source.common_dof:
             if source.members[0].dof < NORMAL_DOF:
@@ -165,15 +152,6 @@ def _marginal(
         row *= 1.0 + item.inexact * (2.0 * rng.random(row.shape) - 1.0)
 
 
-def _factor(source: Source, rho: FloatArray | None) -> FloatArray:
-    if source.how == "alone":
-        return np.zeros((0, 0))
-    if rho is None:
-        return factor_of(source.covariance)
-    scale = np.array([1.0 if item.bounded else item.u for item in source.members])
-    return scale[:, None] * factor_of(rho)
-
-
 def _term(source: Source, gradient: FloatArray) -> Term | None:
     """A source's part of a first-order form; None where its distribution is unknown."""
     if source.how == "alone":
@@ -183,16 +161,3 @@ def _term(source: Source, gradient: FloatArray) -> Term | None:
     dof = source.members[0].dof if source.is_t else math.inf
     u = math.sqrt(source.variance(gradient))
     return 1.0, Distribution(kind="normal", u=u, dof=dof)
-
-
-def _has_u(tree: Node, inputs: Sequence[InputQuantity]) -> bool:
-    used = names(tree)
-    return not any(item.name in used and _least_dof(item) <= MOMENTS_FROM for item in inputs)
-
-
-def _least_dof(item: InputQuantity) -> float:
-    """Of the t distributions among an input's contributions."""
-    return min(
-        (part.distribution.dof for part in item.parts if not part.distribution.bounded),
-        default=math.inf,
-    )

@@ -19,7 +19,13 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import feature_tables, left_out, length_tables, no_shared_axis
+from mtu_cli.model.measured import (
+    feature_tables,
+    left_out,
+    length_tables,
+    no_shared_axis,
+    roundings,
+)
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import Datum, axes_of, freed, incomplete_datum, visits_of
 from mtu_cli.stats.least_squares import FloatArray
@@ -64,11 +70,12 @@ def compare(
     or one with gaps.
     """
     axes, k = _shared_axes(model, points), settings.coverage_factor
+    rounding = roundings(points)
     warnings = left_out(points)
     predicted = predict_operations(model, points, covariates or {})
     points, predictions = predicted.points, predicted.predictions
     loose, complete = freed(points, axes, datum)
-    tables, names = feature_tables(loose), {AXES[i] for i in axes}
+    tables, names = feature_tables(loose, rounding), {AXES[i] for i in axes}
     if not complete:
         warnings.append(incomplete_datum())
     tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])

@@ -15,6 +15,7 @@ from mtu_cli.model.variance import MeanSquares, PassSquare
 from mtu_cli.stats.anova import OneWay, one_way
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
+from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import f_tails, mean_square_tails, t_tail, uncertain_variance
 
 FEWEST_PARTS = 5
@@ -24,6 +25,9 @@ HOPELESS = 10.0
 """A scatter test that would not see scatter of so many times the predicted is withheld."""
 ROUNDING = 1e-9
 """Share of an expected MS_between."""
+NOTHING = 1e-6
+"""Of the variance by the last digit: what is less than that is the rounding of the arithmetic, such
+as a datum leaves of some features."""
 
 Label = tuple[str, str, str]
 """Operation, feature or length, axis."""
@@ -151,19 +155,20 @@ class Evidence:
 
 def evidence(tables: MeasuredTables, items: PredictedItems, k: float) -> Evidence:
     """The items of `tables` against their prediction; k the coverage factor."""
-    table, components = one_way(tables.cells), reml(tables.cells)
+    table, components = one_way(tables.cells, tables.rounding), reml(tables.cells)
     spread = (tables.cells.n**2).sum(axis=1) / table.N**2
     separable = np.isfinite(components.part)
     # Without repeats MS_between holds the CMM too, and stands for both.
     part = np.where(separable, components.part, table.ms_between)
     repeat = np.where(np.isfinite(components.repeat), components.repeat, 0.0)
+    rounding = hidden(part + repeat, tables.rounding)
     of_mean = part * spread + repeat / table.N
     bias = table.mean - items.mean
-    u_difference, p_bias = _bias_test(bias, table, repeat, spread, of_mean, items)
-    expected, ratio_ms, p_scatter, p_hopeless = _scatter_test(table, items)
+    u_difference, p_bias = _bias_test(bias, table, repeat, spread, of_mean, rounding, items)
+    expected, ratio_ms, p_scatter, p_hopeless = _scatter_test(table, tables.rounding, items)
     predicted = _side(items.mean, items.total, k)
     independent = _side(items.mean, items.independent, k)
-    measured = _side(table.mean, part + of_mean, k)
+    measured = _side(table.mean, part + of_mean + rounding, k)
     # V_p(m) (1 + 1/N), eq. (33); of lengths V_p(m) is what eq. (22) makes of hole variances.
     V = np.where(np.isfinite(items.holes), items.holes, table.ms_between)
     paper = _side(table.mean, V * (1 + 1 / table.N), k)
@@ -212,10 +217,11 @@ def _bias_test(
     repeat: FloatArray,
     spread: FloatArray,
     seen: FloatArray,
+    rounding: FloatArray,
     items: PredictedItems,
 ) -> tuple[FloatArray, FloatArray]:
     """u of the difference of the means, and p of it against C and the scatter of the mean, of
-    which `seen` (items,) is the measured variance.
+    which `seen` (items,) is the measured variance, and what the last digit hides (`rounding`).
     """
     predicted = items.scatter * spread + repeat / table.N
     by_parts = (table.parts >= FEWEST_PARTS) & (seen >= predicted)
@@ -223,31 +229,40 @@ def _bias_test(
     cmm, cmm_dof = _by_dof(np.where(by_parts, 0.0, repeat / table.N), table.df_within)
     squares = items.of_mean + np.where(by_parts, 0.0, spread) * items.of_part
     variance = uncertain_variance(
-        np.concatenate([squares, of_parts, cmm]), np.concatenate([items.dof, parts_dof, cmm_dof])
+        np.concatenate([squares, of_parts, cmm, rounding[None]]),
+        np.concatenate([items.dof, parts_dof, cmm_dof, [inf]]),
     )
-    u = np.sqrt(items.coefficients + np.where(by_parts, seen, predicted))
-    return u, t_tail(bias, variance)
+    u2 = items.coefficients + np.where(by_parts, seen, predicted)
+    nothing = (u2 <= NOTHING * rounding) & (bias**2 < 3 * rounding)
+    return np.sqrt(u2 + rounding), np.where(nothing, np.nan, t_tail(bias, variance))
 
 
 def _scatter_test(
-    table: OneWay, items: PredictedItems
+    table: OneWay, r: FloatArray, items: PredictedItems
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """MS_within + n0 (D + visit), of which MS_between has the expectation; their ratio, its p and
-    that of a ratio of HOPELESS^2.
+    that of a ratio of HOPELESS^2. The last digit, of variance `r` (items,), may make of the
+    expectation, or hide from MS_between, n0 r: neither is more or less scatter.
     """
-    within = np.where(table.df_within > 0, table.ms_within, 0.0)
+    repeated = table.df_within > 0
+    within = np.where(repeated, table.ms_within, 0.0)
     n0 = np.where(table.df_between > 0, table.n0, 0.0)
     cmm, cmm_dof = _by_dof(within, table.df_within)
+    rounding = n0 * hidden(np.where(repeated, within, items.scatter), r)
     variance = uncertain_variance(
-        np.concatenate([n0 * items.of_part, cmm]), np.concatenate([items.dof, cmm_dof])
+        np.concatenate([n0 * items.of_part, cmm, rounding[None]]),
+        np.concatenate([items.dof, cmm_dof, [inf]]),
     )
-    expected = within + n0 * items.scatter
-    high, low = f_tails(table.ms_between, table.df_between, variance)
+    expected = within + n0 * items.scatter + rounding
+    high, _ = f_tails(table.ms_between, table.df_between, variance)
+    least = table.ms_between + rounding * (table.ms_between < 3 * rounding)
+    _, low = f_tails(least, table.df_between, variance)
     hopeless, _ = f_tails(HOPELESS**2 * expected, table.df_between, variance)
     found = ratio(table.ms_between, expected)
     # Scatter where none at all is predicted is infinitely more.
     found = np.where((expected == 0) & (table.ms_between > 0), inf, found)
-    p = np.minimum(2 * np.fmin(high, low), 1.0)
+    nothing = (expected - rounding <= NOTHING * rounding) & (table.ms_between < 3 * rounding)
+    p = np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
     p_hopeless = np.where(expected > 0, 2 * hopeless, 0.0)
     return np.where(table.df_between > 0, expected, np.nan), found, p, p_hopeless
 

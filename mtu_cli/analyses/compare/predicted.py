@@ -17,20 +17,21 @@ from mtu_cli.analyses.compare.evidence import (
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
+from mtu_cli.model.covariates import needed_covariates, point_columns, used_columns
 from mtu_cli.model.effect_columns import with_effect_columns
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, theta
 from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.residual_covariates import needed_covariates, point_columns, used_columns
-from mtu_cli.model.residual_factors import PIECE
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import MeanSquares
 from mtu_cli.model.visits import Datum, operations_of, projector
 from mtu_cli.stats.least_squares import FloatArray
 
 Values = Mapping[str, FloatArray | float]
+PIECE = 8192
+"""Points predicted at once, so that their design matrix stays in the cache."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,7 +12,7 @@ from mtu_cli.analyses.compare.evidence import FEWEST_PARTS, Evidence, PooledTest
 from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 
-Verdict = Literal["consistent", "biased", "under-predicted", "over-predicted", "inconsistent"]
+Verdict = Literal["consistent", "biased", "under-predicted", "over-predicted"]
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 JOINT_SHARE = 0.2
 """Of that rate what the pooled tests of all features of an operation may take."""
@@ -38,20 +38,18 @@ class Pooled:
 class Compared(Evidence):
     """The evidence with its verdicts; `p_bias` and `p_scatter` are adjusted over the study.
 
-    `biased`, `under_predicted`, `over_predicted` are tested each on its own, and `inconsistent`
-    takes the place of `biased` where parts are too few to distinguish a bias from scatter. The
-    verdict names the gravest: under-predicted (no statement of uncertainty holds), biased (a
-    correction would mend it), inconsistent (one of the two), over-predicted (more was feared
-    than came), consistent; None where nothing was tested. `withheld` items are those whose
-    scatter was measured, but against predictions of so few degrees of freedom that no scatter
-    would be found too large. `pooled` has an entry for every operation whose features could be
-    tested as one.
+    `biased`, `under_predicted`, `over_predicted` are tested each on its own; parts too few to
+    measure their scatter, but known to scatter too much, are not biased. The verdict names the
+    gravest: under-predicted (no statement of uncertainty holds), biased (a correction would mend
+    it), over-predicted (more was feared than came), consistent; None where nothing was tested.
+    `withheld` items are those whose scatter was measured, but against predictions of so few degrees
+    of freedom that no scatter would be found too large. `pooled` has an entry for every operation
+    whose features could be tested as one.
     """
 
     biased: Answers
     under_predicted: Answers
     over_predicted: Answers
-    inconsistent: Answers
     withheld: tuple[bool, ...]
     verdicts: tuple[Verdict | None, ...]
     pooled: tuple[Pooled, ...] = ()
@@ -62,7 +60,6 @@ class Compared(Evidence):
             "biased": self.biased,
             "under-predicted": self.under_predicted,
             "over-predicted": self.over_predicted,
-            "inconsistent": self.inconsistent,
         }
         names = [name for name, answers in faults.items() if answers[i]]
         return ", ".join(names) or self.verdicts[i] or "not tested"
@@ -108,42 +105,34 @@ def judged(features: Evidence, lengths: Evidence | None) -> tuple[Compared, Comp
 def _judged(
     kind: Evidence, p_bias: FloatArray, p_scatter: FloatArray, withheld: np.ndarray
 ) -> Compared:
+    off = _answers(p_bias, p_bias <= FAMILY_RATE)
+    more = kind.ratio_ms > 1
+    under, over = (_answers(p_scatter, (p_scatter <= FAMILY_RATE) & way) for way in (more, ~more))
+    # Parts that are known to scatter more explain a mean that is off.
     few = kind.one_way.parts < FEWEST_PARTS
-    rows = list(zip(p_bias, p_scatter, kind.ratio_ms > 1, few, strict=True))
-    biased, under, over, unclear = zip(*(_faults(*row) for row in rows), strict=True)
+    biased = tuple(
+        None if x is None else x and not (few[i] and under[i]) for i, x in enumerate(off)
+    )
     evidence = {item.name: getattr(kind, item.name) for item in fields(kind)}
     return Compared(
         **evidence | {"p_bias": p_bias, "p_scatter": p_scatter},
         biased=biased,
         under_predicted=under,
         over_predicted=over,
-        inconsistent=unclear,
         withheld=tuple(withheld.tolist()),
-        verdicts=tuple(map(_gravest, biased, under, over, unclear)),
+        verdicts=tuple(map(_gravest, biased, under, over)),
     )
 
 
-def _faults(
-    p_bias: float, p_scatter: float, more: bool, few: bool
-) -> tuple[bool | None, bool | None, bool | None, bool | None]:
-    """Whether an item is biased, under-predicted, over-predicted, inconsistent."""
-    off = bool(p_bias <= FAMILY_RATE) if np.isfinite(p_bias) else None
-    under = over = None
-    if np.isfinite(p_scatter):
-        under, over = (bool(p_scatter <= FAMILY_RATE and way) for way in (more, not more))
-    if not few:
-        return off, under, over, None
-    # Parts that are known to scatter more explain a mean that is off.
-    return None, under, over, None if off is None else off and not under
+def _answers(p: FloatArray, met: np.ndarray) -> Answers:
+    """Whether each of the tests is met, None where there is no p."""
+    return tuple(bool(m) if np.isfinite(x) else None for x, m in zip(p, met, strict=True))
 
 
-def _gravest(
-    biased: bool | None, under: bool | None, over: bool | None, inconsistent: bool | None
-) -> Verdict | None:
+def _gravest(biased: bool | None, under: bool | None, over: bool | None) -> Verdict | None:
     faults: dict[Verdict, bool | None] = {
         "under-predicted": under,
         "biased": biased,
-        "inconsistent": inconsistent,
         "over-predicted": over,
     }
     tested = any(fault is not None for fault in faults.values())
@@ -180,12 +169,12 @@ class Summary:
     """The items of one operation, features or lengths (`kind`): how many have which verdict and
     fault, and the ranges of their figures.
 
-    `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted`,
-    `over_predicted` and `inconsistent` count every fault. `bias_tested` and `scatter_tested`
+    `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted` and
+    `over_predicted` count every fault. `bias_tested` and `scatter_tested`
     items could be judged at all, `not_tested` ones in neither. `ranges` are, where any value is
     known, those of RANGES, of `under_factor` and `over_factor`, which are `ratio_scatter` of the
-    items under- and over-predicted, of `bias_size`, |bias| (mm) of the biased or inconsistent,
-    and of `n0`: the paper's scatter, from MS_between, is sqrt(n0) times the parts' own, or
+    items under- and over-predicted, of `bias_size`, |bias| (mm) of the biased, and
+    of `n0`: the paper's scatter, from MS_between, is sqrt(n0) times the parts' own, or
     somewhat more (`ms_share`). `pooled` is the test of their pooled scatter, None where it was
     not made.
     """
@@ -200,7 +189,6 @@ class Summary:
     biased: int
     under_predicted: int
     over_predicted: int
-    inconsistent: int
     ranges: Mapping[str, Range]
     pooled: Pooled | None
 
@@ -231,16 +219,16 @@ def _summary(found: Compared, kind: str, operation: str) -> Summary:
     def true(answers: Answers) -> np.ndarray:
         return np.array([answers[i] is True for i in rows])
 
-    def tested(*kinds: Answers) -> int:
-        return sum(any(answers[i] is not None for answers in kinds) for i in rows)
+    def tested(answers: Answers) -> int:
+        return sum(answers[i] is not None for i in rows)
 
-    biased, unclear = true(found.biased), true(found.inconsistent)
+    biased = true(found.biased)
     under, over = true(found.under_predicted), true(found.over_predicted)
     values = {name: getattr(found, name)[rows] for name in RANGES}
     scatter = values["ratio_scatter"]
     values |= {
         "n0": found.one_way.n0[rows],
-        "bias_size": np.abs(values["bias"][biased | unclear]),
+        "bias_size": np.abs(values["bias"][biased]),
         "under_factor": scatter[under],
         "over_factor": scatter[over],
     }
@@ -251,12 +239,11 @@ def _summary(found: Compared, kind: str, operation: str) -> Summary:
         items=len(rows),
         verdicts={name: verdicts.count(name) for name in VERDICTS},
         not_tested=verdicts.count(None),
-        bias_tested=tested(found.biased, found.inconsistent),
+        bias_tested=tested(found.biased),
         scatter_tested=tested(found.under_predicted),
         biased=int(biased.sum()),
         under_predicted=int(under.sum()),
         over_predicted=int(over.sum()),
-        inconsistent=int(unclear.sum()),
         ranges={
             name: Range(float(each.min()), float(np.median(each)), float(each.max()))
             for name, each in known.items()

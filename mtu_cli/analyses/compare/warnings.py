@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from mtu_cli.analyses.anova.warnings import missing_cells, missing_entries, some
@@ -10,10 +12,10 @@ from mtu_cli.analyses.compare.verdicts import Compared
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.columns import last_digit
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import MeasuredTables, loose_of_tables, not_measured
+from mtu_cli.model.measured import MeasuredTables, not_measured
 from mtu_cli.model.visits import axes_of
+from mtu_cli.stats.anova import BoolArray
 
 FEWEST_TURNED, TURNED = 3, 0.9
 """Biased items, and the share of their bias that the other sign explains, from which on it is
@@ -22,6 +24,18 @@ NO_U = 1e-6
 """mm; a datum leaves no more of some features than rounding."""
 COARSE = 3.0
 """Last digits of so many predicted u round most scatter away (u of one part holds that)."""
+
+
+ALONE = "a bias is judged by the predicted scatter"
+FEW = (
+    f"{FEWEST_PARTS} are needed to measure the scatter: means are judged by the predicted one, and "
+    "one that is off may be scatter"
+)
+UNREPEATED = "MS_between contains the scatter of the CMM, which is not predicted"
+NO_SCATTER = "no scatter is measured and none predicted"
+WITHHELD = "of so few passes or parts ten times the predicted scatter would pass"
+NO_EQUATION = "the points are not compared there, and lengths have no predicted error along it"
+EXACT, ALIKE = "no uncertainty is predicted", "the parts do not scatter"
 
 
 def compare_warnings(
@@ -34,16 +48,15 @@ def compare_warnings(
 ) -> list[Finding]:
     """All warnings on the items; `tables` are those of the features."""
     kinds = [features] if lengths is None else [features, lengths]
+    without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
     return [
         *_sign(kinds),
-        *_axes(model, points),
+        *not_measured(model.axes, points),
+        *(finding("axis-without-equation", axis=x, consequence=NO_EQUATION) for x in without),
         *_not_measured(part, points, lengths),
         *_empty(tables),
-        *_parts(kinds),
-        *_tests(kinds),
-        *_predictions(kinds),
-        *_coarse(points, features),
-        *loose_of_tables(tables, points),
+        *_items(kinds),
+        *_coarse(tables, features),
     ]
 
 
@@ -69,18 +82,6 @@ def _sign(kinds: list[Compared]) -> list[Finding]:
     return [finding("sign-turned", percent=100 * share)]
 
 
-def _axes(model: MachineModel, points: Points) -> list[Finding]:
-    consequence = "the points are not compared there, and lengths have no predicted error along it"
-    return [
-        *not_measured(model.axes, points),
-        *(
-            finding("axis-without-equation", axis=AXES[i], consequence=consequence)
-            for i in axes_of(points)
-            if AXES[i] not in model.axes
-        ),
-    ]
-
-
 def _not_measured(part: LoadedPart, points: Points, lengths: Compared | None) -> list[Finding]:
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
     found = missing_entries("length", part.part.lengths, lengths.labels if lengths else ())
@@ -100,83 +101,46 @@ def _empty(tables: MeasuredTables) -> list[Finding]:
     return missing_cells(tables, empty, "measurements")
 
 
-def _parts(kinds: list[Compared]) -> list[Finding]:
+def _items(kinds: list[Compared]) -> list[Finding]:
+    """What parts, repeats and predictions are too few for, item by item."""
     parts = np.concatenate([kind.one_way.parts for kind in kinds])
     repeats = np.concatenate([kind.one_way.df_within for kind in kinds])
-    one, few = parts == 1, (parts > 1) & (parts < FEWEST_PARTS)
-    unrepeated = (repeats < 1) & (parts > 1)
+    exact = np.concatenate([~(kind.predicted.u > 0) for kind in kinds])
+    alike = np.concatenate([kind.s_part == 0 for kind in kinds]) & (parts > 1)
+    untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
+    withheld = np.array([held for kind in kinds for held in kind.withheld])
+    few = (parts > 1) & (parts < FEWEST_PARTS)
+    least = int(parts[few].min(initial=FEWEST_PARTS))
+    ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
+    cases: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
+        ("few-parts", parts == 1, {"parts": 1, "consequence": ALONE}),
+        ("few-parts", few, {"parts": least, "consequence": FEW}),
+        ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": UNREPEATED}),
+        ("not-tested", untested, {"what": "the difference", "reason": NO_SCATTER}),
+        ("not-tested", withheld, {"what": "the scatter", "reason": WITHHELD}),
+        ("not-estimable", exact, {"quantity": "ratios to the predicted scatter", "reason": EXACT}),
+        ("not-estimable", alike, {"quantity": "the parts' share of MS_between", "reason": ALIKE}),
+    )
     found = []
-    if one.any():
-        consequence = "a bias is judged by the predicted scatter"
-        found.append(
-            finding("few-parts", parts=1, items=some(one, "items"), consequence=consequence)
-        )
-    if few.any():
-        least, items = int(parts[few].min()), some(few, "items")
-        consequence = f"{FEWEST_PARTS} are needed to measure the scatter: means are judged by the "
-        consequence += "predicted one"
-        found.append(finding("few-parts", parts=least, items=items, consequence=consequence))
-    if unrepeated.any():
-        consequence = "MS_between contains the scatter of the CMM, which is not predicted"
-        found.append(
-            finding("no-repeats", items=some(unrepeated, "items"), consequence=consequence)
-        )
+    for code, rows, facts in cases:
+        if code == "not-estimable":
+            facts["names"] = list(dict.fromkeys(ids[rows]))
+        else:
+            facts["items"] = some(rows, "items")
+        if rows.any():
+            found.append(finding(code, **facts))
     return found
 
 
-def _tests(kinds: list[Compared]) -> list[Finding]:
-    untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
-    withheld = np.array([held for kind in kinds for held in kind.withheld])
-    reasons = (
-        ("the difference", untested, "no scatter is measured and none predicted"),
-        (
-            "the scatter",
-            withheld,
-            "with so few passes of the readings, or so few parts, ten times the predicted scatter "
-            "would pass",
-        ),
-    )
-    return [
-        finding("not-tested", what=what, items=some(rows, "items"), reason=reason)
-        for what, rows, reason in reasons
-        if rows.any()
-    ]
-
-
-def _predictions(kinds: list[Compared]) -> list[Finding]:
-    exact = [
-        label[1]
-        for kind in kinds
-        for label, u in zip(kind.labels, kind.predicted.u, strict=True)
-        if not u > 0
-    ]
-    alike = [
-        label[1]
-        for kind in kinds
-        for label, s, n in zip(kind.labels, kind.s_part, kind.one_way.parts, strict=True)
-        if s == 0 and n > 1
-    ]
-    return [
-        finding("not-estimable", quantity=quantity, names=list(dict.fromkeys(names)), reason=reason)
-        for names, quantity, reason in (
-            (exact, "ratios to the predicted scatter", "no uncertainty is predicted"),
-            (alike, "the parts' share of MS_between", "the parts do not scatter"),
-        )
-        if names
-    ]
-
-
-def _coarse(points: Points, features: Compared) -> list[Finding]:
+def _coarse(tables: MeasuredTables, features: Compared) -> list[Finding]:
     """A last digit that hides the scatter: parts look alike, or differ by whole digits."""
     found: list[tuple[str, float, float]] = []
-    for axis in axes_of(points):
-        own = [i for i, label in enumerate(features.labels) if label[2] == AXES[axis]]
-        if (points.measured[:, axis] == points.nominal[:, axis]).all():
-            # Its digits are those of the drawing, which says whole millimetres.
-            continue
-        u = float(np.median(features.predicted.u[own])) if own else 0.0
-        if u > NO_U and (digit := last_digit(points.measured[:, axis])) > COARSE * u:
-            found.append((f"{AXES[axis]}_mm", digit, u))
+    for axis in dict.fromkeys(label[2] for label in features.labels):
+        own = [i for i, label in enumerate(features.labels) if label[2] == axis]
+        u = float(np.median(features.predicted.u[own]))
+        digit = float(np.sqrt(12 * tables.rounding[own].max()))
+        if u > NO_U and digit > COARSE * u:
+            found.append((f"{axis}_mm", digit, u))
     if not found:
         return []
     names, digits, predicted = zip(*found, strict=True)

@@ -16,11 +16,11 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding
+from mtu_cli.model.covariates import needed_covariates, point_columns
 from mtu_cli.model.effect_columns import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measured import no_shared_axis
-from mtu_cli.model.residual_covariates import needed_covariates, point_columns
+from mtu_cli.model.measured import no_shared_axis, roundings
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -77,7 +77,7 @@ def correct(
         dof_corrected=dof_corrected,
         scatter=scatter,
         sizes=tuple(sizes),
-        forms=forms_left(rings, scatter),
+        forms=forms_left(rings, scatter, float(roundings(points).max())),
         independent=settings.independent,
         notes=(*noted, *outside, *warned, *of_sizes),
     )

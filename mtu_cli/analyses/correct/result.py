@@ -68,11 +68,6 @@ class SizeErrors:
         """
         return abs(self.mean[1]) > self.half and self.kind != "length"
 
-    @property
-    def grown(self) -> bool:
-        """Whether the correction has made the errors larger, by more than its uncertainty."""
-        return self.off and self.rms[1] > self.rms[0]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectResult:
@@ -200,22 +195,16 @@ def _left(result: CorrectResult) -> Iterator[Finding]:
     """Figures that are not estimable, and errors and forms that the correction makes or leaves."""
     exact = [item for item in result.sizes if item.error[0] == 0]
     yield from _not_estimable("reduction_percent", exact, "no error before the correction")
-    by_size = result.by_size()
-    grown = [item for item in by_size if item.grown]
-    if grown:
-        worst = max(grown, key=lambda item: item.rms[1] - item.rms[0])
-        before, after = worst.rms[0] / UM, worst.rms[1] / UM
-        what = f"the errors of {listed([x.id for x in grown])} are larger ({worst.id}: rms "
-        what += f"{before:.3g} um before, {after:.3g} um after)"
-        facts = {"rms_before_um": before, "rms_after_um": after, "cause": CAUSE}
-        yield finding("errors-left", what=what, worst=worst.id, **facts)
-    left = [item for item in by_size if item.off and not item.grown]
+    left = [item for item in result.by_size() if item.off]
     if left:
         worst = max(left, key=lambda item: abs(item.mean[1]) - item.half)
         mean, half = worst.mean[1] / UM, worst.half / UM
+        before, after = (rms / UM for rms in worst.rms)
         what = f"the mean errors of {listed([x.id for x in left])} exceed their uncertainty ("
-        what += f"{worst.id}: {mean:.3g} um, 95 % within {half:.3g} um)"
+        what += f"{worst.id}: {mean:.3g} um, 95 % within {half:.3g} um; rms {before:.3g} um before "
+        what += f"and {after:.3g} um after)"
         facts = {"mean_um": mean, "half_width_um": half, "cause": CAUSE}
+        facts |= {"rms_before_um": before, "rms_after_um": after}
         yield finding("errors-left", what=what, worst=worst.id, **facts)
     if forms := unexplained(result.forms):
         most = max(forms, key=lambda form: form.F)

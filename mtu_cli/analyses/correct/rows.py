@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mtu_cli.files.points import Points
+from mtu_cli.model.covariates import rows_of
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel, sensors_of
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.residual_factors import rows_of
 from mtu_cli.stats.least_squares import FloatArray
 
 PIECE = 64

@@ -30,11 +30,13 @@ from scipy.special import fdtrc
 from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.files.points import Points
 from mtu_cli.model.geometry import DIMENSIONS
+from mtu_cli.model.measured import roundings
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.coverage import welch_satterthwaite
-from mtu_cli.stats.joint_test import ENDLESS
+from mtu_cli.stats.family import ENDLESS
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.resolution import hidden
 
 Origin = Literal["repeats", "form"]
 FEWEST = 3
@@ -56,31 +58,35 @@ class Squares:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointScatter:
     """Variance of a measured coordinate, mm^2, half the variance of that estimate, mm^4, and
-    the degrees of freedom of the pooled squares behind it.
+    the degrees of freedom of the pooled squares behind it; `rounding`, mm^2, is what the last
+    digit hides of it, in all repeats alike.
     """
 
     variance: float
     spread: float
     dof: float
     origin: Origin
+    rounding: float = 0.0
 
     @property
     def s(self) -> float:
         """The standard deviation, mm."""
-        return float(np.sqrt(self.variance))
+        return float(np.sqrt(self.variance + self.rounding))
 
     def added(
-        self, u: FloatArray, dof: FloatArray, sensitivity: FloatArray | float = 1.0
+        self, u: FloatArray, dof: FloatArray, sensitivity: float = 1.0, repeats: int = 1
     ) -> tuple[FloatArray, FloatArray]:
-        """u and effective degrees of freedom (n,) with `sensitivity` s^2 added to u^2.
+        """u and effective degrees of freedom (n,) with `sensitivity` (s^2/`repeats` + rounding)
+        added to u^2.
 
         Welch-Satterthwaite (JCGM 100, eq. (G.2b)) and never fewer than the least of both;
         `sensitivity` is the sum of the squared gradients in the coordinates.
         """
+        share = sensitivity / repeats
+        total = u**2 + share * self.variance + sensitivity * self.rounding
         if self.variance == 0:
-            return u, dof
-        total = u**2 + sensitivity * self.variance
-        spread = u**4 / dof + np.square(sensitivity) * self.spread
+            return np.sqrt(total), dof
+        spread = u**4 / dof + share**2 * self.spread
         return np.sqrt(total), np.maximum(total**2 / spread, np.minimum(dof, self.dof))
 
 
@@ -127,9 +133,10 @@ def point_scatter(
 
     `sensors` (n, 3): variance by the noise of each point's own temperature readings, mm^2.
     """
+    r = float(roundings(points).max())
     repeats = repeat_squares(points, corrected, sensors)
     if repeats.dof.sum() >= FEWEST:
-        return _estimate(repeats, "repeats")
+        return _estimate(repeats, "repeats", r)
     squares = [item for item in map(ring_squares, rings) if item is not None]
     if not squares:
         return None
@@ -138,7 +145,7 @@ def point_scatter(
         dof=np.concatenate([item.dof for item in squares]),
         modelled=np.concatenate([item.modelled for item in squares]),
     )
-    return _estimate(pooled, "form")
+    return _estimate(pooled, "form", r)
 
 
 def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -> Squares:
@@ -187,7 +194,8 @@ def ring_squares(ring: Ring) -> Squares | None:
     )
 
 
-def _estimate(squares: Squares, origin: Origin) -> PointScatter:
+def _estimate(squares: Squares, origin: Origin, r: float = 0.0) -> PointScatter:
+    """`r` is the variance of a coordinate by its last digit."""
     least = NOTHING_MM**2
     excess = squares.sums - squares.dof * squares.modelled
     variance = max(float(excess.sum() / squares.dof.sum()), 0.0)
@@ -203,24 +211,29 @@ def _estimate(squares: Squares, origin: Origin) -> PointScatter:
         spread=1.0 / float(weights @ squares.dof),
         dof=float(squares.dof.sum()),
         origin=origin,
+        rounding=float(hidden(variance, r)) if r > least else 0.0,
     )
 
 
-def forms_left(rings: Sequence[Ring], scatter: PointScatter | None) -> tuple[FormLeft, ...]:
+def forms_left(
+    rings: Sequence[Ring], scatter: PointScatter | None, r: float = 0.0
+) -> tuple[FormLeft, ...]:
     """The mean form of every ring against what the model and the scatter of points explain.
 
     The scatter is that of the repeats or else of the visits about their mean, so that the form
-    itself takes no part in it; a ring of one visit without either is not tested.
+    itself takes no part in it; a ring of one visit without either is not tested. `r` is the
+    variance of a coordinate by its last digit.
     """
     visits: dict[tuple[Kind, str, str], list[Ring]] = {}
     for ring in rings:
         visits.setdefault((ring.kind, ring.id, ring.operation), []).append(ring)
-    tested = (_form_left(each, scatter) for each in visits.values())
+    tested = (_form_left(each, scatter, r) for each in visits.values())
     return tuple(form for form in tested if form is not None)
 
 
-def _form_left(visits: Sequence[Ring], scatter: PointScatter | None) -> FormLeft | None:
-    """F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n.
+def _form_left(visits: Sequence[Ring], scatter: PointScatter | None, r: float) -> FormLeft | None:
+    """F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
+    digit hides of s in all of them alike.
 
     What the machine did is taken to be in all visits, so that K is that of one. Both mean squares
     have the degrees of freedom of a sum of unequal variances (Box 1954; Welch-Satterthwaite).
@@ -239,7 +252,7 @@ def _form_left(visits: Sequence[Ring], scatter: PointScatter | None) -> FormLeft
         s2 = float(((e - mean) ** 2).sum()) / dof
     else:
         return None
-    noise = max(s2 / n, NOTHING_MM**2)
+    noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
     V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
     total = float(np.trace(V))
     ours = total**2 / float((V**2).sum())

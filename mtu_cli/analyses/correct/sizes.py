@@ -145,7 +145,7 @@ def with_scatter(size: Size, scatter: PointScatter | None) -> Size:
     if scatter is None:
         return size
     n = max(len(size.repeats), 1) if scatter.origin == "repeats" else 1
-    u, dof = scatter.added(np.array([size.u]), np.array([size.dof]), size.sensitivity / n)
+    u, dof = scatter.added(np.array([size.u]), np.array([size.dof]), size.sensitivity, n)
     repeats = tuple(with_scatter(item, scatter) for item in size.repeats)
     return replace(size, u=float(u[0]), dof=float(dof[0]), repeats=repeats)
 

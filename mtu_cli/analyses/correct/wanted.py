@@ -12,8 +12,8 @@ from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
+from mtu_cli.model.covariates import numbers_of, point_columns
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
-from mtu_cli.model.residual_covariates import numbers_of, point_columns
 from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM

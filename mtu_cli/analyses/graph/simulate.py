@@ -4,51 +4,70 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.graph.trials import SIMULATED, Errors, TrialRuns, Trials, not_converged
-from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.findings import Finding, counted, finding, listed
+from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.places import Output
-from mtu_cli.model.graph.trials import FirstOrder, MeasurementGraph, evaluation, first_order
+from mtu_cli.model.graph.trials import GraphTrials, evaluation, first_order
 from mtu_cli.model.settings import Settings, validation_warnings
+from mtu_cli.stats.coverage import few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.validation import Validation
+from mtu_cli.stats.monte_carlo import MonteCarloResult
+from mtu_cli.stats.streams import stream
+from mtu_cli.stats.validation import CONVERGED_TO, Validation
 from mtu_cli.units import UM
 
+MOST = 2_500_000
+"""Trials where the count adapts, at most."""
+PILOT = 4096
+"""Trials that tell which outputs vary, and which follow their first-order form."""
+LINEAR = 0.5
+"""Share of u that the first-order u must have to say anything of it."""
+STILL = 1e-13
+"""Scatter below this share of the dimensions is rounding: the output does not vary."""
+DRAWN = 2**16
+"""Trials kept for the histogram."""
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
 """Share of the dimensions that rounding may make of a nominal of 0."""
 NOTHING = 1e-6
 """Share of u below which a nominal is not told from 0."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SimulatedCoordinate:
     """One coordinate of a place, in its own unit. `shares` of its first-order variance by source
-    (nan where that is 0). `rounding`: of the nominal. `fixed`: it does not vary. `chance`: it is 0
-    or 1, and its `mean` the chance of 1. `converged`: to the digits of u asked for. `validation`
-    None where it is fixed, a chance, or its first-order form is nil. `samples`: the first trials.
-    `k`: coverage factor.
+    (nan where that is 0). `rounding`: of the nominal. `se_*`: standard errors of the Monte Carlo.
+    `converged`: to the digits of u asked for. `chance`: all trials are 0 or 1, and their mean is
+    the chance of 1. `validation` None where it is fixed, jumps, or its first-order form is nil.
+    `samples`: the first trials; without `trials` it does not vary. `k`: coverage factor.
     """
 
     output: Output
     nominal: float
     rounding: float
-    mean: float
-    u: float
-    interval: tuple[float, float]
-    shortest: tuple[float, float]
-    errors: Errors
-    trials: int
-    converged: bool
     first_order_u: float
     shares: dict[str, float]
-    fixed: bool
-    chance: bool
-    validation: Validation | None
-    samples: FloatArray
     k: float
+    mean: float
+    u: float = 0.0
+    interval: tuple[float, float]
+    shortest: tuple[float, float]
+    se_mean: float = 0.0
+    se_u: float = 0.0
+    trials: int = 0
+    converged: bool = True
+    chance: bool = False
+    validation: Validation | None = None
+    samples: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def fixed(self) -> bool:
+        """Whether it does not vary."""
+        return self.trials == 0
 
     @property
     def U(self) -> float:
@@ -66,28 +85,33 @@ class SimulatedCoordinate:
         return self.interval[0] - self.nominal, self.interval[1] - self.nominal
 
     @property
-    def se_u(self) -> float:
-        """Standard error of u."""
-        return self.errors.u
-
-    @property
     def at_zero(self) -> bool:
         """Whether the nominal is 0 for all that can be told."""
         return abs(self.nominal) <= max(self.rounding, NOTHING * self.u)
 
+    @property
+    def relative_se(self) -> float:
+        """Relative standard error of u; infinite where u is 0."""
+        return self.se_u / self.u if self.u > 0.0 else math.inf
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GraphSimulation:
-    """All coordinates asked for; `trials` is the largest count that one of them took, `digits`
-    those of u that were asked for.
-    """
+    """All coordinates asked for, of as many `trials` as that took; `digits` of u asked for."""
 
     graph: MeasurementGraph
     coordinates: tuple[SimulatedCoordinate, ...]
-    trials: int
     digits: int
-    converged: bool
-    warnings: tuple[Finding, ...]
+
+    @property
+    def trials(self) -> int:
+        """Of those that vary."""
+        return max((item.trials for item in self.coordinates), default=0)
+
+    @property
+    def converged(self) -> bool:
+        """Whether all have."""
+        return all(item.converged for item in self.coordinates)
 
     @property
     def places(self) -> dict[str, dict[str, SimulatedCoordinate]]:
@@ -102,107 +126,132 @@ class GraphSimulation:
         """All sources of variance."""
         return tuple(dict.fromkeys(name for item in self.coordinates for name in item.shares))
 
+    @property
+    def warnings(self) -> list[Finding]:
+        """What does not vary or has no first order; clause 8; what has not converged."""
+        found = []
+        if self.coordinates and all(item.fixed for item in self.coordinates):
+            found.append(finding("unrelated", output="the result", names=["anything uncertain"]))
+        nil = [x for x in self.coordinates if not (x.fixed or x.chance or x.first_order_u)]
+        if nil:
+            reason = "the first-order uncertainty is 0, u is of second order"
+            what = {"quantity": "shares by source", "names": [str(item.output) for item in nil]}
+            found.append(finding("not-estimable", **what, reason=reason))
+        units: dict[tuple[str, float], list[tuple[str, Validation]]] = {}
+        for item in self.coordinates:
+            if item.validation is not None:
+                shown = {"mm": ("um", UM), "rad": ("rad", 1.0)}.get(item.output.unit, ("", 1.0))
+                units.setdefault(shown, []).append((str(item.output), item.validation))
+        for (unit, size), judged in units.items():
+            names, outcomes = zip(*judged, strict=True)
+            found += validation_warnings(names, outcomes, unit, size)
+        short = [item for item in self.coordinates if not item.converged]
+        if short:
+            what_of = (f"{item.output} ({known_to(item.relative_se)})" for item in short)
+            found.append(not_converged(self.trials, self.digits, f"for {listed(what_of)}"))
+        return found
+
+
+def known_to(relative_se: float) -> str:
+    """How far trials have come."""
+    if math.isinf(relative_se):
+        return "all trials are the same"
+    return f"standard error of u {100 * relative_se:.2g} %"
+
+
+def not_converged(trials: int, digits: int, what: str) -> Finding:
+    """The warning of so many trials; `what`: of which places, or how far they have come."""
+    goal = f"{counted(digits, 'significant digit')} of u (JCGM 101, 7.9.4), {what}"
+    return finding("not-converged", trials=trials, goal=goal)
+
 
 def simulate_graph(
     graph: MeasurementGraph, settings: Settings, of: Sequence[str] = ()
 ) -> GraphSimulation:
-    """Propagates the uncertainty of probings and constants through the graph.
+    """Propagates the uncertainty of probings and constants through the graph."""
+    found = simulate_outputs(graph, graph.outputs(of), settings, most=MOST)
+    return GraphSimulation(graph=graph, coordinates=tuple(found), digits=settings.digits)
 
-    With an adaptive count every output ends by itself (see `TrialRuns`).
+
+def simulate_outputs(
+    graph: MeasurementGraph,
+    outputs: Sequence[Output],
+    settings: Settings,
+    *,
+    most: int,
+    ends: bool = True,
+) -> list[SimulatedCoordinate]:
+    """Outputs by Monte Carlo, at most so many trials where the count adapts, and to first order;
+    whether they have their digits is judged by mean and u and, with `ends`, by the interval.
+
+    What goes through a step may vary in so few trials that a pilot sees none of them: it counts as
+    varying, whatever the pilot says, and as not converged while all its trials are the same.
     """
-    outputs = graph.outputs(of)
     whole = evaluation(graph, outputs)
-    linear = first_order(whole)
-    runs = TrialRuns(graph, whole, linear, settings, SIMULATED)
-    coordinates = tuple(
-        _coordinate(item, i, linear, runs, trials)
-        for i, (item, trials) in enumerate(zip(outputs, runs.run(), strict=True))
-    )
-    return GraphSimulation(
-        graph=graph,
-        coordinates=coordinates,
-        trials=max((item.trials for item in coordinates), default=0),
-        digits=settings.digits,
-        converged=all(item.converged for item in coordinates),
-        warnings=tuple(_warnings(coordinates, settings.digits)),
-    )
+    linear, jumps = first_order(whole), whole.jumps
+    pilot = GraphTrials(whole, linear).draw(stream(settings.seed, 1), PILOT).values.std(axis=1)
+    varies = jumps | (pilot > STILL * whole.sizes) | (linear.u > 0.0)
+    straight = (linear.u >= LINEAR * pilot) & (linear.u > 0.0)
+    rows = {int(i): row for row, i in enumerate(np.flatnonzero(varies))}
+    run = None
+    if rows:
+        # Where first order does not hold clause 8 needs no fifth of the tolerance (8.2) to say so.
+        fraction = CONVERGED_TO if straight[varies].all() else 1.0
+        part = evaluation(graph, [outputs[i] for i in rows])
+        model = GraphTrials(part, first_order(part))
+        run = settings.run(model, keep=DRAWN, fraction=fraction, most=most)
+    found = []
+    for i, item in enumerate(outputs):
+        given: dict[str, Any] = {
+            "output": item,
+            "nominal": float(linear.nominal[i]),
+            "rounding": ROUNDING * float(whole.sizes[i]),
+            "first_order_u": float(linear.u[i]),
+            "shares": {source: float(values[i]) for source, values in linear.shares.items()},
+            "k": settings.coverage_factor,
+        }
+        if run is None or i not in rows:
+            both = (given["nominal"], given["nominal"])
+            given |= {"mean": given["nominal"], "interval": both, "shortest": both}
+        else:
+            given |= _trials(run, rows[i], settings, ends=ends, jumps=bool(jumps[i]))
+            if linear.u[i] > 0.0 and not jumps[i]:
+                first = (given["nominal"], given["first_order_u"], np.inf)
+                given["validation"] = settings.validate(*first, run, rows[i])
+        found.append(SimulatedCoordinate(**given))
+    return found
 
 
-def _coordinate(
-    output: Output, index: int, linear: FirstOrder, runs: TrialRuns, trials: Trials
-) -> SimulatedCoordinate:
-    u = float(linear.u[index])
-    return SimulatedCoordinate(
-        output=output,
-        nominal=float(linear.nominal[index]),
-        rounding=ROUNDING * float(linear.sizes[index]),
-        mean=trials.mean,
-        u=trials.u,
-        interval=trials.interval,
-        shortest=trials.shortest,
-        errors=trials.errors,
-        trials=trials.count,
-        converged=trials.converged,
-        first_order_u=u,
-        shares={source: float(values[index]) for source, values in linear.shares.items()},
-        fixed=trials.run is None,
-        chance=trials.chance,
-        validation=None if u <= 0 or trials.chance else runs.verdict(index),
-        samples=np.full(1, trials.mean) if trials.run is None else trials.run.samples[trials.at],
-        k=runs.settings.coverage_factor,
-    )
+def _trials(
+    run: MonteCarloResult, row: int, settings: Settings, *, ends: bool, jumps: bool
+) -> dict[str, Any]:
+    """What the trials say of one output."""
+    samples, u = run.samples[row], float(run.u[row])
+    ratio = ratios(run, settings.digits, ends=ends)[row]
+    return {
+        "mean": float(run.mean[row]),
+        "u": u,
+        "se_mean": float(run.se_mean[row]),
+        "se_u": float(run.se_u[row]),
+        "interval": (float(run.low[row]), float(run.high[row])),
+        "shortest": (float(run.shortest_low[row]), float(run.shortest_high[row])),
+        "trials": run.trials,
+        "converged": bool(ratio <= 1.0 and not (jumps and u == 0.0)),
+        "chance": bool(jumps and np.isin(samples, (0.0, 1.0)).all()),
+        "samples": samples,
+    }
 
 
-def _warnings(coordinates: Sequence[SimulatedCoordinate], digits: int) -> list[Finding]:
-    nil = [
-        str(item.output)
-        for item in coordinates
-        if not (item.fixed or item.chance) and item.first_order_u == 0
-    ]
-    warnings = []
-    if coordinates and all(item.fixed for item in coordinates):
-        warnings.append(finding("unrelated", output="the result", names=["anything uncertain"]))
-    if nil:
-        reason = "the first-order uncertainty is 0, u is of second order"
-        warnings.append(
-            finding("not-estimable", quantity="shares by source", names=nil, reason=reason)
-        )
-    return [*warnings, *_judged(coordinates), *_not_converged(coordinates, digits)]
+def ratios(run: MonteCarloResult, digits: int, *, ends: bool) -> FloatArray:
+    """Twice the largest standard error of each output (n,) over its numerical tolerance.
 
-
-def _judged(coordinates: Sequence[SimulatedCoordinate]) -> list[Finding]:
-    """What clause 8 rejects or cannot judge: of lengths, of angles, and of all else."""
-    units = {"mm": ("um", UM), "rad": ("rad", 1.0)}
-    by_unit: dict[tuple[str, float], list[tuple[str, Validation]]] = {}
-    for item in coordinates:
-        if item.validation is not None:
-            shown = units.get(item.output.unit, ("", 1.0))
-            by_unit.setdefault(shown, []).append((str(item.output), item.validation))
-    return [
-        each
-        for (unit, size), judged in by_unit.items()
-        for each in validation_warnings([x for x, _ in judged], [x for _, x in judged], unit, size)
-    ]
-
-
-def _not_converged(coordinates: Sequence[SimulatedCoordinate], digits: int) -> list[Finding]:
-    """Outputs that ended, as asked or at their largest count, before they had their digits."""
-    short = [item for item in coordinates if not item.converged]
-    return [
-        not_converged(
-            count,
-            digits,
-            f"for {listed(_known_to(item) for item in short if item.trials == count)}",
-        )
-        for count in dict.fromkeys(item.trials for item in short)
-    ]
-
-
-def _known_to(item: SimulatedCoordinate) -> str:
-    """What there is instead: ``d2 (standard error of u 1.5 %)``."""
-    if item.chance:
-        return f"{item.output} (chance {item.mean:.2g}, standard error {item.errors.mean:.2g})"
-    if not math.isfinite(item.errors.u):
-        return f"{item.output} (no trial made it jump, and none rules out that it may)"
-    percent = 100 * item.errors.u / item.u if item.u > 0 else math.nan
-    return f"{item.output} (standard error of u {percent:.2g} %)"
+    Of mean and u and, with `ends`, of both ends of the interval: 1 or below is what 7.9.4 wants
+    for `digits` significant digits of u. Twice is for many blocks, Student's t for fewer
+    (`few_blocks_factor`). An output without any error has 0.
+    """
+    errors = [run.se_mean, run.se_u] + [run.se_low, run.se_high] * ends
+    twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
+    tolerance = np.array([numerical_tolerance(float(u), digits) for u in run.u])
+    found = np.full(len(twice), np.inf)
+    np.divide(twice, tolerance, out=found, where=tolerance > 0.0)
+    return np.where(twice > 0.0, found, 0.0)

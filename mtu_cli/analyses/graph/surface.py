@@ -8,13 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mtu_cli.analyses.graph.simulate import LINEAR
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.units import UM
 
 EXACT = 1e-4
 """Relative error of a formula for the first-order u below which it needs no further term."""
-LINEAR = 0.5
-"""Share of u that the first-order u must have to tell which terms a formula needs."""
 LETTERS = "abcdef"
 
 
@@ -25,9 +24,8 @@ class Formula:
     `form` in um where the output is a length, with the `terms` of u^2. `u` (g,) in the unit of
     the output, `error_percent` (g,) = 100 (formula/Monte Carlo - 1). `monte_carlo_percent`:
     relative standard error of a Monte Carlo u (root mean square); `expected_max_percent`: the
-    largest of g errors that these alone would make (with the formula true); `own_max_percent`: the
-    largest error of the same formula for the first-order u, which has no random part, nan where
-    that is nil. `p`: of the observed sum of squared errors if the formula is true.
+    largest of g errors that these alone would make (with the formula true). `p`: of the observed
+    sum of squared errors if the formula is true.
     """
 
     form: str
@@ -39,7 +37,6 @@ class Formula:
     max_error_percent: float
     monte_carlo_percent: float
     expected_max_percent: float
-    own_max_percent: float
     p: float
 
     def u_at(self, at: Mapping[str, FloatArray], n: int) -> FloatArray:
@@ -68,14 +65,11 @@ def fit_formula(
     if not np.all(u > 0):
         return "u is 0 somewhere"
     n = len(u)
-    terms, own = _chosen(varied, linear_u * scale, bool(np.all(linear_u >= LINEAR * u)))
+    terms = _chosen(varied, linear_u * scale, bool(np.all(linear_u >= LINEAR * u)))
     if n < len(terms):
         return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
-    X = _columns(terms, varied, n)
-    found = _fit(X, u * scale)
-    error = _errors(X, found, u * scale)
-    relative = se_u / u
-    own_max = math.nan if own is None else 100 * float(np.max(np.abs(own)))
+    X, relative = _columns(terms, varied, n), se_u / u
+    found, error = _fit(X, u * scale)
     return Formula(
         form=_form(terms, unit),
         terms=terms,
@@ -86,29 +80,22 @@ def fit_formula(
         max_error_percent=100 * float(np.max(np.abs(error))),
         monte_carlo_percent=100 * float(np.sqrt(np.mean(relative**2))),
         expected_max_percent=100 * _expected_largest(X, u * scale, relative),
-        own_max_percent=own_max,
         p=_p(error, relative, X.shape[1]),
     )
 
 
-def _chosen(
-    varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool
-) -> tuple[tuple[str, ...], FloatArray | None]:
-    """The terms of u^2, and their errors for the first-order u; all terms where that is not
-    `known`.
-    """
+def _chosen(varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool) -> tuple[str, ...]:
+    """The fewest terms of u^2 that the first-order u needs; all where that is not `known`."""
     candidates = _candidates(varied)
     if not known:
-        return candidates[-1], None
+        return candidates[-1]
     for terms in candidates:
         # As many terms as points always fit, and would prove nothing of fewer.
         if len(terms) > len(linear_u):
             break
-        X = _columns(terms, varied, len(linear_u))
-        own = _errors(X, _fit(X, linear_u), linear_u)
-        if np.max(np.abs(own)) < EXACT:
+        if np.abs(_fit(_columns(terms, varied, len(linear_u)), linear_u)[1]).max() < EXACT:
             break
-    return terms, own
+    return terms
 
 
 def _candidates(varied: Mapping[str, FloatArray]) -> list[tuple[str, ...]]:
@@ -139,14 +126,11 @@ def _columns(terms: Sequence[str], at: Mapping[str, FloatArray], n: int) -> Floa
     return found
 
 
-def _fit(X: FloatArray, u: FloatArray) -> FloatArray:
+def _fit(X: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (p,) of the terms, and the relative errors (n,) of their root."""
     weight = 1.0 / u**2
-    return least_squares(X * weight[:, None], np.ones(len(u))).coefficients
-
-
-def _errors(X: FloatArray, coefficients: FloatArray, u: FloatArray) -> FloatArray:
-    found: FloatArray = np.sqrt(np.maximum(X @ coefficients, 0.0)) / u - 1.0
-    return found
+    found = least_squares(X * weight[:, None], np.ones(len(u))).coefficients
+    return found, np.sqrt(np.maximum(X @ found, 0.0)) / u - 1.0
 
 
 def _form(terms: Sequence[str], unit: str) -> str:

@@ -15,6 +15,7 @@ from mtu_cli.analyses.thermal_fit.choice import (
     lags_sought,
     position_test,
 )
+from mtu_cli.analyses.thermal_fit.gradients import gradients
 from mtu_cli.analyses.thermal_fit.models import (
     Fitted,
     Library,
@@ -28,7 +29,6 @@ from mtu_cli.analyses.thermal_fit.models import (
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
-    Gradients,
     Intercept,
     Residuals,
     ThermalFit,
@@ -40,13 +40,13 @@ from mtu_cli.analyses.thermal_fit.uncertainty import (
     Conventions,
     Rest,
     estimate,
+    group_noise,
     residuals,
     sensor_noise_share,
 )
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.findings import Finding, InputError, counted, error
-from mtu_cli.model.estimates import ThermalEstimate
-from mtu_cli.stats.autocorrelation import effective_number
+from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
 from mtu_cli.units import LENGTH, UNITS
 
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
-ROUNDING = 1e-9
+ZEROED = ("auto", "cycle", "never")
 _ROUNDING_OF_COUNT = 1e-6
 MOST_POINTS = 400
 """Points of one curve of a picture."""
@@ -66,13 +66,14 @@ def thermal_fit(
     *,
     reference: float,
     method: str = "auto",
+    zeroed: str = "auto",
 ) -> ThermalFit:
     """Thermal models of all components that drift readings were given for.
 
     `components` are (axis, unit) of the machine's, None without a machine: then positions are
     taken as they stand, and readings of lengths are told in um, of angles in arcsec. `reference`
-    in degC; `method` one of METHODS. Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles
-    are held out.
+    in degC; `method` one of METHODS; `zeroed` one of ZEROED (auto: see `models.library`).
+    Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles are held out.
 
     Raises InputError without sensors, where a temperature is not given, or where the readings
     of a component are not of one kind or not more than what is fitted to them.
@@ -84,13 +85,13 @@ def thermal_fit(
     for name, own in series.items():
         told = "um" if own.dimension == LENGTH else "arcsec"
         of, unit = (None, told) if components is None else components[name]
-        lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"))
+        lib = library(own, sensors, reference, lagged=method in ("auto", "lagged"), zeroed=zeroed)
         conventions = Conventions(of=of, unit=UNITS[unit], sensors=sensors, reference=reference)
         drift, rest = _component(own, lib, conventions, method)
         found[name] = drift
         shares.append(sensor_noise_share(lib, rest, drift.estimate))
         warnings += component_warnings(own, lib, drift, method)
-        warnings += sensor_warnings(own, sensors, rest, drift)
+        warnings += sensor_warnings(own, sensors)
     return ThermalFit(
         components={name: _with_noise(item, min(shares)) for name, item in found.items()},
         sensors=sensors,
@@ -101,18 +102,18 @@ def thermal_fit(
     )
 
 
-def _check_least(series: Series) -> None:
+def _check_least(series: Series, lib: Library) -> None:
     """Raises InputError for fewer readings than any thermal model needs.
 
-    The smallest has a level at each of p positions, which is no drift, and the gradient of one
-    sensor: p + 1 quantities, so that one of p + 2 readings is left to tell s^2, of n - p - 1
-    degrees of freedom.
+    The smallest has its levels, which are no drift, and the gradient of one sensor, and one more
+    reading is left to tell s^2.
     """
-    places = len(series.positions)
-    if series.n < places + 2:
-        levels = "a level" if places == 1 else f"a level at each of {places} positions"
-        what = f"{levels} and the gradient of one sensor"
-        raise _too_few(series, what, f"at least {places + 2}")
+    levels = lib.levels(lib.rows(range(len(lib.cycles))))
+    if series.n < levels + 2:
+        where = "position and cycle" if lib.zeroed.offsets else "position"
+        what = "a level" if levels == 1 else f"a level at each {where} ({levels})"
+        what += " and the gradient of one sensor"
+        raise _too_few(series, what, f"at least {levels + 2}")
 
 
 def _check_fitted(series: Series, found: Fitted) -> None:
@@ -149,7 +150,7 @@ def _with_noise(drift: ComponentDrift, share: float) -> ComponentDrift:
 def _component(
     series: Series, lib: Library, conventions: Conventions, method: str
 ) -> tuple[ComponentDrift, Rest]:
-    _check_least(series)
+    _check_least(series, lib)
     rows = lib.rows(range(len(lib.cycles)))
     spec, test = _spec(lib, rows, method)
     found = fit(lib, rows, spec)
@@ -178,8 +179,9 @@ def _component(
         vif=vif,
         residuals=_normality(series, rest, found.autocorrelation(rows)),
         shares=_shares(rows, found),
-        at_positions=_gradients(lib, model),
-        intercepts=tuple(Intercept(lib.positions[p], a) for p, a in found.intercepts.items()),
+        at_positions=gradients(found, rest, group_noise(lib, rest, model)),
+        intercepts=_intercepts(found, rest),
+        zeroed=lib.zeroed,
         curves=_curves(lib, rest),
         without_lag=method == "lagged" and lags_sought(lib) and not any(spec.lags),
     )
@@ -231,17 +233,15 @@ def _shares(rows: Rows, found: Fitted) -> dict[str, float]:
     return {groups[j][0]: float(np.sqrt(squares[j])) for j in order if squares[j] > 0}
 
 
-def _gradients(lib: Library, model: ThermalEstimate) -> tuple[Gradients, ...]:
-    places = lib.places
-    values = np.polynomial.polynomial.polyval(places, model.coefficients).reshape(
-        len(model.sensors), len(places)
-    )
-    # A sensor that is not used at a position comes out as a residue of rounding.
-    values[np.abs(values) < ROUNDING * np.abs(values).max(initial=0.0)] = 0.0
-    return tuple(
-        Gradients(position, dict(zip(model.sensors, values[:, i].tolist(), strict=True)))
-        for i, position in enumerate(lib.positions)
-    )
+def _intercepts(found: Fitted, rest: Rest) -> tuple[Intercept, ...]:
+    """What the readings show at the reference temperature; of zeroed ones, in each cycle."""
+    lib = found.lib
+    if lib.zeroed.offsets:
+        return tuple(
+            Intercept(lib.positions[p], level, lib.cycles[c])
+            for (p, c), level in rest.levels.items()
+        )
+    return tuple(Intercept(lib.positions[p], a) for p, a in found.intercepts.items())
 
 
 def _curves(lib: Library, rest: Rest) -> tuple[Curve, ...]:

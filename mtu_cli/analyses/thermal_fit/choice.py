@@ -24,7 +24,7 @@ from mtu_cli.analyses.thermal_fit.models import (
     path_losses,
     ridge_path,
 )
-from mtu_cli.stats.autocorrelation import effective_number
+from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.least_squares import FloatArray
 
 KINDS = ("stepwise", "ridge", "lagged")
@@ -171,8 +171,18 @@ def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, tuple[Sco
         tried = _by_degree(lib, folds, "ridge")
     if len(blocks) < 2:
         return tried[0], tuple(tried)
-    best = min(tried, key=lambda item: item.score)
+    best = _likeliest(tried)
     return _simplest([item for item in tried if item.kind == best.kind], folds), tuple(tried)
+
+
+def _likeliest(tried: Sequence[Scored]) -> Scored:
+    """The best of all kinds; the best with lags only where these are worth it."""
+    best = min(tried, key=lambda item: item.score)
+    without = [item for item in tried if item.kind != "lagged"]
+    if not without:
+        return best
+    simple = min(without, key=lambda item: item.score)
+    return best if best.score < (1 - LAG_WORTH) * simple.score else simple
 
 
 def lags_sought(lib: Library) -> bool:

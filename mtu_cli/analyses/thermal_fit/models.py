@@ -12,10 +12,10 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import fdtrc
 
 from mtu_cli.analyses.thermal_fit.series import Series
-from mtu_cli.stats.autocorrelation import mean_products
-from mtu_cli.stats.compressed import Compressed, compress, together
+from mtu_cli.stats.compressed import Compressed, compress, effective_number, mean_products, together
 from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares, polynomial
 from mtu_cli.stats.ridge import RidgePath, ridge
@@ -28,6 +28,8 @@ MOST_BLOCKS = 12
 """Cycles up to which each is held out alone; more are held out in this many blocks, because each
 block's model is chosen by holding out the others in turn: the square of their number of fits.
 """
+OFFSET_P, OFFSET_SHARE = 0.001, 0.7
+"""Level of the test of cycles' offsets, and their least share of what is left without them."""
 PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
 """Ridge penalties that are tried; 0 is ordinary least squares."""
 
@@ -49,6 +51,18 @@ class Rows(Mapping[int, Compressed]):
         return len(self.by_position)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Zeroed:
+    """Whether every cycle has an offset of its own at each position, and by what: "setting",
+    "first readings" (all are 0) or "test" of the offsets, F with its p.
+    """
+
+    offsets: bool
+    by: str
+    F: float | None = None
+    p: float | None = None
+
+
 Selection = tuple[list[int], LeastSquares]
 """Groups of sensors that were selected, and their fit."""
 
@@ -60,15 +74,19 @@ class Library:
     `groups` are tuples of sensors, `average` (s, g) their means; column 1 + c*g + j is group j
     with the time constant `time_constants[c]`, of which the first is 0. `selections`
     by (position index, cycles, columns) are those already made: held-out cycles in turn and the
-    degrees in position ask for the same ones again and again.
+    degrees in position ask for the same ones again and again. Where the probe was `zeroed` in
+    every cycle, all columns are counted from their means in each piece, which frees them of its
+    offset (Frisch-Waugh), in fits and in held-out cycles alike.
     """
 
     positions: tuple[float | None, ...]
     cycles: tuple[str, ...]
+    sensors: tuple[str, ...]
     groups: tuple[tuple[str, ...], ...]
     average: FloatArray
     time_constants: FloatArray
     pieces: dict[tuple[int, int], Compressed]
+    zeroed: Zeroed
     selections: dict[tuple[int, frozenset[int], tuple[int, ...]], Selection] = field(
         default_factory=dict
     )
@@ -120,6 +138,12 @@ class Library:
             by_position={position: together(found[position]) for position in sorted(found)},
         )
 
+    def levels(self, rows: Rows) -> int:
+        """Levels that are fitted to rows: one a position, or a position and cycle."""
+        if not self.zeroed.offsets:
+            return len(rows)
+        return sum(cycle in rows.cycles for _, cycle in self.pieces)
+
     def columns(self, lags: Sequence[int]) -> list[int]:
         """Constant, one column a group with the time constant of index lags[j], reading."""
         g = len(self.groups)
@@ -127,8 +151,11 @@ class Library:
         return [0, *own, len(self.time_constants) * g + 1]
 
 
-def library(series: Series, sensors: Sequence[str], reference: float, *, lagged: bool) -> Library:
+def library(
+    series: Series, sensors: Sequence[str], reference: float, *, lagged: bool, zeroed: str = "auto"
+) -> Library:
     """The columns of one component, lagged ones too where `lagged` is asked for and time is known.
+    `zeroed`: cycle (an offset each), never, or auto.
 
     Sensors that never move hold no information: they are left out, and so are all of them
     where the readings differ by rounding only.
@@ -146,14 +173,101 @@ def library(series: Series, sensors: Sequence[str], reference: float, *, lagged:
         if len(constants) > 1 or (series.complete and series.shuffled)
         else _plain_pieces(series, average)
     )
+    judged = _zeroed(series, pieces, len(groups), zeroed)
+    if judged.offsets:
+        pieces = {key: about_mean(piece) for key, piece in pieces.items()}
     return Library(
         positions=series.positions,
         cycles=tuple(series.cycles),
+        sensors=tuple(sensors),
+        zeroed=judged,
         groups=tuple(tuple(sensors[s] for s, _ in group) for group in groups),
         average=average,
         time_constants=constants,
         pieces=pieces,
     )
+
+
+def about_mean(piece: Compressed) -> Compressed:
+    """All columns but the first, the constant, less their means over the rows."""
+    one = piece.factor[:, 0]
+    transform = np.eye(piece.factor.shape[1])
+    transform[0, 1:] = -(one @ piece.factor[:, 1:]) / float(one @ one)
+    return piece.columns(transform)
+
+
+def _zeroed(
+    series: Series, pieces: Mapping[tuple[int, int], Compressed], groups: int, asked: str
+) -> Zeroed:
+    """Whether the probe was zeroed in every cycle.
+
+    It was where the first reading of each cycle is 0 at all positions. Else offsets of cycles are
+    tested against one level a position, with all sensors free: F of the sums of squares, with
+    the effective number of readings, at OFFSET_P. As drift with memory and the noise of sensors
+    make small offsets, too, these must also explain OFFSET_SHARE of what is left without them.
+    """
+    if asked != "auto":
+        return Zeroed(offsets=asked == "cycle" and len(series.cycles) > 1, by="setting")
+    if len(pieces) == len({p for p, _ in pieces}) or not groups or series.still:
+        return Zeroed(offsets=False, by="test")
+    if _first_are_zero(series):
+        return Zeroed(offsets=True, by="first readings")
+    tests = [_offset_test(pieces, columns) for columns in _with_lag(pieces, groups)]
+    known = [each for each in tests if each is not None]
+    # Lags that are left out shift the levels of cycles: the lag that leaves least without offsets.
+    F, p, share = min(known, key=lambda each: each[2]) if known else (None, None, 0.0)
+    offsets = p is not None and p < OFFSET_P and share > OFFSET_SHARE
+    return Zeroed(offsets=offsets, by="test", F=F, p=p)
+
+
+def _with_lag(pieces: Mapping[tuple[int, int], Compressed], groups: int) -> Iterator[list[int]]:
+    """Columns of all groups without lag, and with each time constant beside them."""
+    count = next(iter(pieces.values())).factor.shape[1] - 2
+    plain = list(range(1, groups + 1))
+    yield plain
+    for first in range(groups + 1, count + 1, groups):
+        yield [*plain, *range(first, first + groups)]
+
+
+def _offset_test(
+    pieces: Mapping[tuple[int, int], Compressed], columns: list[int]
+) -> tuple[float, float, float] | None:
+    """F of an offset for each piece instead of one level a position, its p, and the share of the
+    sum of squares that the offsets explain; None where the readings are too few.
+    """
+    without = within = 0.0
+    rank_without = rank_within = n = 0
+    judged = []
+    for place in {p for p, _ in pieces}:
+        own = [piece for (p, _), piece in pieces.items() if p == place]
+        rows, centred_own = together(own), [about_mean(piece) for piece in own]
+        free = least_squares(rows.factor[:, [0, *columns]], rows.factor[:, -1])
+        inner = together(centred_own)
+        fitted = least_squares(inner.factor[:, columns], inner.factor[:, -1])
+        weights = np.zeros(inner.factor.shape[1])
+        weights[columns], weights[-1] = -fitted.coefficients, 1.0
+        judged += [(piece, weights) for piece in centred_own]
+        without, within, n = without + free.rss, within + fitted.rss, n + rows.n
+        rank_without, rank_within = rank_without + free.rank, rank_within + fitted.rank
+    square, product = mean_products(judged)
+    number = effective_number(n, product / square if square > 0 else 0.0)
+    more = len(pieces) + rank_within - rank_without
+    dof = number - len(pieces) - rank_within
+    if more < 1 or dof <= 0 or within <= 0:
+        return None
+    F = max(without - within, 0.0) / more / (within / dof)
+    return F, float(fdtrc(more, dof, F)), 1 - within / without
+
+
+def _first_are_zero(series: Series) -> bool:
+    kept = series.kept()
+    first = [
+        kept.error[rows[0]]
+        for position in series.positions
+        for c in range(len(series.cycles))
+        if len(rows := kept.at(position, c))
+    ]
+    return len(first) == len(series.pieces) and not np.any(first)
 
 
 def _groups(series: Series, moving: Sequence[int]) -> list[list[tuple[int, float]]]:
@@ -215,6 +329,17 @@ def lagged_columns(group: FloatArray, time: FloatArray, constants: FloatArray) -
     """
     lagged = lag_of_moments(group, time, constants)
     found: FloatArray = np.moveaxis(lagged, 0, 1).reshape(len(group), -1)
+    return found
+
+
+def group_columns(lib: Library, lags: Sequence[int], T: FloatArray, time: FloatArray) -> FloatArray:
+    """Groups (n, g) of temperatures T (n, s), each with its time constant."""
+    groups = T @ lib.average
+    own, which = np.unique(lags, return_inverse=True)
+    if not own.any():
+        return groups
+    every = lagged_columns(groups, time, lib.time_constants[own])
+    found: FloatArray = every.reshape(len(T), len(own), -1)[:, which, np.arange(groups.shape[1])]
     return found
 
 
@@ -334,7 +459,7 @@ def constant(lib: Library, rows: Rows, spec: Spec) -> Fitted:
         coefficients=np.zeros((m, g)),
         unit_covariance=np.zeros((m * g, m * g)),
         intercepts=means,
-        parameters=float(len(means)),
+        parameters=float(lib.levels(rows)),
     )
 
 
@@ -349,7 +474,7 @@ def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
         coefficients=path.coefficients[0].reshape(spec.degree + 1, -1),
         unit_covariance=path.unit_covariance(0),
         intercepts=dict(zip(rows, path.intercepts[0].tolist(), strict=True)),
-        parameters=float(path.effective[0]) + len(rows),
+        parameters=float(path.effective[0]) + lib.levels(rows),
     )
 
 
@@ -401,7 +526,7 @@ def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
     W = through_places(V)
     gradients = np.zeros((len(places), g))
     unit = np.zeros((m, g, m, g))
-    parameters = float(len(places))
+    parameters = float(lib.levels(rows))
     for i, position in enumerate(places):
         selected, found = _selected(lib, rows, position, chosen)
         gradients[i, selected] = found.coefficients[1:]
@@ -434,14 +559,16 @@ def _selected(lib: Library, rows: Rows, position: int, chosen: list[int]) -> Sel
     """Groups of sensors that stepwise selection takes at one position, and their fit."""
     key = (position, rows.cycles, tuple(chosen))
     if key not in lib.selections:
-        lib.selections[key] = _selection(rows[position], chosen)
+        more = sum(p == position and c in rows.cycles for p, c in lib.pieces) - 1
+        lib.selections[key] = _selection(rows[position], chosen, more if lib.zeroed.offsets else 0)
     return lib.selections[key]
 
 
-def _selection(rows: Compressed, chosen: list[int]) -> Selection:
+def _selection(rows: Compressed, chosen: list[int], offsets: int) -> Selection:
+    """As many `offsets` were taken out of the rows beside their mean."""
     own = Compressed(
         factor=rows.factor[:, chosen],
-        n=rows.n,
+        n=max(rows.n - offsets, 1),
         lag=rows.lag[np.ix_(chosen, chosen)],
         pairs=rows.pairs,
     )

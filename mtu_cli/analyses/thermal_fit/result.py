@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, Candidate, HeldOut, PositionTest
-from mtu_cli.analyses.thermal_fit.models import Library
+from mtu_cli.analyses.thermal_fit.gradients import Gradients
+from mtu_cli.analyses.thermal_fit.models import Library, Zeroed
 from mtu_cli.analyses.thermal_fit.series import Series
-from mtu_cli.analyses.thermal_fit.uncertainty import Rest
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
@@ -19,34 +19,21 @@ from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
 from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 
 OVER_FIT = 2.0
-FEWEST_ROWS = 10
-COLLINEAR = 30.0
-"""Condition number from which on single coefficients are not to be trusted (Belsley, Kuh &
-Welsch 1980, ch. 3)."""
 LEAST_GAIN, GAIN_P = 0.05, 0.05
 """Fall of the held-out rms from which on a model is of use whatever its cycles' scatter, and the
 level at which a smaller one is told from none."""
 FAR = 1.0
 """degC beyond the reference from which on it counts as not read."""
-AT_ONE_SHARE, LEVELS_APART = 0.1, 0.5
-"""Cycles that begin within this share of what the sensors move begin at one temperature; readings
-there are apart from this share of what they move in a cycle on.
-"""
+NOT_ZEROED = Zeroed(offsets=False, by="setting")
 NOTHING = "no-effect-of-temperature"
 
 
-class Gradients(NamedTuple):
-    """The model at an observed position, by sensor, mm or rad per degC."""
-
-    position: float | None
-    gradients: dict[str, float]
-
-
 class Intercept(NamedTuple):
-    """What the readings show at the reference temperature."""
+    """What the readings show at the reference temperature, in one cycle or in all (None)."""
 
     position: float | None
     value: float
+    cycle: str | None = None
 
 
 class Share(NamedTuple):
@@ -112,6 +99,7 @@ class ComponentDrift:
     at_positions: tuple[Gradients, ...]
     intercepts: tuple[Intercept, ...]
     curves: tuple[Curve, ...]
+    zeroed: Zeroed = NOT_ZEROED
     without_lag: bool = False
 
     @property
@@ -155,16 +143,19 @@ class ComponentDrift:
         model = self.estimate
         if not model.sensors:
             yield SensorGradient(drift=self)
-        for position, gradients in self.at_positions:
+        for own in self.at_positions:
             for i, sensor in enumerate(model.sensors):
-                span = model.temperature_range
+                span, known = model.temperature_range, own.known.get(sensor)
                 yield SensorGradient(
                     drift=self,
-                    position=position,
+                    position=own.position,
                     sensor=sensor,
                     stands_for=self.twins(sensor),
-                    value=gradients.get(sensor),
-                    u=model.gradient_u(i, position or 0.0),
+                    value=own.gradients.get(sensor),
+                    u=known.u if known else model.gradient_u(i, own.position or 0.0),
+                    interval=known.interval if known else None,
+                    by=known.by if known else None,
+                    separable=own.separable(sensor),
                     share=self.shares.get(sensor),
                     lag=float(model.time_constants[i]),
                     vif=self.vif.get(sensor),
@@ -181,7 +172,8 @@ class ComponentDrift:
 class SensorGradient:
     """What a sensor does at an observed position of a component; all None without a `sensor`.
 
-    Sensors it `stands_for` are indistinguishable from it; `value` per degC with its `u`; `share`
+    Sensors it `stands_for` are indistinguishable from it; `value` per degC with its `u` and
+    95 % `interval`, `by` the scatter of cycles or the model of errors; `share`
     the rms of its part of the modelled drift; `lag` in min (0: none); `vif` None: infinite.
     """
 
@@ -191,6 +183,9 @@ class SensorGradient:
     stands_for: tuple[str, ...] | None = None
     value: float | None = None
     u: float | None = None
+    interval: tuple[float, float] | None = None
+    by: str | None = None
+    separable: bool | None = None
     share: float | None = None
     lag: float | None = None
     vif: float | None = None
@@ -217,15 +212,9 @@ def component_warnings(
     """Warnings of one component's model."""
     name = drift.name
     yield from _of_held_out(lib, drift)
-    if drift.condition > COLLINEAR:
-        consequence = f"single coefficients mean nothing (condition {drift.condition:.0f})"
-        yield finding(
-            "not-separable",
-            component=name,
-            what=f"{name}: the sensors are",
-            others=["each other"],
-            consequence=consequence,
-        )
+    yield from _of_inseparable(drift)
+    if drift.zeroed.offsets and drift.zeroed.by != "setting":
+        yield finding("order-of-cycles", component=name, reason=_offsets(drift))
     if (reason := _without_lags(series, lib, drift, method)) is not None:
         yield finding(NOTHING, component=name, what="lags", reason=reason)
     if len(drift.positions) == 1 and (axis := drift.estimate.of) is not None:
@@ -244,6 +233,31 @@ def component_warnings(
         reason = few if number < FEWEST_FOR_NORMALITY else "they are 0"
         what = "the normality of the residuals"
         yield finding("not-tested", what=what, items=name, component=name, reason=reason)
+
+
+def _offsets(drift: ComponentDrift) -> str:
+    """Why every cycle has an offset."""
+    judged = drift.zeroed
+    why = "the first reading of each is 0" if judged.p is None else f"p = {judged.p:.1g}"
+    return f"the probe was zeroed in every cycle ({why}): each has an offset of its own"
+
+
+def _of_inseparable(drift: ComponentDrift) -> Iterator[Finding]:
+    """Sensors whose gradients are reliable together only, of the position with the most."""
+    groups = max((own.inseparable for own in drift.at_positions), key=len, default=())
+    for group in groups:
+        first, *others = group.sensors
+        size = drift.unit.to_internal
+        u = "?" if group.u is None else f"{group.u / size:.2g}"
+        shown = f"{group.value / size:.3g} +- {u} {drift.unit.name} per degC"
+        where = "" if group.position is None else f" at {group.position:g} mm"
+        yield finding(
+            "not-separable",
+            component=drift.name,
+            what=f"{drift.name}: {first}",
+            others=others,
+            consequence=f"reliable together only, {shown} of {first}{where}",
+        )
 
 
 def _of_files(series: Series, name: str) -> Iterator[Finding]:
@@ -336,36 +350,9 @@ def _consistent(held: HeldOut) -> bool:
     return float(gain.mean() * np.sqrt(n)) > float(stdtrit(n - 1, 1 - GAIN_P)) * s
 
 
-def sensor_warnings(
-    series: Series, sensors: tuple[str, ...], rest: Rest, drift: ComponentDrift
-) -> Iterator[Finding]:
-    """Sensors that do not move, and readings whose cycles begin apart."""
+def sensor_warnings(series: Series, sensors: tuple[str, ...]) -> Iterator[Finding]:
+    """Sensors that do not move."""
     for name, (low, high) in zip(sensors, series.range().tolist(), strict=True):
         if low == high:
             where = f" at {low:g} degC"
             yield finding("sensor-still", sensor=name, where=where, consequence="left out")
-    yield from _levels(rest, drift)
-
-
-def _levels(rest: Rest, drift: ComponentDrift) -> Iterator[Finding]:
-    """Cycles that begin apart at one temperature: a probe that was set anew has another zero."""
-    kept = rest.kept
-    for position in drift.positions or (None,):
-        at = (kept.at(position, c) for c in range(len(drift.cycles)))
-        rows = [own for own in at if len(own) >= FEWEST_ROWS]
-        if len(rows) < 2 or not kept.temperature.shape[1]:
-            continue
-        first = np.array([own[0] for own in rows])
-        readings = [kept.error[own] for own in rows]
-        moves = np.ptp(kept.temperature[np.concatenate(rows)], axis=0)
-        same = np.ptp(kept.temperature[first], axis=0) <= AT_ONE_SHARE * moves
-        apart, within = np.ptp(kept.error[first]), np.median([np.ptp(own) for own in readings])
-        if same.all() and apart > LEVELS_APART * within:
-            where = "" if position is None else f" at {position:g} mm"
-            shown = drift.shown(float(apart))
-            reason = f"the cycles begin up to {shown} apart{where} at the same temperatures: was "
-            reason += "the probe set anew? count the readings of each cycle from its first"
-            yield finding(
-                "order-of-cycles", component=drift.name, reason=reason, apart=shown, where=where
-            )
-            return

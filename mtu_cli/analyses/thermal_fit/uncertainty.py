@@ -19,14 +19,14 @@ from mtu_cli.analyses.thermal_fit.models import (
     Fitted,
     Library,
     Rows,
-    lagged_columns,
+    group_columns,
     through_places,
 )
 from mtu_cli.analyses.thermal_fit.series import Kept, Series
 from mtu_cli.model.estimates import ThermalEstimate
-from mtu_cli.stats.autocorrelation import effective_number
+from mtu_cli.stats.compressed import effective_number
+from mtu_cli.stats.covariance import covariance_root, positive_part
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.positive_part import covariance_root, positive_part
 from mtu_cli.units import Unit
 
 NORMAL_QUARTILE = 0.6744897501960817
@@ -51,34 +51,43 @@ class Conventions:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rest:
     """Residuals row by row, of the rows that were kept: `modelled` drift with its intercept, `rise`
-    (n, g) of all groups of sensors, with their lags.
+    (n, g) of all groups of sensors, with their lags; `levels` of zeroed (position, cycle).
     """
 
     kept: Kept
     modelled: FloatArray
     residual: FloatArray
     rise: FloatArray
+    levels: dict[tuple[int, int], float]
+    reference: float
 
 
 def residuals(series: Series, found: Fitted, reference: float) -> Rest:
-    """The model at every row that was kept."""
+    """The model at every row that was kept, from the levels of cycles where these have any."""
     kept, lib, spec = series.kept(), found.lib, found.spec
     modelled, rises = np.zeros(len(kept.error)), np.zeros((len(kept.error), len(lib.groups)))
-    lags, which = np.unique(spec.lags, return_inverse=True)
-    g = len(lib.groups)
+    levels: dict[tuple[int, int], float] = {}
     for p, position in enumerate(lib.positions):
         here = np.flatnonzero(
             np.isnan(kept.position) if position is None else kept.position == position
         )
-        groups = kept.temperature[here] @ lib.average
-        columns = groups
-        if lags.any():
-            every = lagged_columns(groups, kept.time[here], lib.time_constants[lags])
-            columns = every.reshape(len(here), len(lags), g)[:, which, np.arange(g)]
+        columns = group_columns(lib, spec.lags, kept.temperature[here], kept.time[here])
         rise = columns - reference * lib.average.sum(axis=0)
         modelled[here] = found.intercepts[p] + rise @ found.gradient(p)
         rises[here] = rise
-    return Rest(kept=kept, modelled=modelled, residual=kept.error - modelled, rise=rises)
+        for c in range(len(lib.cycles)) if lib.zeroed.offsets else ():
+            own = here[kept.cycle[here] == c]
+            if len(own):
+                levels[p, c] = float(np.mean(kept.error[own] - modelled[own]))
+                modelled[own] += levels[p, c]
+    return Rest(
+        kept=kept,
+        modelled=modelled,
+        residual=kept.error - modelled,
+        rise=rises,
+        levels=levels,
+        reference=reference,
+    )
 
 
 def estimate(
@@ -257,6 +266,19 @@ def sensor_noise_share(lib: Library, rest: Rest, model: ThermalEstimate) -> floa
     if expected <= 0:
         return 1.0
     return float(np.sqrt(np.clip(white / expected, 0.0, 1.0)))
+
+
+def group_noise(lib: Library, rest: Rest, model: ThermalEstimate) -> FloatArray:
+    """Noise (2, g) of the groups' columns through their lags and without, degC, no more than the
+    residuals leave room for.
+    """
+    members = [lib.sensors.index(sensor) for sensor in model.sensors]
+    steps = np.diff(rest.kept.time[rest.kept.at(lib.positions[0], 0)])
+    noise = np.zeros((2, len(lib.sensors)))
+    noise[:, members] = model.sensor_u * sensor_noise_share(lib, rest, model)
+    noise[0, members] *= _through(model, steps)
+    found: FloatArray = np.sqrt(noise**2 @ lib.average**2)
+    return found
 
 
 def _through(model: ThermalEstimate, steps: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ from mtu_cli.close_loop_sealed.bridge import loop_warning
 from mtu_cli.close_loop_sealed.cli.close_loop_choices import UNEXPLAINED, Choices, read_choices
 from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable, residual_table
 from mtu_cli.close_loop_sealed.model.seen_ranges import column_ranges, seen_ranges
 from mtu_cli.findings import Finding, listed
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
@@ -22,7 +23,6 @@ from mtu_cli.model.fit import (
     fit_machine,
     machine_warnings,
 )
-from mtu_cli.model.residual_table import ResidualTable, residual_table
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:

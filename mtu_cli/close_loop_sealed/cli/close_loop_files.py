@@ -29,6 +29,8 @@ from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS
 
 READINGS = ("lbb", "laser")
+MACHINE_FILES = ("write_machine", "write_components")
+"""Options that name what is written of the extended machine."""
 
 
 class Found(Protocol):
@@ -110,7 +112,7 @@ def written(
     Raises InputError for effects that no machine file can hold.
     """
     asked = written_files(inputs.options)
-    targets = {name: path for name, path in asked.items() if name.startswith("write_")}
+    targets = {name: path for name, path in asked.items() if name in MACHINE_FILES}
     if not targets:
         return Written(files={}, warnings=())
     stated = [_equations(inputs, effect) for effect in effects]
@@ -243,7 +245,7 @@ def _components(
     joint: FloatArray,
 ) -> bytes:
     """The fit-components report of the call's components, with the effects of the machine."""
-    from mtu_cli.files.json_file import report_bytes
+    from mtu_cli.files.write import report_bytes
     from mtu_cli.reports.document import envelope
     from mtu_cli.reports.fields import plain
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.close_loop_sealed.model.effect_candidate import FloatArray
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.contract import is_identifier
-from mtu_cli.files.covariates import COVARIATES, is_steady, is_temperature
+from mtu_cli.files.covariates import COVARIATES, is_temperature
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
-from mtu_cli.model.residual_table import ResidualTable
 
 POSITIONS = ("x", "y", "z")
+STEADY_K = 0.05
+"""Range of a temperature that does not change: a thermometer reads as much from itself."""
 COPY = 1.0 - 1e-7
 """Squared correlation from which two columns count as copies."""
 FEW_RESETS = 0.4
@@ -105,6 +107,12 @@ class TableData:
             if value.shape[axis] == 1:
                 measured = measured.sum(axis=axis, keepdims=True)
         return measured
+
+
+def is_steady(name: str, span: float) -> bool:
+    """Whether values whose range is `span` do not change, but for what a sensor reads."""
+    # A range of printed values is rounded: 26.05 - 26.
+    return span <= (STEADY_K + 1e-9 if is_temperature(name) else 0.0)
 
 
 def _changes(name: str, values: FloatArray) -> bool:

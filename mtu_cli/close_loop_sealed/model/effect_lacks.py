@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS, TableData
-from mtu_cli.files.covariates import STEADY_K
+from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS, STEADY_K, TableData
 
 
 class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member

@@ -27,10 +27,10 @@ from mtu_cli.close_loop_sealed.model.effect_data import TableData, copy_notes, l
 from mtu_cli.close_loop_sealed.model.effect_distinct import distinct
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember, check_column
 from mtu_cli.close_loop_sealed.model.effect_members import Batch, BoundTemplate
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, finding, nearest
 from mtu_cli.language import names
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.threads import one_blas_thread
 
 __all__ = [

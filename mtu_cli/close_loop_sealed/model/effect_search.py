@@ -15,7 +15,7 @@ from mtu_cli.close_loop_sealed.model.effect_grid import shortest_of
 from mtu_cli.close_loop_sealed.model.effect_lacks import NoMember
 from mtu_cli.close_loop_sealed.model.effect_library import EffectLibrary
 from mtu_cli.close_loop_sealed.model.effect_members import BoundTemplate
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,9 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mtu_cli.close_loop_sealed.bridge import loop_warning
+from mtu_cli.close_loop_sealed.model.columns import text_warnings
+from mtu_cli.close_loop_sealed.model.covariate_tables import rows_without_gaps, table_covariates
+from mtu_cli.close_loop_sealed.model.residual_factors import CellModel, Values, cell_model
+from mtu_cli.close_loop_sealed.model.residual_layout import filled
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable, within
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
-from mtu_cli.model.columns import text_warnings
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     Estimates,
@@ -26,7 +30,7 @@ from mtu_cli.model.machine_model import (
     MachineModel,
     Term,
     ThermalBasis,
-    polynomial_term,
+    component_term,
 )
 from mtu_cli.model.reading_layout import (
     ReadingLayout,
@@ -35,14 +39,11 @@ from mtu_cli.model.reading_layout import (
     reading_layout,
     reading_places,
 )
-from mtu_cli.model.residual_covariates import rows_without_gaps, table_covariates
-from mtu_cli.model.residual_factors import CellModel, Values, cell_model
-from mtu_cli.model.residual_layout import IntArray, filled
-from mtu_cli.model.residual_table import ResidualTable, within
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import drawable_passes
+from mtu_cli.model.visits import IntArray
+from mtu_cli.stats.covariance import bounded
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
-from mtu_cli.stats.pass_pairs import bounded
 from mtu_cli.units import ANGLE, UNITS
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def reading_tables(
             machine=machine,
             name=name,
             of=entry.of,
-            degree=entry.degree if entry.of is not None else 0,
+            degree=0 if entry.of is None else entry.degree if isinstance(entry.degree, int) else 1,
             readings=readings,
             rows=rows,
             layout=reading_layout(readings, rows, entry.of, name),
@@ -292,11 +293,11 @@ def _alone(
 ) -> MachineModel:
     """A machine whose only error, along `axis`, is that of one component."""
     lever = {axis: parse("1")}
-    terms = [] if estimate is None else [polynomial_term(estimate, lever)]
+    terms = [] if estimate is None else [component_term(estimate, lever)]
     if drift is not None:
         basis = ThermalBasis(estimate=drift)
         terms.append(Term(estimate=temperature_estimate(drift), basis=basis, levers=lever))
-        terms.append(polynomial_term(leftover_estimate(drift), lever))
+        terms.append(component_term(leftover_estimate(drift), lever))
     return MachineModel(
         name=name,
         axes=(axis,),

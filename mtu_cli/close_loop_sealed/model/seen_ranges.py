@@ -7,9 +7,9 @@ from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_table import ResidualTable
 
 FINE = 1e-6
 """Share of a range by which its ends are rounded outward."""

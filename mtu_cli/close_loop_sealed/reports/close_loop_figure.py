@@ -34,7 +34,7 @@ from mtu_cli.close_loop_sealed.reports.close_loop_shown import (
     unit_of,
 )
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_layout import IntArray
+from mtu_cli.model.visits import IntArray
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import draw, sheet
 from mtu_cli.reports.labels import cut

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.lines_and_columns import beside_lines_and_columns
+from mtu_cli.stats.loose_columns import beside_lines_and_columns
 
 ROUNDING = 1e-20
 """Of the values' squares."""

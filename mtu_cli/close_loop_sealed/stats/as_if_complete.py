@@ -7,8 +7,8 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.mean_squares import LEAST, MeanSquares
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mean_squares import LEAST, MeanSquares
 
 CORRECTIONS = 100
 CONVERGED = 1e-3

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
 
 LEFT = 1e-3
 """A member of which less than this share is left beside what was found cannot be tested."""

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.close_loop_sealed.stats.crossed import Completion, Freeing
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
 
 MOST = 1200
 """Inputs up to which each is passed on its own."""

@@ -25,11 +25,11 @@ from mtu_cli.close_loop_sealed.stats.design_inputs import (
     signs,
     turning,
 )
+from mtu_cli.close_loop_sealed.stats.mean_squares import of_parts
+from mtu_cli.close_loop_sealed.stats.scatter_tests import MANY
+from mtu_cli.close_loop_sealed.stats.strata import Strata
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mean_squares import of_parts
-from mtu_cli.stats.positive_part import covariance_root
-from mtu_cli.stats.scatter_tests import MANY
-from mtu_cli.stats.strata import Strata
 from mtu_cli.stats.uncertain_variance import uncertain_variance
 
 TINY = 1e-300

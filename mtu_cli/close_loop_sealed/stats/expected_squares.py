@@ -23,9 +23,9 @@ from mtu_cli.close_loop_sealed.stats.design_inputs import (
     signs,
     turning,
 )
+from mtu_cli.close_loop_sealed.stats.mean_squares import MeanSquares, beyond_parts, of_parts
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mean_squares import MeanSquares, beyond_parts, of_parts
-from mtu_cli.stats.strata import Strata
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,9 +13,9 @@ from mtu_cli.close_loop_sealed.stats.column_groups import NOTHING
 from mtu_cli.close_loop_sealed.stats.crossed import Completion, Freeing
 from mtu_cli.close_loop_sealed.stats.direction_noise import DirectionNoise, direction_noise
 from mtu_cli.close_loop_sealed.stats.expected_squares import ExpectedSquares, expected_squares
+from mtu_cli.close_loop_sealed.stats.mean_squares import LEAST, EntryNoise, MeanSquares
+from mtu_cli.close_loop_sealed.stats.strata import Strata, of_rows
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mean_squares import LEAST, EntryNoise, MeanSquares
-from mtu_cli.stats.strata import Strata, of_rows
 
 MINOR = 2e-3
 """Share of a column below which it is not tested in a stratum, where filling or freeing smears

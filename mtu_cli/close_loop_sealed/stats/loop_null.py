@@ -16,9 +16,9 @@ import numpy as np
 from mtu_cli.close_loop_sealed.stats.as_if_complete import as_if_complete
 from mtu_cli.close_loop_sealed.stats.estimated_scatter import scattered
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
+from mtu_cli.close_loop_sealed.stats.mean_squares import MeanSquares, mean_squares
+from mtu_cli.close_loop_sealed.stats.strata import Strata, Stratum
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mean_squares import MeanSquares, mean_squares
-from mtu_cli.stats.strata import Strata, Stratum
 
 TRUST = 3.0
 """Degrees of freedom that the predicted scatter of parts counts for beside the measured one."""

@@ -18,8 +18,8 @@ from mtu_cli.close_loop_sealed.stats.kernel_ratio import (
     kernel_of,
     kernel_ratios,
 )
+from mtu_cli.close_loop_sealed.stats.strata import Strata, of_rows, to_rows
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata, of_rows, to_rows
 
 CLIPPED = 2.5
 """Standard deviations beyond which an entry pulls no further: heavy tails are no pattern."""

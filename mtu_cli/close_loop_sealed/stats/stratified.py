@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.orthogonal import shortened
+from mtu_cli.stats.least_squares import FloatArray, least_squares, shortened
 
 REWEIGHTED = 6
 FEWEST = 1.0

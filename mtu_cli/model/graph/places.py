@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from mtu_cli.files.graph_contract import Graph, Place, Transition
-from mtu_cli.files.graph_kinds import COORDINATES
+from mtu_cli.files.graph_contract import COORDINATES, Graph, Place, Transition
 from mtu_cli.findings import error, suggestion
-from mtu_cli.model.graph.transitions import Values, start_value
-from mtu_cli.model.graph.vectors import cross, dot
+from mtu_cli.model.graph.constructions import cross, dot
+from mtu_cli.model.graph.transitions import Values
 from mtu_cli.stats.distributions import Distribution, shape_moments
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
@@ -21,6 +21,14 @@ from mtu_cli.units import UM
 
 PROBING = ("u1_axis", "u2_probe", "u3_perpendicular")
 """Sources of the scatter of a probing, in the terms of Stryczek."""
+
+
+def start_value(place: Place) -> FloatArray:
+    """Nominal of a measured place, or value of a constant, for one trial: (1,) or (3, 1)."""
+    if place.nominal_mm is not None:
+        nominal = np.array(place.nominal_mm)
+        return nominal[:, None] if len(nominal) == 3 else nominal
+    return np.array([math.nan if place.value is None else place.value])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,19 +59,18 @@ def outputs_of(
         if name not in places:
             near = suggestion(name or text, places)
             raise error("unknown-name", what="place", value=text, **near)
-        kind, unit = places[name].kind, units[name]
-        known = COORDINATES[kind]
-        if wanted and wanted not in known:
-            hint = f"one of: {', '.join(f'{name}.{item}' for item in known)}"
+        kind = places[name].kind
+        if wanted and wanted not in COORDINATES[kind]:
+            hint = f"one of: {', '.join(f'{name}.{item}' for item in COORDINATES[kind])}"
             raise error("unknown-name", what="coordinate", value=text, expected=hint)
-        for index, coordinate in enumerate(known):
+        for index, coordinate in enumerate(COORDINATES[kind]):
+            unit = units[name]
+            if kind in ("line", "plane", "frame"):
+                turned = "rad" if kind == "frame" else "1"
+                unit = "mm" if coordinate in "xyz" else turned
             if wanted in ("", coordinate):
-                if kind in ("line", "plane", "frame"):
-                    turned = "rad" if kind == "frame" else "1"
-                    unit = "mm" if coordinate in "xyz" else turned
-                outputs[name, index] = Output(
-                    place=name, coordinate=coordinate, index=index, kind=kind, unit=unit
-                )
+                given = {"place": name, "coordinate": coordinate, "kind": kind, "unit": unit}
+                outputs[name, index] = Output(**given, index=index)
     return tuple(outputs.values())
 
 
@@ -76,16 +83,12 @@ def read(
     turned: dict[str, FloatArray] = {}
     for row, item in zip(rows, outputs, strict=True):
         value = values[item.place]
-        if item.kind in ("coordinate", "constant"):
-            row[:] = value
-        elif item.kind in ("point", "vector"):
-            row[:] = value[item.index]
-        elif item.kind == "frame" and item.index >= 3:
+        if item.kind == "frame" and item.index >= 3:
             if item.place not in turned:
                 turned[item.place] = _rotation(value, nominal[item.place])
             row[:] = turned[item.place][item.index - 3]
         else:
-            row[:] = value[divmod(item.index, 3)]
+            row[:] = value.reshape(-1, m)[item.index]
     return rows
 
 
@@ -129,15 +132,9 @@ def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
         groups.append(_correlated(graph, correlated))
     for name, place in graph.places.items():
         if name in wanted and place.u and name not in correlated:
-            u = np.array([[place.u]])
-            groups.append(
-                Noise(
-                    places=(name,),
-                    factor=u,
-                    sources=((name, u * u),),
-                    distribution=place.distribution,
-                )
-            )
+            u, kind = np.array([[place.u]]), place.distribution
+            known = ((name, u * u),)
+            groups.append(Noise(places=(name,), factor=u, sources=known, distribution=kind))
     groups = [item for item in groups if np.any(item.factor)]
     return sorted(groups, key=lambda item: item.distribution != "normal")
 
@@ -147,26 +144,19 @@ def _probed(graph: Graph, item: Transition) -> Noise:
     and what follows it). n probings of one place share what the axis and the surface do to
     them: their mean has u2/sqrt(n). The factor is the symmetric root of the covariance.
     """
-    stated = item.uncertainty.model_dump(exclude_none=True) if item.uncertainty else {}
+    stated = item.uncertainty.model_dump(exclude_unset=True) if item.uncertainty else {}
     probing = graph.uncertainty.model_copy(update=stated)
     n = graph.repeats if item.repeats is None else item.repeats
-    squares = [
-        (probing.axis_um * UM) ** 2,
-        (probing.probe_um * UM) ** 2 / n,
-        (probing.perpendicular_um * UM) ** 2,
-    ]
+    u1, u2, u3 = (UM * u for u in (probing.axis_um, probing.probe_um, probing.perpendicular_um))
+    squares = np.array([u1**2, u2**2 / n, u3**2])
     point = graph.places[item.out[0]].kind == "point"
     along = np.outer(item.along, item.along) if point and item.along else np.eye(1)
-    across = np.eye(len(along)) - along
-    u_w, u1 = np.sqrt(sum(squares)), np.sqrt(squares[0])
-    shapes = (np.eye(len(along)), along, along)
+    everywhere = np.eye(len(along))
+    shapes = zip(PROBING, squares, (everywhere, along, along), strict=True)
     return Noise(
         places=(item.out[0],),
-        factor=u_w * along + u1 * across,
-        sources=tuple(
-            (name, square * shape)
-            for name, square, shape in zip(PROBING, squares, shapes, strict=True)
-        ),
+        factor=np.sqrt(squares.sum()) * along + u1 * (everywhere - along),
+        sources=tuple((name, square * shape) for name, square, shape in shapes),
     )
 
 
@@ -176,12 +166,8 @@ def _correlated(graph: Graph, names: Sequence[str]) -> Noise:
     covariance = correlation_matrix(graph, names) * np.outer(u, u)
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T
-    sources = []
-    for i, name in enumerate(names):
-        half = np.zeros_like(covariance)
-        half[i] += covariance[i] / 2
-        half[:, i] += covariance[:, i] / 2
-        sources.append((name, half))
+    rows = np.eye(len(u))[:, :, None] * covariance / 2
+    sources = zip(names, rows + rows.transpose(0, 2, 1), strict=True)
     return Noise(places=tuple(names), factor=root, sources=tuple(sources))
 
 

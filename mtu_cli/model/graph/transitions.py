@@ -1,294 +1,248 @@
-"""The transitions: one rule for every use of one, and what a graph's steps make at nominal.
+"""The transitions: one entry of a registry for every use of one.
 
-A construction takes the arrays of its input places in the order of the file and gives those of
-its outputs; a place is (m,), (3, m), (2, 3, m) or (4, 3, m), see the package. The signatures stand
-in `files.graph_kinds`.
+A place is an array of m trials: a coordinate or constant (m,), a point or vector (3, m), a line or
+plane (2, 3, m), a frame (4, 3, m) of its origin and its axes. What an entry computes takes the
+arrays of its inputs in the order of the file and gives those of its outputs.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from mtu_cli.files.graph import Rounds, Step, place_of
-from mtu_cli.files.graph_contract import Place
-from mtu_cli.files.graph_kinds import COORDINATES, NAMED_BY_COORDINATE
-from mtu_cli.findings import Finding, finding, listed
-from mtu_cli.language import Node, evaluate, names, to_text
+from mtu_cli.files.graph_contract import COORDINATES
+from mtu_cli.findings import InputError
+from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.derivative import derivatives
-from mtu_cli.language.tree import Call, Name, rewritten, walk
+from mtu_cli.language.tree import Call, walk
+from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.geometry import GeometryError
+from mtu_cli.model.graph import constructions as make
 from mtu_cli.model.graph import fits
-from mtu_cli.model.graph.fits import Construction, Nominal
-from mtu_cli.model.graph.vectors import across, cross, dot, norm, unit
+from mtu_cli.model.graph.constructions import norm, unit
+from mtu_cli.model.graph.fits import Construction
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import PLAIN, internal
 
 Values = dict[str, FloatArray]
-Guard = tuple[str, Callable[..., bool]]
-
-SAME = 1e-6
-"""Angle in rad, or share of a length, below which nominals count as parallel or the same:
-they are written with a few decimals.
-"""
-MOST_SWITCHES = 10
-"""Steps of one formula whose combinations are all tried."""
-
-
-def _middle(first: FloatArray, second: FloatArray) -> FloatArray:
-    total = first + second
-    total *= 0.5
-    return total
-
-
-def _vector(first: FloatArray, second: FloatArray) -> FloatArray:
-    return second - first
-
-
-def _unit_between(first: FloatArray, second: FloatArray) -> FloatArray:
-    return unit(second - first)
-
-
-def _distance(first: FloatArray, second: FloatArray) -> FloatArray:
-    return norm(second - first)
-
-
-def _hole(
-    x1: FloatArray, x2: FloatArray, y1: FloatArray, y2: FloatArray, *z: FloatArray
-) -> FloatArray:
-    out = np.empty((3, len(x1)))
-    np.add(x1, x2, out=out[0])
-    np.add(y1, y2, out=out[1])
-    out[:2] *= 0.5
-    out[2] = z[0] if z else 0.0
-    return out
-
-
-def _ball(*places: FloatArray) -> FloatArray:
-    """((x1 + x2)/2, (y1 + y2)/2, z1 - r): Stryczek, Figures 5 and 6."""
-    out = _hole(*places[:5])
-    out[2] -= places[5]
-    return out
-
-
-def _line_through(first: FloatArray, second: FloatArray) -> FloatArray:
-    return np.stack([first, unit(second - first)])
-
-
-def _meet(first: FloatArray, second: FloatArray) -> FloatArray:
-    """The line of two planes; its point is the one nearest to the first plane's point.
-
-    p = p1 + t (n2 - (n1.n2) n1), which stays in plane 1; t from n2.(p - p2) = 0.
-    """
-    direction = cross(first[1], second[1])
-    inward = across(second[1], first[1])
-    share = dot(second[1], second[0] - first[0])
-    share /= dot(inward, second[1])
-    return np.stack([first[0] + share * inward, unit(direction)])
-
-
-def _along(point: FloatArray, vector: FloatArray) -> FloatArray:
-    """A line along a vector; also the plane that has it for its normal."""
-    return np.stack([point, unit(vector)])
-
-
-def _three_planes(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
-    """p = p1 + ((n2.d2) n3 x n1 + (n3.d3) n1 x n2) / (n1.(n2 x n3)), d_i = p_i - p1."""
-    first = cross(b[1], c[1])
-    point = dot(b[1], b[0] - a[0]) * cross(c[1], a[1])
-    point += dot(c[1], c[0] - a[0]) * cross(a[1], b[1])
-    point /= dot(a[1], first)
-    point += a[0]
-    return point
-
-
-def _direction(figure: FloatArray) -> FloatArray:
-    return np.asarray(figure[1])
-
-
-def _project(point: FloatArray, vector: FloatArray, plane: FloatArray) -> FloatArray:
-    """Along the vector onto the plane: p + v (n.(p0 - p)) / (n.v)."""
-    share = dot(plane[1], plane[0] - point)
-    share /= dot(plane[1], vector)
-    return np.asarray(point + share * vector)
-
-
-def _pierce(line: FloatArray, plane: FloatArray) -> FloatArray:
-    """The point of a line in a plane: Stryczek, eq. (30)."""
-    return _project(line[0], line[1], plane)
-
-
-def _foot_in_plane(point: FloatArray, plane: FloatArray) -> FloatArray:
-    return np.asarray(point - dot(plane[1], point - plane[0]) * plane[1])
-
-
-def _foot_on_line(point: FloatArray, line: FloatArray) -> FloatArray:
-    return np.asarray(line[0] + dot(line[1], point - line[0]) * line[1])
-
-
-def _to_line(point: FloatArray, line: FloatArray) -> FloatArray:
-    return norm(across(point - line[0], line[1]))
-
-
-def _to_plane(point: FloatArray, plane: FloatArray) -> FloatArray:
-    return np.abs(dot(plane[1], point - plane[0]))
-
-
-def _between_lines(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Along the common perpendicular: |(p2 - p1).(d1 x d2)| / |d1 x d2|."""
-    return np.abs(dot(second[0] - first[0], unit(cross(first[1], second[1]))))
-
-
-def _angle(first: FloatArray, second: FloatArray) -> FloatArray:
-    """atan2(|a x b|, a.b), which keeps its digits near 0 and pi."""
-    return np.arctan2(norm(cross(first, second)), dot(first, second))
-
-
-def _frame(plane: FloatArray, line: FloatArray, point: FloatArray) -> FloatArray:
-    """z along the plane's normal, x along the line's projection, origin at the point."""
-    z = plane[1]
-    x = unit(across(line[1], z))
-    return np.stack([point, x, cross(z, x), z])
-
-
-def _transform(frame: FloatArray, point: FloatArray) -> FloatArray:
-    away = point - frame[0]
-    return np.stack([dot(frame[i], away) for i in (1, 2, 3)])
-
-
-def _length_of(vector: FloatArray) -> float:
-    return float(np.linalg.norm(vector))
-
-
-def _coincide(first: FloatArray, second: FloatArray) -> bool:
-    extent = max(1.0, float(np.abs([first, second]).max()))
-    return _length_of(second - first) <= SAME * extent
-
-
-def _no_length(*vectors: FloatArray) -> bool:
-    return min(map(_length_of, vectors)) == 0.0
-
-
-def _no_direction(point: FloatArray, vector: FloatArray) -> bool:
-    return _no_length(vector)
-
-
-def _parallel(first: FloatArray, second: FloatArray, *_: FloatArray) -> bool:
-    return _length_of(np.cross(first[1], second[1])) <= SAME
-
-
-def _glancing(point: FloatArray, vector: FloatArray, plane: FloatArray) -> bool:
-    return abs(float(vector @ plane[1])) <= SAME * _length_of(vector)
-
-
-def _no_corner(*planes: FloatArray) -> bool:
-    return abs(float(np.linalg.det(np.array([plane[1] for plane in planes])))) <= SAME
+Nominal = Sequence[FloatArray]
+Unit = str | None
+UNKNOWN = "?"
+"""A place of which no kind is known."""
+NAMED_BY_COORDINATE = ("point", "vector")
+"""Kinds that a formula takes by their coordinates, ``H1.x``."""
+INVERSE = ("asin", "acos", "atan", "atan2")
+_SLOT = re.compile(r"(?P<kinds>[a-z|]+)(?:\.(?P<axis>[xyz]))?(?:\*(?P<least>\d)(?P<most>-\d?)?)?")
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class Use:
     """One use of a transition.
 
+    `signature`: the places that it takes and makes, in their order. ``coordinate.x`` is one along
+    x, ``point*3-`` stands for three or more of them, ``constant*0-1`` may be left out.
     `construct`: the arrays of its outputs from those of its inputs; of a `fit` from the nominal
     inputs, where it starts. `unit` of what it makes: "same" as its first input, a "product" of
-    both, or that of a "formula". `length`: number of the input that must be a length. `guard`: what
-    is wrong where nominal inputs (.., ) pass its test: they determine nothing.
+    both, or that of a "formula". `length`: number of the input that must be a length. `guard`: a
+    test of nominal inputs (.., ), and what is wrong where they pass it: they determine nothing.
     """
 
+    signature: str
     construct: Construction | None = None
-    fit: Callable[[Nominal], Construction] | None = None
     unit: str = "mm"
     length: int | None = None
-    guard: Guard | None = None
+    guard: tuple[Callable[..., bool], str] | None = None
+    fit: Callable[[Nominal], Construction] | None = None
+
+    def fits(self, side: int, places: Sequence[str]) -> bool:
+        """Whether places, as `described`, are its inputs (side 0) or outputs (side 1)."""
+        pattern = _pattern(self.signature.split("->")[side])
+        return pattern.fullmatch("".join(f"{place};" for place in places)) is not None
+
+    def words(self, side: int) -> str:
+        """Its inputs or outputs for people."""
+        return ", ".join(map(_in_words, _slots(self.signature.split("->")[side]))) or "nothing"
 
 
-_SHORT: Guard = ("a vector has no length", _no_length)
-_AIMLESS: Guard = ("a vector has no length", _no_direction)
-_ONE_POINT: Guard = ("the two points coincide", _coincide)
-RULES: dict[tuple[str, str], Rule] = {
-    ("displace", "coordinate"): Rule(np.add, length=1),
-    ("displace", "point"): Rule(np.add, length=1),
-    ("middle", ""): Rule(_middle),
-    ("vector", ""): Rule(_vector),
-    ("unit_v", "vector"): Rule(unit, unit="1", guard=_SHORT),
-    ("unit_v", "points"): Rule(_unit_between, unit="1", guard=_ONE_POINT),
-    ("ratio", "vector"): Rule(np.multiply, unit="product"),
-    ("ratio", "constant"): Rule(np.multiply, unit="product"),
-    ("length", "vector"): Rule(norm, unit="same"),
-    ("length", "points"): Rule(_distance),
-    ("ball", ""): Rule(_ball, length=5),
-    ("hole", ""): Rule(_hole, length=4),
-    ("circle", ""): Rule(fit=fits.circle_through),
-    ("sphere", "free"): Rule(fit=fits.sphere_through),
-    ("sphere", "radius"): Rule(fit=fits.sphere_of_radius_through, length=-1),
-    ("line", "points"): Rule(_line_through, guard=_ONE_POINT),
-    ("line", "planes"): Rule(_meet, guard=("the planes are parallel", _parallel)),
-    ("aline", ""): Rule(_along, guard=_AIMLESS),
-    ("plane", "points"): Rule(fit=fits.plane_through),
-    ("plane", "vector"): Rule(_along, guard=_AIMLESS),
-    ("point", "line"): Rule(
-        _pierce,
-        guard=(
-            "the line is parallel to the plane",
-            lambda line, plane: _glancing(line[0], line[1], plane),
-        ),
+def described(kind: str, axis: str | None) -> str:
+    """A place in words: ``a coordinate x``."""
+    return f"a {kind} {axis}" if axis else f"a {kind}"
+
+
+def _slots(side: str) -> list[tuple[str, str, int, int | None]]:
+    """Kinds, axis, least and largest number of every input or output."""
+    found = []
+    for slot in _SLOT.finditer(side):
+        least, most = int(slot["least"] or 1), slot["most"]
+        upper = least if most is None else int(most[1:]) if most[1:] else None
+        found.append((slot["kinds"], slot["axis"] or "", least, upper))
+    return found
+
+
+@cache
+def _pattern(side: str) -> re.Pattern[str]:
+    """Of places as `described`, each with a semicolon; what is not known fits anything."""
+    parts = []
+    for kinds, axis, least, most in _slots(side):
+        place = rf"a (?:{kinds})(?: {axis or '[xyz]'})?"
+        parts.append(rf"(?:(?:\{UNKNOWN}|{place});){{{least},{'' if most is None else most}}}")
+    return re.compile("".join(parts))
+
+
+def _in_words(slot: tuple[str, str, int, int | None]) -> str:
+    kinds, axis, least, most = slot
+    text = " or ".join(kinds.split("|")) + (f" {axis}" if axis else "")
+    if most is None:
+        return f"{least} or more of {text}"
+    return text if least == most == 1 else f"{least or 'optional'} {text}"
+
+
+SHORT = (make.no_length, "a vector has no length")
+AIMLESS = (make.no_direction, "a vector has no length")
+ONE_POINT = (make.coincide, "the two points coincide")
+PARALLEL_PLANES = (make.parallel, "the planes are parallel")
+PARALLEL_LINES = (make.parallel, "the lines are parallel")
+UPRIGHT = (make.parallel, "the line is perpendicular to the plane")
+NO_PIERCING = (make.no_piercing, "the line is parallel to the plane")
+GLANCING = (make.glancing, "the vector is parallel to the plane")
+NO_CORNER = (make.no_corner, "the three planes meet in no single point")
+
+TRANSITIONS: dict[str, tuple[Use, ...]] = {
+    "meas": (Use("-> coordinate"), Use("-> point")),
+    "displace": (
+        Use("coordinate constant -> coordinate", np.add, length=1),
+        Use("point vector -> point", np.add, length=1),
     ),
-    ("point", "planes"): Rule(
-        _three_planes, guard=("the three planes meet in no single point", _no_corner)
+    "middle": (Use("point point -> point", make.middle),),
+    "vector": (Use("point point -> vector", make.between),),
+    "unit_v": (
+        Use("vector -> vector", unit, unit="1", guard=SHORT),
+        Use("point point -> vector", make.unit_between, unit="1", guard=ONE_POINT),
     ),
-    ("normal", ""): Rule(_direction, unit="1"),
-    ("direction", ""): Rule(_direction, unit="1"),
-    ("project", ""): Rule(_project, guard=("the vector is parallel to the plane", _glancing)),
-    ("per_proj", "plane"): Rule(_foot_in_plane),
-    ("per_proj", "line"): Rule(_foot_on_line),
-    ("distance", "points"): Rule(_distance),
-    ("distance", "line"): Rule(_to_line),
-    ("distance", "plane"): Rule(_to_plane),
-    ("distance", "lines"): Rule(_between_lines, guard=("the lines are parallel", _parallel)),
-    ("angle", ""): Rule(_angle, unit="rad", guard=_SHORT),
-    ("frame", ""): Rule(_frame, guard=("the line is perpendicular to the plane", _parallel)),
-    ("transform", ""): Rule(_transform),
-    ("compute", ""): Rule(unit="formula"),
+    "ratio": (
+        Use("vector constant -> vector", np.multiply, unit="product"),
+        Use("constant constant -> constant", np.multiply, unit="product"),
+    ),
+    "length": (
+        Use("vector -> constant", norm, unit="same"),
+        Use("point point -> constant", make.distance),
+    ),
+    "ball": (
+        Use("coordinate.x*2 coordinate.y*2 coordinate.z constant -> point", make.ball, length=5),
+    ),
+    "hole": (Use("coordinate.x*2 coordinate.y*2 constant*0-1 -> point", make.hole, length=4),),
+    "circle": (Use("point*3- -> point constant*0-1", fit=fits.circle_through),),
+    "sphere": (
+        Use("point*4- -> point constant*0-1", fit=fits.sphere_through),
+        Use("point*4- constant -> point", fit=fits.sphere_of_radius_through, length=-1),
+    ),
+    "line": (
+        Use("point point -> line", make.line_through, guard=ONE_POINT),
+        Use("plane plane -> line", make.meet, guard=PARALLEL_PLANES),
+    ),
+    "aline": (Use("point vector -> line", make.along, guard=AIMLESS),),
+    "plane": (
+        Use("point*3- -> plane", fit=fits.plane_through),
+        Use("point vector -> plane", make.along, guard=AIMLESS),
+    ),
+    "point": (
+        Use("line plane -> point", make.pierce, guard=NO_PIERCING),
+        Use("plane plane plane -> point", make.three_planes, guard=NO_CORNER),
+    ),
+    "normal": (Use("plane -> vector", make.direction, unit="1"),),
+    "direction": (Use("line -> vector", make.direction, unit="1"),),
+    "project": (Use("point vector plane -> point", make.project, guard=GLANCING),),
+    "per_proj": (
+        Use("point plane -> point", make.foot_in_plane),
+        Use("point line -> point", make.foot_on_line),
+    ),
+    "distance": (
+        Use("point point -> constant", make.distance),
+        Use("point line -> constant", make.to_line),
+        Use("point plane -> constant", make.to_plane),
+        Use("line line -> constant", make.between_lines, guard=PARALLEL_LINES),
+    ),
+    "angle": (Use("vector vector -> constant", make.angle, unit="rad", guard=SHORT),),
+    "frame": (Use("plane line point -> frame", make.frame, guard=UPRIGHT),),
+    "transform": (Use("frame point -> point", make.transform),),
+    "compute": (Use("constant|coordinate|point|vector*1- -> constant", unit="formula"),),
 }
-"""By transition and variant; `meas` makes nothing from other places."""
 
 
-def construction(step: Step, nominal: Nominal) -> Construction:
-    """What a step computes; a fit starts from, and is oriented as, its `nominal` inputs.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """A transition of a graph whose places are known and of the right kinds.
 
-    Raises GeometryError for nominal inputs that do not determine it.
+    `index` in the file; `use` of those of its transition, `formula` that of compute.
     """
-    if step.formula is not None:
-        return _formula(step.formula, step.inputs)
-    rule = RULES[step.do, step.variant]
-    if rule.guard is not None and rule.guard[1](*(place[..., 0] for place in nominal)):
-        raise GeometryError(rule.guard[0])
-    made = rule.construct if rule.fit is None else rule.fit(nominal)
-    assert made is not None
-    return made
+
+    index: int
+    do: str
+    use: Use
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    formula: Node | None = None
+
+    @property
+    def may_jump(self) -> bool:
+        """Whether its formula has a step, so that few trials may see no change at all."""
+        nodes = () if self.formula is None else walk(self.formula)
+        return any(isinstance(node, Call) and node.function == "step" for node in nodes)
+
+    def unit(self, units: dict[str, Unit]) -> Unit:
+        """Of what it makes, by the units of its inputs; None where they do not tell it.
+
+        Raises InputError where dimensions of a formula do not agree.
+        """
+        if self.formula is not None:
+            known = {name: units[place_of(name)] for name in names(self.formula)}
+            return formula_unit(self.formula, known)
+        first, last = units[self.inputs[0]], units[self.inputs[-1]]
+        if self.use.unit != "product":
+            return first if self.use.unit == "same" else self.use.unit
+        one, other = _exponent(first), _exponent(last)
+        if one is None or other is None:
+            return None
+        return _named(one + other, angle="rad" in (first, last))
 
 
-def _formula(node: Node, inputs: Sequence[str]) -> Construction:
-    at = {name: (inputs.index(place_of(name)), _row(name)) for name in names(node)}
-
-    def compute(*places: FloatArray) -> FloatArray:
-        given = {
-            name: places[i] if row is None else places[i][row] for name, (i, row) in at.items()
-        }
-        value = evaluate(node, given)
-        return np.broadcast_to(np.asarray(value, dtype=np.float64), places[0].shape[-1:])
-
-    return compute
+def place_of(name: str) -> str:
+    """The place of a name in a formula: H1 of ``H1.x``."""
+    return name.partition(".")[0]
 
 
-def _row(name: str) -> int | None:
-    """The coordinate that a formula means by ``H1.x``; None where it names the whole place."""
-    coordinate = name.partition(".")[2]
-    known = (COORDINATES[kind] for kind in NAMED_BY_COORDINATE)
-    return next((item.index(coordinate) for item in known if coordinate in item), None)
+def _exponent(unit: Unit) -> int | None:
+    """Of length in mm, mm^n, rad (0) or 1 (0); None where the unit is not known."""
+    if unit is None or unit in ("1", "rad"):
+        return None if unit is None else 0
+    return 1 if unit == "mm" else int(unit.removeprefix("mm^"))
+
+
+def _named(exponent: int, *, angle: bool) -> str:
+    if exponent == 0:
+        return "rad" if angle else "1"
+    return "mm" if exponent == 1 else f"mm^{exponent}"
+
+
+def formula_unit(node: Node, units: dict[str, Unit]) -> Unit:
+    """The unit of a formula's value, or None where the units of its inputs do not tell it.
+
+    Raises InputError where dimensions do not agree.
+    """
+    known = {name: _exponent(unit) for name, unit in units.items()}
+    lengths = {name: internal(power) for name, power in known.items() if power is not None}
+    algebra = Algebra(units=lengths, factor=PLAIN)
+    result = algebra.of(node)
+    if algebra.faults:
+        raise InputError(algebra.faults)
+    if not result.known:
+        return None
+    circular = isinstance(node, Call) and node.function in INVERSE
+    return _named(int(result.exponents[0]), angle=circular or set(units.values()) == {"rad"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -298,118 +252,66 @@ class Computed:
     step: Step
     construct: Construction
 
+    @classmethod
+    def ready(cls, step: Step, nominal: Values) -> Computed:
+        """Its outputs at nominal are put beside its inputs in `nominal`, where a fit starts.
+
+        Raises GeometryError for nominal inputs that do not determine it.
+        """
+        made = {name: nominal[name] for name in step.inputs}
+        given = [nominal[name] for name in step.inputs]
+        found = cls(step=step, construct=_construction(step, given))
+        with np.errstate(all="ignore"):
+            found.run(made)
+        if not all(np.isfinite(made[name]).all() for name in step.outputs):
+            raise GeometryError(found.why_not_finite(made).removeprefix(": ") or "it is not finite")
+        nominal.update({name: made[name] for name in step.outputs})
+        return found
+
     def run(self, values: Values) -> None:
         """Puts the outputs beside the inputs in `values`."""
         made = self.construct(*(values[name] for name in self.step.inputs))
-        for name, value in zip(
-            self.step.outputs, made if isinstance(made, tuple) else (made,), strict=False
-        ):
-            values[name] = value
+        outputs = made if isinstance(made, tuple) else (made,)
+        values.update(zip(self.step.outputs, outputs, strict=False))
 
     def why_not_finite(self, values: Values, trial: int = 0) -> str:
         """What in its formula has no finite value in a trial, and where in the formula."""
         formula = self.step.formula
         if formula is None:
             return ""
-        at = {}
-        for name in names(formula):
-            value, row = values[place_of(name)], _row(name)
-            at[name] = float((value if row is None else value[row])[trial])
+        at = {name: float(_read(values[place_of(name)], name)[trial]) for name in names(formula)}
         faults = derivatives(formula, at, ()).faults
         if not faults:
             return f": it is {float(evaluate(formula, at)):g}"
-        facts = faults[0].facts
-        return (
-            f": no finite {facts['what']}{facts['where']}, column {faults[0].column} of the formula"
-        )
+        facts, column = faults[0].facts, faults[0].column
+        return f": no finite {facts['what']}{facts['where']}, column {column} of the formula"
 
 
-def start_value(place: Place) -> FloatArray:
-    """Nominal of a measured place, or value of a constant, for one trial: (1,) or (3, 1)."""
-    if place.nominal_mm is not None:
-        nominal = np.array(place.nominal_mm)
-        return nominal[:, None] if len(nominal) == 3 else nominal
-    return np.array([math.nan if place.value is None else place.value])
+def _construction(step: Step, nominal: Nominal) -> Construction:
+    """What a step computes; a fit starts from, and is oriented as, its `nominal` inputs."""
+    if step.formula is not None:
+        return _computing(step.formula, step.inputs)
+    use = step.use
+    if use.guard is not None and use.guard[0](*(place[..., 0] for place in nominal)):
+        raise GeometryError(use.guard[1])
+    found = use.construct if use.fit is None else use.fit(nominal)
+    assert found is not None
+    return found
 
 
-def nominal_values(
-    places: Mapping[str, Place], rounds: Rounds
-) -> tuple[Values, list[Computed], list[tuple[int, Finding]]]:
-    """Values of all places at nominal (m = 1), the computing transitions in firing order, and
-    the faults: (index of the transition, what is wrong). What depends on a fault is left out.
-    """
-    values = {name: start_value(place) for name, place in places.items() if place.marked}
-    computed: list[Computed] = []
-    faults: list[tuple[int, Finding]] = []
-    for step in itertools.chain.from_iterable(rounds):
-        if step.do == "meas":
-            place = places[step.outputs[0]]
-            # That a point has other than three coordinates is reported elsewhere.
-            if place.nominal_mm is not None and (place.kind, len(place.nominal_mm)) != ("point", 1):
-                values[step.outputs[0]] = start_value(place)
-        elif all(name in values for name in step.inputs):
-            try:
-                ready = _ready(step, values)
-            except GeometryError as error:
-                what = f"{step.do} of {listed(step.outputs)}"
-                fault = finding("no-finite-value", what=what, where=f" at nominal: {error}")
-                faults.append((step.index, fault))
-            else:
-                computed.append(ready)
-    return values, computed, faults
+def _computing(formula: Node, inputs: Sequence[str]) -> Construction:
+    at = {name: inputs.index(place_of(name)) for name in names(formula)}
+
+    def compute(*places: FloatArray) -> FloatArray:
+        value = evaluate(formula, {name: _read(places[i], name) for name, i in at.items()})
+        return np.broadcast_to(np.asarray(value, dtype=np.float64), places[0].shape[-1:])
+
+    return compute
 
 
-def _ready(step: Step, values: Values) -> Computed:
-    """A step with its outputs at nominal in `values`."""
-    given = {name: values[name] for name in step.inputs}
-    nominal = [values[name] for name in step.inputs]
-    ready = Computed(step=step, construct=construction(step, nominal))
-    with np.errstate(all="ignore"):
-        ready.run(given)
-    if not all(np.isfinite(given[name]).all() for name in step.outputs):
-        raise GeometryError(ready.why_not_finite(given).removeprefix(": ") or "it is not finite")
-    values.update({name: given[name] for name in step.outputs})
-    return ready
-
-
-def may_jump(steps: Iterable[Step]) -> bool:
-    """Whether a formula of `steps` has a step, so that few trials may see no change at all."""
-    return any(
-        _is_step(node) for step in steps if step.formula is not None for node in walk(step.formula)
-    )
-
-
-def chance_places(steps: Iterable[Step]) -> set[str]:
-    """Places that hold 0 or 1 in every trial, of `steps` in firing order: their mean is a chance.
-
-    Those are the formulas of `step()` alone and of other such places (a product is "and",
-    a + b - a*b is "or", 1 - a is "not") that give 0 or 1 whichever of them are 0 or 1.
-    """
-    chances: set[str] = set()
-    for step in steps:
-        if step.formula is not None and _is_chance(step.formula, chances):
-            chances.update(step.outputs)
-    return chances
-
-
-def _is_step(node: Node) -> bool:
-    return isinstance(node, Call) and node.function == "step"
-
-
-def _is_chance(formula: Node, chances: Collection[str]) -> bool:
-    switches: dict[str, str] = {}
-
-    def switched(node: Node) -> Node:
-        known = isinstance(node, Name) and node.name in chances
-        if not (known or _is_step(node)):
-            return node
-        # No place has such a name.
-        name = switches.setdefault(to_text(node), f"?{len(switches)}")
-        return Name(name, node.column)
-
-    tree = rewritten(formula, switched)
-    if not switches or len(switches) > MOST_SWITCHES or {*names(tree)} - {*switches.values()}:
-        return False
-    table = np.array(list(itertools.product((0.0, 1.0), repeat=len(switches)))).T
-    values = np.asarray(evaluate(tree, dict(zip(switches.values(), table, strict=True))))
-    return bool(np.all((values == 0.0) | (values == 1.0)))
+def _read(place: FloatArray, name: str) -> FloatArray:
+    """What a formula means by ``H1.x``, or by the name of a whole place."""
+    coordinate = name.partition(".")[2]
+    known = (COORDINATES[kind] for kind in NAMED_BY_COORDINATE)
+    row = next((item.index(coordinate) for item in known if coordinate in item), None)
+    return place if row is None else np.asarray(place[row])

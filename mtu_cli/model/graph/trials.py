@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mtu_cli.files.graph import LoadedGraph
-from mtu_cli.files.graph_contract import Graph
 from mtu_cli.findings import InputError, finding, listed
-from mtu_cli.model.graph.places import Inputs, Output, outputs_of, read
-from mtu_cli.model.graph.transitions import Computed, Values, nominal_values
-from mtu_cli.model.graph.units import place_units
+from mtu_cli.model.graph.net import MeasurementGraph
+from mtu_cli.model.graph.places import Inputs, Output, noises, read
+from mtu_cli.model.graph.transitions import Computed
 from mtu_cli.stats.blocks import Draws, Quantiles
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.least_squares import FloatArray
@@ -26,61 +25,24 @@ KEPT_BYTES = 16 << 20
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeasurementGraph:
-    """`nominal` holds every place (m = 1), `computed` the computing transitions in firing
-    order, `units` the unit of every place.
-    """
-
-    loaded: LoadedGraph
-    graph: Graph
-    nominal: Values
-    computed: tuple[Computed, ...]
-    units: dict[str, str]
-
-    def outputs(self, names: Iterable[str] = ()) -> tuple[Output, ...]:
-        """Outputs by name; without names those that the file reports."""
-        wanted = tuple(names) or self.loaded.reported
-        return outputs_of(wanted, self.graph.places, self.units)
-
-    def needed(self, outputs: Sequence[Output]) -> tuple[set[str], tuple[Computed, ...]]:
-        """Start places and transitions that stand behind some outputs."""
-        wanted = {item.place for item in outputs}
-        steps = []
-        for item in reversed(self.computed):
-            if wanted.intersection(item.step.outputs):
-                steps.append(item)
-                wanted.update(item.step.inputs)
-        made = {name for item in self.computed for name in item.step.outputs}
-        return wanted - made, tuple(reversed(steps))
-
-    def with_probing(self, graph: Graph) -> MeasurementGraph:
-        """The same net under other uncertainties of probing."""
-        return replace(self, graph=graph)
-
-
-def build_graph(loaded: LoadedGraph) -> MeasurementGraph:
-    """Raises InputError for constructions that are degenerate at nominal."""
-    nominal, computed, faults = nominal_values(loaded.graph.places, loaded.rounds)
-    if faults:
-        raise InputError(fault.at(**loaded.place_of(index)) for index, fault in faults)
-    return MeasurementGraph(
-        loaded=loaded,
-        graph=loaded.graph,
-        nominal=nominal,
-        computed=tuple(computed),
-        units=place_units(loaded.graph, loaded.steps),
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
 class Evaluation:
     """What stands behind some outputs, and nothing else, as a function of the random inputs."""
 
+    graph: MeasurementGraph
     outputs: tuple[Output, ...]
     inputs: Inputs
     steps: tuple[Computed, ...]
-    nominal: Values
-    loaded: LoadedGraph
+
+    @property
+    def jumps(self) -> NDArray[np.bool_]:
+        """Outputs (n,) that a random input reaches through the equation language's step."""
+        found = []
+        for item in self.outputs:
+            start, steps = self.graph.needed([item])
+            found.append(
+                bool(noises(self.graph.graph, start)) and any(x.step.may_jump for x in steps)
+            )
+        return np.array(found, dtype=bool)
 
     @property
     def sizes(self) -> FloatArray:
@@ -95,7 +57,7 @@ class Evaluation:
         values = self.inputs.values(X)
         for step in self.steps:
             step.run(values)
-        return read(values, self.outputs, self.nominal, into)
+        return read(values, self.outputs, self.graph.nominal, into)
 
     def raise_not_finite(self, X: FloatArray) -> None:
         """Raises InputError for the first transition that has no finite value at all inputs X."""
@@ -107,41 +69,33 @@ class Evaluation:
             bad = np.any(~(np.abs(np.concatenate(made)) < LARGEST), axis=0)
             if not np.any(bad):
                 continue
-            trials = f"in {np.count_nonzero(bad)} of {len(bad)} Monte Carlo trials"
-            why = item.why_not_finite(values, int(np.argmax(bad)))
-            fault = finding(
-                "no-finite-value",
-                what=f"{item.step.do} of {listed(item.step.outputs)}",
-                where=f" below {LARGEST:g} {trials}{why}",
-                expected="a step that is defined for all values its inputs may take: bounded "
-                "distributions or smaller uncertainties where it needs them",
-                **self.loaded.place_of(item.step.index),
+            what = f"{item.step.do} of {listed(item.step.outputs)}"
+            where = (
+                f" below {LARGEST:g} in {np.count_nonzero(bad)} of {len(bad)} Monte Carlo trials"
             )
-            raise InputError([fault])
+            where += item.why_not_finite(values, int(np.argmax(bad)))
+            expected = "a step that is defined for all values its inputs may take: bounded "
+            expected += "distributions or smaller uncertainties where it needs them"
+            fault = finding("no-finite-value", what=what, where=where, expected=expected)
+            raise InputError([fault.at(**self.graph.place_of(item.step.index))])
 
 
 def evaluation(graph: MeasurementGraph, outputs: Sequence[Output]) -> Evaluation:
     """The part of the graph that some outputs need."""
     start, steps = graph.needed(outputs)
-    return Evaluation(
-        outputs=tuple(outputs),
-        inputs=Inputs(graph.graph, start),
-        steps=steps,
-        nominal=graph.nominal,
-        loaded=graph.loaded,
-    )
+    inputs = Inputs(graph.graph, start)
+    return Evaluation(graph=graph, outputs=tuple(outputs), inputs=inputs, steps=steps)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstOrder:
-    """n outputs, k inputs. `nominal` (n,), `sizes` (n,) of `Evaluation`, `gradient` (n, k) with
-    respect to the inputs, `u` (n,) standard uncertainties, `shares`: of the variance of each output
-    by source, (n,) each, nan where it is 0 (JCGM 100:2008, 5.1.2, and 5.2.2 for correlated inputs);
-    `by_place`: by the place where they come in.
+    """n outputs, k inputs. `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,)
+    standard uncertainties, `shares` (n,) of the variance of each output by source: c C_s c' of the
+    covariance C_s that the source has over c C c', nan where that is 0 (JCGM 100:2008, 5.1.2, and
+    5.2.2 for correlated inputs); `by_place`: by the place where they come in.
     """
 
     nominal: FloatArray
-    sizes: FloatArray
     gradient: FloatArray
     u: FloatArray
     shares: dict[str, FloatArray]
@@ -169,53 +123,46 @@ def first_order(evaluation: Evaluation) -> FirstOrder:
     floor = ROUNDING * np.maximum(np.abs(nominal), evaluation.sizes)
     change[np.abs(change) <= floor[:, None]] = 0.0
     gradient = np.divide(change, inputs.u, out=np.zeros_like(change), where=inputs.u > 0)
-    with np.errstate(over="ignore", invalid="ignore"):
-        variance = np.sum((gradient @ inputs.factor) ** 2, axis=1)
-        shares, by_place = _shares(inputs, gradient, variance)
-    return FirstOrder(
-        nominal=nominal,
-        sizes=evaluation.sizes,
-        gradient=gradient,
-        u=np.sqrt(variance),
-        shares=shares,
-        by_place=by_place,
-    )
-
-
-def _shares(
-    inputs: Inputs, gradient: FloatArray, variance: FloatArray
-) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
-    """c C_s c' of the covariance C_s that each source has, over c C c'; by source and by place."""
-    total = np.where(variance > 0, variance, np.nan)
     by_source: dict[str, FloatArray] = {}
     by_place: dict[str, FloatArray] = {}
-    for item, rows in zip(inputs.noises, inputs.rows, strict=True):
-        c = gradient[:, rows]
-        for source, covariance in item.sources:
-            part = np.einsum("ni,ij,nj->n", c, covariance, c) / total
-            by_source[source] = by_source.get(source, 0.0) + part
-            name = source if source in item.places else item.places[0]
-            by_place[name] = by_place.get(name, 0.0) + part
-    return by_source, by_place
+    with np.errstate(over="ignore", invalid="ignore"):
+        variance = np.sum((gradient @ inputs.factor) ** 2, axis=1)
+        total = np.where(variance > 0, variance, np.nan)
+        for item, rows in zip(inputs.noises, inputs.rows, strict=True):
+            c = gradient[:, rows]
+            for source, covariance in item.sources:
+                part = np.einsum("ni,ij,nj->n", c, covariance, c) / total
+                by_source[source] = by_source.get(source, 0.0) + part
+                name = source if source in item.places else item.places[0]
+                by_place[name] = by_place.get(name, 0.0) + part
+    return FirstOrder(
+        nominal=nominal,
+        gradient=gradient,
+        u=np.sqrt(variance),
+        shares=by_source,
+        by_place=by_place,
+    )
 
 
 class GraphTrials:
     """m simulation cycles a block: every place of a cycle from one draw of the inputs.
 
     The first-order form c.x of the outputs is drawn along and serves as control variate: of the
-    whole distribution where all inputs are normal, of the mean and u where some are not.
+    whole distribution where all inputs are normal, of the mean and u where some are not. Of what
+    jumps it is nil: the mean of 0 and 1 is the share of 1.
     """
 
     def __init__(self, evaluation: Evaluation, linear: FirstOrder) -> None:
         self.evaluation = evaluation
         self.names = tuple(str(item) for item in evaluation.outputs)
         self.linear_mean = linear.nominal
-        self.linear_variance = linear.u**2
-        u = linear.u[:, None]
+        smooth = ~evaluation.jumps
+        self.linear_variance = (linear.u * smooth) ** 2
+        u = (linear.u * smooth)[:, None]
         self.linear_quantiles: Quantiles | None = None
         if evaluation.inputs.normal:
             self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
-        self._gradient = linear.gradient @ evaluation.inputs.factor
+        self._gradient = (linear.gradient * smooth[:, None]) @ evaluation.inputs.factor
         self._work = Workspace()
         # glibc gives memory back to the system beyond twice the largest block that it has seen
         # freed (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked

@@ -29,8 +29,8 @@ def one(found: Readings, method: str = "ridge") -> ComponentDrift:
 
 def gradients(drift: ComponentDrift) -> FloatArray:
     """(positions, s) um per degC, in the order of all sensors."""
-    names = sorted({name for _, values in drift.at_positions for name in values})
-    return np.array([[values[name] / UM for name in names] for _, values in drift.at_positions])
+    names = sorted({name for own in drift.at_positions for name in own.gradients})
+    return np.array([[own.gradients[name] / UM for name in names] for own in drift.at_positions])
 
 
 def codes(found: ThermalFit) -> list[str]:
@@ -43,11 +43,14 @@ def test_noise_free_gradients_come_back(method: str) -> None:
     plan = Plan(gradients=LINE, positions=PLACES, noise=0.0, n=30)
     drift = one(plan.read(np.random.default_rng(1)), method)
     assert drift.estimate.degree == 1
-    by_sensor = [dict.fromkeys(sensor_names(4), 0.0) | values for _, values in drift.at_positions]
+    none = dict.fromkeys(sensor_names(4), 0.0)
+    by_sensor = [none | own.gradients for own in drift.at_positions]
     found = np.array([[row[name] / UM for name in sensor_names(4)] for row in by_sensor])
     assert found == pytest.approx(LINE, abs=ROUNDING)
     assert drift.r2_fit == pytest.approx(1.0, abs=ROUNDING)
-    assert [a / UM for _, a in drift.intercepts] == pytest.approx([0.0, 3.0, 6.0], abs=6 * ROUNDING)
+    assert [each.value / UM for each in drift.intercepts] == pytest.approx(
+        [0.0, 3.0, 6.0], abs=6 * ROUNDING
+    )
     if method == "stepwise":
         assert drift.estimate.sensors == ("T_01_degC", "T_02_degC", "T_04_degC")
 
@@ -103,7 +106,7 @@ def test_twins_are_one_group(method: str, sign: int) -> None:
         run.temperature[:, 2] = REFERENCE + sign * (run.temperature[:, 0] - REFERENCE) + noise
     drift = one(readings(runs), method)
     assert drift.groups == (("T_01_degC", "T_03_degC"),)
-    values = drift.at_positions[0][1]
+    values = drift.at_positions[0].gradients
     assert values["T_01_degC"] == pytest.approx(sign * values["T_03_degC"], rel=ROUNDING)
     u = np.sqrt(drift.estimate.covariance[0, 0])
     assert abs(values["T_01_degC"] - 2.0 * UM) < 5 * u
@@ -152,15 +155,39 @@ def test_cycles_that_begin_apart_are_told(positions: tuple[float | None, ...]) -
     for cycle in true:
         cycle -= cycle[0] - 20.0
     runs = plan.runs(np.random.default_rng(9), true)
-    assert "order-of-cycles" not in codes(fitted(readings(runs)))
+    free = fitted(readings(runs))
+    assert "order-of-cycles" not in codes(free)
+    assert not free.components["p"].zeroed.offsets
     for run in runs:
         run.error[:] += 40 * UM * int(str(run.cycle)[1:])
-    (warned,) = [w for w in fitted(readings(runs)).warnings if w.code == "order-of-cycles"]
-    assert warned.facts["apart"] == "120 um"
-    # Where they begin at other temperatures, readings may as well be other.
-    for run, start in zip(runs, (0.0, 3.0, 6.0, 9.0) * len(positions), strict=False):
-        run.temperature[:] += start
-    assert "order-of-cycles" not in codes(fitted(readings(runs)))
+    found = fitted(readings(runs))
+    assert "order-of-cycles" in codes(found)
+    drift = found.components["p"]
+    assert drift.zeroed.offsets
+    assert len(drift.intercepts) == 4 * len(positions)
+    assert gradients(drift) == pytest.approx(gradients(free.components["p"]), abs=0.1)
+    level = {each.cycle: each.value / UM for each in drift.intercepts}
+    assert level["c3"] - level["c0"] == pytest.approx(120, abs=2)
+
+
+@pytest.mark.parametrize("zeroed", ["auto", "cycle"])
+def test_a_probe_zeroed_at_the_start_of_every_cycle(zeroed: str) -> None:
+    """Its gradients and held-out rms are those of a probe that was zeroed once, the first reading
+    of every cycle 0 or not.
+    """
+    plan = Plan(gradients=np.array([[2.0, 1.0, 0.5]]))
+    runs = plan.runs(np.random.default_rng(9))
+    free = one(readings(runs))
+    for run in runs:
+        run.error[:] -= run.error[0] if zeroed == "auto" else 5 * UM
+    drift = thermal_fit(
+        [readings(runs)], {"p": (None, "um")}, reference=20.0, method="ridge", zeroed=zeroed
+    ).components["p"]
+    assert drift.zeroed.by == ("first readings" if zeroed == "auto" else "setting")
+    assert gradients(drift) == pytest.approx(gradients(free), abs=0.05)
+    assert drift.held_out is not None
+    assert free.held_out is not None
+    assert drift.held_out.after == pytest.approx(free.held_out.after, rel=0.1)
 
 
 def test_a_sensor_that_differs_between_positions_alone() -> None:
@@ -227,7 +254,7 @@ def test_the_reference_temperature_only_moves_the_intercepts() -> None:
     assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
     assert b.estimate.covariance == pytest.approx(a.estimate.covariance, rel=ROUNDING)
     shift = gradients(a).sum(axis=1) * 3
-    moved = [(j - i) / UM for (_, i), (_, j) in zip(a.intercepts, b.intercepts, strict=True)]
+    moved = [(j.value - i.value) / UM for i, j in zip(a.intercepts, b.intercepts, strict=True)]
     assert moved == pytest.approx(shift, rel=ROUNDING)
 
 

@@ -1,4 +1,4 @@
-"""The analysis of measured parts: uncertainties, methods, outliers, scatter by axis, warnings."""
+"""The analysis of measured parts: uncertainties, methods, outliers, capability, warnings."""
 
 from __future__ import annotations
 
@@ -9,15 +9,14 @@ import measured_examples
 import numpy as np
 import pytest
 from measured_examples import part_file, planted_and_clean, points, study, with_measured
-from scipy.stats import binom
+from scipy.stats import ncx2
 
-from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance, operations
-from mtu_cli.analyses.anova.operations import AxisScatter, axis_scatter, rows_by_axis
+from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
+from mtu_cli.analyses.anova.capability import radial_quantile
+from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
-from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats import rotation
-from mtu_cli.stats.anova import cells_of, one_way
 
 SETTINGS = Settings()
 
@@ -205,21 +204,6 @@ def test_unequal_repeats_are_scaled_before_they_are_compared(
     assert alarms <= 10
 
 
-def test_a_noisy_cmm_axis_is_not_the_machines() -> None:
-    """Equal parts, y measured worse: the part means scatter more in y, the parts do not."""
-    rng = np.random.default_rng(8)
-    found = study(40, 3, 3, 0.004, 0.001)
-    measured = found.measured.copy()
-    measured[:, 1] += 0.012 * rng.standard_normal(len(measured))
-    (item,) = analysed(with_measured(found, measured)).axis_scatter
-    assert item.apart
-    assert item.test.p > 0.05
-    first = found.repeat == 0
-    (alone,) = analysed(_rows(with_measured(found, measured), first)).axis_scatter
-    assert not alone.apart
-    assert alone.test.p <= 0.001
-
-
 def test_tables_of_the_part_file(tmp_path: Path) -> None:
     part = part_file(tmp_path)
     # A length has the scatter of two holes: to four standard errors of a deviation of 2399 parts.
@@ -303,9 +287,6 @@ def test_a_feature_that_stands_out(monkeypatch: pytest.MonkeyPatch) -> None:
     (item,) = analysed(with_measured(found, measured)).unusual_features
     assert item.where == ("", "h7", "y")
     assert item.deviation == pytest.approx(0.03, abs=4 * 0.01 / np.sqrt(10))
-    runs = 200
-    alarms = sum(bool(analysed(study(4, 1, seed)).unusual_features) for seed in range(runs))
-    assert alarms / runs <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
 
 
 def test_repeats_without_scatter() -> None:
@@ -338,47 +319,134 @@ def test_totals() -> None:
 def test_planted_parts_are_found_and_a_clean_study_is_silent(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Features, lengths and right angles together; tests/bench has more runs of it."""
+    """Parts, features and trends together; tests/bench has more runs of it."""
     monkeypatch.setattr(rotation, "ROTATIONS", 199)
     found, alarms = planted_and_clean(part_file(tmp_path), 100)
     assert found >= 0.95
     assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 100)
 
 
-REPEATS = (5, 5, 5, 5, *[2] * 15, 1, 1)
+def rounded(found: Points, step: float) -> Points:
+    return with_measured(found, np.round(found.measured / step) * step)
 
 
-def y_over_x(seed: int, s_part: tuple[float, float], s_repeat: tuple[float, float]) -> AxisScatter:
-    """Parts displaced as a whole, of unequal repeats; every seventh cell was not measured."""
-    parts, features = len(REPEATS), 4
-    rng = np.random.default_rng([seed, parts])
-    part = np.repeat(np.arange(parts), REPEATS)
-    table = np.arange(2 * features)[:, None]
-    cell = table * parts + part
-    shift = np.array(s_part)[:, None] * rng.standard_normal((2, parts))
-    noise = np.repeat(s_repeat, features)[:, None] * rng.standard_normal(cell.shape)
-    values = np.repeat(shift, features, axis=0)[:, part] + noise
-    there = (part + 3 * (table % features)) % 7 != 0
-    cells = cells_of(values[there], cell[there], 2 * features, parts)
-    labels = tuple(("", str(i % features), "xy"[i // features]) for i in range(2 * features))
-    tables = MeasuredTables(labels=labels, parts=tuple(map(str, range(parts))), cells=cells)
-    (found,) = axis_scatter(tables, one_way(cells), rows_by_axis(labels))
-    return found
+def test_no_outlier_and_no_u_is_made_of_rounding() -> None:
+    """Parts far more alike than the last digit, one of which is rounded the other way; and errors
+    of which the datum leaves nothing but the rounding of the arithmetic.
+    """
+    alike = study(12, 2, 1, 1e-6, 1e-6)
+    coarse = rounded(alike, 1e-3)
+    measured = coarse.measured.copy()
+    measured[coarse.part == 4, 0] += 1e-3
+    measured[coarse.part == 5, 1] += 1e-3
+    result = analysed(with_measured(coarse, measured))
+    assert result.unusual == ()
+    # One last digit of the mean, once for all readings.
+    one = result.features.u_mean
+    assert (one >= 1e-3 / np.sqrt(12)).all()
+    assert (one < 1.5 * 1e-3 / np.sqrt(12)).all()
+    left = points([(f"P{p}", "a", 0, 0.01 * p, 0.02 * p) for p in range(8)])
+    result = analyse_variance(left, None, "reml", SETTINGS, "offset")
+    assert result.unusual == ()
+    assert not result.unusual_features
+    assert (result.features.one_way.F[np.isfinite(result.features.one_way.F)] < 10).all()
 
 
-@pytest.mark.parametrize("s_repeat", [(1.0, 1.0), (0.5, 1.5)])
-def test_unequal_repeats_keep_the_rate_of_the_axes(
-    s_repeat: tuple[float, float], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(operations, "ratio_interval", lambda *_: (np.nan, np.nan))
-    runs = 250
-    alarms = sum(y_over_x(seed, (1.0, 1.0), s_repeat).test.p <= 0.05 for seed in range(runs))
-    assert binom.ppf(1e-3, runs, 0.05) <= alarms <= binom.ppf(1 - 1e-3, runs, 0.05)
+def test_f_counts_what_the_last_digit_hides() -> None:
+    """Repeats of one part are rounded alike, parts are not: F of parts that are alike is not 5."""
+    rng = np.random.default_rng(3)
+    made = 0.3e-3 * rng.standard_normal((40, 2))
+    rows = [(f"P{p}", "a", r, *(made[p] + 0.05e-3 * rng.standard_normal(2)))
+            for p in range(40) for r in range(3)]  # fmt: skip
+    fine, coarse = (analysed(rounded(points(rows), step)).features.one_way for step in (1e-6, 1e-3))
+    assert (fine.F > 20).all()
+    assert (coarse.F[np.isfinite(coarse.F)] < 5).all()
 
 
-def test_an_axis_whose_parts_are_alike() -> None:
-    """Three and a half um in x and none in y are separable, whatever y's estimate is."""
-    found = [y_over_x(seed, (3.5, 0.0), (1.0, 1.4)) for seed in range(60)]
-    assert all(item.apart and item.test.p <= 0.01 for item in found)
-    assert all(item.interval[0] == 0 or item.interval[1] < 0.2 for item in found)
-    assert 0 < sum(item.test.ratio == 0 for item in found) < 60
+TOLERANCED = """\
+schema: mtu/part/1
+name: toleranced
+features: {a: {x_mm: 10, y_mm: 20}, b: {x_mm: 110, y_mm: 21}}
+lengths: [{from: a, to: b, tolerance_um: 20}]
+"""
+
+
+def lengths_of(folder: Path, errors: list[float], sequence: list[int] | None = None) -> AnovaResult:
+    """Parts whose length a-b is off by these, um, in the order of the sequence."""
+    path = folder / "part.yaml"
+    path.write_text(TOLERANCED)
+    rows = [(f"P{p}", name, 0, 1e-3 * error * (name == "b"), 0.0)
+            for p, error in enumerate(errors) for name in "ab"]  # fmt: skip
+    found = points(rows)
+    order = np.array(sequence or range(1, len(errors) + 1))
+    return analyse_variance(
+        replace(found, sequence=order[found.part]), load_part(path), "reml", SETTINGS
+    )
+
+
+def test_capability_of_a_length(tmp_path: Path) -> None:
+    """Against a plain calculation; the intervals of Montgomery, Introduction to Statistical Quality
+    Control, example 8.4 (n = 20, Cp 1.29: 0.89 to 1.69) and a large-sample one of Bissell (1990).
+    """
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal(20)
+    values = 4.0 + (20 / 3 / 1.29) * (values - values.mean()) / values.std(ddof=1)
+    (item,) = lengths_of(tmp_path, values.tolist()).capabilities
+    assert (item.kind, item.id, item.low, item.high) == ("length", "a-b", -0.02, 0.02)
+    assert item.pp == pytest.approx(1.29, rel=1e-4)
+    assert item.pp_interval == pytest.approx((0.89, 1.69), abs=0.01)
+    assert item.ppk == pytest.approx(16 / (20 / 1.29), rel=1e-4)
+    half = 1.96 * np.sqrt(1 / (9 * 20) + item.ppk**2 / (2 * 19))
+    assert item.ppk_interval == pytest.approx((item.ppk - half, item.ppk + half), abs=0.03)
+    moving = np.abs(np.diff(values)).mean() / 1.128
+    assert (item.cp, item.cpk) == pytest.approx((20 / (3 * moving), 16 / (3 * moving)), rel=1e-4)
+
+
+def test_cp_follows_the_sequence_and_pp_does_not(tmp_path: Path) -> None:
+    """A drift over the parts is in pp, not in cp, whatever the order of the rows."""
+    rng = np.random.default_rng(2)
+    drifting = np.linspace(-9, 9, 24) + rng.standard_normal(24)
+    shuffled = rng.permutation(24)
+    results = [
+        lengths_of(tmp_path, drifting.tolist()),
+        lengths_of(tmp_path, drifting[shuffled].tolist(), (shuffled + 1).tolist()),
+    ]
+    ordered, other = (result.capabilities[0] for result in results)
+    assert ordered.cp > 3 * ordered.pp
+    assert other.cp == pytest.approx(ordered.cp, rel=1e-9)
+    for result in results:
+        (trend,) = [item for item in result.trends if item.where[2] == "length"]
+        assert trend.p < 1e-6
+        assert abs(trend.slope - 18e-3 / 23) < 4 * trend.u
+    still = lengths_of(tmp_path, rng.standard_normal(24).tolist())
+    assert all(item.p > 0.05 for item in still.trends)
+
+
+def test_capability_of_a_position_and_an_angle(tmp_path: Path) -> None:
+    """A zone of 0.1 mm about the place; s of 10 um along both axes: 50/34.4 of a centred hole."""
+    text = measured_examples.PART.replace("y_mm: 20}", "y_mm: 20, position_um: 100}")
+    text = text.replace("{id: xy, ", "{id: xy, tolerance_arcsec: [-60, 30], ")
+    (tmp_path / "part.yaml").write_text(text)
+    found = study(2000, 1, 5)
+    result = analyse_variance(found, load_part(tmp_path / "part.yaml"), "reml", SETTINGS)
+    item, angle = result.capabilities
+    assert (item.kind, item.id, angle.kind, angle.id) == ("position", "a", "angle", "xy")
+    assert item.ppk == pytest.approx(0.05 / (0.01 * np.sqrt(-2 * np.log(0.0027))), rel=0.05)
+    assert np.isnan([item.pp, item.cp, item.cpk, *item.ppk_interval]).all()
+    radial = np.hypot(*(found.measured - found.nominal)[found.feature == 0, :2].T)
+    np.testing.assert_allclose(item.values, radial)
+    arcsec = np.pi / 648000
+    assert (angle.low, angle.high) == pytest.approx((-60 * arcsec, 30 * arcsec))
+    assert angle.ppk == pytest.approx((angle.high - angle.mean) / (3 * angle.s))
+
+
+@pytest.mark.parametrize("size", [0.0, 2.0])
+def test_the_quantile_of_a_radial_error(size: float) -> None:
+    """Equal variances: sqrt of a noncentral chi-squared; unequal ones against samples."""
+    centre = np.array([size, 0.0])
+    expected = np.sqrt(ncx2.ppf(0.9973, 2, max(size**2, 1e-12)))
+    assert radial_quantile(centre, np.eye(2), 0.9973) == pytest.approx(expected, rel=1e-6)
+    C = np.array([[1.0, 0.6], [0.6, 0.5]])
+    drawn = np.random.default_rng(1).multivariate_normal(centre, C, 400_000)
+    within = np.mean(np.hypot(*drawn.T) <= radial_quantile(centre, C, 0.9973))
+    assert within == pytest.approx(0.9973, abs=4 * np.sqrt(0.0027 / 400_000))

@@ -84,3 +84,29 @@ def test_a_t_in_a_copula_has_the_coefficient_that_the_warning_says(dof: int) -> 
         assert r == pytest.approx(0.6 * factor, abs=0.01)
     weaker = next(x.facts["weaker"] for x in result.warnings if x.code == "correlated-inputs")
     assert f"(a {factor:.3g}; 1 for others)" in weaker
+
+
+CANCELLING = """
+    equations: {a: (3*x)/x, b: x*y/x - y, c: x + z - z - x, d: 2*y*x/x, e: f*(1 + g)}
+    inputs:
+      x: {value: 1.1, u: 0.05}
+      y: {value: 7.3, u: 0.05}
+      z: 1.0e9
+      f: {value: 9192631770, u: 1.0e-6}
+      g: {value: 0, u: 1.0e-16}
+"""
+
+
+def test_rounding_is_no_variance() -> None:
+    """What cancels has no u, by first order and by trials, and does not fail clause 8; an
+    uncertainty near the spacing of numbers is one.
+    """
+    result = evaluated(CANCELLING)
+    a, b, c, d, e = result.outputs
+    for output in (a, b, c):
+        assert output.first.u == output.first.second_u == output.of_run("u") == 0.0
+        assert output.validation.passed
+    assert a.first.value == a.mean == 3.0
+    assert d.first.u == pytest.approx(0.1)
+    assert e.first.u == pytest.approx(math.hypot(1e-6, 9.192631770e-7))
+    assert codes(evaluated(CANCELLING.replace(", e: f*(1 + g)", ""))) == {"unused"}

@@ -9,7 +9,7 @@ import pytest
 from budget_examples import evaluated
 from scipy.stats import t
 
-from mtu_cli.analyses.budget.tails import Tail, unsettled
+from mtu_cli.analyses.budget.first_order import Tail, unsettled
 
 LENGTH = "{readings: [100.0003, 100.0001, 100.0005, 99.9998, 100.0002]}"
 

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 from budget_examples import codes, evaluated, loaded
 
-from mtu_cli.analyses.budget.correlation import input_covariance
 from mtu_cli.analyses.budget.first_order import first_order
-from mtu_cli.analyses.budget.quantities import input_quantities
-from mtu_cli.analyses.budget.sources import independent_sources
+from mtu_cli.analyses.budget.inputs import inputs_of
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.stats.coverage import coverage_factor
 
@@ -42,14 +40,10 @@ def test_correlated_inputs_of_equal_degrees_of_freedom_are_a_multivariate_t() ->
 def test_few_trials_leave_out_the_control_they_cannot_use() -> None:
     """The same random numbers and the same values, with the first-order form or without."""
     budget = loaded("equation: a*b\ninputs: {a: {value: 1, u: 0.3, dof: 5}, b: {value: 2, u: 1}}\n")
-    inputs = input_quantities(budget)
-    covariance = input_covariance(budget, inputs)
-    sources = independent_sources(budget, inputs, covariance)
-    first = first_order(budget, inputs, covariance, sources)
+    inputs = inputs_of(budget)
+    first = first_order(budget, inputs)
     drawn = [
-        BudgetTrials(budget.trees, inputs, sources, first, [None, None], controlled).draw(
-            np.random.default_rng(1), 1000
-        )
+        BudgetTrials(budget.trees, inputs, first, controlled).draw(np.random.default_rng(1), 1000)
         for controlled in (True, False)
     ]
     assert np.array_equal(drawn[0].values, drawn[1].values)

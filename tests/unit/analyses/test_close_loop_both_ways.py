@@ -19,7 +19,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.follow_up import as_it_is
 from mtu_cli.close_loop_sealed.analyses.loop.other_pitches import with_other_pitches
 from mtu_cli.close_loop_sealed.analyses.loop.refined import with_refined
 from mtu_cli.close_loop_sealed.analyses.loop.separation import sight_of
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 P, PITCH, AMPLITUDE, NOISE, LEVEL = 5, 10.0, 1.5e-3, 5e-4, 8e-4
 PLACES = np.sort(np.r_[0.0, 600.0, np.random.default_rng(5).uniform(10, 590, 29)]).round(2)

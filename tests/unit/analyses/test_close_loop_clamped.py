@@ -14,7 +14,7 @@ from separation_examples import LIBRARY
 from mtu_cli.close_loop_sealed.analyses.loop import CloseLoopResult, close_loop
 from mtu_cli.close_loop_sealed.analyses.loop.clamped import CODE
 from mtu_cli.close_loop_sealed.model.effect_library import EffectLibrary
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 SIGMA = 1.5e-3
 FEW = replace(LIBRARY, families=tuple(

@@ -15,7 +15,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.directions import (
     scatter_directions,
     smooth_directions,
 )
-from mtu_cli.stats.strata import strata_of
+from mtu_cli.close_loop_sealed.stats.strata import strata_of
 
 SHAPE = (8, 9, 2)
 

@@ -24,7 +24,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.further_parts import FollowUp
 from mtu_cli.close_loop_sealed.analyses.loop.separation import member_columns
 from mtu_cli.close_loop_sealed.model.effect_library import candidates
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 ALL = ("x", "y", "z", "dir_x", "dir_y", "time_min", "sequence", "tool_parts", "load",
        "T_spindle_degC", "T_part_degC")  # fmt: skip

@@ -18,8 +18,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
-from mtu_cli.model.residual_table import ResidualTable
 
 SHAPE = (14, 10, 1)
 RNG = np.random.default_rng(5)

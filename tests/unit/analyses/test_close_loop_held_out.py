@@ -21,8 +21,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.held_out import (
     scores,
 )
 from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate, Column
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.loop_null import entry_variance
-from mtu_cli.model.residual_table import ResidualTable
 
 SHAPE = (8, 12, 2)
 RNG = np.random.default_rng(1)

@@ -14,7 +14,7 @@ from separation_examples import LIBRARY
 from mtu_cli.close_loop_sealed.analyses.loop.one_table import loop_on
 from mtu_cli.close_loop_sealed.model.effect_candidate import centred_axes
 from mtu_cli.close_loop_sealed.model.effect_library import candidates
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 PARTS, FEATURES = 16, 12
 ANGLE = 5e-5

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mtu_cli.close_loop_sealed.analyses.loop.one_phase import least_amplitude
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 PITCH, STEP = 60.0, 30.0
 

@@ -28,7 +28,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.other_pitches import (
 )
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
 from mtu_cli.close_loop_sealed.analyses.loop.shown import pitch_is_open
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 PITCH, NOISE = 10.0, 1e-3
 EVEN = np.linspace(10.0, 140.0, 5)

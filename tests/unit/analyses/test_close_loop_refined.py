@@ -25,8 +25,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.rivals import all_instead
 from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
 from mtu_cli.close_loop_sealed.analyses.loop.search import search
 from mtu_cli.close_loop_sealed.model.effect_library import candidates
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.column_groups import whitened
-from mtu_cli.model.residual_table import ResidualTable
 
 AMPLITUDE, NOISE, PITCH = 2e-3, 7e-4, 20.0
 PLACES = np.cumsum([0.0, *np.tile([13.0, 17.3, 8.9, 19.1, 11.7], 5)])

@@ -16,7 +16,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.refined import searched_members, with_refined
 from mtu_cli.close_loop_sealed.analyses.loop.rivals import MOST, all_instead, with_rivals
 from mtu_cli.close_loop_sealed.analyses.loop.shape_profile import with_shapes
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 
 T = "T_spindle_degC"
 FIXED = 300.0

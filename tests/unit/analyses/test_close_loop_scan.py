@@ -18,10 +18,10 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan, beside_found, calibrated
 from mtu_cli.close_loop_sealed.analyses.loop.search import search
 from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
-from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.mean_squares import EntryNoise
+from mtu_cli.close_loop_sealed.stats.mean_squares import EntryNoise
 
 SHAPE = (12, 10, 2)
 RNG = np.random.default_rng(1)

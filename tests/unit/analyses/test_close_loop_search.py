@@ -27,7 +27,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
 from mtu_cli.close_loop_sealed.model.effect_candidate import Column
 from mtu_cli.close_loop_sealed.model.effect_library import candidates
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
-from mtu_cli.stats.scatter_tests import two_scatters_p
+from mtu_cli.close_loop_sealed.stats.scatter_tests import two_scatters_p
 
 SHAPE = (12, 10, 2)
 RNG = np.random.default_rng(1)

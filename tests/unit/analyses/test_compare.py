@@ -84,10 +84,9 @@ def test_false_alarms_from_readings_to_verdict(passes: int) -> None:
     assert (rates.mean(axis=0) > 0.005).all()
 
 
-@pytest.mark.parametrize("parts", [1, 2])
-def test_false_alarms_of_few_parts(parts: int) -> None:
+def test_false_alarms_of_few_parts() -> None:
     runs = 40
-    alarms = sum(faults(trial(5, seed, parts=parts)) > 0 for seed in range(runs))
+    alarms = sum(faults(trial(5, seed, parts=1 + seed % 2)) > 0 for seed in range(runs))
     assert alarms / runs < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / runs)
 
 

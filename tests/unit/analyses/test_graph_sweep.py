@@ -1,18 +1,131 @@
-"""graph sweep: how far the trials of a grid go, and what an output does not depend on."""
+"""graph sweep: the formula, what has no effect, how far the trials of a grid go."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from graph_examples import graph_of, shipped
 
 from mtu_cli.analyses.graph.simulate import simulate_graph
+from mtu_cli.analyses.graph.surface import fit_formula
 from mtu_cli.analyses.graph.sweep import sweep_graph
+from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
+from mtu_cli.reports import graph as report
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.graph_figure import swept as drawn
+from mtu_cli.reports.monte_carlo_figures import swept as drawn
+
+
+def test_repeats_average_the_probe_alone() -> None:
+    """The ball's x: u^2 = (u1^2 + u2^2/n + u3^2)/2, here (1 + 1/n)/2 um^2."""
+    swept = sweep_graph(
+        shipped("ball-centre"), Settings(trials=20_000), "P1.x", {"repeats": [1, 2, 4, 10]}
+    )
+    u = np.array([item.u for item in swept.grid])
+    assert 1e6 * u**2 == pytest.approx([(1 + 1 / n) / 2 for n in (1, 2, 4, 10)])
+    assert swept.formula is not None
+    assert swept.formula.form == "u_um = sqrt(a/repeats + b)"
+    assert swept.formula.coefficients == pytest.approx({"a": 0.5, "b": 0.5})
+
+
+def test_other_sources_are_a_constant_of_the_formula() -> None:
+    """The ball's z: u^2 = u1^2 + u2^2 + u_r^2, u_r = 0.2 um."""
+    grid = {"axis_um": [0.5, 1.0, 2.0], "probe_um": [0.5, 1.0], "repeats": [1.0, 4.0]}
+    swept = sweep_graph(shipped("ball-centre"), Settings(trials=20_000), "P1.z", grid)
+    assert swept.formula is not None
+    assert swept.formula.form == "u_um = sqrt(a*probe_um^2/repeats + b*axis_um^2 + c)"
+    assert swept.formula.coefficients == pytest.approx({"a": 1, "b": 1, "c": 0.04})
+    assert len(swept.grid) == 12
+    assert swept.grid[1].at == {"axis_um": 0.5, "probe_um": 0.5, "repeats": 4}
+
+
+def test_a_grid_of_one_value_has_no_formula() -> None:
+    swept = sweep_graph(shipped("ball-centre"), Settings(trials=2000), "P1.x", {"axis_um": [1.0]})
+    assert swept.formula is None
+    assert swept.no_formula == "nothing varies"
+    # 2000 trials: five standard errors of a standard deviation.
+    assert swept.grid[0].u == pytest.approx(1e-3, rel=5 / math.sqrt(2 * 2000))
+
+
+def test_one_coordinate_is_swept() -> None:
+    with pytest.raises(InputError, match=r"one of: P1\.x, P1\.y, P1\.z"):
+        sweep_graph(shipped("ball-centre"), Settings(), "P1", {"axis_um": [1.0, 2.0]})
+
+
+def test_grid_points_have_random_numbers_of_their_own() -> None:
+    settings = replace(Settings(), trials=1000)
+    grid = {"axis_um": [1.0, 1.0 + 1e-9]}
+    swept = sweep_graph(shipped("ball-centre"), settings, "P1.x", grid)
+    assert abs(swept.grid[0].u / swept.grid[1].u - 1) > 1e-4
+
+
+OFF_NOMINAL = """
+uncertainty: {axis_um: 1.0, probe_um: 0.5, perpendicular_um: 0.3}
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 5}
+  y: {kind: coordinate, axis: y, nominal_mm: 7}
+  e: {kind: constant, unit: mm}
+transitions:
+  - {do: meas, out: x}
+  - {do: meas, out: y}
+  - {do: compute, in: [x, y], out: e, formula: sqrt((x - 5)**2 + (y - 7)**2)}
+"""
+
+
+def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
+    """A Rayleigh variable: u^2 = (2 - pi/2) (u1^2 + u2^2/n + u3^2)."""
+    grid = {"repeats": [1.0, 2.0, 4.0], "axis_um": [0.5, 1.0]}
+    graph = graph_of(tmp_path, OFF_NOMINAL)
+    found = sweep_graph(graph, Settings(trials=200_000), "e", grid).formula
+    assert found is not None
+    assert found.form == "u_um = sqrt(a*axis_um^2 + b/repeats + c)"
+    share = 2 - np.pi / 2
+    # Weighted least squares of u^2, whose relative standard error is 2 se(u)/u =
+    # sqrt((kurtosis - 1)/M); of a Rayleigh variable the kurtosis is
+    # (32 - 3 pi^2)/(4 - pi)^2. Five standard errors of the coefficients, (X'WX)^-1.
+    kurtosis = (32 - 3 * np.pi**2) / (4 - np.pi) ** 2
+    relative = math.sqrt((kurtosis - 1) / 200_000)
+    settings = [(n, u1) for n in (1, 2, 4) for u1 in (0.5, 1)]
+    terms = np.array([[u1**2, 1 / n, 1] for n, u1 in settings])
+    expected = share * np.array([1, 0.25, 0.09])
+    weighted = terms / (relative * (terms @ expected))[:, None]
+    covariance = np.linalg.inv(weighted.T @ weighted)
+    coefficients = np.array([found.coefficients[name] for name in "abc"])
+    assert np.all(np.abs(coefficients - expected) <= 5 * np.sqrt(np.diag(covariance)))
+    between = {"repeats": np.array([3.0]), "axis_um": np.array([0.8])}
+    term = np.array([0.64, 1 / 3, 1])
+    u2 = float(term @ expected)
+    error = 5 * math.sqrt(term @ covariance @ term) / (2 * u2)
+    assert found.u_at(between, 1) == pytest.approx([1e-3 * math.sqrt(u2)], rel=error)
+
+
+def test_two_points_carry_two_terms(tmp_path: Path) -> None:
+    graph = graph_of(tmp_path, OFF_NOMINAL)
+    swept = sweep_graph(graph, Settings(trials=20_000), "e", {"repeats": [1.0, 4.0]})
+    assert swept.formula is not None
+    assert swept.formula.form == "u_um = sqrt(a/repeats + b)"
+    assert [item.error_percent for item in swept.grid] == pytest.approx([0, 0], abs=1e-9)
+
+
+def test_too_few_points_have_no_formula(tmp_path: Path) -> None:
+    graph = graph_of(tmp_path, OFF_NOMINAL)
+    grid = {"axis_um": [1.0, 2.0], "probe_um": [1.0], "repeats": [1.0]}
+    assert sweep_graph(graph, Settings(trials=1000), "e", grid).formula is not None
+    few = fit_formula(
+        {"axis_um": np.array([1.0, 2.0]), "probe_um": np.array([1.0, 2.0])},
+        np.array([1e-3, 2e-3]),
+        np.array([1e-6, 1e-6]),
+        np.zeros(2),
+        "mm",
+    )
+    assert few == (
+        "2 grid points are too few for its 3 terms, u_um = sqrt(a*probe_um^2 + b*axis_um^2 + c)"
+    )
+
 
 HOLE = """
 uncertainty: {axis_um: 1, probe_um: 1}
@@ -43,7 +156,7 @@ def test_an_output_without_first_order_goes_as_far_as_in_simulate(tmp_path: Path
     swept = sweep_graph(graph, Settings(), "d", {"axis_um": [1.0, 2.0]})
     (base,) = simulate_graph(graph, Settings(), ["d"]).coordinates
     assert swept.converged
-    assert [item.code for item in swept.warnings] == ["not-estimable"]
+    assert swept.warnings == ()
     for item in swept.grid:
         s = 1e-3 * math.sqrt((item.at["axis_um"] ** 2 + 1) / 2)
         assert item.u == pytest.approx(s * math.sqrt(2 - math.pi / 2), abs=5 * item.se_u)
@@ -60,8 +173,7 @@ def test_grid_points_that_do_not_converge_are_told(tmp_path: Path) -> None:
     assert told.message.startswith("1000 Monte Carlo trials: not converged")
     assert told.message.endswith("at 2 of 2 points of the grid")
     largest = max(item.se_u / item.u for item in swept.grid)
-    assert swept.largest_error == largest > 0
-    assert f"u is up to {100 * largest:.2g} %;" in told.message
+    assert f"standard error of u {100 * largest:.2g} %;" in told.message
     assert [item.deviation for item in swept.grid] == [
         item.mean - swept.nominal for item in swept.grid
     ]
@@ -110,3 +222,41 @@ def test_one_probing_without_scatter_of_the_probe_is_as_good_as_ten(tmp_path: Pa
     graph = graph_of(tmp_path, HOLE.replace("probe_um: 1", "probe_um: 0"))
     swept = sweep_graph(graph, Settings(trials=1000), "C.x", {"repeats": [1, 10]})
     assert swept.no_formula == "C.x does not depend on repeats"
+
+
+def test_a_chance_is_swept(tmp_path: Path) -> None:
+    """P(d <= 2 um) = 1 - exp(-2/s^2) of s^2 = (u1^2 + u2^2)/2; no formula for u is fitted to it."""
+    text = HOLE.replace("report: [C, d]", "  - STEP\nreport: [C, ok]")
+    text = text.replace("  d:", "  ok: {kind: constant}\n  d:")
+    text = text.replace("STEP", "{do: compute, in: [d], out: ok, formula: step(0.002 - d)}")
+    graph = graph_of(tmp_path, text)
+    seen: list[tuple[int, int | None]] = []
+    settings = replace(Settings(), progress=lambda done, total: seen.append((done, total)))
+    result = sweep_graph(graph, settings, "ok", {"axis_um": [1.0, 2.0], "perpendicular_um": [0]})
+    assert result.chance
+    assert result.converged
+    assert result.formula is None
+    assert result.without == ()
+    for item in result.grid:
+        chance = 1 - math.exp(-4 / (item.at["axis_um"] ** 2 + 1))
+        assert item.mean == pytest.approx(chance, abs=5 * item.se_mean)
+    made = report.sweep(simulate_graph(graph, Settings(trials=100), ["ok"]), result)
+    sheet = made.tables[0].sheet(2, detail=False)
+    assert sheet.title == "chance of ok"
+    assert [row[2][:2] for row in sheet.rows] == ["86", "55"]
+    assert figure_bytes(drawn(result), "png").startswith(b"\x89PNG")
+    assert {done for done, _ in seen} == {0, 1}
+    assert {total for _, total in seen} == {2}
+
+
+def test_the_mean_of_what_is_swept_is_in_the_table(tmp_path: Path) -> None:
+    """A Rayleigh variable of s = u1: the mean is sqrt(pi/2) s, above its nominal 0."""
+    graph = graph_of(tmp_path, HOLE.replace("probe_um: 1", "probe_um: 0"))
+    result = sweep_graph(graph, Settings(), "d", {"axis_um": [1.0, 2.0]})
+    made = report.sweep(simulate_graph(graph, Settings(trials=100), ["d"]), result)
+    sheet = made.tables[0].sheet(2, detail=False)
+    assert sheet.columns[1].title == "mean less nominal\num"
+    for row, item in zip(sheet.rows, result.grid, strict=True):
+        mean = math.sqrt(math.pi / 4) * item.at["axis_um"]
+        assert item.mean == pytest.approx(1e-3 * mean, abs=5 * item.se_mean)
+        assert float(row[1]) == pytest.approx(mean, abs=0.051)

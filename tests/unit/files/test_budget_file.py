@@ -10,7 +10,7 @@ import pytest
 from budget_examples import loaded
 from support import CONFIGS
 
-from mtu_cli.analyses.budget.quantities import InputQuantity, input_quantities
+from mtu_cli.analyses.budget.inputs import InputQuantity, inputs_of
 from mtu_cli.files import budget
 from mtu_cli.files.budget import load_budget
 from mtu_cli.findings import Finding, InputError
@@ -29,7 +29,7 @@ def findings(text: str) -> list[Finding]:
 
 def quantity(entry: str) -> InputQuantity:
     """The input `a` of a sum."""
-    found = input_quantities(loaded(SUM + f"  a: {entry}\n"))
+    found = inputs_of(loaded(SUM + f"  a: {entry}\n")).quantities
     return next(item for item in found if item.name == "a")
 
 

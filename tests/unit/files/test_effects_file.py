@@ -12,7 +12,7 @@ import yaml
 
 from mtu_cli.close_loop_sealed.files.effect_templates import LoadedEffects, load_effects
 from mtu_cli.close_loop_sealed.model.effect_library import BUILT_IN, effect_library
-from mtu_cli.files.schemas import json_schema
+from mtu_cli.files.contract import json_schema
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import names, parse, to_text
 from mtu_cli.language.parser import BRACED

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from mtu_cli.files.part import LoadedPart, load_part
-from mtu_cli.files.schemas import json_schema
+from mtu_cli.files.contract import json_schema
+from mtu_cli.files.part import LoadedPart, Tolerance, load_part
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 from mtu_cli.findings import InputError
 
@@ -48,6 +48,28 @@ def test_a_part(tmp_path: Path) -> None:
     assert read.orthogonality[0].row == ["9", "a"]
     assert read.circles[0].calibrated_mm == {20.0: 180.0124, 26.0: 180.0137}
     assert read.circles[1].calibrated_mm == {20.0: 5.0}
+
+
+def test_tolerances(tmp_path: Path) -> None:
+    text = FEATURES.replace("x_mm: 10, y_mm: 10}", "x_mm: 10, y_mm: 10, position_um: 50}", 1) + (
+        "lengths: [{from: 3, to: 9, tolerance_um: 30}, {from: 9, to: a, tolerance_um: [-5, 25]}]\n"
+        "orthogonality: [{id: xy, row: [9, a], column: [3, 9], tolerance_arcsec: [-8, 8]}]\n"
+    )
+    read = part(tmp_path, text).part
+    assert read.features["3"].position_um == 50.0
+    assert read.features["9"].position_um is None
+    assert [each.tolerance for each in read.lengths] == [Tolerance(-30, 30), Tolerance(-5, 25)]
+    assert [each.tolerance.stated for each in read.lengths if each.tolerance] == [30, (-5, 25)]
+    assert read.orthogonality[0].tolerance == Tolerance(-8, 8)
+
+
+@pytest.mark.parametrize("value", ["0", "-3", "true", "[3]", "[3, 3]", "[5, -5]", "[1, .inf]", "a"])
+def test_what_is_no_tolerance(tmp_path: Path, value: str) -> None:
+    (fault,) = part_faults(
+        tmp_path, FEATURES + f"lengths: [{{from: 3, to: 9, tolerance_um: {value}}}]"
+    )
+    assert "lengths[0].tolerance_um: wrong value" in fault
+    assert fault.endswith("expected a number above 0, or [low, high]")
 
 
 @pytest.mark.parametrize(
@@ -135,12 +157,16 @@ def study(tmp_path: Path, text: str) -> LoadedStudy:
 def test_a_study_names_files_relative_to_itself(tmp_path: Path) -> None:
     for name in ("machine.yaml", "a.csv", "b.csv"):
         (tmp_path / name).write_text("x")
-    text = "machine: machine.yaml\nlbb: a.csv\ncmm: [a.csv, b.csv]\nsettings: {seed: 3}\n"
+    text = (
+        "machine: machine.yaml\nlbb: a.csv\ncmm: [a.csv, b.csv]\ncomponents: a.csv\n"
+        "settings: {seed: 3}\n"
+    )
     loaded = study(tmp_path, text)
     assert loaded.files == {
         "machine": (tmp_path / "machine.yaml",),
         "lbb": (tmp_path / "a.csv",),
         "cmm": (tmp_path / "a.csv", tmp_path / "b.csv"),
+        "components": (tmp_path / "a.csv",),
     }
     assert loaded.study.settings.seed == 3
     assert loaded.study.settings.coverage_factor is None
@@ -172,6 +198,9 @@ def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
     deep.mkdir(parents=True)
     (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n")
     assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"
+    (deep / "mtu.yaml").mkdir()
+    assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"
+    (deep / "mtu.yaml").rmdir()
     (deep / "mtu.yaml").write_text("schema: mtu/study/1\n")
     assert find_study(deep) == deep / "mtu.yaml"
 
@@ -202,28 +231,3 @@ def test_the_schema_knows_what_an_effect_is_of() -> None:
 def test_an_unknown_schema() -> None:
     with pytest.raises(InputError, match="did you mean 'machine'"):
         json_schema("machin")
-
-
-def test_a_study_names_one_components_report_or_several(tmp_path: Path) -> None:
-    for name in ("m.yaml", "c.json", "t.json"):
-        (tmp_path / name).write_text("x")
-    head = "schema: mtu/study/1\nmachine: m.yaml\n"
-    path = tmp_path / "mtu.yaml"
-    path.write_text(head + "components: c.json\n")
-    assert load_study(path).files["components"] == (tmp_path / "c.json",)
-    path.write_text(head + "components: [c.json, t.json]\n")
-    assert load_study(path).files["components"] == (tmp_path / "c.json", tmp_path / "t.json")
-    path.write_text(head + "components: [c.json, c.json, u.json]\n")
-    with pytest.raises(InputError) as caught:
-        load_study(path)
-    assert [str(problem) for problem in caught.value.findings] == [
-        f"mtu.yaml:3: components[2]: no such file: 'u.json'; {FROM}",
-        "mtu.yaml:3: components[1]: the file appears twice: 'c.json'",
-    ]
-
-
-def test_a_folder_with_the_name_of_a_study_is_passed_over(tmp_path: Path) -> None:
-    deep = tmp_path / "a"
-    (deep / "mtu.yaml").mkdir(parents=True)
-    (tmp_path / "mtu.yaml").write_text("schema: mtu/study/1\n")
-    assert find_study(deep) == tmp_path.resolve() / "mtu.yaml"

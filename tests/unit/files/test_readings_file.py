@@ -180,32 +180,6 @@ def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: 
     assert len(faults(tmp_path, f"{HEAD},pass,T_a_degC\n{empty}")) == 1
 
 
-def test_the_same_file_twice(tmp_path: Path) -> None:
-    content = f"{HEAD}\ndx_x,0,1,um\n"
-    assert faults(tmp_path, content, content) == [
-        "r1.csv: the same as r0.csv; expected each file once"
-    ]
-
-
-def test_times_that_do_not_go_together(tmp_path: Path) -> None:
-    both = faults(tmp_path, f"{HEAD},time,time_min\ndx_x,0,1,um,2024-05-03,1\n")
-    assert both == ["r0.csv, row 1: time, time_min are given together; expected one of them"]
-    first = f"{HEAD},time\ndx_x,0,1,um,2024-05-03\n"
-    found = faults(tmp_path, first, f"{HEAD},time_min\ndx_x,0,1,um,3\n")
-    assert found == ["r1.csv: time, time_min are given together; expected one of them in all files"]
-    found = faults(tmp_path, first, f"{HEAD},time\ndx_x,0,1,um,2024-05-03T10:00Z\n")
-    assert "r1.csv, column 'time': contradicts the other times" in found[0]
-
-
-def test_a_fit_needs_as_many_positions_as_coefficients(tmp_path: Path) -> None:
-    content = f"{HEAD}\naxy,,1,arcsec\ndx_x,7,1,um\ndx_x,7,2,um\nez_x,1,1,rad\nez_x,2,1,rad\n"
-    assert len(read(tmp_path, content)) == 5
-    assert faults(tmp_path, content, for_fit=True) == [
-        "r0.csv, row 3, column 'position_mm': too little data: 'dx_x' of degree 1 is "
-        "measured at 1 position only: '7 mm'; expected at least 2 positions"
-    ]
-
-
 @pytest.mark.parametrize("sign", ["\u00b5", "\u03bc"])
 def test_both_signs_for_micro_are_a_u(sign: str, tmp_path: Path) -> None:
     """Beside each other and beside the plain letter, as of several instruments."""

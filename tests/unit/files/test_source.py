@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import TypeVar
 
 import pytest
-from reading_files import stream_readings
 from support import write_files
 
-from mtu_cli.files.json_file import read_json
 from mtu_cli.files.readings import read_readings
+from mtu_cli.files.reports_read import read_json
 from mtu_cli.files.source import check_text, read_source, shown_path
 from mtu_cli.files.write import check_targets
 from mtu_cli.files.yaml_file import read_yaml
@@ -44,60 +43,34 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
     assert (source.role, source.rows, content) == ("machine", None, b"abc")
 
 
-def test_a_missing_file_names_the_closest_one(tmp_path: Path) -> None:
-    (tmp_path / "machine.yaml").write_text("a: 1")
-    text = message(tmp_path / "machin.yaml")
-    assert "machin.yaml: no such file" in text
-    assert "machine.yaml" in text.split("did you mean")[1]
-    assert text.startswith(f"{tmp_path}/machin.yaml: ")
-
-
-@pytest.mark.parametrize(
-    ("name", "role", "told"),
-    [
-        ("v1.2", "study", "v1.2: no such file; expected a study or its folder"),
-        ("other.yaml", "study", "other.yaml: no such file"),
-        ("readings", "lbb", "readings: no such file"),
-    ],
-)
-def test_a_missing_study_may_be_a_folder(tmp_path: Path, name: str, role: str, told: str) -> None:
-    with pytest.raises(InputError) as caught:
-        read_source(tmp_path / name, role)
-    assert str(caught.value) == f"{tmp_path}/{told}"
-
-
 @pytest.mark.parametrize(
     ("name", "there", "hint"),
     [
-        ("machine.yaml", "tm.yaml", None),
-        ("p.yaml", "t.yaml", None),
-        ("nix.csv", "drift.csv", None),
-        ("lbb.csv", "lbb.json", None),
-        ("drft.csv", "drift.csv", "drift.csv"),
-        ("lbb.csv", "lbb.csv.gz", "lbb.csv.gz"),
-        ("machine.yml", "machine.yaml", "machine.yaml"),
-        ("machine", "machine.yaml", "machine.yaml"),
-        ("lbb.cvs", "lbb.csv", "lbb.csv"),
+        ("machine.yaml", "tm.yaml", None), ("nix.csv", "drift.csv", None),
+        ("lbb.csv", "lbb.json", None), ("drft.csv", "drift.csv", "drift.csv"),
+        ("lbb.csv", "lbb.csv.gz", "lbb.csv.gz"), ("machine.yml", "machine.yaml", "machine.yaml"),
+        ("machine", "machine.yaml", "machine.yaml"), ("lbb.cvs", "lbb.csv", "lbb.csv"),
     ],
-)
+)  # fmt: skip
 def test_only_near_names_of_the_same_kind_are_offered(
     name: str, there: str, hint: str | None, tmp_path: Path
 ) -> None:
     (tmp_path / there).touch()
-    told = message(tmp_path / name)
-    assert ("did you mean" in told) == (hint is not None)
-    assert hint is None or told.endswith(f"{hint}'?")
+    found = message(tmp_path / name)
+    assert found.startswith(f"{tmp_path}/{name}: no such file")
+    assert ("did you mean" in found) == (hint is not None)
+    assert hint is None or found.endswith(f"{hint}'?")
 
 
-def test_what_is_no_input_is_told_as_it_was_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "empty").touch()
-    with pytest.raises(InputError, match=r"^empty: holds no text$"):
-        read_source(Path("empty"), "lbb")
-    path = tmp_path / "empty"
-    assert message(path) == f"{path}: holds no text"
+def test_a_missing_study_may_be_a_folder(tmp_path: Path) -> None:
+    for name, role, words in (
+        ("v1.2", "study", "; expected a study or its folder"),
+        ("other.yaml", "study", ""),
+        ("no/machine.yaml", "machine", "; expected a path to an existing folder"),
+    ):
+        with pytest.raises(InputError) as caught:
+            read_source(tmp_path / name, role)
+        assert str(caught.value) == f"{tmp_path}/{name}: no such file{words}"
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no /dev/zero")
@@ -112,7 +85,7 @@ def test_devices_are_refused_at_once(name: str, tmp_path: Path) -> None:
         lambda: read_yaml(path, "machine"),
         lambda: read_json(path, "machine"),
         lambda: read_readings([(path, "lbb")], None, for_fit=False),
-        lambda: list(stream_readings([(path, "drift")], None)),
+        lambda: read_readings([(path, "drift")], None, for_fit=False),
         lambda: read_source(path, "lbb"),
     ]
     for read in reads:
@@ -137,12 +110,8 @@ def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
 
     assert fed(lambda: read_source(path, "lbb"))[1] == table
     assert fed(lambda: read_source(path, "lbb"))[0].sha256 == hashlib.sha256(table).hexdigest()
-    (block,) = fed(lambda: list(stream_readings([(path, "drift")], None)))
+    block = fed(lambda: read_readings([(path, "drift")], None, for_fit=False))
     assert block.time_min.tolist() == [0, 1]
-
-
-def test_a_missing_folder(tmp_path: Path) -> None:
-    assert "existing folder" in message(tmp_path / "no" / "machine.yaml")
 
 
 @pytest.mark.parametrize(
@@ -163,9 +132,6 @@ def test_a_missing_folder(tmp_path: Path) -> None:
 def test_what_is_no_text(tmp_path: Path, content: bytes, words: str) -> None:
     (tmp_path / "f").write_bytes(content)
     assert words in message(tmp_path / "f")
-
-
-def test_text_beyond_ascii_is_text(tmp_path: Path) -> None:
     check_text(("x" * ((1 << 20) - 1) + "µm").encode(), "f")
 
 

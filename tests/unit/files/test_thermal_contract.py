@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from mtu_cli.files.contract import json_schema
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.machine_contract import Thermal
-from mtu_cli.files.schemas import json_schema
 from mtu_cli.findings import InputError
 
 HEAD = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\ncomponents:\n"

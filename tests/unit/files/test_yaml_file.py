@@ -139,7 +139,7 @@ def test_bytes_are_bounded_and_begin_with_a_mark_or_not(tmp_path: Path) -> None:
         ("mtu_cli.files.machine", ("pandas", "numpy")),
         ("mtu_cli.files.part", ("pandas", "numpy")),
         ("mtu_cli.files.study", ("pandas", "numpy")),
-        ("mtu_cli.files.json_file", ("pandas", "numpy", "pydantic")),
+        ("mtu_cli.files.write", ("pandas", "numpy", "pydantic")),
         ("mtu_cli.files.csv_file", ("pandas",)),
     ],
 )

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from reading_examples import in_table_order, machine, run
 from residual_examples import MACHINE, codes, measured
 
+from mtu_cli.close_loop_sealed.model.covariate_tables import FEW, without_gaps
 from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
+from mtu_cli.close_loop_sealed.model.residual_table import residual_table
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.residual_covariates import FEW, without_gaps
-from mtu_cli.model.residual_layout import only_rows
-from mtu_cli.model.residual_table import residual_table
+from mtu_cli.model.visits import only_rows
 
 
 def with_gaps(**rows: list[int]) -> Points:

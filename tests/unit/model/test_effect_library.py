@@ -23,13 +23,13 @@ from mtu_cli.close_loop_sealed.model.effect_library import (
     candidates,
     effect_library,
 )
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.covariates import own_columns
 from mtu_cli.files.machine import load_machine
 from mtu_cli.findings import InputError
 from mtu_cli.language import check_dimension, evaluate, linear_form, names, parse
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model, design
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, internal
 
 OF_READINGS = {"scale-trend"}

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from graph_examples import graph_of, shipped
 
+from mtu_cli.findings import InputError
 from mtu_cli.model.graph.places import Inputs
-from mtu_cli.model.graph.trials import evaluation, first_order
+from mtu_cli.model.graph.trials import GraphTrials, evaluation, first_order
 from mtu_cli.stats.workspace import Workspace
 
 M = 400_000
@@ -117,3 +118,49 @@ def test_only_what_stands_behind_an_output_is_drawn() -> None:
     assert whole.inputs.k == 30
     assert part.inputs.k == 15
     assert len(part.steps) < len(whole.steps)
+
+
+def test_outputs_by_name() -> None:
+    graph = shipped("work-coordinates")
+    assert [str(item) for item in graph.outputs(["Q", "W.rz", "Q.x"])] == [
+        "Q.x", "Q.y", "Q.z", "W.rz",
+    ]  # fmt: skip
+    assert {item.unit for item in graph.outputs(["W"])} == {"mm", "rad"}
+    assert {item.unit for item in graph.outputs(["edge"])} == {"mm", "1"}
+    with pytest.raises(InputError, match="unknown place"):
+        graph.outputs(["nothing"])
+    with pytest.raises(InputError, match=r"unknown coordinate: 'Q.i'; expected one of: Q\.x"):
+        graph.outputs(["Q.i"])
+
+
+def test_a_frame_turns_about_its_nominal_axes() -> None:
+    """The front edge of 160 mm along x, probed along y, turns it about z: u = sqrt(2) u_w/160."""
+    graph = shipped("work-coordinates")
+    found = first_order(evaluation(graph, graph.outputs(["W.rx", "W.rz"])))
+    assert found.nominal == pytest.approx([0, 0], abs=1e-15)
+    u_w = 1e-3 * np.sqrt(1.5**2 + 0.8**2 + 0.3**2)
+    assert found.u[1] == pytest.approx(2**0.5 * u_w / 160, rel=1e-9)
+
+
+def test_a_transition_without_a_value_is_named(tmp_path: Path) -> None:
+    """sqrt(a) of a normal with mean 1 and u 1: the first of the two steps, with its line."""
+    text = """
+places:
+  a: {kind: constant, value: 1, u: 1}
+  s: {kind: constant}
+  t: {kind: constant}
+transitions:
+  - {do: compute, in: [a], out: s, formula: sqrt(a)}
+  - {do: compute, in: [s], out: t, formula: s + 1}
+"""
+    graph = graph_of(tmp_path, text)
+    part = evaluation(graph, graph.outputs())
+    with pytest.raises(InputError, match=r"yaml:9: transitions\[0\].*no finite sqrt\(\) at -"):
+        GraphTrials(part, first_order(part)).draw(np.random.default_rng(1), 100)
+    jumping = graph_of(tmp_path, text.replace("sqrt(a)", "step(a)"))
+    part = evaluation(jumping, jumping.outputs())
+    assert part.jumps.tolist() == [True]
+    draws = GraphTrials(part, first_order(part)).draw(np.random.default_rng(1), 100)
+    assert draws.linear is not None
+    assert np.ptp(draws.linear) == 0.0
+    assert set(draws.values[0]) == {1.0, 2.0}

@@ -11,13 +11,11 @@ import pytest
 from graph_examples import graph_of
 from numpy.typing import NDArray
 
-from mtu_cli.files.graph import Step
-from mtu_cli.files.graph_kinds import SIGNATURES
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.geometry import GeometryError
-from mtu_cli.model.graph.transitions import RULES, chance_places, construction, may_jump
+from mtu_cli.model.graph.transitions import TRANSITIONS, Computed, Step
 
 # P1..P4 and the planes, lines and frames that follow from them are simple enough for a head.
 PLACES = """
@@ -164,11 +162,8 @@ places:
     assert graph_of(tmp_path, text).nominal["C"][:, 0] == pytest.approx([3, 3, 3], abs=1e-12)
 
 
-def test_every_transition_has_its_rules_and_is_tried() -> None:
-    tried = {step.split(",")[0] for step, *_ in CASES}
-    assert tried == set(SIGNATURES)
-    uses = {(do, name) for do, variants in SIGNATURES.items() for name in variants}
-    assert set(RULES) == {use for use in uses if use[0] != "meas"}
+def test_every_transition_is_tried() -> None:
+    assert {step.split(",")[0] for step, *_ in CASES} == set(TRANSITIONS)
 
 
 Floats = NDArray[np.float64]
@@ -187,104 +182,54 @@ def along(point: Floats, direction: Floats) -> Floats:
 TILTED = Z + TILT * X
 CORNERS = [X, Y, Z, -X]
 DEGENERATE = [
-    ("unit_v", "vector", [O], [1e-9 * X], "a vector has no length"),
-    ("unit_v", "points", [X, X], [X, 2 * X], "the two points coincide"),
-    ("line", "points", [9 * X, 9 * X], [9 * X, 9.1 * X], "the two points coincide"),
-    ("line", "planes", [along(O, Z), along(X, -Z)], [along(O, Z), along(O, TILTED)],
+    ("unit_v", 0, [O], [1e-9 * X], "a vector has no length"),
+    ("unit_v", 1, [X, X], [X, 2 * X], "the two points coincide"),
+    ("line", 0, [9 * X, 9 * X], [9 * X, 9.1 * X], "the two points coincide"),
+    ("line", 1, [along(O, Z), along(X, -Z)], [along(O, Z), along(O, TILTED)],
      "the planes are parallel"),
-    ("aline", "", [X, O], [O, X], "a vector has no length"),
-    ("plane", "vector", [X, O], [O, X], "a vector has no length"),
-    ("plane", "points", [O, X, 3 * X], [O, X, 3 * X + TILT * Y], "the points lie on a line"),
-    ("plane", "points", [O, X, O], [O, X, Y], "the points lie on a line"),
-    ("plane", "points", [O, X, 2 * X, 3 * X], [O, X, 2 * X, Y], "line"),
-    ("circle", "", [X, 2 * X, 4 * X], [X, Y, -X], "the points lie on a line"),
-    ("circle", "", [X, 2 * X, 4 * X, 5 * X], [X, Y, -X, -Y], "line"),
-    ("sphere", "free", [X, Y, -X, -Y], CORNERS, "plane or a circle"),
-    ("sphere", "radius", [X, Y, -X, -Y, np.ones(())], [*CORNERS, np.ones(())],
+    ("aline", 0, [X, O], [O, X], "a vector has no length"),
+    ("plane", 1, [X, O], [O, X], "a vector has no length"),
+    ("plane", 0, [O, X, 3 * X], [O, X, 3 * X + TILT * Y], "the points lie on a line"),
+    ("plane", 0, [O, X, O], [O, X, Y], "the points lie on a line"),
+    ("plane", 0, [O, X, 2 * X, 3 * X], [O, X, 2 * X, Y], "line"),
+    ("circle", 0, [X, 2 * X, 4 * X], [X, Y, -X], "the points lie on a line"),
+    ("circle", 0, [X, 2 * X, 4 * X, 5 * X], [X, Y, -X, -Y], "line"),
+    ("sphere", 0, [X, Y, -X, -Y], CORNERS, "plane or a circle"),
+    ("sphere", 1, [X, Y, -X, -Y, np.ones(())], [*CORNERS, np.ones(())],
      "plane or a circle"),
-    ("point", "line", [along(O, X), along(X, Z)], [along(O, X + TILT * Z), along(X, Z)],
+    ("point", 0, [along(O, X), along(X, Z)], [along(O, X + TILT * Z), along(X, Z)],
      "the line is parallel to the plane"),
-    ("point", "planes", [along(O, X), along(O, Y), along(X, X + Y)],
+    ("point", 1, [along(O, X), along(O, Y), along(X, X + Y)],
      [along(O, X), along(O, Y), along(O, X + TILT * Z)], "the three planes meet in no single"),
-    ("project", "", [O, 5 * X, along(O, Z)], [O, X + TILT * Z, along(O, Z)],
+    ("project", 0, [O, 5 * X, along(O, Z)], [O, X + TILT * Z, along(O, Z)],
      "the vector is parallel to the plane"),
-    ("distance", "lines", [along(O, Z), along(X, Z)], [along(O, Z), along(X, TILTED)],
+    ("distance", 3, [along(O, Z), along(X, Z)], [along(O, Z), along(X, TILTED)],
      "the lines are parallel"),
-    ("angle", "", [X, O], [X, X], "a vector has no length"),
-    ("frame", "", [along(O, Z), along(O, Z), O], [along(O, Z), along(O, TILTED), O],
+    ("angle", 0, [X, O], [X, X], "a vector has no length"),
+    ("frame", 0, [along(O, Z), along(O, Z), O], [along(O, Z), along(O, TILTED), O],
      "the line is perpendicular to the plane"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("do", "variant", "bad", "good", "words"),
-    DEGENERATE,
-    ids=lambda x: x if isinstance(x, str) else "",
-)
+@pytest.mark.parametrize(("do", "use", "bad", "good", "words"), DEGENERATE)
 def test_degenerate_nominals_and_their_neighbours(
-    do: str, variant: str, bad: list[Floats], good: list[Floats], words: str
+    do: str, use: int, bad: list[Floats], good: list[Floats], words: str
 ) -> None:
-    step = Step(index=0, do=do, variant=variant, inputs=(), outputs=())
+    names = tuple(map(str, range(len(bad))))
+    step = Step(index=0, do=do, use=TRANSITIONS[do][use], inputs=names, outputs=("out",))
+
+    def ready(places: list[Floats]) -> Computed:
+        given = {name: place[..., None] for name, place in zip(names, places, strict=True)}
+        return Computed.ready(step, given)
+
     with pytest.raises(GeometryError, match=words):
-        construction(step, [place[..., None] for place in bad])
-    construction(step, [place[..., None] for place in good])
-
-
-def formula_step(formula: str, out: str) -> Step:
-    return Step(
-        index=0,
-        do="compute",
-        variant="",
-        inputs=(),
-        outputs=(out,),
-        formula=parse(formula, BUDGET_FUNCTIONS, DOTTED),
-    )
-
-
-@pytest.mark.parametrize(
-    ("formula", "chance"),
-    [
-        ("step(x)", True),
-        ("step(H1.x - 2)*step(y)", True),
-        ("1 - step(x)", True),
-        ("step(x) + step(y) - step(x)*step(y)", True),
-        ("step(step(x) + step(y) + step(z) - 2)", True),
-        ("abs(step(x) - step(y))", True),
-        ("step(x)**2", True),
-        ("step(x) + step(y)", False),
-        ("-step(x)", False),
-        ("0.5*step(x)", False),
-        ("x*step(x)", False),
-        ("step(x) + s0", False),
-        ("x", False),
-        ("1 + 0", False),
-        ("step(x)/step(y)", False),
-    ],
-)
-def test_formulas(formula: str, chance: bool) -> None:
-    assert (chance_places([formula_step(formula, "a")]) == {"a"}) is chance
-
-
-def test_of_other_chances() -> None:
-    steps = [
-        formula_step("step(x)", "a"),
-        formula_step("step(y)", "b"),
-        formula_step("2*a", "twice"),
-    ]
-    steps += [
-        formula_step("a*b", "both"),
-        formula_step("1 - both", "not"),
-        formula_step("a*twice", "no"),
-    ]
-    assert chance_places(steps) == {"a", "b", "both", "not"}
-
-
-def test_a_name_is_taken_for_no_switch() -> None:
-    """A step is replaced by a name that no place has."""
-    for name in ("s0", "a", "step0"):
-        assert chance_places([formula_step(f"step(x)*{name}", "c")]) == set()
+        ready(bad)
+    ready(good)
 
 
 def test_what_may_jump() -> None:
-    assert may_jump([formula_step("x", "a"), formula_step("3 + 2*step(x)", "b")])
-    assert not may_jump([formula_step("x + abs(y)", "a")])
+    (use,) = TRANSITIONS["compute"]
+    for formula, jumps in (("x", False), ("x + abs(y)", False), ("3 + 2*step(x)", True)):
+        node = parse(formula, BUDGET_FUNCTIONS, DOTTED)
+        step = Step(index=0, do="compute", use=use, inputs=(), outputs=("a",), formula=node)
+        assert step.may_jump is jumps

@@ -1,4 +1,4 @@
-"""Single features that scatter more than the others: told by compare, anova and close-loop."""
+"""Single features that scatter more than the others: told by close-loop."""
 
 from __future__ import annotations
 
@@ -6,57 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from compare_trials import fitted, made, study
 from effect_tables import grid_places
 from effect_tables import table as points_table
 from numpy.typing import NDArray
 from scipy.stats import binom
 from separation_examples import LIBRARY
 
-from mtu_cli.analyses.anova import analyse_variance
-from mtu_cli.analyses.compare import compare
 from mtu_cli.close_loop_sealed.analyses.loop import close_loop
-from mtu_cli.files.points import Points
+from mtu_cli.close_loop_sealed.model.loose_features import CODE, loose_features
 from mtu_cli.findings import Finding
-from mtu_cli.model.measured import CODE, feature_tables, loose_features, loose_of_tables
-from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]
 
 
-def loose(seed: int, s_mm: float) -> Points:
-    """Parts as the machine makes them; the third feature scatters along y besides."""
-    _, truth, part = study()
-    points = made(truth, part, seed, parts=20)
-    more = s_mm * np.random.default_rng(seed).normal(size=len(points.parts))
-    measured = points.measured.copy()
-    own = points.feature == 2
-    measured[own, 1] += more[points.part[own]]
-    return replace(points, measured=measured)
-
-
 def told(found: tuple[Finding, ...] | list[Finding]) -> list[str]:
     return [own.message for own in found if own.code == CODE]
-
-
-def test_a_loose_feature_is_told_by_compare_and_anova() -> None:
-    _, _, part = study()
-    points = loose(4, 0.08)
-    name = points.features[2]
-    by_compare = told(compare(fitted(5, 4), part, points, Settings()).warnings)
-    by_anova = told(analyse_variance(points, part, "anova", Settings()).warnings)
-    assert by_compare == by_anova
-    (text,) = by_compare
-    assert text.startswith(
-        f"feature {name} scatters from part to part far more than the others: y "
-    )
-    assert "(p <0.001 among all features)" in text
-
-
-def test_clean_parts_have_none() -> None:
-    for seed in range(12):
-        points = loose(seed, 0.0)
-        assert loose_of_tables(feature_tables(points), points) == []
 
 
 def test_close_loop_tells_it_with_its_size() -> None:

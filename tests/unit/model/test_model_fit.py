@@ -13,7 +13,7 @@ from support import read_components
 
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.findings import InputError
-from mtu_cli.model.estimates import from_centre, to_centre
+from mtu_cli.model.basis import Powers
 from mtu_cli.model.fit import (
     MachineFit,
     estimates_from_fit,
@@ -97,18 +97,19 @@ def test_readings_win_over_coefficients_and_the_rest_stays(tmp_path: Path) -> No
     assert estimates_from_fit(known, None).components["a"].coefficients == pytest.approx([5e-3])
 
 
-def test_a_component_with_nothing_names_the_line_and_the_csv(tmp_path: Path) -> None:
+def test_a_component_with_nothing_is_listed_and_not_predicted(tmp_path: Path) -> None:
     known = loaded(
         tmp_path,
         "components:\n  a: {unit: um}\n  b: {of: x, unit: um}\nequations: {Ex: a + b}\n",
     )
     given = readings([Segment(name="a", position=None, error=np.array([1.0, 3]))])
-    with pytest.raises(InputError) as error:
-        fit_machine(known, given)
-    text = str(error.value)
-    assert "machine.yaml:5: components.b" in text
-    assert "an estimate of b is missing" in text
-    assert "lbb.csv" in text
+    fit = fit_machine(known, given)
+    assert fit.missing == ("b",)
+    (note,) = [str(each) for each in fit.warnings]
+    assert note.startswith("machine.yaml:5: ")
+    assert "coefficients (b); no readings in lbb.csv" in note
+    with pytest.raises(InputError, match=r"components\.b: an estimate of b is missing"):
+        build_model(known, estimates_from_fit(known, fit))
 
 
 @pytest.mark.parametrize(
@@ -194,11 +195,11 @@ def test_stated_components(tmp_path: Path) -> None:
 def test_level_at_the_centre_and_back() -> None:
     D = np.array([[4.0, 0.1], [0.1, 0.01]])
     for k in (2, 3, 4):
-        T = from_centre(70.0, k, 2)
-        assert to_centre(70.0, T @ D @ T.T) == pytest.approx(D, rel=1e-9, abs=1e-12)
+        T, back = Powers(k - 1).of_line(70.0, 2), Powers(k - 1).at_centre(70.0)
+        assert back @ T @ D @ T.T @ back.T == pytest.approx(D, rel=1e-9, abs=1e-12)
         for p in (0.0, 70.0, 130.0):
             g = p ** np.arange(k)
             z = np.array([1.0, p - 70.0])
             assert g @ T @ D @ T.T @ g == pytest.approx(z @ D @ z, rel=1e-9)
-    one = from_centre(70.0, 1, 1)
+    one = Powers(0).of_line(70.0, 1)
     assert (one == [[1.0]]).all()

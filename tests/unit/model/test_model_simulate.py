@@ -251,15 +251,6 @@ def test_scatters_of_one_axis_add_up() -> None:
     assert both[0] == pytest.approx(both[1], abs=1e-15)
 
 
-@pytest.mark.parametrize("plan", [replace(QUIET, cmm_u=1e8), replace(QUIET, part_offset=1e8)])
-def test_coordinates_that_no_points_file_could_hold(plan: PartsPlan) -> None:
-    with pytest.raises(
-        InputError, match=r"the measured [xy] in part 1 at feature 'a': out of"
-    ) as error:
-        simulate(plan, model=quiet())
-    assert HUGE in str(error.value)
-
-
 def test_a_feature_whose_place_is_not_known(tmp_path: Path) -> None:
     """Its coordinate would be written as nan, which no reader takes."""
     flat = POINTS * [1, 1, np.nan]

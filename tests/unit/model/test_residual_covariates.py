@@ -23,9 +23,9 @@ from thermal_machines import SENSORS, line
 from thermal_machines import machine as warm_machine
 
 from mtu_cli.analyses.correct import correct
+from mtu_cli.close_loop_sealed.model.residual_table import residual_table
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.residual_table import residual_table
 from mtu_cli.model.settings import Settings
 
 Floats = NDArray[np.float64]

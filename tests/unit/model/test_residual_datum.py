@@ -19,10 +19,10 @@ from residual_examples import (
     with_operations,
 )
 
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable, residual_table
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.residual_table import ResidualTable, residual_table
 from mtu_cli.model.visits import Datum
 
 Floats = NDArray[np.float64]

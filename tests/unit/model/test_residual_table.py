@@ -25,10 +25,10 @@ from residual_examples import (
     with_operations,
 )
 
+from mtu_cli.close_loop_sealed.model import residual_factors
+from mtu_cli.close_loop_sealed.model.residual_layout import filled
+from mtu_cli.close_loop_sealed.model.residual_table import residual_table
 from mtu_cli.findings import InputError
-from mtu_cli.model import residual_factors
-from mtu_cli.model.residual_layout import filled
-from mtu_cli.model.residual_table import residual_table
 
 Floats = NDArray[np.float64]
 

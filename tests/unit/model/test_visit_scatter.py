@@ -8,7 +8,7 @@ import numpy as np
 from model_examples import stated
 from residual_examples import MACHINE, measured
 
-from mtu_cli.model.residual_table import residual_table
+from mtu_cli.close_loop_sealed.model.residual_table import residual_table
 
 
 def test_of_each_axis_the_variances_of_its_components(tmp_path: Path) -> None:

@@ -17,7 +17,6 @@ from mtu_cli.close_loop_sealed.reports.close_loop import figure as loop_figure
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import GAP, MOST, Maps, Side, cut_of
 from mtu_cli.reports.arrows import page_of as unstyled
-from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.labels import folded
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -81,7 +80,6 @@ HALF_KNOWN = np.where([[1, 1, i >= 3] for i in range(72)], grid(2, 3, 12), np.na
         (grid(z=1), XYZ, (0, 1), ["z = 10 mm"]),
         (SURFACE, XYZ, (0, 1), ["z 0 to 40 mm"]),
         (grid()[:, [2, 0, 1]] * [0, 1, 1] + [100, 0, 0], XYZ, (1, 2), ["x = 100 mm"]),
-        (grid(2, 3, 12), XYZ, (1, 2), ["x = 0 mm", "x = 120 mm"]),
         (grid() * [1, 1, np.nan], ("x", "y"), (0, 1), [""]),
         (grid(1, 1, 1), XYZ, (0, 1), ["z = 10 mm"]),
         (SOME_KNOWN, XYZ, (0, 1), ["z 1.14286 to 40 mm"]),
@@ -144,13 +142,6 @@ def test_all_three_errors_of_every_feature_are_drawn_to_scale(factor: float) -> 
     assert min(longest.values()) > 0.2 * max(longest.values())
 
 
-def test_arrows_upwards_do_not_reach_the_next_feature() -> None:
-    drawn = maps(grid(), 20.0)
-    for panel, arrows in quivers(page_of(drawn, "")):
-        if panel.get_title(loc="left").startswith("Ez"):
-            assert max(np.abs(np.asarray(item.V)).max() for item in arrows) < 130.0
-
-
 @pytest.mark.parametrize("uncertain", [False, True])
 def test_names_keep_clear_of_one_another(uncertain: bool) -> None:
     page = page_of(maps(grid(z=1), covariance=uncertain), "")
@@ -173,11 +164,6 @@ def test_what_did_not_change_is_seen_behind_what_it_became() -> None:
     assert first.width is not None
     assert second.width is not None
     assert first.width > 1.5 * second.width
-
-
-def test_pages_are_the_same_bytes_every_time() -> None:
-    pages = [page_of(maps(grid(2, 1, 1), covariance=True), "title") for _ in range(2)]
-    assert figure_bytes(pages[0], "png") == figure_bytes(pages[1], "png")
 
 
 def test_levels_that_are_not_drawn_are_told() -> None:

@@ -12,16 +12,20 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mtu_cli.reports.declared import REPORTS, declared
-from mtu_cli.reports.document import Document, Table
+from mtu_cli.reports.document import (
+    REPORTS,
+    Document,
+    Table,
+    declared,
+    described,
+    described_columns,
+)
 from mtu_cli.reports.fields import (
     Field,
     Fields,
     Group,
     csv_rows,
     csv_text,
-    described,
-    described_columns,
     record,
     rows_of,
 )

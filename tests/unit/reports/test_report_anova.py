@@ -18,8 +18,8 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import anova, figures
 from mtu_cli.reports.anova import document
-from mtu_cli.reports.anova_figure import figure
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.part_figures import anova as figure
 from mtu_cli.reports.tables import plain_text
 
 CONTRACT = (
@@ -76,9 +76,10 @@ def test_names_and_units(planted: AnovaResult) -> None:
     (item,) = results["unusual_parts"]
     assert (item["part"], item["where"]["axis"]) == ("P6", "y")
     assert item["deviation_um"] == pytest.approx(60, rel=0.25)
-    (scatter,) = results["axis_scatter"]
-    assert scatter["variance_ratio_y_to_x"] > 1
-    assert scatter["of"] == "parts"
+    assert [len(item) for item in (results["trends"], results["capability"])] == [9, 0]
+    slopes = {"slope_um", "slope_arcsec"}
+    units = [next(name for name in slopes if item[name] is not None) for item in results["trends"]]
+    assert units == ["slope_um"] * 8 + ["slope_arcsec"]
 
 
 def test_undefined_figures_are_null_and_have_no_column() -> None:
@@ -155,21 +156,8 @@ def test_tables_and_verdict(planted: AnovaResult) -> None:
     assert sorted(titles, key=text.index) == list(titles)
     clean = shown(analysed(study(21, 2, 4)), detail=True)
     assert "No part is an outlier.\n" in clean
-    assert "Scatter in y over x\n" in clean
     assert "MS between" in clean
     assert "MS between" not in text
-
-
-@pytest.mark.parametrize(("axis", "other"), [("x", "y"), ("y", "x")])
-def test_an_axis_without_any_scatter(axis: str, other: str) -> None:
-    found = study(6, 2, 3)
-    measured = found.measured.copy()
-    still = "xy".index(other)
-    measured[:, still] = found.nominal[:, still]
-    result = analysed(with_measured(found, measured))
-    words = shown(result).replace("\n", " ")
-    assert f"Parts scatter more in {axis} (p " in words
-    assert figure_bytes(figure(result), "png")
 
 
 def test_of_many_tables_those_of_the_largest_errors_are_listed() -> None:
@@ -190,9 +178,7 @@ def test_of_many_tables_those_of_the_largest_errors_are_listed() -> None:
 @pytest.mark.parametrize("parts", [1, 5, 60])
 def test_pictures_of_any_number_of_parts(parts: int) -> None:
     result = analyse_variance(study(parts, 1 + parts % 2, 2), None, "reml", Settings())
-    first, again = (figure_bytes(figure(result), "png") for _ in range(2))
-    assert first == again
-    assert first.startswith(b"\x89PNG")
+    assert figure_bytes(figure(result), "png").startswith(b"\x89PNG")
 
 
 def test_one_part_is_drawn_as_a_map() -> None:

@@ -11,13 +11,13 @@ import pytest
 from budget_examples import evaluated, loaded
 
 from mtu_cli.analyses.budget import BudgetResult
-from mtu_cli.analyses.budget.warnings import budget_warnings
-from mtu_cli.files.json_file import report_bytes
+from mtu_cli.analyses.budget.result import budget_warnings
+from mtu_cli.files.write import report_bytes
 from mtu_cli.model.settings import validation_warnings
 from mtu_cli.reports.budget import document
-from mtu_cli.reports.budget_figure import figure
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.monte_carlo_figures import budget as figure
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.validation import Validation
 
@@ -190,14 +190,8 @@ def test_no_shortest_interval_that_is_longer_than_the_symmetric_one() -> None:
         output = replace(plain.outputs[0], run=run)
         result = replace(plain, run=run, outputs=(output,))
         assert document(result).record()["monte_carlo"]["shortest"] == [None, None]
-        found = budget_warnings(
-            loaded("equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n"),
-            result.inputs,
-            result.sources,
-            result.outputs,
-            run,
-            True,
-        )
+        text = "equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n"
+        found = budget_warnings(loaded(text), result)
         assert "not-estimable" in {item.code for item in found}
 
 

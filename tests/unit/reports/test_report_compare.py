@@ -18,9 +18,10 @@ from mtu_cli.analyses.compare.verdicts import Pooled, judged, summarised
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import document, verdict_text
-from mtu_cli.reports.compare_figure import ITEMS, figure
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import significant
+from mtu_cli.reports.part_figures import ITEMS
+from mtu_cli.reports.part_figures import compare as figure
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.anova import Cells
 from mtu_cli.stats.least_squares import FloatArray
@@ -73,7 +74,6 @@ def decreed(
         biased=tuple(i in biased for i in rows),
         under_predicted=tuple(i in under for i in rows),
         over_predicted=no,
-        inconsistent=tuple(None for _ in rows),
         withheld=no,
         verdicts=tuple(verdicts),  # type: ignore[arg-type]  # literals
     )
@@ -174,7 +174,6 @@ def test_report_names_and_units(two: CompareResult) -> None:
     assert drilled["verdicts"]["under-predicted"] == 1
     assert milled["verdicts"] == {
         "consistent": 48, "biased": 0, "under-predicted": 0, "over-predicted": 0,
-        "inconsistent": 0,
     }  # fmt: skip
     ratios = [item["ratio_u"] for item in results["features"] if item["operation"] == "milled"]
     assert milled["ratio_u"] == [min(ratios), max(ratios)]
@@ -246,14 +245,13 @@ def test_words_for_what_was_not_tested(two: CompareResult) -> None:
         two.features, biased=nothing, under_predicted=nothing, over_predicted=nothing,
         verdicts=nothing,
     )  # fmt: skip
-    few = replace(
-        none, inconsistent=(True, *(False,) * (m - 1)), verdicts=("inconsistent", *one * (m - 1))
-    )
+    few = replace(none, biased=(True, *(False,) * (m - 1)), verdicts=("biased", *one * (m - 1)))
     assert verdict_text(summarised(none)[0]) == "drilled features: not tested"
     drilled, milled = map(verdict_text, summarised(few))
-    assert "too few parts to distinguish bias from scatter); scatter not tested" in drilled
+    assert drilled.startswith("drilled features: biased (1 of 48: mean off by ")
+    assert drilled.endswith("; scatter not tested")
     assert milled == "milled features: consistent; scatter not tested"
-    assert (none.stated(0), few.stated(0)) == ("not tested", "inconsistent")
+    assert (none.stated(0), few.stated(0)) == ("not tested", "biased")
 
 
 def test_of_many_features_the_clearest_faults_come_first(two: CompareResult) -> None:
@@ -347,9 +345,7 @@ def test_nothing_is_written_over_or_outside(two: CompareResult) -> None:
 def test_pictures_of_any_study(result: CompareResult, maps: int) -> None:
     page = figure(result)
     assert len(page.axes) == maps + (1 if result.lengths is None else 2)
-    first = figure_bytes(page, "png")
-    assert first.startswith(b"\x89PNG")
-    assert first == figure_bytes(figure(result), "png")
+    assert figure_bytes(page, "png").startswith(b"\x89PNG")
     for panel in page.axes[:maps]:
         names = sum(text.get_text().isdigit() for text in panel.texts)
         assert names == (len(result.ids) if len(result.ids) <= arrows.NAMED else 0)
@@ -365,25 +361,20 @@ def test_of_many_items_those_with_a_fault_are_drawn_however_small_their_bias() -
     names = [" ".join(label[1:]) for label in found.features.labels]
     drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
     assert drawn == sorted([*under, *rest.tolist()])
-    assert f": 3 with a fault, {ITEMS - 3} with the largest |E_n|, of 48" in panel.get_title(
-        loc="left"
-    )
+    assert f": faults and the largest |E_n|, {ITEMS} of 48" in panel.get_title(loc="left")
     # Of more faults than there is room for, the clearest.
     p = np.random.default_rng(1).permutation(48) / 1000
     faulty = replace(decreed(found.features, biased=tuple(range(40))), p_bias=p, p_scatter=p)
     panel = figure(with_features(found, faulty)).axes[-1]
     drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
     assert drawn == sorted(np.argsort(p[:40])[:ITEMS].tolist())
-    told = f": the {ITEMS} clearest of 40 with a fault, of 48"
-    assert told in panel.get_title(loc="left")
 
 
 def test_both_kinds_are_drawn_with_their_verdicts(two: CompareResult) -> None:
     result = with_features(two, decreed(two.features, under=(0,), biased=(0, 5)))
     lengths, features = figure(result).axes[-2:]
     assert lengths.get_title(loc="left").startswith("Lengths")
-    told = f": 2 with a fault, {ITEMS // 2 - 2} with the largest |E_n|, of 96"
-    assert told in features.get_title(loc="left")
+    assert f": faults and the largest |E_n|, {ITEMS // 2} of 96" in features.get_title(loc="left")
     for panel, found in ((lengths, result.lengths), (features, result.features)):
         assert found is not None
         names = [" ".join(word for word in label if word) for label in found.labels]

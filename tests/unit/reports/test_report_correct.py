@@ -14,9 +14,9 @@ from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.scatter import PointScatter
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import document
-from mtu_cli.reports.correct_figure import figure
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.part_figures import correct as figure
 from mtu_cli.reports.tables import plain_text
 
 

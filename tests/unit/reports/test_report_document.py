@@ -11,14 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mtu_cli.files.json_file import report_bytes
 from mtu_cli.files.source import Source
+from mtu_cli.files.write import report_bytes
 from mtu_cli.findings import finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import envelope, finite
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import blank, figure_bytes, styled
-from mtu_cli.reports.tables import Column, Sheet, broken, plain_text
 
 
 def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
@@ -111,45 +110,3 @@ def test_the_users_own_matplotlib_settings_change_nothing() -> None:
     with matplotlib.rc_context({"lines.linewidth": 9.0, "axes.facecolor": "red"}):
         assert draw() == plain
         assert matplotlib.rcParams["lines.linewidth"] == 9.0
-
-
-def test_tables_fold_long_names_and_stay_within_100_columns() -> None:
-    name = "a_feature_with_a_name_that_nobody_would_want_to_type_twice_" * 3
-    sheet = Sheet(
-        title="title",
-        columns=[
-            Column(title="name", text=True, folds=True),
-            *[Column(title=f"n{i}") for i in range(8)],
-        ],
-        rows=[[name, *["-123.4 ± 5.6"] * 5, "1", "2", "3*"], ["b", *["1"] * 8]],
-        notes=["note " * 40],
-    )
-    text = plain_text([sheet])
-    assert max(map(len, text.splitlines())) <= 100
-    assert text.isprintable() or (set(text) - {"\n"} and "\x1b" not in text)
-    assert not re.search(r"[─│┌━╭]", text)
-    assert "".join(re.findall(r"^[a-z_]+", text, re.M)).count("type_twice") == 3
-    assert text.count("-123.4 ± 5.6") == 5
-
-
-@pytest.mark.parametrize(
-    ("name", "width", "lines"),
-    [
-        ("bore_of_the_flange_04", 12, ["bore_of_the_", "flange_04"]),
-        ("bore_01-bore_04", 9, ["bore_01-", "bore_04"]),
-        ("left of the rib", 8, ["left of", "the rib"]),
-        ("a" * 7, 3, ["aaa", "aaa", "a"]),
-        ("x " + "a" * 4, 3, ["x", "aaa", "a"]),
-        ("whole", 5, ["whole"]),
-        ("", 5, [""]),
-    ],
-)
-def test_names_break_at_their_joints(name: str, width: int, lines: list[str]) -> None:
-    assert broken(name, width) == lines
-
-
-def test_a_long_name_in_a_table_keeps_its_number_together() -> None:
-    columns = [Column(title="name", text=True, folds=True), Column(title="number")]
-    rows = [["housing_upper_bore_left_0004", "1" * 80]]
-    lines = plain_text([Sheet(title="t", columns=columns, rows=rows)]).splitlines()
-    assert [line.split()[0] for line in lines[2:]] == ["housing_upper_bore_", "left_0004"]

@@ -11,16 +11,16 @@ import pytest
 from model_examples import Segment, loaded, readings
 from report_examples import SAYS, SETTINGS, Example, example
 
+from mtu_cli.findings import InputError
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import (
     arrows,
-    fit_figure,
     lengths,
-    lengths_figure,
-    orthogonality_figure,
-    points_figure,
+    machine_figures,
+    monte_carlo_figures,
     predict_points,
+    prediction_figures,
 )
 from mtu_cli.reports.arrows import SHORTEST
 from mtu_cli.reports.figures import figure_bytes
@@ -60,25 +60,25 @@ def test_figures_are_the_same_bytes_every_time(paper: Example, suffix: str) -> N
     drawn: list[list[bytes]] = []
     for _ in range(2):
         pages = [
-            points_figure.figure(points),
-            lengths_figure.figure(long),
-            orthogonality_figure.figure(right),
+            prediction_figures.points(points),
+            prediction_figures.lengths(long),
+            monte_carlo_figures.orthogonality(right),
         ]
         drawn.append([figure_bytes(page, suffix) for page in pages])
     assert drawn[0] == drawn[1]
 
 
 def test_a_third_axis_has_a_panel_of_its_own(spatial: Example, paper: Example) -> None:
-    page = points_figure.figure(spatial.points())
+    page = prediction_figures.points(spatial.points())
     assert [panel.get_xlabel() for panel in page.axes] == ["x, mm", "x, mm"]
-    assert len(points_figure.figure(paper.points()).axes) == 1
+    assert len(prediction_figures.points(paper.points()).axes) == 1
 
 
 def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
     from matplotlib.collections import EllipseCollection
 
     result = paper.points()
-    (panel,) = points_figure.figure(result).axes
+    (panel,) = prediction_figures.points(result).axes
     (found,) = [item for item in panel.collections if isinstance(item, EllipseCollection)]
     drawn = list(
         zip(
@@ -121,7 +121,7 @@ def test_the_covariance_of_each_feature_is_a_block_of_the_whole(paper: Example) 
 
 def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example) -> None:
     result = paper.points()
-    page = points_figure.figure(result)
+    page = prediction_figures.points(result)
     figure_bytes(page, "png")
     (panel,) = page.axes
     ids = set(result.prediction.ids)
@@ -139,7 +139,7 @@ def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example)
 def test_one_long_name_is_shortened_and_the_others_stay(paper: Example, name: str) -> None:
     result = paper.points()
     ids = tuple(name if own == "7" else own for own in result.prediction.ids)
-    (panel,) = points_figure.figure(
+    (panel,) = prediction_figures.points(
         replace(result, prediction=replace(result.prediction, ids=ids))
     ).axes
     texts = {t.get_text() for t in panel.texts if t.get_text() and " um" not in t.get_text()}
@@ -150,7 +150,7 @@ def test_one_long_name_is_shortened_and_the_others_stay(paper: Example, name: st
 
 def test_no_tolerance_runs_through_a_number(paper: Example) -> None:
     result = paper.lengths()
-    page = lengths_figure.figure(result)
+    page = prediction_figures.lengths(result)
     figure_bytes(page, "png")
     (panel,) = page.axes
     edge = panel.get_window_extent().x1
@@ -170,27 +170,25 @@ def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
         prediction=replace(result.prediction, mean=np.zeros_like(result.prediction.mean)),
         variance=np.zeros_like(result.variance),
     )
-    assert figure_bytes(points_figure.figure(still), "png")
+    assert figure_bytes(prediction_figures.points(still), "png")
     assert "nan" not in plain_text(predict_points.document(still).shown())
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_figure_has_a_panel_a_component_and_the_same_bytes(case: str, tmp_path: Path) -> None:
+def test_a_panel_a_component(case: str, tmp_path: Path) -> None:
     given = example(tmp_path, **CASES[case])
-
-    def page() -> Any:
-        return fit_figure.figure(given.fit, given.estimates, 2.0, says=SAYS)
-
-    first = page()
-    shown = [panel for panel in first.axes if panel.axison]
+    page = machine_figures.components(given.fit, given.estimates, 2.0, says=SAYS)
+    shown = [panel for panel in page.axes if panel.axison]
     assert len(shown) == len(given.estimates.components)
     assert all(panel.get_ylabel() in ("um", "arcsec") for panel in shown)
-    assert figure_bytes(first, "png") == figure_bytes(page(), "png")
+    assert figure_bytes(page, "png")
 
 
 def test_a_title_too_long_for_a_line_takes_two_and_is_not_cut(paper: Example) -> None:
     words = "straightness of Y in direction X"
-    page = fit_figure.figure(paper.fit, paper.estimates, 2.0, says={"dx_x": words, "axy": "a"})
+    page = machine_figures.components(
+        paper.fit, paper.estimates, 2.0, says={"dx_x": words, "axy": "a"}
+    )
     titles = [panel.get_title(loc="left") for panel in page.axes]
     assert f"dx_x\n{words}" in titles
     assert "axy  a" in titles
@@ -201,12 +199,12 @@ def test_a_title_too_long_for_a_line_takes_two_and_is_not_cut(paper: Example) ->
     box = title.get_window_extent(renderer)
     assert page.bbox.x0 <= box.x0 < box.x1 <= page.bbox.x1
     assert sum(box.overlaps(other) for other in boxes if other is not None) == 1
-    plain = fit_figure.figure(paper.fit, paper.estimates, 2.0)
+    plain = machine_figures.components(paper.fit, paper.estimates, 2.0)
     assert page.get_figheight() > plain.get_figheight()
 
 
 def test_band_is_that_of_a_future_reading(paper: Example) -> None:
-    page = fit_figure.figure(paper.fit, paper.estimates, 2.0)
+    page = machine_figures.components(paper.fit, paper.estimates, 2.0)
     panel = next(p for p in page.axes if p.get_title(loc="left").startswith("dx_x"))
     (band,) = panel.collections
     at_zero = np.asarray(band.get_paths()[0].vertices)
@@ -234,7 +232,7 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     (item,) = fit.components["a"].instruments
     assert item.passes is not None
     assert (item.fit.n_passes, len(item.passes.keys), len(item.keys_read)) == (7, 7, 8)
-    page = fit_figure.figure(fit, estimates_from_fit(known, fit), 2.0)
+    page = machine_figures.components(fit, estimates_from_fit(known, fit), 2.0)
     lines: list[Any] = [line for line in page.axes[0].lines if line.get_marker() in ("<", ">")]
     assert [line.get_marker() for line in lines] == [">", "<"] * 4
     assert [len(line.get_xdata()) for line in lines] == [8, 8, 2, 8, 8, 8, 8, 8]
@@ -262,7 +260,7 @@ def test_an_instrument_has_its_marks_in_every_panel(tmp_path: Path) -> None:
 
     def drawn(*segments: Segment) -> tuple[list[set[Any]], dict[str, Any]]:
         fit = fit_machine(known, readings(segments))
-        page = fit_figure.figure(fit, estimates_from_fit(known, fit), 2.0)
+        page = machine_figures.components(fit, estimates_from_fit(known, fit), 2.0)
         marks = [{x.get_marker() for x in panel.lines} - {"None"} for panel in page.axes]
         (legend,) = page.legends
         handles: list[Any] = legend.legend_handles
@@ -282,19 +280,53 @@ def test_figures_beside_the_lengths_have_the_places_of_the_table(paper: Example)
     """U of 14.0 um beside an error of -3.5 um, for u is 7.0 um: not -3 ± 14."""
     long = paper.lengths()
     for digits in (1, 2, 3):
-        page = lengths_figure.figure(long, digits)
+        page = prediction_figures.lengths(long, digits)
         shown = [text.get_text() for text in page.axes[0].texts]
         rows = lengths.document(long, digits).tables[0].sheet(digits, detail=False).rows
         assert shown == [f"{row[2]} ± {row[4]} um" for row in rows]
 
 
-def test_many_lengths_are_drawn_over_the_nominal_length(paper: Example) -> None:
+@pytest.mark.parametrize("different", [36, 3])
+def test_many_lengths_are_drawn_over_the_nominal_length(paper: Example, different: int) -> None:
+    """Equal ones side by side in groups, which do not touch."""
     long = paper.lengths()
     rows = np.arange(36) % 3
-    names = ("nominal", "error", "variance", "independent_variance")
-    arrays = {name: getattr(long, name)[rows] for name in names}
-    many = replace(long, conformance=tuple(long.conformance[i] for i in rows), **arrays)
-    (panel,) = lengths_figure.figure(many).axes
-    assert panel.get_xlabel() == "nominal length, mm"
-    dots = [line for line in panel.lines if line.get_marker() == "o"]
-    assert all((np.asarray(line.get_xdata()) == many.nominal).all() for line in dots)
+    names = ("error", "variance", "independent_variance")
+    many = replace(
+        long,
+        nominal=np.array([100.0 + 50.0 * (i % different) for i in range(36)]),
+        conformance=tuple(long.conformance[i] for i in rows),
+        **{name: getattr(long, name)[rows] for name in names},
+    )
+    (panel,) = prediction_figures.lengths(many).axes
+    grouped = different < 36
+    assert panel.get_xlabel() == "nominal length, mm" + ", equal ones side by side" * grouped
+    for line in (line for line in panel.lines if line.get_marker() == "o"):
+        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
+        np.testing.assert_allclose(y, many.error * 1e3)
+        if not grouped:
+            assert (x == many.nominal).all()
+            continue
+        assert len(set(x)) == 36
+        assert (np.rint(x) == rows).all()
+        assert [text.get_text() for text in panel.get_xticklabels()] == ["100", "150", "200"]
+
+
+@pytest.mark.parametrize(
+    ("points", "why"),
+    [
+        ([[np.nan, np.nan, 0], [np.nan, np.nan, 50]], "z 2"),
+        ([[np.nan, np.nan, np.nan]], "no axis in the equations"),
+        ([[0, 5, np.nan], [9, 5, np.nan]], "x 2, y 1"),
+    ],
+)
+def test_a_grid_that_is_no_plane_says_why(points: list[list[float]], why: str) -> None:
+    with pytest.raises(InputError) as raised:
+        prediction_figures.roles(np.array(points, np.float64))
+    (told,) = raised.value.findings
+    assert (told.code, told.value) == ("not-applicable", why)
+
+
+def test_the_axes_with_the_most_places_span_the_map() -> None:
+    points = np.array([[x, y, 7.0] for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)])
+    assert prediction_figures.roles(points) == (0, 1, 2)

@@ -13,7 +13,7 @@ from support import read_components
 
 from mtu_cli.analyses.fit_components import FitResult, fit_result
 from mtu_cli.analyses.observability import NotDetermined, not_estimable, observability
-from mtu_cli.files.json_file import report_bytes
+from mtu_cli.files.write import report_bytes
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.fit import MachineFit, estimates_from_report
 from mtu_cli.reports.document import Document, envelope

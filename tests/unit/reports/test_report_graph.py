@@ -15,18 +15,15 @@ from graph_examples import SHIPPED, graph_of, shipped
 from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.analyses.graph.sweep import Sweep, sweep_graph
-from mtu_cli.cli.alone import net_for
-from mtu_cli.files.graph import load_graph
+from mtu_cli.cli.measurement import net_for
 from mtu_cli.findings import InputError
-from mtu_cli.model.graph.trials import build_graph
-from mtu_cli.model.graph.units import examine
+from mtu_cli.model.graph.net import load_graph
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
-from mtu_cli.reports import graph_figure, graph_text
+from mtu_cli.reports import graph_text, monte_carlo_figures
 from mtu_cli.reports.document import Document
 from mtu_cli.reports.figures import figure_bytes, house_style
-from mtu_cli.reports.graph_drawing import drawing
-from mtu_cli.reports.graph_layout import RADIUS, Net, Node, lay_out, share_percent
+from mtu_cli.reports.graph_drawing import RADIUS, Net, Node, drawing, lay_out, share_percent
 
 OF = {
     "ball-centre": "P1.z",
@@ -52,10 +49,6 @@ def test_only_what_is_drawn_is_explained_below(name: str, marked: bool) -> None:
     assert {"transition", "reported"} <= set(told)
     unread = replace(drawn, nodes=tuple(replace(node, reported=False) for node in drawn.nodes))
     assert "reported" not in [text.get_text() for text in drawing(unread).legends[0].get_texts()]
-
-
-def test_six_graphs_are_shipped() -> None:
-    assert {path.stem for path in SHIPPED} == set(OF)
 
 
 @pytest.mark.parametrize(("name", "shares"), NETS)
@@ -98,7 +91,8 @@ def test_layout(name: str) -> None:
     assert apart[np.triu_indices(len(places), 1)].min() > 2 * RADIUS
 
 
-def test_shares_come_to_one() -> None:
+def test_shares_of_every_shipped_graph_come_to_one() -> None:
+    assert {path.stem for path in SHIPPED} == set(OF)
     for name in OF:
         assert sum(net(name, True).shares.values()) == pytest.approx(1)
 
@@ -236,7 +230,7 @@ def test_report_of_a_sweep() -> None:
     noisy = [replace(item, error_percent=5.9e-13) for item in result.grid[:1]]
     noisy += [replace(item, error_percent=5.9e-5) for item in result.grid[1:2]]
     assert errors(replace(exact, grid=(*noisy, *result.grid[2:])))[:2] == ["0", "5.9e-5"]
-    figure = graph_figure.swept(result)
+    figure = monte_carlo_figures.swept(result)
     assert figure_bytes(figure, "svg").startswith(b"<?xml")
     (panel,) = figure.axes
     assert panel.get_ylim()[1] > 1.05e3 * max(item.u + 2 * item.se_u for item in result.grid)
@@ -251,8 +245,9 @@ def test_report_of_a_sweep() -> None:
     assert known is not None
     assert known.get_title().get_text() == ""
     assert figure.get_suptitle() == "Uncertainty of P1.x over axis_um"
-    chance = replace(result, chance=True, formula=None)
-    assert graph_figure.swept(chance).get_suptitle() == "Chance that P1.x is 1 over axis_um"
+    chances = tuple(replace(item, chance=True) for item in result.grid)
+    chance = replace(result, grid=chances, formula=None)
+    assert monte_carlo_figures.swept(chance).get_suptitle() == "Chance that P1.x is 1 over axis_um"
 
 
 def test_a_legend_of_many_lines_stands_beside_them() -> None:
@@ -262,7 +257,7 @@ def test_a_legend_of_many_lines_stands_beside_them() -> None:
     many = [1.0 + 0.1 * i for i in range(25)]
     grid = tuple(replace(one, at={"axis_um": a, "probe_um": b}) for a in (1.0, 2.0) for b in many)
     varied = {"axis_um": (1.0, 2.0), "probe_um": tuple(many)}
-    page = graph_figure.swept(replace(result, grid=grid, varied=varied, formula=None))
+    page = monte_carlo_figures.swept(replace(result, grid=grid, varied=varied, formula=None))
     with house_style():
         page.draw_without_rendering()
     (panel,) = page.axes
@@ -270,7 +265,7 @@ def test_a_legend_of_many_lines_stands_beside_them() -> None:
     assert legend is not None
     names = [text.get_text() for text in legend.get_texts()]
     assert legend.get_title().get_text() == f"{len(names)} of 25 lines"
-    assert (names[0], names[-1]) == ("probe_um 1", "probe_um 3.4")
+    assert (names[0], names[-1]) == ("probe_um 3.4", "probe_um 1")
     box = legend.get_window_extent()
     assert not box.overlaps(panel.get_window_extent())
     assert page.bbox.y0 <= box.y0 <= box.y1 <= page.bbox.y1
@@ -278,22 +273,25 @@ def test_a_legend_of_many_lines_stands_beside_them() -> None:
 
 
 @pytest.mark.parametrize("noise", [-1e-15, 0.0, 1e-15])
-def test_halves_are_rounded_up_whatever_the_noise(noise: float) -> None:
+def test_shares_are_rounded_half_up_without_a_sign_of_nothing(noise: float) -> None:
     assert share_percent(0.0625 + noise) == "6.3"
     assert share_percent(0.125 + noise, 0) == "13"
     assert share_percent(0.0624) == "6.2"
+    assert share_percent(-1e-5) == "0.0"
+    assert share_percent(-1e-3) == "-0.1"
+    assert share_percent(-1e-3, 0) == "0"
 
 
 def test_dollar_signs_are_no_formula(tmp_path: Path) -> None:
     """Names and titles with two of them, and a backslash between, are drawn sign by sign."""
     path = tmp_path / "graph.yaml"
     path.write_text(DOLLARS, "utf-8")
-    graph = build_graph(load_graph(path, examine))
+    graph = load_graph(path)
     (y,) = (name for name in graph.graph.places if name.startswith("y"))
     figure = drawing(net_for(graph, y))
     assert figure_bytes(figure, "svg").startswith(b"<?xml")
     result = simulate_graph(graph, Settings(trials=1000))
-    histogram = graph_figure.simulated(result)
+    histogram = monte_carlo_figures.simulated(result)
     assert figure_bytes(histogram, "png").startswith(b"\x89PNG")
     for text in (*figure.axes[0].texts, histogram.axes[0].title, histogram.axes[0].xaxis.label):
         # What Matplotlib draws, and whether it takes it for a formula.
@@ -326,7 +324,7 @@ def test_every_line_of_the_histograms_is_in_their_legend(of: list[str]) -> None:
     """Also where the first of them has no first order."""
     graph = shipped("ball-centre" if of == ["P1"] else "rotary-axis-a")
     result = simulate_graph(graph, Settings(trials=1000), of)
-    (legend,) = graph_figure.simulated(result).legends
+    (legend,) = monte_carlo_figures.simulated(result).legends
     named = [item.get_text() for item in legend.get_texts()]
     assert len(named) == len(set(named))
     assert set(named) == {
@@ -381,9 +379,3 @@ def test_a_wide_net_is_laid_out_in_seconds() -> None:
     assert len(layout.routes) == len(arcs)
     # It takes 1 s, and 11 s where every pair is counted by itself.
     assert time.process_time() - start < 8
-
-
-def test_a_share_that_rounds_to_nothing_has_no_sign() -> None:
-    assert share_percent(-1e-5) == "0.0"
-    assert share_percent(-1e-3) == "-0.1"
-    assert share_percent(-1e-3, 0) == "0"

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from report_examples import Example, example
 
-from mtu_cli.files.json_file import report_bytes
 from mtu_cli.files.part import Feature
+from mtu_cli.files.write import report_bytes
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document

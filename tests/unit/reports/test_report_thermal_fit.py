@@ -96,7 +96,9 @@ def test_names_and_units() -> None:
     assert entry["candidates"][7]["rms_held_out_um"] is None
     assert entry["position_test"] == {"F": 812.4, "p": 1e-40}
     assert entry["shares"][0] == {"sensor": "T_02_degC", "rms_um": pytest.approx(44.0)}
-    assert entry["intercepts"][3] == {"position_mm": 300.0, "intercept_um": pytest.approx(0.3)}
+    assert entry["intercepts"][3] == {
+        "position_mm": 300.0, "cycle": None, "intercept_um": pytest.approx(0.3)
+    }  # fmt: skip
     assert found["yaw_y"]["at_positions"][0]["gradients_arcsec_per_degC"]["T_01_degC"] == (
         pytest.approx(2.81)
     )
@@ -158,7 +160,8 @@ def test_csv_has_a_row_a_component_position_and_sensor() -> None:
     listed = [dict(zip(header, row, strict=True)) for row in found]
     assert header == [
         "component", "of", "unit", "model", "degree", "position_mm", "sensor", "stands_for",
-        "gradient_per_degC", "u_gradient_per_degC", "share_rms", "time_constant_min", "vif",
+        "gradient_per_degC", "u_gradient_per_degC", "interval95_gradient_low",
+        "interval95_gradient_high", "separable", "u_by", "share_rms", "time_constant_min", "vif",
         "temperature_low_degC", "temperature_high_degC",
     ]  # fmt: skip
     assert len(listed) == 4 * 5 + 2 + 1

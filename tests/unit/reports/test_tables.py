@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mtu_cli.reports.tables import Column, Sheet, plain_text
+from mtu_cli.reports.tables import Column, Sheet, broken, plain_text
 
 
 def shown_at(sheet: Sheet, width: int) -> str:
@@ -41,6 +41,22 @@ def test_columns_stand_side_by_side_where_there_is_room() -> None:
 def test_a_group_rather_ends_before_what_begins() -> None:
     assert [line.count(" 1") for line in blocks(sheet([20] * 6, begins=(0, 3)))] == [3, 3]
     assert [line.count(" 1") for line in blocks(sheet([20] * 6))] == [4, 2]
+
+
+@pytest.mark.parametrize(
+    ("name", "width", "lines"),
+    [
+        ("bore_of_the_flange_04", 12, ["bore_of_the_", "flange_04"]),
+        ("bore_01-bore_04", 9, ["bore_01-", "bore_04"]),
+        ("left of the rib", 8, ["left of", "the rib"]),
+        ("a" * 7, 3, ["aaa", "aaa", "a"]),
+        ("x " + "a" * 4, 3, ["x", "aaa", "a"]),
+        ("whole", 5, ["whole"]),
+        ("", 5, [""]),
+    ],
+)
+def test_names_break_at_their_joints(name: str, width: int, lines: list[str]) -> None:
+    assert broken(name, width) == lines
 
 
 def test_names_break_before_columns_stand_below_each_other() -> None:

@@ -8,10 +8,10 @@ from itertools import product
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import Candidate, CycleRms, HeldOut, PositionTest
+from mtu_cli.analyses.thermal_fit.gradients import Gradients
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
-    Gradients,
     Intercept,
     Residuals,
     ThermalFit,
@@ -181,7 +181,7 @@ def many_positions() -> ComponentDrift:
         replace(curve, position=place, cycle=f"2024-03-{number:02d} warm-up")
         for curve, place, number in product(found.curves[:1], np.linspace(0, 300, 9), range(1, 25))
     ]
-    (_, first), *_ = found.at_positions
+    first = found.at_positions[0].gradients
     gradients = {long[name]: value for name, value in first.items()}
     return replace(
         found, name="a_very_long_component_name", groups=(),

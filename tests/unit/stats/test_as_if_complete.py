@@ -20,7 +20,7 @@ from mtu_cli.close_loop_sealed.stats import as_if_complete as module
 from mtu_cli.close_loop_sealed.stats.as_if_complete import as_if_complete
 from mtu_cli.close_loop_sealed.stats.crossed import completion
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
-from mtu_cli.stats.mean_squares import LEAST, MeanSquares, mean_squares
+from mtu_cli.close_loop_sealed.stats.mean_squares import LEAST, MeanSquares, mean_squares
 
 STRATA = made(8, 9, 2)
 MASKS: dict[str, Mask] = {

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from mtu_cli.close_loop_sealed.stats.column_groups import MemberColumns, Packed, packed, whitened
 from mtu_cli.close_loop_sealed.stats.profile_ratio import member_ratios
-from mtu_cli.stats.strata import Strata
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 
 STRATA = made(6, 9, 2)
 FRAME = whole_frame(STRATA)

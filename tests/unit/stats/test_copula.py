@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from mtu_cli.stats.copula import (
+from mtu_cli.stats.distributions import (
+    Distribution,
+    Kind,
     bounded_quantile,
     largest_covariance,
     marginal,
     normal_correlation,
+    shape_moments,
 )
-from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
 
 
 def item(kind: Kind, top: float = 0.0) -> Distribution:

@@ -22,7 +22,7 @@ from mtu_cli.close_loop_sealed.stats import design_inputs as module
 from mtu_cli.close_loop_sealed.stats import direction_noise as direction_module
 from mtu_cli.close_loop_sealed.stats.direction_noise import DirectionNoise
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
-from mtu_cli.stats.scatter_tests import scatter_p
+from mtu_cli.close_loop_sealed.stats.scatter_tests import scatter_p
 
 STRATA = made(9, 8, 2)
 MASKS: dict[str, Mask] = {

@@ -25,8 +25,8 @@ from mtu_cli.close_loop_sealed.stats.crossed import completion
 from mtu_cli.close_loop_sealed.stats.expected_squares import expected_squares
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 from mtu_cli.close_loop_sealed.stats.loop_null import NullModel, draw
-from mtu_cli.stats.mean_squares import MeanSquares, mean_squares
-from mtu_cli.stats.strata import Strata, strata_of
+from mtu_cli.close_loop_sealed.stats.mean_squares import MeanSquares, mean_squares
+from mtu_cli.close_loop_sealed.stats.strata import Strata, strata_of
 
 KINDS = ("interaction", "rest", "turned", "part")
 MASKS: dict[str, Mask] = {

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
-from mtu_cli.stats.copula import bounded_quantile
-from mtu_cli.stats.distributions import Distribution, Kind
+from mtu_cli.stats.distributions import Distribution, Kind, bounded_quantile
 from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
 from mtu_cli.stats.workspace import Workspace
 

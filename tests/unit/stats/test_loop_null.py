@@ -24,7 +24,7 @@ from crossed_tables import (
 
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
 from mtu_cli.close_loop_sealed.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
-from mtu_cli.stats.strata import Strata, strata_of
+from mtu_cli.close_loop_sealed.stats.strata import Strata, strata_of
 
 Draws = tuple[Strata, NullModel]
 

@@ -14,7 +14,7 @@ from mtu_cli.close_loop_sealed.stats.loop_null import (
     null_of,
     whitening_of,
 )
-from mtu_cli.stats.strata import Strata
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 
 STRATA = made(6, 10, 1)
 NOISE = np.ones(1)

@@ -22,7 +22,7 @@ from pass_designs import (
 from scipy.special import stdtrit
 
 from mtu_cli.stats.least_squares import polynomial
-from mtu_cli.stats.mixed import PassFit, fit_passes
+from mtu_cli.stats.mixed_model import PassFit, fit_passes
 
 FloatArray = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pass_designs import DRIFT, NO_DRIFT, PLACES, balanced, drawn
 from scipy.special import stdtrit
 
-from mtu_cli.stats.mixed import PassFit, fit_passes
+from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.pass_tests import pass_scatter, pass_trend, reversal
 
 FloatArray = NDArray[np.float64]

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mtu_cli.stats.outliers import (
-    deviation_p,
-    display_step,
-    display_u,
-)
+from mtu_cli.stats.outliers import deviation_p, outlying, spikes
 
 
 def test_the_p_of_a_deviation_is_that_of_grubbs() -> None:
@@ -18,10 +14,12 @@ def test_the_p_of_a_deviation_is_that_of_grubbs() -> None:
     assert 10 * p[0] / 2 == pytest.approx(0.05, abs=5e-4)
 
 
-def test_the_step_of_a_display() -> None:
-    assert display_step(np.array([0.3, 0.1, 0.3, 0.7])) == pytest.approx(0.2)
-    assert display_step(np.array([0.3, 0.1 + 0.2])) == 0.0
-    assert display_step(np.array([1.0, 1.0 + 1e-6, 2.0]), 1e-5) == pytest.approx(1.0)
-    assert display_step(np.array([0.001, 0.002, 0.003, 1e9])) == pytest.approx(0.001)
-    assert display_step(np.full(3, 7.0)) == display_step(np.zeros(0)) == 0.0
-    assert display_u(np.array([0.0, 0.6])) == pytest.approx(0.6 / np.sqrt(12))
+def test_a_last_digit_is_no_outlier() -> None:
+    """All readings alike but one, by one digit: with the variance of the display it is none."""
+    values = np.array([2.0] * 19 + [3.0])
+    assert outlying(values)[0].sum() == 1
+    assert not outlying(values, r=1 / 12)[0].any()
+    assert outlying(np.where(values == 3, 30, values), r=1 / 12)[0].sum() == 1
+    curve = np.where(np.arange(40) == 20, 1.0, 0.0)
+    assert not spikes(curve, r=1 / 12)[0].any()
+    assert spikes(30 * curve, r=1 / 12)[0].sum() == 1

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.pass_lines import lines_by_pass
+from mtu_cli.stats.mixed_model import lines_by_pass
 
 EPS = np.finfo(float).eps
 

@@ -21,8 +21,7 @@ from pass_designs import (
 from scipy.linalg import eigh
 from scipy.special import stdtrit
 
-from mtu_cli.stats.mixed import PassFit, fit_passes
-from mtu_cli.stats.pass_pairs import covariance_in_runs, pairs_of, units_dof
+from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes, pairs_of, units_dof
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")

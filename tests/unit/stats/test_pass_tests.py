@@ -13,7 +13,7 @@ from scipy.linalg import orth
 from scipy.special import fdtrc
 from scipy.stats import kstest, ttest_ind
 
-from mtu_cli.stats.mixed import PassFit, fit_passes
+from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.pass_tests import (
     MAX_POSITIONS,
     FTest,

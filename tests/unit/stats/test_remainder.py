@@ -15,7 +15,7 @@ from mtu_cli.close_loop_sealed.stats.remainder import (
     Remainder,
     remainder_of,
 )
-from mtu_cli.stats.strata import Strata
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 
 STRATA = made(12, 10, 2)
 PLACES = np.random.default_rng(3).uniform(0.0, 100.0, (10, 2))

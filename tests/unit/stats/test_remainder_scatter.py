@@ -18,8 +18,8 @@ from crossed_tables import (
 from scipy.stats import binom, f, ks_1samp, norm
 
 from mtu_cli.close_loop_sealed.stats.direction_noise import DirectionNoise
-from mtu_cli.stats.mean_squares import EntryNoise
-from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p
+from mtu_cli.close_loop_sealed.stats.mean_squares import EntryNoise
+from mtu_cli.close_loop_sealed.stats.scatter_tests import scatter_p, score_of, two_scatters_p
 
 STRATA = made(12, 10, 2)
 DOF = sizes(STRATA)

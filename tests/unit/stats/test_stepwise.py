@@ -11,8 +11,7 @@ from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
 from mtu_cli.stats import stepwise as stepwise_module
-from mtu_cli.stats.autocorrelation import effective_number
-from mtu_cli.stats.compressed import Compressed, compress
+from mtu_cli.stats.compressed import Compressed, compress, effective_number
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.stepwise import (
     fitted_weights,

@@ -16,7 +16,7 @@ from crossed_tables import (
 )
 
 from mtu_cli.close_loop_sealed.stats.loop_null import draw
-from mtu_cli.stats.strata import Strata, strata_of
+from mtu_cli.close_loop_sealed.stats.strata import Strata, strata_of
 
 DESIGNS: dict[str, Strata] = {
     "lines": strata_of(5, grid(8), 2),

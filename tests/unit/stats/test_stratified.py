@@ -8,7 +8,7 @@ from crossed_tables import Floats
 from scipy.stats import binom, t
 
 from mtu_cli.close_loop_sealed.stats.stratified import StratifiedFit, stratified_fit
-from mtu_cli.stats.orthogonal import shortened
+from mtu_cli.stats.least_squares import shortened
 
 SIZES = (9, 14, 30)
 PLACES = [slice(0, 9), slice(9, 23), slice(23, 53)]

@@ -24,8 +24,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.result import (
 from mtu_cli.close_loop_sealed.analyses.loop.share_done import ShareDone
 from mtu_cli.close_loop_sealed.analyses.loop.warnings import judged_tables, loop_warnings
 from mtu_cli.close_loop_sealed.model.effect_library import EffectLibrary, candidates
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.findings import Finding
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.monte_carlo import Progress
 from mtu_cli.stats.threads import one_blas_thread
 

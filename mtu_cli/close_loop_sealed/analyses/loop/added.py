@@ -18,10 +18,10 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search
 from mtu_cli.close_loop_sealed.model.effect_library import Member
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.column_groups import MemberColumns
 from mtu_cli.close_loop_sealed.stats.loop_frame import grouped
 from mtu_cli.close_loop_sealed.stats.stratified import StratifiedFit
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 AGREES = 2.0

@@ -6,9 +6,9 @@ import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import TableResult
 from mtu_cli.close_loop_sealed.bridge import loop_warning
+from mtu_cli.close_loop_sealed.model.loose_features import smooth_of
 from mtu_cli.close_loop_sealed.stats.group_shifts import group_shift
 from mtu_cli.findings import Finding
-from mtu_cli.model.measured import smooth_of
 from mtu_cli.units import p_text, um_text
 
 CODE = "operation-shifts"

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.strata import Strata
 
 MOST_MORE = 3
 """Directions beyond straight lines that the model's own uncertainty may add."""

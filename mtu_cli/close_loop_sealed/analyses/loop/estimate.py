@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan
 from mtu_cli.close_loop_sealed.stats.column_groups import MemberColumns, whitened
 from mtu_cli.close_loop_sealed.stats.loop_null import draw
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.close_loop_sealed.stats.stratified import StratifiedFit, stratified_fit
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.orthogonal import shortened
-from mtu_cli.stats.strata import Strata
+from mtu_cli.stats.least_squares import FloatArray, least_squares, shortened
 from mtu_cli.stats.streams import stream
 
 DRAWN = 3_000

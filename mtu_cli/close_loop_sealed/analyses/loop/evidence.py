@@ -9,12 +9,12 @@ from scipy.special import fdtrc
 
 from mtu_cli.close_loop_sealed.analyses.loop.scan import SCATTER_CHECKS, Scan, drawn_statistics
 from mtu_cli.close_loop_sealed.stats.column_groups import Packed
+from mtu_cli.close_loop_sealed.stats.mean_squares import EntryNoise
 from mtu_cli.close_loop_sealed.stats.profile_ratio import MemberRatios, ratios
 from mtu_cli.close_loop_sealed.stats.remainder import DRAWN
+from mtu_cli.close_loop_sealed.stats.scatter_tests import scatter_p, score_of, two_scatters_p
 from mtu_cli.close_loop_sealed.stats.uneven import uneven
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.mean_squares import EntryNoise
-from mtu_cli.stats.scatter_tests import scatter_p, score_of, two_scatters_p
 
 OPERATIONS = "operation-scatter"
 UNEVEN = 0.01

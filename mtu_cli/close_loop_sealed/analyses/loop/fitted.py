@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, Column, Member
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.units import PARAMETER_UNITS
 

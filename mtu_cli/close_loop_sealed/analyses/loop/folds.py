@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mtu_cli.close_loop_sealed.analyses.loop.shape_prior import shape_weights
 from mtu_cli.close_loop_sealed.model.effect_candidate import CENTRED
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, Member
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 SHOWN = 0.02

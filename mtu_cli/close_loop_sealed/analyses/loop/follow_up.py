@@ -9,8 +9,8 @@ import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.further_parts import FollowUp, FurtherParts, noun_of
 from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.covariates import is_temperature
-from mtu_cli.model.residual_table import ResidualTable
 
 MORE = 6
 """Further parts that a follow-up is judged by."""

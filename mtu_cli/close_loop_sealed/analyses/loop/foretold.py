@@ -17,9 +17,9 @@ from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search
 from mtu_cli.close_loop_sealed.analyses.loop.state import State, Step
 from mtu_cli.close_loop_sealed.model.effect_library import Member
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.loop_null import entry_variance
 from mtu_cli.close_loop_sealed.stats.size_prior import sized
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 LEAST = 0.001

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.close_loop_sealed.model.effect_candidate import Column
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.crossed import Freeing
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
 
 ALL = 1e-9
 """A direction of which no more than this share is left has no degrees of freedom."""

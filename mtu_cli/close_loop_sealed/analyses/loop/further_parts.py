@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS, TableData, compact
-from mtu_cli.model.residual_layout import IntArray
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
+from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
 

@@ -26,11 +26,11 @@ from mtu_cli.close_loop_sealed.analyses.loop.result import Scores
 from mtu_cli.close_loop_sealed.analyses.loop.scan import calibrated
 from mtu_cli.close_loop_sealed.analyses.loop.searched import searched
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, EffectLibrary
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.close_loop_sealed.stats.loop_null import entry_variance
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata
 
 FOLDS = 7
 FEWEST_PARTS = 4

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import TableResult
+from mtu_cli.close_loop_sealed.model.loose_features import loose_features
 from mtu_cli.findings import Finding
-from mtu_cli.model.measured import loose_features
 
 
 def loose_warnings(result: TableResult) -> list[Finding]:

@@ -23,9 +23,9 @@ from mtu_cli.close_loop_sealed.analyses.loop.straight_lines import (
     in_place,
     middle_and_rise,
 )
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.language import linear_form, parse
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 WIDEST, FARTHEST = 2.0, 2.0

@@ -6,8 +6,8 @@ import numpy as np
 
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
 from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.language import evaluate, linear_form, parse
-from mtu_cli.model.residual_table import ResidualTable
 
 NEAR = 0.01
 """Share of what two values differ by within which a third is one of them."""

@@ -53,11 +53,11 @@ from mtu_cli.close_loop_sealed.analyses.loop.share_done import NOBODY, ShareDone
 from mtu_cli.close_loop_sealed.analyses.loop.shown import is_lone
 from mtu_cli.close_loop_sealed.analyses.loop.twofold import twofold
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, EffectLibrary
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
 from mtu_cli.close_loop_sealed.stats.loop_null import entry_variance
 from mtu_cli.close_loop_sealed.stats.profile_ratio import NEVER
 from mtu_cli.close_loop_sealed.stats.side_by_side import SideBySide
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 SAMPLES = 1999

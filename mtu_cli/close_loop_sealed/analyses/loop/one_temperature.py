@@ -14,9 +14,11 @@ import numpy as np
 from mtu_cli.close_loop_sealed.analyses.loop.describe import Described
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect
 from mtu_cli.close_loop_sealed.model.effect_candidate import Candidate
-from mtu_cli.files.covariates import NEAR_K, is_steady, is_temperature
+from mtu_cli.close_loop_sealed.model.effect_data import is_steady
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
+from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.model.effect_ranges import NEAR_K
 
 LOOKS_LIKE = {
     "scale": "thermal-growth",

@@ -27,8 +27,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.straight_lines import (
 )
 from mtu_cli.close_loop_sealed.model.effect_candidate import CENTRED
 from mtu_cli.close_loop_sealed.model.effect_library import Member
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.language import linear_form, parse
-from mtu_cli.model.residual_table import ResidualTable
 
 AGREES = 3.0
 """Standard uncertainties within which an offset is the constant of a drift: one in 400 such is

@@ -20,14 +20,14 @@ from mtu_cli.close_loop_sealed.analyses.loop.freedoms import (
 )
 from mtu_cli.close_loop_sealed.analyses.loop.scan import Scan
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, Member
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.column_groups import MemberColumns
 from mtu_cli.close_loop_sealed.stats.crossed import completion
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame, grouped
 from mtu_cli.close_loop_sealed.stats.loop_null import KnownScatter, NullModel, null_of, whitening_of
 from mtu_cli.close_loop_sealed.stats.remainder import remainder_of
-from mtu_cli.model.residual_table import ResidualTable
+from mtu_cli.close_loop_sealed.stats.strata import Strata, strata_of
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.strata import Strata, strata_of
 
 FEWEST_FOR_OFFSET = 3
 """Parts from whose scatter a common offset can be told."""

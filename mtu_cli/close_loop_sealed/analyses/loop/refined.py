@@ -35,8 +35,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 from mtu_cli.close_loop_sealed.model.effect_library import Candidate, EffectLibrary, Member
 from mtu_cli.close_loop_sealed.model.effect_members import BoundTemplate
 from mtu_cli.close_loop_sealed.model.effect_search import member_at, searched_template, waves_of
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.loop_frame import grouped
-from mtu_cli.model.residual_table import ResidualTable
 
 
 def searched_members(prepared: Prepared, found: Search, library: EffectLibrary) -> dict[int, float]:

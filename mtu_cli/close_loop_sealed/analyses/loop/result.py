@@ -8,8 +8,8 @@ from typing import Literal
 from mtu_cli.close_loop_sealed.analyses.loop.cancelling import FixedPoint, NeutralPoint
 from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
 from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.findings import Finding
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["none", "named", "class", "unexplained"]

@@ -12,8 +12,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.from_zero import not_told_from_zero
 from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross, set_aside
 from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.family_gate import Gate
-from mtu_cli.model.residual_table import ResidualTable
 
 Start = Callable[[ResidualTable], tuple[Prepared, Gate]]
 """Prepares a table without its gross entries, and says by which gate it is judged."""

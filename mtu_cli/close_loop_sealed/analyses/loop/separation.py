@@ -14,15 +14,14 @@ from mtu_cli.close_loop_sealed.analyses.loop.further_parts import FollowUp
 from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.model.effect_candidate import Column, Member
 from mtu_cli.close_loop_sealed.model.effect_data import POSITIONS
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.stats.column_groups import whiten
 from mtu_cli.close_loop_sealed.stats.crossed import completion
 from mtu_cli.close_loop_sealed.stats.loop_frame import Frame, grouped
 from mtu_cli.close_loop_sealed.stats.loop_null import NullModel, whitening_of
+from mtu_cli.close_loop_sealed.stats.strata import Strata, strata_of
 from mtu_cli.language import evaluate, linear_form, parse
-from mtu_cli.model.residual_table import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.orthogonal import shortened
-from mtu_cli.stats.strata import Strata, strata_of
+from mtu_cli.stats.least_squares import FloatArray, least_squares, shortened
 
 Seen = dict[int, FloatArray]
 """The coordinates of a column, by the number of the stratum that they lie in."""

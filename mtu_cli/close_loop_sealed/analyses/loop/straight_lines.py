@@ -7,9 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.language import Node, evaluate, names, parse
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 STRAIGHT = 1e-9

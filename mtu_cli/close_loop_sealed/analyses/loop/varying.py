@@ -18,9 +18,9 @@ from mtu_cli.close_loop_sealed.analyses.loop.same_in_all import Constant, beside
 from mtu_cli.close_loop_sealed.analyses.loop.same_strata import NEARLY
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 from mtu_cli.close_loop_sealed.model.effect_library import Member
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import REFERENCE_TEMPERATURE
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 
 THERMAL = "thermal-"

@@ -10,12 +10,12 @@ import numpy as np
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, TableResult
 from mtu_cli.close_loop_sealed.analyses.loop.shown import entry_text
 from mtu_cli.close_loop_sealed.bridge import loop_warning
+from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.contract import is_identifier
 from mtu_cli.files.covariates import looks_like_temperature
 from mtu_cli.findings import Finding, error
 from mtu_cli.language import names, parse
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.residual_table import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS, p_text
 

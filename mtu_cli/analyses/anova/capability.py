@@ -1,0 +1,288 @@
+"""Capability of toleranced quantities, and trends over the sequence of manufacture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import nan
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mtu_cli.analyses.anova.outliers import FEWEST_PARTS, TRENDS
+from mtu_cli.analyses.anova.tables import Analysed, Label
+from mtu_cli.files.points import Points
+from mtu_cli.model.settings import PROBABILITY
+from mtu_cli.model.visits import operations_of
+from mtu_cli.stats.family import holm
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.resolution import hidden
+from mtu_cli.units import ARCSEC, UM
+
+if TYPE_CHECKING:
+    from mtu_cli.files.part import LoadedPart
+
+MOVING_RANGE = 1.128
+"""d2: mean difference of two normal values in standard deviations (Tippett, 1925)."""
+WITHIN = 0.9973
+"""Share of parts within the natural limits: what six standard deviations hold."""
+NODES = 200
+
+Interval = tuple[float, float]
+OPEN: Interval = (nan, nan)
+Of = Literal["position", "length", "angle"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Capability:
+    """Capability of one toleranced quantity in one operation; mm or rad, nan where undefined.
+
+    The quantity must lie from `low` to `high`; of a position the radial error must, from 0 to half
+    the diameter of its zone. `values` (parts,) are the means of the repeats in the order of
+    `sequence` (parts,), `s` their overall standard deviation, `s_moving` = mean moving range/1.128
+    that of neighbours. With 95 % intervals for normal values (nan: undefined)
+
+        pp = (high - low)/(6 s),    ppk = min(high - mean, mean - low)/(3 s),
+
+    chi-squared and noncentral t of the nearer limit; `cp` and `cpk` have `s_moving` for s. Of a
+    position ppk = high/q, q the 99.73 % quantile of the radial error of a bivariate normal law.
+    """
+
+    kind: Of
+    operation: str
+    id: str
+    low: float
+    high: float
+    sequence: FloatArray
+    values: FloatArray
+    mean: float
+    s: float
+    s_moving: float
+    pp: float
+    pp_interval: Interval
+    ppk: float
+    ppk_interval: Interval
+    cp: float
+    cpk: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trend:
+    """A table whose values change with the sequence of manufacture by `slope` a part (mm or rad)
+    with standard uncertainty `u`; family-wise `p`.
+    """
+
+    where: Label
+    slope: float
+    u: float
+    p: float
+
+
+def sequences(points: Points) -> dict[str, FloatArray]:
+    """Of every operation the place (parts,) of each part in the sequence, nan where it is not."""
+    operations, operation = operations_of(points)
+    found = np.full((len(operations), len(points.parts)), np.nan)
+    found[operation, points.part] = points.sequence
+    return dict(zip(operations, found, strict=True))
+
+
+def trends(kinds: Sequence[Analysed], sequence: dict[str, FloatArray]) -> tuple[Trend, ...]:
+    """The slope of every table's part means over the sequence by least squares, with Student's t;
+    p adjusted for all tables (Holm), at the share of trends of the family-wise rate.
+    """
+    from scipy.special import stdtr
+
+    found: list[tuple[Label, float, float]] = []
+    p_values: list[FloatArray] = []
+    for kind in kinds:
+        cells = kind.tables.cells
+        x = np.array([sequence[label[0]] for label in kind.labels])
+        there = cells.present & np.isfinite(x)
+        n = there.sum(axis=1)
+        x, y = (_centred(values, there) for values in (x, cells.mean))
+        spread = (x**2).sum(axis=1)
+        known = (n >= FEWEST_PARTS) & (spread > 0)
+        spread, dof = np.where(known, spread, 1.0), np.where(known, n - 2.0, 1.0)
+        slope = (x * y).sum(axis=1) / spread
+        s2 = ((y - slope[:, None] * x) ** 2).sum(axis=1) / dof
+        u = np.sqrt((s2 + hidden(s2, kind.tables.rounding)) / spread)
+        known &= u > 0
+        t = np.divide(np.abs(slope), u, out=np.zeros_like(u), where=known)
+        p_values.append(np.where(known, 2 * stdtr(dof, -t), np.nan))
+        found += zip(kind.labels, slope.tolist(), u.tolist(), strict=True)
+    p = np.minimum(holm(np.concatenate(p_values)) / TRENDS, 1.0).tolist()
+    return tuple(
+        Trend(where=where, slope=slope, u=u, p=each)
+        for (where, slope, u), each in zip(found, p, strict=True)
+        if np.isfinite(each)
+    )
+
+
+def _centred(values: FloatArray, there: np.ndarray) -> FloatArray:
+    """Values (tables, parts) less the mean of each table, 0 where there is none."""
+    known = np.where(there, values, 0.0)
+    mean = known.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    return np.where(there, known - mean[:, None], 0.0)
+
+
+def capabilities(
+    kinds: Sequence[Analysed], part: LoadedPart | None, sequence: dict[str, FloatArray]
+) -> tuple[Capability, ...]:
+    """Of everything in the part file that has a tolerance and was measured on two parts or more."""
+    found = [] if part is None else list(_capabilities(kinds, part, sequence))
+    return tuple(item for item in found if item is not None)
+
+
+def _capabilities(
+    kinds: Sequence[Analysed], part: LoadedPart, sequence: dict[str, FloatArray]
+) -> Iterator[Capability | None]:
+    limits = _limits(part)
+    for kind in kinds:
+        rows = {label: i for i, label in enumerate(kind.labels)}
+        for (operation, name, axis), i in rows.items():
+            of: Of = "position" if kind.kind == "feature" else kind.kind
+            if (of, name) not in limits:
+                continue
+            (low, high), r = limits[of, name], float(kind.tables.rounding[i])
+            values, _ = kind.part_means(i)
+            if of != "position":
+                label = (of, operation, name)
+                yield _capability(label, low, high, values, sequence[operation], r)
+            elif axis == "x" and (operation, name, "y") in rows:
+                y, _ = kind.part_means(rows[operation, name, "y"])
+                errors = np.column_stack([values, y])
+                yield _position((operation, name), high, errors, sequence[operation], r)
+
+
+def _limits(part: LoadedPart) -> dict[tuple[Of, str], Interval]:
+    """The tolerances of the part file, mm or rad."""
+    found: dict[tuple[Of, str], Interval] = {}
+    for length in part.part.lengths:
+        if length.tolerance is not None:
+            found["length", length.id] = length.tolerance.low * UM, length.tolerance.high * UM
+    for angle in part.part.orthogonality:
+        if angle.tolerance is not None:
+            low, high = angle.tolerance.low, angle.tolerance.high
+            found["angle", angle.id] = low * ARCSEC, high * ARCSEC
+    for name, feature in part.part.features.items():
+        if feature.position_um is not None:
+            found["position", name] = 0.0, feature.position_um * UM / 2
+    return found
+
+
+def _capability(
+    label: tuple[Of, str, str],
+    low: float,
+    high: float,
+    values: FloatArray,
+    sequence: FloatArray,
+    r: float,
+) -> Capability | None:
+    """Of a length or angle; `r` is the variance of a value by its last digit."""
+    from scipy.special import chdtri, nctdtrinc
+
+    order = _order(values, sequence)
+    values, sequence = values[order], sequence[order]
+    n = len(values)
+    if n < 2:
+        return None
+    mean, s = float(values.mean()), _floored(float(values.var(ddof=1)), r)
+    ranges = np.abs(np.diff(values))
+    s_moving = _floored((float(ranges.mean()) / MOVING_RANGE) ** 2, r)
+    nearer = min(high - mean, mean - low)
+    tail, scale = (1 - PROBABILITY) / 2, 3 * np.sqrt(n)
+    pp, ppk = (high - low) / (6 * s), nearer / (3 * s)
+    factors = [float(np.sqrt(chdtri(n - 1, p) / (n - 1))) for p in (1 - tail, tail)]
+    ends = [float(nctdtrinc(n - 1, p, scale * ppk) / scale) for p in (1 - tail, tail)]
+    return Capability(
+        kind=label[0],
+        operation=label[1],
+        id=label[2],
+        low=low,
+        high=high,
+        sequence=sequence,
+        values=values,
+        mean=mean,
+        s=s,
+        s_moving=s_moving,
+        pp=pp,
+        pp_interval=(pp * factors[0], pp * factors[1]),
+        ppk=ppk,
+        ppk_interval=(ends[0], ends[1]),
+        cp=(high - low) / (6 * s_moving),
+        cpk=nearer / (3 * s_moving),
+    )
+
+
+def _position(
+    label: tuple[str, str], high: float, errors: FloatArray, sequence: FloatArray, r: float
+) -> Capability | None:
+    """Of the position of a feature, from its `errors` (parts, 2)."""
+    order = _order(errors.sum(axis=1), sequence)
+    errors, sequence = errors[order], sequence[order]
+    if len(errors) < 2:
+        return None
+    C = np.cov(errors.T)
+    C = C + np.eye(2) * hidden(float(np.trace(C)) / 2, r)
+    radial = np.hypot(*errors.T)
+    return Capability(
+        kind="position",
+        operation=label[0],
+        id=label[1],
+        low=0.0,
+        high=high,
+        sequence=sequence,
+        values=radial,
+        mean=float(radial.mean()),
+        s=nan,
+        s_moving=nan,
+        pp=nan,
+        pp_interval=OPEN,
+        ppk=high / radial_quantile(errors.mean(axis=0), C, WITHIN),
+        ppk_interval=OPEN,
+        cp=nan,
+        cpk=nan,
+    )
+
+
+def _order(values: FloatArray, sequence: FloatArray) -> np.ndarray:
+    """The parts that have a value, in the order of the sequence."""
+    order = np.argsort(sequence, kind="stable")
+    return np.asarray(order[np.isfinite(values[order])])
+
+
+def _floored(s2: float, r: float) -> float:
+    return float(np.sqrt(s2 + hidden(s2, r)))
+
+
+def radial_quantile(mean: FloatArray, C: FloatArray, probability: float) -> float:
+    """The quantile of the length of a normal vector with `mean` (2,) and covariance `C` (2, 2).
+
+    P(length <= R) is integrated along the principal axis of the larger variance, with the normal
+    law of the other one in closed form, by Gauss-Legendre; R by bisection.
+
+    >>> round(radial_quantile(np.zeros(2), np.eye(2), 0.9973), 3)  # sqrt(-2 ln 0.0027)
+    3.439
+    """
+    from scipy.special import ndtr
+
+    variances, axes = np.linalg.eigh(C)
+    s = np.sqrt(np.maximum(variances, 1e-12 * float(variances[1]) + 1e-300))
+    m = axes.T @ mean
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+
+    def inside(R: float) -> float:
+        low, high = max(-R, m[1] - 9 * s[1]), min(R, m[1] + 9 * s[1])
+        if low >= high:
+            return 0.0
+        x = (low + high) / 2 + (high - low) / 2 * nodes
+        half = np.sqrt(np.maximum(R**2 - x**2, 0.0))
+        of_x = np.exp(-(((x - m[1]) / s[1]) ** 2) / 2) / (s[1] * np.sqrt(2 * np.pi))
+        across = ndtr((half - m[0]) / s[0]) - ndtr((-half - m[0]) / s[0])
+        return float((high - low) / 2 * (weights @ (of_x * across)))
+
+    low, high = 0.0, float(np.hypot(*m) + 9 * s[1])
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if inside(middle) < probability else (low, middle)
+    return (low + high) / 2

@@ -1,0 +1,146 @@
+"""The uncertainty of a measurement that one file states: `mtu budget` and `mtu graph ...`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, number_of
+from mtu_cli.findings import error
+from mtu_cli.model.settings import Settings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mtu_cli.model.graph.net import MeasurementGraph
+    from mtu_cli.reports.graph_drawing import Net
+
+EXAMPLE = "--vary axis_um=0.5:2.5:5 (from 0.5 to 2.5 in 5 steps) or --vary repeats=1,2,4"
+DIGITS = 12
+"""Digits of a value that count: 1:5:5 has whole steps but for rounding."""
+
+
+def budget(inputs: Inputs, settings: Settings) -> Outcome:
+    """An uncertainty budget."""
+    from mtu_cli.analyses.budget import evaluate_budget
+    from mtu_cli.files.budget import load_budget
+    from mtu_cli.reports import budget as report
+
+    loaded = load_budget(inputs.options.file)
+    inputs.sources.append(loaded.source)
+    result = evaluate_budget(loaded, settings, inputs.options.k)
+    factors = {output.k for output in result.outputs}
+    # Where each output has its own factor, or has none, there is not one for the report.
+    k = factors.pop() if len(factors) == 1 else math.nan
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=result.warnings,
+        settings=replace(settings, coverage_factor=k),
+    )
+
+
+def _graph(inputs: Inputs) -> MeasurementGraph:
+    """The graph of the call's file, checked whole."""
+    from mtu_cli.model.graph.net import load_graph
+
+    graph = load_graph(inputs.options.file)
+    inputs.sources.append(graph.document.source)
+    return graph
+
+
+def graph_check(inputs: Inputs, settings: Settings) -> Outcome:
+    """Whether the graph is sound, and its firing order."""
+    from mtu_cli.analyses.graph.check import check_graph
+    from mtu_cli.reports import graph as report
+
+    graph = _graph(inputs)
+    return Outcome.of(report.check(check_graph(graph), lambda: drawing(net_for(graph))))
+
+
+def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
+    """The file at --to, and nothing else."""
+    from mtu_cli.reports import graph_text
+    from mtu_cli.reports.figures import figure_bytes
+
+    graph, target = _graph(inputs), inputs.options.to
+    net = net_for(graph, inputs.options.of)
+
+    def content() -> bytes:
+        match suffix := target.suffix.lower():
+            case ".dot":
+                return graph_text.dot(net).encode()
+            case ".mmd":
+                return graph_text.mermaid(net).encode()
+            case ".pl":
+                return graph_text.assertions(net, graph.graph, graph.nominal).encode()
+        return figure_bytes(drawing(net), suffix)
+
+    return Outcome(files=lambda: {target: content()})
+
+
+def drawing(net: Net) -> Figure:
+    """The picture of a net."""
+    from mtu_cli.reports import graph_drawing
+
+    return graph_drawing.drawing(net)
+
+
+def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
+    """What is drawn, with the shares of the variance of `of` where a place is given."""
+    from mtu_cli.analyses.graph.check import shares_by_place
+    from mtu_cli.reports.graph_drawing import net_of
+
+    shares = None if of is None else shares_by_place(graph, of)
+    return net_of(graph.graph, graph.reported, of, shares)
+
+
+def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:
+    """The places asked for, by Monte Carlo and to first order."""
+    from mtu_cli.analyses.graph.simulate import simulate_graph
+    from mtu_cli.reports import graph as report
+
+    result = simulate_graph(_graph(inputs), settings, tuple(inputs.options.of or ()))
+    return Outcome.of(report.simulate(result, settings.digits), warnings=result.warnings)
+
+
+def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
+    """One place over the grid of --vary, and as the file has it."""
+    from mtu_cli.analyses.graph.simulate import simulate_graph
+    from mtu_cli.analyses.graph.sweep import PARAMETERS, sweep_graph
+    from mtu_cli.reports import graph as report
+
+    grid = varied(inputs.options.vary, PARAMETERS)
+    graph, of = _graph(inputs), inputs.options.of
+    result = sweep_graph(graph, settings, of, grid)
+    # What follows the grid leaves its bar full.
+    base = simulate_graph(graph, replace(settings, progress=None), [of])
+    return Outcome.of(report.sweep(base, result, settings.digits), warnings=result.warnings)
+
+
+def varied(texts: Sequence[str], known: Sequence[str]) -> dict[str, tuple[float, ...]]:
+    """The values of every --vary, by name, in the order given.
+
+    Raises InputError for all that cannot be read, at once.
+
+    >>> varied(["repeats=1,2", "axis_um=1:2:3"], ["axis_um", "repeats"])
+    {'repeats': (1.0, 2.0), 'axis_um': (1.0, 1.5, 2.0)}
+    """
+    return assigned("--vary", texts, "=", "NAME=VALUES", EXAMPLE, _grid, known)
+
+
+def _grid(name: str, text: str) -> tuple[float, ...]:
+    """Numbers from ``low:high:count``, downwards too, or ``a,b,c``; each once."""
+    option = f"--vary {name}"
+    if ":" not in text:
+        values = [number_of(option, item) for item in text.split(",")]
+    else:
+        low, high, count = ends(option, text, SPAN, EXAMPLE)
+        values = [low + i * (high - low) / (count - 1) for i in range(int(count) - 1)] + [high]
+    grid = tuple(float(f"{value:.{DIGITS}g}") for value in values[: MOST_STEPS + 1])
+    if len(set(grid)) < len(grid):
+        raise error("appears-twice", what=option, value=text)
+    return grid

@@ -1,0 +1,296 @@
+"""Pictures of a machine's components: readings with the fit, and their drift with temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli.findings import listed
+from mtu_cli.model.simulate_drift import STEPS, DriftProfile, drift_profile
+from mtu_cli.reports import figures
+from mtu_cli.reports.labels import cut, spread
+from mtu_cli.reports.numbers import significant, span
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+    from mtu_cli.model.estimates import ComponentEstimate, Estimates
+    from mtu_cli.model.estimation import ComponentFit, InstrumentFit
+    from mtu_cli.model.fit import MachineFit
+
+Ranges = dict[str, tuple[float, float]]
+
+TITLE, NAME = 36, 26
+"""Characters of a line above a panel, and of a sensor's name beside its bar."""
+MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
+"""By instrument (the machine's first, others) and direction."""
+WORDS = {1: "forward", -1: "reverse", 0: "reading"}
+COMPONENTS, SENSORS, POSITIONS, CYCLES = 6, 8, 6, 12
+"""Drifting components, their sensors and positions drawn, and cycles named."""
+STATES = (figures.BLUE, figures.GREY, figures.RED)
+
+
+@figures.styled
+def components(
+    fit: MachineFit,
+    estimates: Estimates,
+    coverage_factor: float,
+    *,
+    says: Mapping[str, str] | None = None,
+) -> Figure:
+    """All components on one sheet (Gilsinn & Ling 2004, Fig. 3): readings by pass and direction,
+    the fitted line, and the band of a future part.
+
+    The band is k times the root of x'(C + D)x + s_repeat^2 about the line.
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    shown = estimates.components
+    columns = figures.columns_of(len(shown))
+    titles = [_title(name, (says or {}).get(name, "")) for name in shown]
+    tall = 0.16 * any("\n" in title for title in titles)
+    page = figures.blank(3.4 * max(columns, 2), (2.15 + tall) * -(-len(shown) // columns) + 0.6)
+    figures.title(page, f"Components: readings, fit and one future reading ± {coverage_factor:g} u")
+    instruments = [item for found in fit.components.values() for item in found.instruments]
+    numbers = sorted({1, *(number for item in instruments for number in _passes(item))})
+    colours = dict(zip(numbers, _shades(len(numbers)), strict=True))
+    # By role, whatever it read: one instrument has the same marks in every panel.
+    roles = list(dict.fromkeys(item.role for item in instruments))
+    markers = {role: MARKERS[min(i, 1)] for i, role in enumerate(roles)}
+    ranges = _ranges(estimates)
+    panels = figures.panels_of(page, len(shown), columns)
+    for panel, title, (name, estimate) in zip(panels, titles, shown.items(), strict=False):
+        found = fit.components.get(name)
+        for item in found.instruments if found else ():
+            _readings(panel, item, estimate, markers[item.role], colours)
+        _band(panel, estimate, found, ranges, coverage_factor)
+        panel.set_title(title if found else f"{title} (machine file)")
+        panel.set_ylabel(estimate.unit.name)
+    drawn = {(item.role, key[-1]) for item in instruments for key in item.keys_read or ((0, 1, 0),)}
+    marks = [
+        (marker, WORDS[sign] if len(roles) == 1 else f"{role}, {WORDS[sign]}", figures.GREY)
+        for role, own in markers.items()
+        for sign, marker in own.items()
+        if (role, sign) in drawn
+    ]
+    if len(colours) > 1:
+        marks += [("o", f"pass {n}", colours[n]) for n in (numbers[0], numbers[-1])]
+    handles: list[Any] = [
+        Line2D([], [], marker=marker, linestyle="", color=colour, label=label)
+        for marker, label, colour in marks
+    ]
+    handles.append(Line2D([], [], color=figures.INK, label="fit"))
+    band = f"one future reading, ± {coverage_factor:g} u"
+    handles.append(Patch(color=figures.PALE, label=band))
+    page.legend(handles=handles, loc="outside lower center", ncols=8 if columns == 3 else 4)
+    return page
+
+
+def _title(name: str, says: str) -> str:
+    """A component with its meaning, on a line of its own where one line is too short for both."""
+    title = f"{name}  {says}".rstrip()
+    if len(title) <= TITLE or not says:
+        return cut(title, TITLE)
+    return f"{cut(name, TITLE)}\n{cut(says, TITLE)}"
+
+
+def _passes(item: InstrumentFit) -> list[int]:
+    return sorted({key[1] for key in item.keys_read}) or [1]
+
+
+def _shades(count: int) -> list[Any]:
+    """Colours from dark to light: early and late passes, one end of an axis and the other."""
+    from matplotlib import colormaps
+
+    return [colormaps["viridis"](0.05 + 0.8 * i / max(count - 1, 1)) for i in range(count)]
+
+
+def _ranges(estimates: Estimates) -> Ranges:
+    """Positions read along each axis, which stand in where a component states none."""
+    found: Ranges = {}
+    for item in estimates.components.values():
+        if item.of is not None and item.position_range is not None:
+            low, high = found.get(item.of, item.position_range)
+            found[item.of] = (min(low, item.position_range[0]), max(high, item.position_range[1]))
+    return found
+
+
+def _readings(
+    panel: Axes,
+    item: InstrumentFit,
+    estimate: ComponentEstimate,
+    markers: dict[int, str],
+    colours: dict[int, Any],
+) -> None:
+    """A line a pass and direction; of a constant the passes side by side."""
+    group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
+    numbers = _passes(item)
+    for g, (number, sign) in enumerate([key[1:] for key in item.keys_read] or [(1, 0)]):
+        inside = np.flatnonzero(group == g)
+        inside = inside[np.argsort(item.position[inside], kind="stable")]
+        place = item.position[inside]
+        if estimate.of is None:
+            place = np.full(len(inside), float(numbers.index(number) + 1))
+        panel.plot(
+            place, item.error[inside] / estimate.unit.to_internal, marker=markers[sign],
+            linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
+            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3,
+        )  # fmt: skip
+
+
+def _band(
+    panel: Axes, estimate: ComponentEstimate, found: ComponentFit | None, ranges: Ranges, k: float
+) -> None:
+    """The fitted line over the positions read, or over the passes, and what is to be expected."""
+    f = estimate.unit.to_internal
+    if estimate.of is None:
+        last = max(len(_passes(item)) for item in found.instruments) if found else 1
+        place, X = np.array([0.5, last + 0.5]), np.ones((2, 1))
+        panel.set_xlabel("pass" if found else "")
+        panel.set_xticks(range(1, last + 1, max(1, last // 8)) if found else [])
+    else:
+        low, high = estimate.position_range or ranges.get(estimate.of, (0.0, 100.0))
+        place = np.linspace(low, high, 101) if high > low else np.array([low - 1.0, high + 1.0])
+        X = estimate.shape.columns(place)
+        panel.set_xlabel(f"{estimate.of}, mm")
+    line = X @ estimate.coefficients / f
+    C = estimate.covariance + estimate.pass_covariance
+    variance = np.einsum("ni,ij,nj->n", X, C, X) + estimate.s_repeat**2
+    half = k * np.sqrt(np.clip(variance, 0.0, None)) / f
+    panel.fill_between(
+        place, line - half, line + half, color=figures.PALE, alpha=0.6, linewidth=0, zorder=1
+    )
+    panel.plot(place, line, color=figures.INK, zorder=4)
+
+
+@figures.styled
+def drift(fit: ThermalFit) -> Figure:
+    """A row a component: measured and modelled drift, the sensors' parts, drift by position."""
+    shown = list(fit.components.values())[:COMPONENTS]
+    page = figures.blank(13.0, 1.1 + 2.75 * max(1, len(shown)))
+    panels = page.subplots(max(1, len(shown)), 3, squeeze=False, width_ratios=[2.3, 1.0, 1.15])
+    for row, item in zip(panels, shown, strict=False):
+        profile = drift_profile(item.estimate, item.positions)
+        along = len(profile.places) > 1
+        _curves(row[0], item, along=along)
+        _shares(row[1], item)
+        words = _states(profile, item.estimate.reference)
+        if along:
+            _along(row[2], item, profile, words)
+            continue
+        values = (profile.drift[:, 0] / item.rms_size).tolist()
+        figures.bars(row[2], words, values, [significant(value, 3) for value in values])
+        row[2].set_xlabel(f"modelled drift at all positions, {item.rms_unit}")
+    rest = list(fit.components)[COMPONENTS:]
+    some = f" of {len(shown)} of {len(fit.components)} components" if rest else ""
+    without = f" (not drawn: {listed(rest, 12)})" if rest else ""
+    figures.title(page, f"Drift with temperature{some}: measured (dots), modelled (lines){without}")
+    return page
+
+
+def _curves(panel: Axes, item: ComponentDrift, *, along: bool) -> None:
+    """Cycles one after the other, whatever lies between them; where the drift differs `along` an
+    axis a colour a position.
+    """
+    unit, size = item.rms_unit, item.rms_size
+    positions = sorted({x.position for x in item.curves if x.position is not None})
+    drawn = [positions[i] for i in spread(len(positions), POSITIONS)] if along else []
+    colours: dict[float | None, Any] = dict.fromkeys(
+        [None] if along else [None, *positions], figures.BLUE
+    )
+    colours |= zip(drawn, _shades(len(drawn)), strict=True)
+    lengths: dict[str, float] = {}
+    for curve in item.curves:
+        length = float(np.ptp(curve.time)) if len(curve.time) else 0.0
+        lengths[curve.cycle] = max(lengths.get(curve.cycle, 0.0), length)
+    starts = np.concatenate([[0.0], np.cumsum(list(lengths.values()))]).tolist()
+    cycles = dict(zip(lengths, pairwise(starts), strict=True))
+    for curve in item.curves:
+        if curve.position not in colours or not len(curve.time):
+            continue
+        time = curve.time - curve.time.min() + cycles[curve.cycle][0]
+        colour = colours[curve.position]
+        panel.plot(time, curve.measured / size, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
+        panel.plot(time, curve.modelled / size, color=colour, linewidth=1.0)
+    panel.set_ylabel(f"drift, {unit}")
+    _name_cycles(panel, cycles)
+    found = item.held_out
+    before, after = (
+        (item.rms_before, item.rms_after) if found is None else (found.before, found.after)
+    )
+    kind = "rms of the fit (nothing held out)" if found is None else "rms of held-out cycles"
+    change = f"{significant(before / size, 3)} → {significant(after / size, 3)} {unit}"
+    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change}")
+    if drawn:
+        some = f"{len(drawn)} of {len(positions)}\npositions" if len(drawn) < len(positions) else ""
+        _beside(panel, [(colours[x], f"{x:g} mm") for x in reversed(drawn)], some)
+
+
+def _name_cycles(panel: Axes, cycles: dict[str, tuple[float, float]]) -> None:
+    """Lines between cycles and their names, numbers of many."""
+    for start, _ in list(cycles.values())[1:]:
+        panel.axvline(start, color=figures.GREY, linewidth=0.7, linestyle="--")
+    names = list(cycles)
+    kept = spread(len(names), CYCLES)
+    fits = sum(len(name) + 2 for name in names) <= 62
+    texts = [names[i] if fits else str(i + 1) for i in kept]
+    panel.set_xticks([sum(cycles[names[i]]) / 2 for i in kept], texts, minor=True)
+    panel.tick_params(axis="x", which="minor", length=0, pad=17, labelsize=8.0)
+    panel.set_xlabel("min, and the cycles one after the other")
+    panel.grid(axis="x", visible=False)
+    panel.margins(x=0.01)
+
+
+def _beside(panel: Axes, entries: list[tuple[Any, str]], title: str = "") -> None:
+    """A legend to the right of the panel, where it hides nothing."""
+    from matplotlib.lines import Line2D
+
+    panel.legend(
+        handles=[Line2D([], [], color=c, linewidth=2.2, label=label) for c, label in entries],
+        loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.5, handlelength=1.0,
+        borderaxespad=0.4, labelspacing=0.8, title=title, title_fontsize=7.5, alignment="left",
+    )  # fmt: skip
+
+
+def _shares(panel: Axes, item: ComponentDrift) -> None:
+    """The rms contribution of every sensor."""
+    unit, size = item.rms_unit, item.rms_size
+    names = [share.sensor for share in item.by_share]
+    drawn = names[:SENSORS]
+    parts = [item.shares.get(name, 0.0) / size for name in drawn]
+    alike = [f"\nand {len(item.twins(name))} alike" * bool(item.twins(name)) for name in drawn]
+    labels = [cut(name, NAME) + more for name, more in zip(drawn, alike, strict=True)]
+    figures.bars(panel, labels, parts, [significant(part, 3) for part in parts])
+    if not drawn:
+        panel.text(0.5, 0.5, "no sensor", transform=panel.transAxes, ha="center")
+    panel.set_xlim(left=0.0)
+    panel.set_xlabel(f"rms contribution, {unit}")
+    panel.set_title("sensors" + (f" ({SENSORS} of {len(names)})" if len(names) > SENSORS else ""))
+
+
+def _along(panel: Axes, item: ComponentDrift, profile: DriftProfile, words: list[str]) -> None:
+    """The modelled drift along an axis with all sensors cold, half-way and warm."""
+    size, of = item.rms_size, item.estimate.of
+    for line, dots, colour in zip(profile.drift, profile.at_observed, STATES, strict=True):
+        panel.plot(profile.places, line / size, color=colour)
+        panel.plot(item.positions, dots / size, "o", color=colour, markersize=3.5)
+    panel.set_xlabel(f"{of}, mm (dots: observed positions)")
+    panel.set_ylabel(f"modelled drift, {item.rms_unit}")
+    _beside(panel, list(zip(STATES, words, strict=True))[::-1])
+
+
+def _states(profile: DriftProfile, reference: float) -> list[str]:
+    """What to call the three states."""
+    if not profile.ranged:
+        return [f"all sensors\nat {reference + step:g} °C" for step in STEPS]
+    names = ("coldest", "half-way", "warmest")
+    return [
+        f"{name}\n{span(f'{T.min():.1f}', f'{T.max():.1f}')} °C"
+        for name, T in zip(names, profile.temperatures, strict=True)
+    ]

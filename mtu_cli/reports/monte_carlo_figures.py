@@ -1,0 +1,254 @@
+"""Pictures of Monte Carlo trials beside the first order: orthogonality, budget, graphs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli.findings import listed
+from mtu_cli.reports import figures
+from mtu_cli.reports.graph_drawing import shares_text, small_unit
+from mtu_cli.reports.labels import cut, folded, spread
+from mtu_cli.reports.numbers import chance, interval, significant, with_u
+from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.distributions import log_density
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import ARCSEC
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from mtu_cli.analyses.budget import BudgetResult
+    from mtu_cli.analyses.budget.result import OutputBudget
+    from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
+    from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
+    from mtu_cli.analyses.orthogonality import OrthogonalityResult
+
+BINS, MARGIN = 50, 0.25
+"""Of a histogram; beyond both intervals it shows this part of them."""
+CLOSE = 1e5
+"""Values that differ by less than this part of them have ticks that show only what differs."""
+ANGLES, OUTPUTS, COORDINATES = 6, 4, 9
+"""Quantities drawn on one sheet."""
+SHARES, LEAST = 12, 0.05
+"""Inputs drawn, the largest shares first, each at least so many percent; one bar for the others."""
+SEEN = 1e-3
+"""Coordinates drawn have at least this part of the largest u of their unit."""
+NAME, TITLE = 24, 50
+"""Characters of a name, and of one line of a title."""
+LINES, CURVE, HEADROOM = 14, 200, 1.08
+"""Lines of a sweep that are named, points of a formula's curve, room above the highest mark."""
+
+
+def histogram(
+    panel: Axes,
+    samples: FloatArray,
+    ends: tuple[float, float],
+    first: tuple[float, float, float],
+    first_ends: tuple[float, float],
+    percent: str = "95 %",
+) -> None:
+    """The density of the trials with the `ends` of their interval, and the curve of first order
+    (value, u, dof) with its own; u 0: none.
+    """
+    value, u, dof = first
+    known = [*ends, *first_ends] if u > 0.0 else [*ends]
+    room = max(MARGIN * (max(known) - min(known)), 1e-6 * max(map(abs, known)), 1e-300)
+    left, right = min(known) - room, max(known) + room
+    bins = np.linspace(left, right, BINS + 1)
+    density = np.histogram(samples, bins)[0] / (len(samples) * np.diff(bins))
+    panel.stairs(density, bins, fill=True, color=figures.PALE, label="Monte Carlo trials")
+    if u > 0.0:
+        grid = np.linspace(left, right, 400)
+        curve = np.exp(log_density((grid - value) / u, dof)) / u
+        panel.plot(grid, curve, color=figures.INK, label="first order")
+        for end in first_ends:
+            panel.axvline(
+                end, color=figures.INK, linewidth=1.0, linestyle=(0, (4, 3)),
+                label=f"{percent}, first order",
+            )  # fmt: skip
+    panel.axvspan(*ends, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
+    panel.set_xlim(left, right)
+    panel.set_ylim(0.0, None)
+    panel.set_yticks([])
+    panel.spines["left"].set_visible(False)
+    panel.locator_params(axis="x", nbins=5)
+    offset = max(abs(left), abs(right)) > CLOSE * (right - left)
+    panel.ticklabel_format(axis="x", useOffset=offset, scilimits=(-4, 9))
+
+
+@figures.styled
+def orthogonality(result: OrthogonalityResult) -> Figure:
+    """Histogram of the trials of every angle, its interval, and the first-order curve."""
+    shown = result.angles[:ANGLES]
+    columns = figures.columns_of(len(shown), 2)
+    page = figures.blank((6.5, 11.0)[columns - 1], 1.0 + 3.0 * math.ceil(len(shown) / columns))
+    for panel, item in zip(figures.panels_of(page, len(shown), columns), shown, strict=False):
+        run, first, scale = item.run, item.first_order, item.scale / ARCSEC
+        ends = float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)
+        low, high = (end / ARCSEC for end in first.interval95)
+        curve = first.mean / ARCSEC, first.u / ARCSEC, first.dof
+        histogram(panel, run.samples[0] / ARCSEC, ends, curve, (low, high))
+        mean, u = with_u(run.mean[0] / ARCSEC, scale)[0], significant(run.u[0] / ARCSEC)
+        text = f"mean {mean}, u {u} arcsec, 95 % {interval(*ends, scale)}"
+        gap = "\n" if len(item.id) + len(text) > TITLE else " "
+        panel.set_title(f"{cut(item.id, TITLE)}:{gap}{text}")
+        panel.set_xlabel("angle minus 90 degrees, arcsec")
+    figures.legend(page)
+    return page
+
+
+@figures.styled
+def budget(result: BudgetResult) -> Figure:
+    """For every output a bar an input, and beside it the histogram of the trials."""
+    shown = result.outputs[:OUTPUTS]
+    seen = [int(np.sum(np.abs(100.0 * output.first.share) >= LEAST)) for output in shown]
+    bars = 1 + min(SHARES, max(seen))
+    page = figures.blank(10.0, 0.9 + len(shown) * max(2.4, 0.26 * bars + 1.2))
+    panels = page.subplots(len(shown), 2, squeeze=False)
+    percent = f"{100 * result.probability:.4g} %"
+    for i, output in enumerate(shown):
+        _shares(panels[i][0], result, output)
+        run, first, panel = result.run, output.first, panels[i][1]
+        ends, (low, high) = (float(run.low[i]), float(run.high[i])), output.interval
+        curve = first.value, first.u, first.dof
+        histogram(panel, run.samples[i], ends, curve, (float(low), float(high)), percent)
+        unit = f" {output.unit}" if output.unit else ""
+        panel.set_xlabel(cut(first.name, NAME) + unit.replace(" ", ", ", 1))
+        text = f"{cut(first.name, NAME)} = {with_u(first.value, first.u or None)[0]}{unit}"
+        if math.isfinite(first.u):
+            text += f", u = {significant(first.u)}{unit}"
+        u = float(run.u[i])
+        known = math.isfinite(u)
+        text += f", by Monte Carlo {significant(u)}{unit}" if known else ", none by Monte Carlo"
+        panel.set_title(text if len(text) <= TITLE else text.replace(", ", "\n", 1))
+    figures.legend(page)
+    return page
+
+
+def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
+    """The largest shares of the variance; the others in one bar where that is more than nothing."""
+    shares = 100.0 * output.first.share
+    panel.set_title(f"{cut(output.first.name, NAME)}: shares of the variance")
+    if not np.all(np.isfinite(shares)):
+        panel.set_axis_off()
+        panel.text(0.5, 0.5, "no first-order variance", ha="center", transform=panel.transAxes)
+        return
+    order = [int(i) for i in np.argsort(-np.abs(shares), kind="stable") if result.inputs[i].u > 0]
+    drawn = [i for i in order[:SHARES] if abs(shares[i]) >= LEAST]
+    names = [folded(result.inputs[i].name, NAME) for i in drawn]
+    values = [float(shares[i]) for i in drawn]
+    rest, others = order[len(drawn) :], float(shares[order[len(drawn) :]].sum())
+    if abs(others) >= LEAST:
+        names.append("1 other" if len(rest) == 1 else f"{len(rest)} others")
+        values.append(others)
+    figures.bars(panel, names, values, [f"{value:.1f}" for value in values])
+    panel.set_xlabel("share of u², %")
+
+
+@figures.styled
+def simulated(result: GraphSimulation) -> Figure:
+    """Histogram of the trials of every coordinate about its nominal, interval, first order."""
+    varying = [item for item in result.coordinates if not item.fixed]
+    largest: dict[str, float] = {}
+    for item in varying:
+        largest[item.output.unit] = max(largest.get(item.output.unit, 0.0), item.u)
+    seen = [x for x in varying if x.chance or x.u >= SEEN * largest[x.output.unit]][:COORDINATES]
+    columns = figures.columns_of(len(seen))
+    page = figures.blank(
+        max(6.0, 3.6 * columns), 1.1 + 2.6 * max(1, math.ceil(len(seen) / columns))
+    )
+    panels = figures.panels_of(page, max(1, len(seen)), columns)
+    for panel, item in zip(panels, seen, strict=False):
+        (_chance if item.chance else _coordinate)(panel, item)
+    figures.legend(page, 4 if columns > 1 else 2)
+    rest = [str(item.output) for item in varying if item not in seen]
+    without = f" (not drawn: {listed(rest, 4)})" if rest else ""
+    figures.title(page, f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{without}")
+    return page
+
+
+def _chance(panel: Axes, item: SimulatedCoordinate) -> None:
+    """How often a place is 0, and how often 1."""
+    shares = [1 - item.mean, item.mean]
+    figures.bars(panel, ["0", "1"], shares, [f"{share:.3g}" for share in shares])
+    panel.set_xlim(0.0, 1.2)
+    panel.set_xlabel("share of the trials with this value")
+    panel.set_title(
+        f"{cut(str(item.output), NAME)}: chance of 1 {chance(item.mean, item.se_mean)} %"
+    )
+
+
+def _coordinate(panel: Axes, item: SimulatedCoordinate) -> None:
+    factor, unit = small_unit(item.output.unit)
+    low, high = ((end - item.nominal) * factor for end in item.interval)
+    u = item.first_order_u * factor
+    half = coverage_factor(0.95) * u
+    samples = (item.samples - item.nominal) * factor
+    histogram(panel, samples, (low, high), (0.0, u, math.inf), (-half, half))
+    shares = shares_text(item.shares)
+    panel.set_xlabel(f"from nominal, {unit}" + ("" if shares == "-" else f"\n{shares} % of u²"))
+    panel.set_title(f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}")
+
+
+@figures.styled
+def swept(result: Sweep) -> Figure:
+    """u, or the chance, against the first of what is varied, a line for each value of the rest;
+    dots are Monte Carlo with two standard errors, curves the formula.
+    """
+    from matplotlib import colormaps
+
+    names = [name for name, values in result.varied.items() if len(values) > 1]
+    first, *rest = names or list(result.varied)
+    lines: dict[str, list[GridPoint]] = {}
+    for item in result.grid:
+        lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
+    page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
+    panel = page.subplots()
+    for shade, (label, points) in zip(
+        np.linspace(0.35, 0.95, len(lines)), lines.items(), strict=True
+    ):
+        colour = colormaps["Blues"](shade) if len(lines) > 1 else figures.BLUE
+        _line(panel, result, points, first, colour, label)
+    panel.set_xlabel(first)
+    short = cut(str(result.output), NAME)
+    what, label = f"Chance that {short} is 1", f"chance that {short} is 1"
+    if not result.chance:
+        factor, unit = small_unit(result.output.unit)
+        what, label = f"Uncertainty of {short}", f"u of {short}, {unit}"
+        # A jump that no trial saw has u 0 and no standard error.
+        reached = [item.u + 2 * item.se_u for item in result.grid if math.isfinite(item.se_u)]
+        panel.set_ylim(0.0, HEADROOM * factor * max(reached, default=0.0) or None)
+    panel.set_ylabel(label)
+    if result.formula is not None:
+        pairs = result.formula.coefficients.items()
+        numbers = ", ".join(f"{name} = {with_u(value, None)[0]}" for name, value in pairs)
+        panel.set_title(f"{result.formula.form}\n{numbers}", fontweight="normal")
+    figures.title(page, f"{what} over {first}")
+    if rest:
+        handles, texts = panel.get_legend_handles_labels()
+        kept = spread(len(handles), LINES)[::-1]
+        some = "" if len(kept) == len(handles) else f"{len(kept)} of {len(handles)} lines"
+        chosen = [handles[i] for i in kept], [texts[i] for i in kept]
+        panel.legend(*chosen, title=some, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return page
+
+
+def _line(
+    panel: Axes, result: Sweep, points: Sequence[GridPoint], first: str, colour: object, label: str
+) -> None:
+    """Points of the grid that differ in `first` alone, and what joins them."""
+    factor = 1.0 if result.chance else small_unit(result.output.unit)[0]
+    pairs = [(x.mean, x.se_mean) if result.chance else (x.u, x.se_u) for x in points]
+    x, (y, se) = [item.at[first] for item in points], np.array(pairs).T * factor
+    form: dict[str, Any] = {"color": colour, "label": label or None}
+    panel.errorbar(x, y, 2 * se, fmt="o-" if result.chance else "o", ms=4, **form)
+    if result.formula is not None:
+        fine = np.linspace(min(x), max(x), CURVE)
+        at = {name: np.full(CURVE, value) for name, value in points[0].at.items()}
+        curve = result.formula.u_at({**at, first: fine}, CURVE)
+        panel.plot(fine, curve * factor, color=form["color"])

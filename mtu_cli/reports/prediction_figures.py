@@ -1,0 +1,182 @@
+"""Pictures of predictions: lengths with tolerances, errors of features, maps of a volume."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli.findings import error
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.reports import figures
+from mtu_cli.reports.arrows import Maps, Side, page_of
+from mtu_cli.reports.figures import Intervals
+from mtu_cli.reports.labels import spread
+from mtu_cli.reports.numbers import with_u
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UM
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from mtu_cli.analyses.lengths import LengthsResult
+    from mtu_cli.analyses.predict_points import PointsResult
+
+FEATURES = 80
+"""Features with a line of their own on one sheet."""
+LEVELS, PANEL = 3, (3.3, 2.7)
+"""Levels of a volume, and the size of their panels, inches."""
+DARKEST = 0.6
+"""Share of the colour map that is used: lines and numbers are lost on the darkest colours."""
+
+
+@figures.styled
+def lengths(result: LengthsResult, digits: int = 2) -> Figure:
+    """A row a length, the numbers beside it to the places of the table; many, as of a step gauge,
+    over the nominal length.
+    """
+    k, value, nominal = result.coverage_factor, result.error / UM, result.nominal
+    u = np.sqrt(result.variance) / UM
+    kinds = (
+        ("with shared covariance", figures.BLUE, k * u, 0.0, 2.0),
+        ("independent ends and components", figures.ORANGE,
+         k * np.sqrt(result.independent_variance) / UM, 0.28, 1.0),
+    )  # fmt: skip
+    shown = [
+        Intervals(label=label, colour=colour, value=value, half=half, shift=shift, width=width)
+        for label, colour, half, shift, width in kinds
+    ]
+    known = [i for i, each in enumerate(result.conformance) if each is not None]
+    limits = [x.tolerance for x in result.conformance if x is not None]
+    label = "actual minus nominal length, um"
+    many = len(value) > figures.FEW_ROWS
+    page = figures.blank(8.0, 5.0 if many else figures.rows_height(len(value)) + 0.8)
+    panel = page.subplots()
+    marks: Any
+    if many:
+        at = figures.over_length(panel, shown[::-1], nominal, label)
+        reach = 0.006 * (np.ptp(at) or 1.0)
+        marks, ends = panel.hlines, (at[known] - reach, at[known] + reach)
+    else:
+        names = [f"{x}, {mm:.2f} mm" for x, mm in zip(result.ids, nominal, strict=True)]
+        triples = zip(value, k * u, u, strict=True)
+        figures.intervals(panel, names, shown, [_plus_minus(*row, digits) for row in triples])
+        panel.set_xlabel(label)
+        marks, ends = panel.vlines, (np.array(known) - 0.3, np.array(known) + 0.4)
+    for limit in ([x.low for x in limits], [x.high for x in limits]) if known else ():
+        marks(limit, *ends, color=figures.RED, linewidth=2.0, label="tolerance")
+    figures.title(page, f"Predicted errors of the lengths ± {k:g} u")
+    figures.legend(page)
+    return page
+
+
+def _plus_minus(value: float, U: float, u: float, digits: int) -> str:
+    """Such as "-3.5 ± 14.0 um": error and k u, to the last place of u."""
+    shown, expanded = (with_u(each, u, digits)[0] for each in (value, U))
+    return f"{shown} ± {expanded} um"
+
+
+@figures.styled
+def points(result: PointsResult) -> Figure:
+    """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
+    without Ex or Ey intervals feature by feature.
+    """
+    axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
+    n, a = len(ids), len(axes)
+    if {"x", "y"} <= set(axes):
+        at = [AXES.index(axis) for axis in axes]
+        errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
+        errors[:, at] = result.prediction.mean.reshape(n, a) / UM
+        covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
+        side = Side(name="", colour=figures.BLUE, errors=errors, covariance=covariance)
+        maps = Maps(ids=ids, places=result.points, axes=axes, groups=(("", (side,)),), k=k)
+        inside = 100 * (1 - math.exp(-(k**2) / 2))
+        title = f"Predicted errors of {n} features, actual minus nominal"
+        return page_of(maps, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
+    rows = spread(n, FEATURES)
+    page = figures.blank(3.2 + 4.0 * a, figures.rows_height(len(rows)) + 0.4)
+    for panel, axis in zip(figures.panels_of(page, a, a), axes, strict=True):
+        value = result.of_axis(result.prediction.mean, axis)[rows] / UM
+        half = k * np.sqrt(result.of_axis(result.variance, axis)[rows]) / UM
+        bars = Intervals(label="", colour=figures.BLUE, value=value, half=half)
+        figures.intervals(panel, [ids[i] for i in rows], [bars])
+        panel.set_xlabel(f"E{axis}, um")
+    some = f" ({len(rows)} of {n} features)" if len(rows) < n else ""
+    figures.title(page, f"Predicted errors (actual minus nominal) ± {k:g} u{some}")
+    return page
+
+
+@figures.styled
+def volume(result: PointsResult) -> Figure:
+    """U of every axis over a grid as colour, and the error as contour lines: a row an axis, a
+    column a level.
+
+    The two axes with the most places span the panels; the third gives the levels.
+
+    Raises InputError for a grid that is no plane.
+    """
+    across, up, level = roles(result.points)
+    places = np.unique(result.points[:, level])
+    levels = [float(places[i]) for i in spread(len(places), LEVELS)]
+    axes, k = result.prediction.axes, result.coverage_factor
+    page = figures.blank(PANEL[0] * len(levels) + 1.6, PANEL[1] * len(axes) + 0.4)
+    panels: Any = page.subplots(len(axes), len(levels), squeeze=False, sharex=True, sharey=True)
+    for row, axis in zip(panels, axes, strict=True):
+        U = k * np.sqrt(result.of_axis(result.variance, axis)) / UM
+        E = result.of_axis(result.prediction.mean, axis) / UM
+        limits = float(U.min()), max(float(U.max()), float(U.min()) + 1e-9)
+        for panel, value in zip(row, levels, strict=True):
+            inside = np.isclose(result.points[:, level], value, equal_nan=True)
+            at = result.points[inside][:, [across, up]]
+            colours = _map(panel, at, U[inside], E[inside], limits)
+            where = "" if np.isnan(value) else f" at {AXES[level]} = {value:g} mm"
+            panel.set_title(f"E{axis}{where}")
+        page.colorbar(colours, ax=list(row), label=f"U of E{axis}, um", shrink=0.9)
+        row[0].set_ylabel(f"{AXES[up]}, mm")
+    for panel in panels[-1]:
+        panel.set_xlabel(f"{AXES[across]}, mm")
+    figures.title(page, f"Predicted error (lines, um) and U = {k:g} u (colour)")
+    return page
+
+
+def roles(points: FloatArray) -> tuple[int, int, int]:
+    """(across, up, level): the two axes with the most places in their order, and the third."""
+    counts = [len(np.unique(points[:, a][np.isfinite(points[:, a])])) for a in range(3)]
+    if sorted(counts)[1] < 2:
+        places = [f"{axis} {n}" for axis, n in zip(AXES, counts, strict=True) if n]
+        raise error(
+            "not-applicable",
+            reason="no map can be drawn of this grid",
+            value=", ".join(places) or "no axis in the equations",
+            expected="two axes of the equations with two places or more",
+        )
+    level = 2 - int(np.argmin(counts[::-1]))
+    across, up = (a for a in range(3) if a != level)
+    return across, up, level
+
+
+def _map(
+    panel: Any, places: FloatArray, U: FloatArray, E: FloatArray, limits: tuple[float, float]
+) -> Any:
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    x, y = np.unique(places[:, 0]), np.unique(places[:, 1])
+    order = np.lexsort((places[:, 0], places[:, 1]))
+    grid, lines = U[order].reshape(len(y), len(x)), E[order].reshape(len(y), len(x))
+    light = ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))
+    low, high = limits
+    # As an image also in SVG and PDF: every cell would be dozens of triangles.
+    drawn = panel.pcolormesh(
+        x, y, grid, shading="gouraud", cmap=light, vmin=low, vmax=high, rasterized=True
+    )
+    if np.ptp(lines) > 0:
+        contours = panel.contour(
+            x, y, lines, levels=6, colors=figures.INK, linewidths=0.7, linestyles="solid"
+        )
+        panel.clabel(contours, fontsize=7, fmt="%g")
+    panel.set_xlim(x[0], x[-1])
+    panel.set_ylim(y[0], y[-1])
+    panel.grid(visible=False)
+    return drawn

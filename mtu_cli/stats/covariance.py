@@ -1,0 +1,108 @@
+"""Covariance matrices: correlations, roots, and what came out negative of a difference."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray
+
+ROUNDING = 1e-9
+"""Eigenvalue of a correlation matrix that is 0 but for rounding."""
+LIVE = 1e-12
+"""Eigenvalue of a correlation matrix above which there is scatter."""
+
+
+def correlation_of(C: FloatArray) -> FloatArray:
+    """r_ij = C_ij / sqrt(C_ii C_jj) (k, k); nan beside a variance of 0, 1 on the diagonal."""
+    s = np.sqrt(np.diag(C))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        r = C / np.outer(s, s)
+    r = np.asarray(np.clip(r, -1.0, 1.0), dtype=np.float64)
+    np.fill_diagonal(r, 1.0)
+    return r
+
+
+def factor_of(C: FloatArray) -> FloatArray:
+    """F (k, rank) with F F' = C, which may be singular (r = 1), and whose units may differ."""
+    values, vectors = np.linalg.eigh(np.nan_to_num(correlation_of(C)))
+    kept = values > 1e-14 * max(float(values[-1]), np.finfo(np.float64).eps)
+    factor: FloatArray = np.sqrt(np.diag(C))[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+    return factor
+
+
+def covariance_root(C: FloatArray) -> FloatArray:
+    """F (k, k) with F F' = C, C symmetric; negative eigenvalues, of rounding, count as 0.
+
+    Products F F' keep their variances from turning negative, and F z with standard normal z has
+    the covariance C, which may be singular.
+    """
+    values, vectors = np.linalg.eigh((C + C.T) / 2)
+    root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None))
+    return root
+
+
+def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float = 0.0) -> FloatArray:
+    """D = S - less * metric, its negative part set to zero; all (q, q) and symmetric.
+
+    Measured in units of `metric`, which is positive definite (None: the identity), S has the
+    eigenvalues l; D keeps max(l - less, 0) on the same eigenvectors. With a metric that scales
+    as S does, the result does not depend on the units of the q quantities. S may be a
+    between-pass mean square and `less` * `metric` what repeatability alone gives of it.
+    """
+    L = _root(np.eye(len(S)) if metric is None else metric)
+    white = np.linalg.solve(L, np.linalg.solve(L, S).T)
+    values, vectors = np.linalg.eigh((white + white.T) / 2)
+    root = L @ vectors
+    whole = (root * np.clip(values - less, 0.0, None)) @ root.T
+    D: FloatArray = (whole + whole.T) / 2
+    return D
+
+
+def _root(metric: FloatArray) -> FloatArray:
+    """L (q, q) with L L' = metric, which rounding may have made singular (of many powers)."""
+    root: FloatArray
+    try:
+        root = np.asarray(np.linalg.cholesky(metric))
+    except np.linalg.LinAlgError:
+        s = np.sqrt(np.diag(metric))
+        values, vectors = np.linalg.eigh(metric / np.outer(s, s))
+        least = len(s) * np.finfo(np.float64).eps * values[-1]
+        root = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
+    return root
+
+
+def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
+    """K (q, q) cut to lie between -S and S; 0 in what S does not scatter in."""
+    scale = np.sqrt(np.diag(S))
+    scale[scale == 0] = 1.0
+    values, vectors = np.linalg.eigh(S / np.outer(scale, scale))
+    live = values > LIVE
+    root = scale[:, None] * vectors[:, live] * np.sqrt(values[live])
+    inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
+    values, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
+    turned = root @ vectors
+    found: FloatArray = (turned * values.clip(-1.0, 1.0)) @ turned.T
+    return (found + found.T) / 2
+
+
+def as_covariance(C: FloatArray) -> FloatArray:
+    """C (k, k) where it is a covariance; else the one of the same variances whose correlations
+    are C's, their negative part set to zero and scaled to unit variance again.
+
+    For covariances put together from estimates of their own, such as variances by one design and
+    covariances by another. What has no variance has no covariance. One that is not known (nan)
+    stays as it is.
+    """
+    if not np.isfinite(C).all():
+        return C
+    C = (C + C.T) / 2
+    s = np.sqrt(np.clip(np.diag(C), 0.0, None))
+    divisor = np.where(s > 0, s, np.inf)
+    values, vectors = np.linalg.eigh(C / divisor / divisor[:, None])
+    if values.min(initial=0.0) >= -ROUNDING:
+        return np.where(np.outer(s, s) > 0, C, 0.0)
+    whole = (vectors * np.clip(values, 0.0, None)) @ vectors.T
+    root = np.sqrt(np.diag(whole))
+    scale = np.divide(s, root, out=np.zeros_like(s), where=s > 0)
+    found: FloatArray = whole * np.outer(scale, scale)
+    return found

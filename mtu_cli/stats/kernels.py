@@ -1,0 +1,71 @@
+"""Kernels of random functions: the integrated Wiener process, and interpolation with it.
+
+f is a straight line, which is left free, plus tau times an integrated Wiener process: what has a
+generalised covariance of tau^2 |h|^3/12. Given its values at T knots, the expected f in between is
+the natural cubic spline through them, and a straight line beyond (Wahba, Spline Models for
+Observational Data (1990), ch. 1; kriging: Cressie, Statistics for Spatial Data (1993), 3.4.5).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mtu_cli.stats.least_squares import FloatArray
+
+
+def wiener(a: FloatArray, b: FloatArray) -> FloatArray:
+    """|h|^3/12 (n, m) of all distances h from `a` (n,) to `b` (m,), for tau = 1."""
+    k: FloatArray = np.abs(np.subtract.outer(a, b)) ** 3 / 12
+    return k
+
+
+def line(position: FloatArray, center: float, half: float = 1.0) -> FloatArray:
+    """Columns (n, 2) of a straight line: 1 and (position - center)/half."""
+    return np.column_stack([np.ones(len(position)), (position - center) / half])
+
+
+def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
+    """W (n, T): W f(knots) is the natural cubic spline at `position`, beyond the knots a line.
+
+    >>> knots = np.array([0.0, 1.0, 2.0, 4.0])
+    >>> W = weights(knots, np.array([1.0, 3.0, 6.0]))
+    >>> np.round(W @ (2 + 3 * knots), 9).tolist()
+    [5.0, 11.0, 20.0]
+    """
+    center, half = _scale(knots)
+    a, b = (knots - center) / half, (position - center) / half
+    fixed = line(a, 0.0)
+    left = np.block([[wiener(a, a), fixed], [fixed.T, np.zeros((2, 2))]])
+    right = np.vstack([wiener(a, b), line(b, 0.0).T])
+    found: FloatArray = np.linalg.solve(left, right)[: len(knots)].T
+    # At a knot the value itself, without rounding.
+    at = np.minimum(np.searchsorted(knots, position), len(knots) - 1)
+    there = knots[at] == position
+    found[there] = np.eye(len(knots))[at[there]]
+    return found
+
+
+def left_open(knots: FloatArray, position: FloatArray) -> FloatArray:
+    """Covariance (n, n) of f - W f(knots), what the knots leave open, for tau = 1."""
+    center, half = _scale(knots)
+    both = (np.concatenate([knots, position]) - center) / half
+    apart = np.hstack([-weights(knots, position), np.eye(len(position))])
+    K = apart @ wiener(both, both) @ apart.T * half**3
+    known = np.isin(position, knots)
+    K[known] = K[:, known] = 0.0
+    found: FloatArray = (K + K.T) / 2
+    return found
+
+
+def smooth_root(knots: FloatArray) -> FloatArray:
+    """B (T, T - 2): f(knots) is a line plus tau B u, u standard normal, B without a line."""
+    center, half = _scale(knots)
+    a = (knots - center) / half
+    H = np.linalg.qr(line(a, 0.0), mode="complete")[0][:, 2:]
+    found: FloatArray = H @ np.linalg.cholesky(H.T @ wiener(a, a) @ H) * half**1.5
+    return found
+
+
+def _scale(knots: FloatArray) -> tuple[float, float]:
+    """Middle and half of the range: cubes of numbers of order 1 lose no digits."""
+    return float(knots[0] + knots[-1]) / 2, float(knots[-1] - knots[0]) / 2

@@ -1,0 +1,488 @@
+"""Components of variance of grouped readings: passes with random intercept and slope.
+
+The model of one error component read in G passes is
+
+    y_gi = x_i' b + z_i' d_g + e_gi,    d_g ~ N(0, D),    e_gi ~ N(0, s_repeat^2),
+
+with x = [1, p, p^2, ...] and z = [1, p - c], c the mean position. D is the pass-to-pass
+covariance, K that of the two passes of a run there and back, s_repeat the repeatability. They
+are estimated from mean squares, whose distributions are known exactly on a balanced design:
+within passes (nu_w degrees of freedom) and between the passes' own coefficients (nu_b). See
+Searle, Casella & McCulloch, Variance Components (1992), ch. 4, for the moment equations.
+
+Passes there and back: the axis is as warm on its way back as it was on its way there. With f_r
+there and g_r back, the deviations of level and slope of run r = 1 .. P from the mean of their
+direction, m_r = (f_r + g_r)/2 and h_r = (f_r - g_r)/2 have independent mean squares S_m and S_h of
+P - 1 degrees of freedom each. Then S = S_m + S_h is the mean square of single passes,
+K = S_m - S_h the covariance of the two of a run, S_m/P that of the mean of all, whose passes are
+independent only where K = 0 (the split-plot analysis with runs as whole plots: Box, Hunter &
+Hunter, Statistics for Experimenters, 9.1).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.covariance import as_covariance, bounded, positive_part
+from mtu_cli.stats.least_squares import (
+    RANK_TOLERANCE,
+    FloatArray,
+    LeastSquares,
+    least_squares,
+    polynomial,
+)
+
+IntArray = NDArray[np.int64]
+
+ROUNDING = 1e-12
+"""Share of the terms of a sum below which it is what rounding left of them."""
+ARITHMETIC = 32 * float(np.finfo(np.float64).eps)
+"""Scatter below this share of the largest reading is arithmetic, not measurement."""
+FEWEST_ROUNDINGS = 32
+"""Operations, each rounded, between a reading and a figure, if it is never summed."""
+FEW_PASSES = 3
+"""Below so many degrees of freedom between passes D is never taken as negative."""
+FEWEST_RUNS = 2
+"""One run has nothing to differ from."""
+OWN_SLOPE_SPAN = 0.3
+"""A pass over less than this share of the measured range has no slope of its own."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PassFit:
+    """The mixed model of one component; q = 2 random columns with an axis, 1 without.
+
+    `plain` is the ordinary least-squares fit of all readings as repeats (Gilsinn & Ling 2004,
+    eqs. (5)-(11)). `covariance` (k, k) is that of its coefficients under the mixed model, D
+    (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance. `D_moment`
+    is D before its negative part is set to zero, the unbiased moment estimate. `between` (q, q)
+    is the mean square of the passes' own coefficients with `pass_dof` degrees of freedom,
+    `within_dof` belongs to `s2`. `pairs` (P, 2) are the passes there and back of P runs, of which
+    `half_differences` (q, q) is the mean square S_h, None of fewer than two: the units that were
+    repeated are then the runs.
+    `pass_coefficients` (G, q) are the passes' own intercepts (at the centre) and slopes,
+    `deviations` (G, q) the same less their mean by direction, `divisor` what the sum of their
+    squares is divided by for `between`. `separated` is False where the
+    data cannot tell D from s2.
+    `pooled_rss` with `pooled_dof` is the residual sum of squares of one line a direction.
+    `rounding` is what sums of the readings may be off by arithmetic alone.
+    """
+
+    plain: LeastSquares
+    covariance: FloatArray
+    center: float
+    s2: float
+    D: FloatArray
+    D_moment: FloatArray
+    between: FloatArray
+    pass_dof: int
+    within_dof: int
+    within_rss: float
+    separated: bool
+    groups: IntArray
+    group_direction: FloatArray
+    pass_coefficients: FloatArray
+    deviations: FloatArray
+    divisor: int
+    pairs: IntArray
+    half_differences: FloatArray | None
+    pooled_rss: float
+    pooled_dof: int
+    rounding: float
+
+    @property
+    def n_passes(self) -> int:
+        """Number of passes G."""
+        return len(self.groups)
+
+
+def fit_passes(
+    y: FloatArray,
+    position: FloatArray,
+    degree: int,
+    group: IntArray | None = None,
+    direction: FloatArray | None = None,
+    runs: IntArray | None = None,
+) -> PassFit:
+    """Fits one component; all arrays are (n,), in internal units and mm.
+
+    `group` is the pass of each reading (None: passes are not known), `direction` is +1, -1
+    or 0 (not given), `runs` the run there and back that it is of (None: all passes are
+    independent); both are constant within a pass. With three passes or more direction is a
+    fixed effect of their coefficients, so that reversal does not enter D. Without an axis,
+    give degree 0. Where the passes differ in what no pass determines by itself (single
+    readings along an axis), D is not separated.
+    """
+    plain = least_squares(polynomial(position, degree), y)
+    center = float(position.mean())
+    if group is None:
+        return _single(y, plain, center)
+    design = _pass_design(position, center, degree, group, direction, runs)
+    fit = _separated(y, design, plain, center) if design.dof_between > 0 else None
+    return _single(y, plain, center, design) if fit is None else fit
+
+
+def _separated(
+    y: FloatArray, design: _PassDesign, plain: LeastSquares, center: float
+) -> PassFit | None:
+    """Pass-to-pass scatter told from repeatability; None where the readings cannot."""
+    rows, G = design.rows, len(design.ids)
+    stage = own_lines(y[rows], design.Z[rows], design.common, design.own, G)
+    squares = between_passes(stage, design.fixed)
+    if squares is None:
+        return None
+    between, of_repeatability, deviations = squares
+    D = positive_part(between, of_repeatability, stage.s2)
+    # Two or three may agree by chance far better than repeatability allows: D is not negative.
+    within = stage.s2 * of_repeatability
+    moment = D if design.dof_between < FEW_PASSES else between - within
+    K = covariance_in_runs(deviations, design.pairs, between)
+    # One line a direction takes all passes of it as one.
+    lines = [design.Z[rows] * column[design.own, None] for column in design.fixed.T]
+    pooled = least_squares(np.column_stack([*lines, design.common]), y[rows])
+    choices = ((moment, K), (D, K), (D, bounded(K, D)))
+    return PassFit(
+        plain=plain,
+        covariance=_coefficient_covariance(plain, design, stage.s2, choices),
+        center=center,
+        s2=stage.s2,
+        D=D,
+        D_moment=moment,
+        between=between,
+        pass_dof=design.dof_between,
+        within_dof=stage.dof,
+        within_rss=stage.rss,
+        separated=True,
+        groups=design.ids,
+        group_direction=design.sign,
+        pass_coefficients=stage.coefficients,
+        deviations=deviations,
+        divisor=G - design.fixed.shape[1],
+        pairs=design.pairs,
+        half_differences=half_differences(moment + within, K, design.pairs, G),
+        pooled_rss=pooled.rss,
+        pooled_dof=pooled.dof,
+        rounding=rounding_of(y),
+    )
+
+
+def _single(
+    y: FloatArray, plain: LeastSquares, center: float, design: _PassDesign | None = None
+) -> PassFit:
+    """One pass, or none known: all scatter counts as repeatability."""
+    q = min(2, len(plain.coefficients))
+    nothing, empty = np.zeros((q, q)), np.zeros((0, q))
+    return PassFit(
+        plain=plain,
+        covariance=plain.s2 * plain.unscaled_covariance,
+        center=center,
+        s2=plain.s2,
+        D=nothing,
+        D_moment=nothing,
+        between=nothing,
+        pass_dof=0,
+        within_dof=plain.dof,
+        within_rss=plain.rss,
+        separated=False,
+        groups=np.zeros(0, np.int64) if design is None else design.ids,
+        group_direction=np.zeros(0) if design is None else design.sign,
+        pass_coefficients=empty,
+        deviations=empty,
+        divisor=0,
+        pairs=np.zeros((0, 2), np.int64),
+        half_differences=None,
+        pooled_rss=plain.rss,
+        pooled_dof=plain.dof,
+        rounding=rounding_of(y),
+    )
+
+
+def _coefficient_covariance(
+    plain: LeastSquares,
+    design: _PassDesign,
+    s2: float,
+    choices: Iterable[tuple[FloatArray, FloatArray]],
+) -> FloatArray:
+    """Covariance of plain least squares under V = s2 I + Z D Z' by pass, Z K Z' within a run.
+
+    (X'X)^-1 X' V X (X'X)^-1; on a balanced design this is the between mean square over G, or that
+    of the runs' means over their number.
+    The first of the `choices` of D and K, the unclipped, keeps it unbiased; the clipped D, and then
+    a K within it, which always give a covariance, stand in only where the result is none.
+    """
+    inverse = plain.unscaled_covariance
+    A = inverse @ _products(design.X, design.Z, design.codes, int(design.codes.max()) + 1)
+    there, back = A[design.all_pairs.T]
+    for D, K in choices:
+        of_runs = 2 * np.einsum("gij,jk,glk->il", there, K, back)
+        total: FloatArray = s2 * inverse + np.einsum("gij,jk,glk->il", A, D, A) + of_runs
+        total = (total + total.T) / 2
+        sizes = s2 * np.diag(inverse) + np.einsum("gij,jk,gik->i", *map(np.abs, (A, D, A)))
+        # What the passes do not scatter in is 0, not the rounding of sums that cancel.
+        still = np.abs(np.diag(total)) <= ROUNDING * sizes
+        total[still] = total[:, still] = 0.0
+        scale = np.sqrt(np.abs(np.diag(total)))
+        scale[scale == 0] = 1.0
+        if np.linalg.eigvalsh(total / np.outer(scale, scale)).min() >= -1e-9:
+            break
+    return total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PassDesign:
+    """Columns X (n, k) and Z (n, q) of all readings, and the passes that tell of all of Z.
+
+    Passes that broke off early have no slope of their own: they count in the coefficients
+    and their covariance, but say nothing of how slopes scatter. `codes` (n,) are the passes of
+    all readings, `all_pairs` (P, 2) those there and back; `rows` (n,) the readings of passes that
+    tell; `own` (rows,) number those passes, `ids` and `sign` (G,) are theirs, `pairs` those of
+    them there and back, `fixed` (G, 1 or 2) the columns of direction: 1, and +-1/2 where both
+    were read.
+    """
+
+    X: FloatArray
+    Z: FloatArray
+    codes: IntArray
+    all_pairs: IntArray
+    rows: NDArray[np.bool_]
+    own: IntArray
+    ids: IntArray
+    sign: FloatArray
+    pairs: IntArray
+    fixed: FloatArray
+
+    @property
+    def dof_between(self) -> int:
+        """Degrees of freedom of the scatter between the passes that tell."""
+        return units_dof(len(self.ids), self.pairs, int(self.fixed.shape[1]))
+
+    @property
+    def common(self) -> FloatArray:
+        """Powers (rows,) that all passes have in common, of the readings of those that tell."""
+        columns: FloatArray = self.X[self.rows, self.Z.shape[1] :]
+        return columns
+
+
+def _pass_design(
+    position: FloatArray,
+    center: float,
+    degree: int,
+    group: IntArray,
+    direction: FloatArray | None,
+    runs: IntArray | None,
+) -> _PassDesign:
+    """The columns of readings at `position` (n,), the other arguments as `fit_passes` has them.
+
+    Passes have a slope of their own where most of them, three or more, span enough of the range.
+    """
+    ids, first, codes = np.unique(group, return_index=True, return_inverse=True)
+    G = len(ids)
+    low, high = np.full(G, np.inf), np.full(G, -np.inf)
+    np.minimum.at(low, codes, position)
+    np.maximum.at(high, codes, position)
+    whole = high - low > OWN_SLOPE_SPAN * float(np.ptp(position))
+    sloped = degree >= 1 and (whole.all() or (whole.sum() >= 3 and whole.mean() > 0.5))
+    if not sloped:
+        whole = np.ones(G, bool)
+    rows = whole[codes]
+    sign = np.zeros(G) if direction is None else direction[first]
+    run = np.arange(G) if runs is None else runs[first]
+    own_sign = sign[whole]
+    fixed = np.ones((len(own_sign), 1))
+    if (own_sign > 0).any() and (own_sign < 0).any() and len(own_sign) > 2:
+        fixed = np.column_stack([fixed, own_sign / 2])
+    return _PassDesign(
+        X=polynomial(position, degree),
+        Z=polynomial(position - center, int(sloped)),
+        codes=codes,
+        all_pairs=pairs_of(run, sign),
+        rows=rows,
+        own=(np.cumsum(whole) - 1)[codes[rows]],
+        ids=ids[whole].astype(np.int64),
+        sign=own_sign,
+        pairs=pairs_of(run[whole], own_sign),
+        fixed=fixed,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class OwnLines:
+    """The passes' own lines over their columns Z_g, with m powers common to all passes.
+
+    `coefficients` (G, q) are those of the readings less the common powers, `carried`
+    (G, q, m) those of the common powers, `shared` the fit of the powers within passes.
+    `precisions` and `inverses` (G, q, q) hold Z_g'Z_g and its inverse. `s2` = rss/dof is the
+    repeatability variance, `rounding` the sum of squares that arithmetic alone may leave.
+    """
+
+    coefficients: FloatArray
+    carried: FloatArray
+    shared: LeastSquares
+    inverses: FloatArray
+    precisions: FloatArray
+    s2: float
+    rss: float
+    dof: int
+    rounding: float
+
+
+def rounding_of(y: FloatArray) -> float:
+    """What a mean of the readings (n,), or a line through them, may be off by arithmetic alone.
+
+    A sum of n numbers is rounded n times, by half of the spacing of numbers of its size each;
+    few numbers are scaled, centred and turned more often than they are summed.
+    """
+    steps = max(len(y), FEWEST_ROUNDINGS)
+    return steps * float(np.spacing(np.abs(y).max(initial=0.0)))
+
+
+def own_lines(
+    y: FloatArray, Z: FloatArray, common: FloatArray, codes: IntArray, G: int
+) -> OwnLines:
+    """Each pass's own coefficients, with the higher powers common to all passes.
+
+    The common columns and y are first freed from every pass's own line (Frisch-Waugh), so
+    that nothing larger than the readings is ever formed.
+    """
+    lines, residual = lines_by_pass(np.column_stack([common, y]), Z, codes, G)
+    precisions = _products(Z, Z, codes, G)
+    k = common.shape[1]
+    # What the lines took out whole would come back as a column of rounding errors.
+    absorbed = np.linalg.norm(residual[:, :k], axis=0) <= 1e-10 * np.linalg.norm(common, axis=0)
+    residual[:, :k][:, absorbed] = 0.0
+    shared = least_squares(residual[:, :k], residual[:, k])
+    rounding = len(y) * float(ARITHMETIC * np.abs(y).max()) ** 2
+    dof = len(y) - G * Z.shape[1] - shared.rank
+    # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
+    rss = shared.rss if dof > 0 and shared.rss > rounding else 0.0
+    return OwnLines(
+        coefficients=lines[:, :, k] - lines[:, :, :k] @ shared.coefficients,
+        carried=lines[:, :, :k],
+        shared=shared,
+        inverses=np.asarray(np.linalg.inv(precisions), dtype=np.float64),
+        precisions=precisions,
+        s2=rss / max(dof, 1),
+        rss=rss,
+        dof=max(dof, 0),
+        rounding=rounding,
+    )
+
+
+def _products(A: FloatArray, B: FloatArray, codes: IntArray, G: int) -> FloatArray:
+    """A_g'B_g (G, a, b) of the rows of every pass."""
+    products = np.empty((G, A.shape[1], B.shape[1]))
+    for i in range(A.shape[1]):
+        for j in range(B.shape[1]):
+            products[:, i, j] = np.bincount(codes, A[:, i] * B[:, j], G)
+    return products
+
+
+def lines_by_pass(
+    columns: FloatArray, Z: FloatArray, codes: IntArray, G: int
+) -> tuple[FloatArray, FloatArray]:
+    """Least-squares lines (G, q, m) of the columns (n, m) in every pass, and what they leave.
+
+    Z (n, q) is [1] or [1, z], `codes` (n,) are the passes 0 to G - 1, none of them empty. Level at
+    the pass's own mean z and slope are apart: both come in closed form, for all passes at once. A
+    pass of one z has slope 0.
+    """
+    order = np.argsort(codes, kind="stable")
+    starts = np.searchsorted(codes[order], np.arange(G))
+
+    def sums(values: FloatArray) -> FloatArray:
+        found: FloatArray = np.add.reduceat(values[order], starts, axis=0)
+        return found
+
+    counts = np.bincount(codes, minlength=G)[:, None]
+    level = sums(columns) / counts
+    rest = columns - level[codes]
+    if Z.shape[1] == 1:
+        return level[:, None], rest
+    z = Z[:, 1:]
+    middle = sums(z) / counts
+    t = z - middle[codes]
+    square = sums(t * t)
+    varies = square > RANK_TOLERANCE**2 * sums(z * z)
+    slope = sums(t * rest) * np.divide(1.0, square, out=np.zeros_like(square), where=varies)
+    rest -= t * slope[codes]
+    return np.stack([level - middle * slope, slope], axis=1), rest
+
+
+def between_passes(
+    stage: OwnLines, fixed: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray] | None:
+    """Mean square S (q, q) of the passes' coefficients about their mean by direction.
+
+    With it M (q, q), where E S = D + s2 M, and the deviations (G, q). M holds the error of
+    each pass's own line and what the error of the common powers carries into lines over
+    different positions. None where the common powers are not determined within passes but
+    needed to compare them.
+    """
+    dof = len(fixed) - fixed.shape[1]
+    # What is left of passes beside `fixed`, without a matrix of all by all of them.
+    by_fixed = np.linalg.solve(fixed.T @ fixed, fixed.T)
+    apart = 1.0 - np.einsum("gf,fg->g", fixed, by_fixed)
+    deviations = stage.coefficients - fixed @ (by_fixed @ stage.coefficients)
+    of_fixed = np.einsum("fg,gia->fia", by_fixed, stage.carried)
+    carried = stage.carried - np.einsum("gf,fia->gia", fixed, of_fixed)
+    null = stage.shared.null_space
+    if (np.abs(carried @ null) > 1e-9 * (np.abs(stage.carried).max(axis=0) @ np.abs(null))).any():
+        return None
+    of_lines = np.einsum("g,gij->ij", apart, stage.inverses)
+    of_powers = np.einsum("gia,ab,gjb->ij", carried, stage.shared.unscaled_covariance, carried)
+    size = np.einsum("gi,gij,gj->", deviations, stage.precisions, deviations)
+    if size <= stage.rounding:
+        deviations = np.zeros_like(deviations)
+    return deviations.T @ deviations / dof, (of_lines + of_powers) / dof, deviations
+
+
+def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
+    """(P, 2) the pass there and the pass back of every run that has one of each.
+
+    `runs` (G,) number the run of each pass, `sign` (G,) is its direction; of several passes one
+    way the last there and the first back are taken.
+    """
+    order = np.lexsort([-sign, runs])
+    first, second = order[:-1], order[1:]
+    both = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
+    pairs: IntArray = np.column_stack([first[both], second[both]]).astype(np.int64)
+    return pairs
+
+
+def units_dof(G: int, pairs: IntArray, columns: int) -> int:
+    """Degrees of freedom between G passes less `columns` of directions, runs being the units. The
+    two passes of a run alone differ by S_h at least: they count as independent.
+    """
+    if len(pairs) < FEWEST_RUNS:
+        return G - columns
+    return min(G - columns, G - len(pairs) - 1)
+
+
+def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatArray) -> FloatArray:
+    """K (q, q), the covariance of the passes there and back of a run, from their `deviations`
+    (G, q) and the mean square S = `between` of all; 0 of fewer than two runs.
+
+    Where some passes have no fellow S is not of the same passes: K then stays within -S and S.
+    """
+    q = deviations.shape[1]
+    if len(pairs) < FEWEST_RUNS:
+        return np.zeros((q, q))
+    there, back = (own - own.mean(axis=0) for own in (deviations[way] for way in pairs.T))
+    product = there.T @ back / (len(pairs) - 1)
+    K: FloatArray = (product + product.T) / 2
+    return K if 2 * len(pairs) == len(deviations) else bounded(K, between)
+
+
+def half_differences(S: FloatArray, K: FloatArray, pairs: IntArray, G: int) -> FloatArray | None:
+    """S_h (q, q) of the mean square S between G passes; None of fewer than two runs.
+
+    Passes without a fellow have no covariance: over all of them it is so much less. Where both
+    passes of every run differ by the same it is 0, which rounding may have made negative.
+    """
+    if len(pairs) < FEWEST_RUNS:
+        return None
+    return as_covariance((S - 2 * len(pairs) / G * K) / 2)

@@ -1,0 +1,409 @@
+"""`mtu simulate`: its files, drift tests, parts measured at several temperatures, its faults."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from cli_runner import TRUTH, done, listing, mtu, prepared, refused
+from support import CONFIGS, DATA, SIMULATED
+
+RING = CONFIGS / "valdes-ring"
+CMM = CONFIGS / "valdes-cmm"
+MACHINE = """\
+schema: mtu/machine/1
+name: m
+axes: {y: {travel_mm: [0, 300]}}
+components:
+  a:
+    of: y
+    unit: um
+    coefficients: [1, 0.01]
+    thermal: {gradients: {T_a_degC: 2.0, T_b_degC: -1.0}}
+  t:
+    unit: arcsec
+    coefficients: [3]
+    thermal: {gradients: {T_b_degC: 0.5}}
+constants: {arm: 100}
+equations: {Ex: a, Ey: arm*t}
+"""
+PART = """\
+schema: mtu/part/1
+name: p
+features:
+  a: {x_mm: 90, y_mm: 0, z_mm: 0}
+  b: {x_mm: -90, y_mm: 0, z_mm: 0}
+  c: {x_mm: 54, y_mm: 72, z_mm: 0}
+circles:
+  - {id: ring, features: [a, b, c], calibrated_mm: {20: 180, 26: 180.006}, temperature: T_r_degC}
+"""
+ASKS = "more than a machine errs by; expected mm, 0.003 for 3 um"
+
+
+EXACT = ("--sensor-noise-degC", 0, "--reading-noise-um", 0, "--reading-noise-arcsec", 0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "machine.yaml").write_text(MACHINE)
+    (tmp_path / "part.yaml").write_text(PART)
+    return tmp_path
+
+
+def simulate(folder: Path, *words: object) -> None:
+    done(mtu("simulate", "-m", "machine.yaml", "-p", "part.yaml", *words, cwd=folder))
+
+
+def table(path: Path) -> pd.DataFrame:
+    return pd.read_csv(path, comment="#")
+
+
+def test_shipped_ring_data_are_made_again_byte_for_byte(tmp_path: Path) -> None:
+    """The options are the file's own: the Makefile's target `data` in its header."""
+    makefile = (CONFIGS.parent / "Makefile").read_text()
+    command = next(part for part in makefile.split("$(MTU) ") if "$(VR)/truth.yaml" in part)
+    words = command.split("\n\n")[0].replace("\\\n", " ").replace("$(VR)", str(RING))
+    call = [word.replace("data/valdes-ring/", "") for word in shlex.split(words)]
+    done(mtu(*call, cwd=tmp_path))
+    for name, content in listing(tmp_path).items():
+        assert content == (DATA / "valdes-ring" / name).read_bytes(), name
+    assert set(listing(tmp_path)) == {"laser.csv", "drift.csv", "ring.csv"}
+
+
+def test_shipped_drift_is_sensible() -> None:
+    drift = table(DATA / "valdes-ring" / "drift.csv")
+    assert drift["error"].abs().max() < 100
+    sensors = [str(name) for name in drift if str(name).startswith("T_")]
+    assert len(sensors) == 18
+    assert sorted(drift["cycle"].unique()) == [1, 2, 3, 4]
+    r = np.corrcoef(drift[sensors].to_numpy().T)
+    pairs = np.argwhere(np.triu(r, 1) >= 0.999)
+    assert [(sensors[i], sensors[j]) for i, j in pairs] == [("T_02_degC", "T_18_degC")]
+
+
+def test_drift_follows_the_temperatures_of_its_row(folder: Path) -> None:
+    simulate(folder, "--write-drift", "d.csv", *EXACT, "--cycles", 2, "--interval-min", 10,
+             "--drift-positions", "a: 0 300")  # fmt: skip
+    found = table(folder / "d.csv")
+    a, b = found["T_a_degC"] - 20, found["T_b_degC"] - 20
+    of_a = found["component"] == "a"
+    wanted = np.where(of_a, 2 * a - b, 0.5 * b)
+    # Temperatures are written to 1 mK.
+    assert found["error"].to_numpy() == pytest.approx(wanted, abs=0.5e-3 * 3 + 0.5e-3)
+    assert sorted(found.loc[of_a, "position_mm"].unique()) == [0, 300]
+    assert found.loc[~of_a, "position_mm"].isna().all()
+    assert set(found.loc[~of_a, "unit"]) == {"arcsec"}
+    assert len(found) == 2 * 3 * 20
+
+
+def test_without_positions_the_drift_is_read_in_the_middle_of_the_travel(folder: Path) -> None:
+    simulate(folder, "--write-drift", "d.csv", "--cycles", 1)
+    found = table(folder / "d.csv")
+    assert set(found.loc[found["component"] == "a", "position_mm"]) == {150}
+
+
+def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
+    folder: Path,
+) -> None:
+    simulate(folder, "--write-cmm", "p.csv", "--cmm-room", 20, "--cmm-room", 26, "--parts", 4,
+             "--repeats", 1, "--cmm-u-um", 0, "--sensor-noise-degC", 0,
+             "--covariate", "T_r_degC: 20")  # fmt: skip
+    found = table(folder / "p.csv")
+    a, b = found["T_a_degC"] - 20, found["T_b_degC"] - 20
+    nominal = found["feature"].map({"a": 90.0, "b": -90.0, "c": 54.0})
+    y = found["feature"].map({"a": 0.0, "b": 0.0, "c": 72.0})
+    Ex = 1e-3 * (1 + 0.01 * y + 2 * a - b)
+    # Coordinates are written to 1 nm.
+    assert (found["x_mm"] - nominal).to_numpy() == pytest.approx(Ex.to_numpy(), abs=1e-6)
+    warm = a.groupby(found["part"]).mean()
+    assert warm[[1, 3]].abs().max() < 0.6
+    assert warm[[2, 4]].min() > 4
+
+
+def test_a_calibrated_ring_grows(folder: Path) -> None:
+    common = ("--cmm-room", 20, "--parts", 1, "--repeats", 1, "--cmm-u-um", 0, "--seed", 3)
+    for name, T in (("cold", 20), ("warm", 26), ("between", 22)):
+        simulate(folder, "--write-cmm", f"{name}.csv", *common, "--covariate", f"T_r_degC: {T}")
+    cold, warm, between = (table(folder / f"{n}.csv") for n in ("cold", "warm", "between"))
+    grown = warm[["x_mm", "y_mm"]] - cold[["x_mm", "y_mm"]]
+    assert grown.to_numpy() == pytest.approx(
+        np.array([[3, 0], [-3, 0], [1.8, 2.4]]) * 1e-3, abs=2e-6
+    )
+    part = between["x_mm"] - cold["x_mm"]
+    assert part.to_numpy() == pytest.approx(np.array([1, -1, 0.6]) * 1e-3, abs=2e-6)
+
+
+def test_temperatures_that_nobody_gives(folder: Path) -> None:
+    call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-cmm", "p.csv")
+    result = mtu(*call, cwd=folder)
+    assert result.returncode == 2
+    assert "is missing; expected --covariate 'T_a_degC: EQUATION'" in result.stderr
+    assert "--cmm-room DEGC" in result.stderr
+    assert not (folder / "p.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--room", "26:20"), "--room: out of range: '26:20'; expected LOW below HIGH"),
+        (("--room", "warm"), "--room: not LOW:HIGH: 'warm'; expected 20:26, say"),
+        (("--room", "20:warm"), "--room: not a number: 'warm'; expected a number"),
+        (("--room", "20:"), "--room: not LOW:HIGH: '20:'; expected 20:26, say"),
+        (("--sensor-lag-min", "-1:5"), "--sensor-lag-min: out of range: '-1 min'; expected from 0"),
+        (("--interval-min", "0"), "invalid value for '--interval-min'"),
+        (("--cycle-minutes", "inf"), "invalid value for '--cycle-minutes'"),
+        (("--interval-min", "1e-6"), "--cycles, --interval-min: out of range"),
+        (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
+        (
+            ("--settled-drift", "a: 3 4"),
+            "--settled-drift a: 2 values; expected one at each of 1 positions",
+        ),
+        (("--settled-drift", "a: 3 x"), "--settled-drift a: not a number: 'x'; expected a num"),
+        (("--settled-drift", "a:"), "--settled-drift: not NAME: NUMBERS"),
+        (
+            ("--settled-drift", "a: 1", "--settled-drift", "a: 2"),
+            "--settled-drift a appears twice",
+        ),
+        (("--twin", "T_c_degC: T_q_degC"), "--twin: unknown sensor"),
+        (("--twin", "T_b_degC: T_a_degC"), "--twin: the name is taken"),
+        (("--room", "20:1e300"), "--room: out of range"),
+        (("--room", "-51:20"), "from -50 to 200 degC"),
+        (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "invalid value for '--cmm-room'"),
+        (("--cmm-room", "20"), "expected --write-cmm FILE"),
+        (("--sensor-noise-degC", "1e300"), "invalid value for '--sensor-noise-degC'"),
+        (
+            ("--interval-min", "nan"),
+            "invalid value for '--interval-min'",
+        ),
+        (("--reading-noise-um", "nan"), "invalid value for '--reading-noise-um'"),
+        (
+            ("--passes", "0"),
+            "invalid value for '--passes': Input should be greater than or equal to 1",
+        ),
+        (
+            ("--cycles", "1001"),
+            "invalid value for '--cycles': Input should be less than or equal to 1000",
+        ),
+        (
+            ("--minutes", "-0.1", "--parts", "0"),
+            "invalid value for '--minutes'",
+        ),
+        (
+            ("--cmm-u-um", "inf"),
+            "invalid value for '--cmm-u-um'",
+        ),
+        (("--seed", "-1"), "--seed: out of range: '-1'; expected a number of at least 0"),
+        (
+            ("--positions", "y=-1:300:5", "--write-lbb", "l.csv"),
+            "--positions: out of range: '-1 mm of y'",
+        ),
+        (
+            ("--drift-positions", "a: 0 301"),
+            "a: out of range: '301 mm of y'",
+        ),
+        (("--drift-positions", "a: 0 50 0"), "a position of --drift-positions a appears twice"),
+        (
+            ("--drift-positions", "a: 0 300", "--settled-drift", "a: 3 4"),
+            "give a the settled drift at",
+        ),
+    ],
+)
+def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: str) -> None:
+    call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-drift", "d.csv")
+    result = mtu(*call, *words, cwd=folder)
+    assert result.returncode == 2, result.stderr
+    assert message in result.stderr
+    assert "Traceback" not in result.stderr
+    assert not (folder / "d.csv").exists()
+
+
+def test_defaults_never_fail(folder: Path) -> None:
+    """Drifts beyond the limits that one sensor cannot bring to them stay as they are."""
+    large = MACHINE.replace("T_a_degC: 2.0, T_b_degC: -1.0", "T_b_degC: 20.0")
+    (folder / "machine.yaml").write_text(large)
+    simulate(folder, "--write-drift", "d.csv", *EXACT, "--cycles", 1)
+    found = table(folder / "d.csv")
+    a = found.loc[found["component"] == "a", "error"]
+    # 20 um/K, 6 K at the settled end.
+    assert 40 < a.max() < 200
+
+
+def test_a_machine_without_thermal_models(folder: Path) -> None:
+    truth = CONFIGS / "gilsinn-ling-simulated" / "truth.yaml"
+    result = mtu("simulate", "-m", truth, "--write-drift", "d.csv", cwd=folder)
+    assert result.returncode == 2
+    assert "has a thermal model" in result.stderr
+
+
+def test_the_shipped_machine_predicts_with_its_temperatures(tmp_path: Path) -> None:
+    at = [word for k in range(1, 18) for word in ("--at", f"T_{k:02d}_degC=20")]
+    done(mtu("predict-points", CMM, *at, "-q", "-o", tmp_path / "r.json"))
+    result = mtu("predict-points", CMM, "-q", "-o", tmp_path / "n.json")
+    assert result.returncode == 2
+    assert "a value of each of T_01_degC, " in result.stderr
+
+
+def csv_rows(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file below its comment lines."""
+    lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
+    header = lines[0].split(",")
+    return [dict(zip(header, line.split(","), strict=True)) for line in lines[1:]]
+
+
+def test_simulated_effects_and_covariates(tmp_path: Path) -> None:
+    call = ["simulate", "-m", TRUTH, "-p", SIMULATED / "part.yaml", "--parts", "2", "-q"]
+    call += ["--covariate", "T_bed_degC: 20 + time_min/60"]
+    done(mtu(*call, "--write-cmm", tmp_path / "a.csv"))
+    effect = ["--effect", "Ex: 0.004*dir_x", "--effect", "Ey: 0.001*(T_bed_degC\n - 20)"]
+    done(mtu(*call, *effect, "--write-cmm", tmp_path / "b.csv"))
+    plain, changed = csv_rows(tmp_path / "a.csv"), csv_rows(tmp_path / "b.csv")
+    assert len(plain) == len(changed) == 96
+    assert {row["dir_x"] for row in plain} == {"1", "-1"}
+    for first, second in zip(plain, changed, strict=True):
+        temperature = 20 + float(first["time_min"]) / 60
+        assert float(second["T_bed_degC"]) == pytest.approx(temperature, abs=1e-6)
+        moved = float(second["x_mm"]) - float(first["x_mm"])
+        assert moved == pytest.approx(0.004 * float(first["dir_x"]), abs=1.1e-6)
+        moved = float(second["y_mm"]) - float(first["y_mm"])
+        assert moved == pytest.approx(0.001 * (temperature - 20), abs=1.1e-6)
+
+
+@pytest.fixture
+def work(tmp_path: Path) -> Path:
+    """A copy of the small study."""
+    return prepared(tmp_path / "work")
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (["--effect", "Ex: 3*dir_x"], "--effect Ex is 3 mm in part 1 at feature 'A'"),
+        (
+            ["--effect", "Ey: -0.8*sequence*dir_y", "--reverse-every", "2"],
+            "--effect Ey is -2.4 mm in part 3 at feature 'A'",
+        ),
+        (
+            ["--scatter", "Ey: 2 + 0.01*x", "--repeats", "3"],
+            "--scatter Ey is 4 mm in part 1 at feature 'C'",
+        ),
+        (
+            ["--effect", "Ex: 1*(T_a_degC - 20)", "--covariate", "T_a_degC: 22"],
+            "--effect Ex is 2 mm in part 1 at feature 'A'",
+        ),
+        (["--effect", "Ex: 0.003*dir_x", "--effect", "Ey: 0.2*sequence"], ""),
+        (["--effect", "Ex: 0.001*(T_a_degC - 20)", "--covariate", "T_a_degC: 30 + sequence"], ""),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_an_effect_above_all_machines_is_asked_about(
+    call: list[str], told: str, work: Path
+) -> None:
+    result = done(mtu("simulate", "--write-cmm", "a.csv", "--parts", "3", *call, cwd=work))
+    assert (work / "a.csv").is_file()
+    found = [line for line in result.stderr.splitlines() if "effect-too-large" in line]
+    assert found == ([f"warning: {told}, {ASKS} [effect-too-large]"] if told else [])
+
+
+SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.csv"]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (["--positions", "0:140"], "--positions: not LOW:HIGH:COUNT: '0:140'"),
+        (["--positions", "0:inf:8"], "--positions: not a finite number: 'inf'"),
+        (["--positions", "x=0:ab:8"], "--positions: not a number: 'ab'; expected a number"),
+        (
+            ["--positions", "0:9:8.0"],
+            "--positions: not a whole number: '8.0'",
+        ),
+        (["--positions", "0::8"], "--positions: not LOW:HIGH:COUNT: '0::8'"),
+        (
+            ["--positions", "0:1:2:3"],
+            "--positions: not LOW:HIGH:COUNT: '0:1:2:3'; expected 0:140",
+        ),
+        (["--positions", "100:0:3"], "--positions: out of range: '100:0:3'; expected LOW below"),
+        (["--positions", "x=5:5:3"], "--positions: out of range: '5:5:3'; expected LOW below"),
+        (["--positions", "0:100:1"], "'0:100:1'; expected a COUNT from 2 to 10000"),
+        (["--effect", "0.004*dir_x"], "--effect: not NAME: EQUATION: '0.004*dir_x'"),
+        (
+            ["--covariate", "T_a_degC 20"],
+            "--covariate: not NAME: EQUATION: 'T_a_degC 20'; expected 'T_spindle_degC: 20 + ",
+        ),
+        (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
+        (["--effect", "Ex: 0.004*dirx"], "unknown name at column 11: 'dirx'"),
+        (
+            ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
+            "dir_y, or a covariate (--covariate 'T_spindle_degC: ...')",
+        ),
+        (["--effect", "Ex: 0.004*"], "--effect Ex: unexpected end of the equation at column 11"),
+        (
+            ["--effect", "Ex: 1/(x - x)"],
+            "has no finite value at x = 0 in part 1 at feature 'A'",
+        ),
+        (
+            ["--effect", "Ex: x*(T_a_degC - 20)", "--covariate", "T_a_degC: 20"],
+            "--effect Ex: this term is mm*K, not a length (mm) at column 5: 'x*(T_a_degC - 20)'; "
+            "expected a number before it",
+        ),
+        (["--effect", "Ex: exp(-time_min)"], "--effect Ex: the argument of exp is a time (min)"),
+        (["--scatter", "Ex: x*y"], "--scatter Ex: this term is mm^2, not a length"),
+        (
+            ["--covariate", "T_a_degC: 20 + time_min"],
+            "--covariate T_a_degC: this term is a time (min), not a temperature "
+            "(degC) at column 16: 'time_min'",
+        ),
+        (["--covariate", "load: x + time_min"], "what is added is a time (min), not a length"),
+        (
+            ["--covariate", "x_mm: 1"],
+            "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
+        ),
+        (
+            ["--covariate", "dir_x: 1"],
+            "--covariate: the name is taken",
+        ),
+        (["--covariate", "T_a_degC: 20 + t"], "unknown name at column 16: 't'"),
+        (["--covariate", "a: 1", "--covariate", "a: 2"], "a column of the points: 'a: 2'"),
+        (["--minutes", "inf"], "'--minutes': Input should be less than or equal to 1000000"),
+        (["--parts", "1000000000"], "'--parts': Input should be less than or equal to 10000"),
+        (["--passes", "1000000000"], "'--passes': Input should be less than or equal to 10000"),
+        (["--cmm-u-um", "nan"], "invalid value for '--cmm-u-um'"),
+        (
+            ["--operation", ""],
+            "--operation: not a name: ''; expected a text on one line",
+        ),
+        (
+            ["--operation", " "],
+            "--operation: not a name: ' '; expected a text on one line",
+        ),
+        (["--operation", "a\nb"], "--operation: not a name: 'a"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_faulty_simulations(call: list[str], words: str, work: Path) -> None:
+    assert words in refused(work, *SIMULATE, *call)
+
+
+def test_a_component_that_no_equation_uses_is_told(tmp_path: Path) -> None:
+    """Nothing of it is simulated, and a fit goes without readings of it."""
+    known = "{of: x, unit: um, coefficients: [1, 0.01], s_repeat: 0.5}"
+    equations = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\n"
+    (tmp_path / "m.yaml").write_text(equations + f"components:\n  a: {known}\n  b: {known}\n")
+    call = ["-m", "m.yaml", "--passes", "5", "--positions", "0:100:5", "--write-lbb", "l.csv"]
+    result = done(mtu("simulate", *call, cwd=tmp_path))
+    assert result.stderr.startswith(
+        "warning: m.yaml:6: components.b: the component 'b' is in no equation"
+    )
+    assert "b," not in (tmp_path / "l.csv").read_text("utf-8")
+    fitted = "  a: {of: x, unit: um}\n  b: {of: x, unit: um}\n"
+    (tmp_path / "m.yaml").write_text(equations + "components:\n" + fitted)
+    result = done(mtu("fit-components", "-m", "m.yaml", "--lbb", "l.csv", cwd=tmp_path))
+    assert "note: m.yaml:6: not estimable: coefficients (b); no readings in l.csv" in result.stderr
+
+
+def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:
+    message = refused(work, *SIMULATE, "-m", TRUTH)
+    assert message.startswith("mtu: the part file is missing; expected -p FILE")

@@ -1,0 +1,418 @@
+"""graph simulate against independent simulations and what is known exactly."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from graph_examples import SHIPPED, graph_of, shipped
+from numpy.typing import NDArray
+from scipy.special import ndtri
+
+from mtu_cli.analyses.graph.check import check_graph
+from mtu_cli.analyses.graph.simulate import GraphSimulation, simulate_graph
+from mtu_cli.findings import InputError
+from mtu_cli.model.settings import Settings
+from mtu_cli.reports import graph as report
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.monte_carlo_figures import simulated
+from mtu_cli.stats.coverage import numerical_tolerance
+
+Floats = NDArray[np.float64]
+M = 200_000
+RATIO = 5 * (2 * M) ** -0.5
+"""Five standard errors of a sample standard deviation, relative."""
+
+
+def found(result: GraphSimulation) -> dict[str, tuple[float, float, float]]:
+    return {str(c.output): (c.mean, c.u, c.first_order_u) for c in result.coordinates}
+
+
+def probed(rng: np.random.Generator, centre: Floats, u_w: float, r: Floats) -> Floats:
+    """Ball centres (M, 3) as Stryczek, Figure 5, has them, written out."""
+    x1 = centre[0] - 12.5 + u_w * rng.standard_normal(M)
+    x2 = centre[0] + 12.5 + u_w * rng.standard_normal(M)
+    y1 = centre[1] - 12.5 + u_w * rng.standard_normal(M)
+    y2 = centre[1] + 12.5 + u_w * rng.standard_normal(M)
+    z1 = centre[2] + 12.5 + u_w * rng.standard_normal(M)
+    return np.column_stack([(x1 + x2) / 2, (y1 + y2) / 2, z1 - r])
+
+
+def axis(centres: list[Floats], alpha: Floats) -> tuple[Floats, Floats]:
+    """Stryczek, eqs. (8)-(27), with the index of (14) and the sign of (22) put right."""
+    P1, P2, P3 = centres
+    P4 = (P2 + P3) / 2
+    R = np.linalg.norm(P3 - P4, axis=1) / np.sin(alpha)
+    e = (P4 - P1) / np.linalg.norm(P4 - P1, axis=1)[:, None]
+    normal = np.cross(P1 - P2, P3 - P2)
+    return P1 + R[:, None] * e, normal / np.linalg.norm(normal, axis=1)[:, None]
+
+
+def agree(result: GraphSimulation, place: str, sample: Floats, names: str = "xyz") -> None:
+    """Means and u of an independent sample, within the error of the two."""
+    values = found(result)
+    for i, name in enumerate(names):
+        mean, u, _ = values[f"{place}.{name}"]
+        assert sample[:, i].mean() == pytest.approx(mean, abs=5 * u / M**0.5)
+        assert sample[:, i].std(ddof=1) == pytest.approx(u, rel=RATIO)
+
+
+def test_ball_centre_against_a_plain_simulation() -> None:
+    rng = np.random.default_rng(1)
+    sample = probed(rng, np.zeros(3), math.hypot(1e-3, 1e-3), 12.5 + 2e-4 * rng.standard_normal(M))
+    result = simulate_graph(shipped("ball-centre"), Settings())
+    assert result.converged
+    agree(result, "P1", sample)
+
+
+def test_axis_a_against_a_plain_simulation() -> None:
+    rng = np.random.default_rng(2)
+    u_w, angle = math.hypot(1e-3, 1e-3), math.pi / 6
+    centres = []
+    for turn in (0, -angle, angle):
+        y = 110 * math.cos(turn) - 50 * math.sin(turn)
+        z = 50 * math.cos(turn) + 110 * math.sin(turn)
+        centres.append(probed(rng, np.array([0, y, z]), u_w, np.full(M, 12.5)))
+    alpha = angle + 2 * math.pi / 648000 * rng.standard_normal(M)
+    P, V = axis(centres, alpha)
+    result = simulate_graph(shipped("rotary-axis-a"), Settings())
+    agree(result, "PA", P)
+    agree(result, "VA", V[:, 1:], "jk")
+    assert found(result)["VA.i"][0] == pytest.approx(V[:, 0].mean(), abs=1e-9)
+
+
+def test_distance_of_axes_against_a_plain_simulation() -> None:
+    rng = np.random.default_rng(3)
+    u_w, r = math.hypot(1e-3, 1e-3), np.full(M, 12.5)
+    tilted, turned = [], []
+    for turn in (0, -math.pi / 6, math.pi / 6):
+        c, s = math.cos(turn), math.sin(turn)
+        tilted.append(probed(rng, np.array([0, 110 * c - 50 * s, 50 * c + 110 * s]), u_w, r))
+    for turn in (0, -2 * math.pi / 3, 2 * math.pi / 3):
+        spot = np.array([-110 * math.sin(turn), 110 * math.cos(turn), 50])
+        turned.append(probed(rng, spot, u_w, r))
+    PA, VA = axis(tilted, np.full(M, math.pi / 6))
+    PC, VC = axis(turned, np.full(M, 2 * math.pi / 3))
+    PT = PC - 100 * VC
+    t = np.einsum("ij,ij->i", VA, PT - PA)
+    PO = PA + t[:, None] * VA
+    d = np.linalg.norm(PO - PT, axis=1)
+    result = simulate_graph(shipped("axes-a-and-c"), Settings())
+    agree(result, "PO", PO)
+    mean, u, first = found(result)["d_AC"]
+    assert d.mean() == pytest.approx(mean, abs=5 * u / M**0.5)
+    assert d.std(ddof=1) == pytest.approx(u, rel=RATIO)
+    assert first == pytest.approx(u, rel=1e-4)
+
+
+@pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
+def test_shipped_graphs(path: Path) -> None:
+    graph = shipped(path.stem)
+    assert sum(map(len, check_graph(graph).rounds)) == len(graph.graph.transitions)
+    result = simulate_graph(graph, Settings())
+    assert result.converged
+    assert {item.code for item in result.warnings} <= {"not-estimable"}
+    for item in result.coordinates:
+        if item.validation is not None:
+            assert item.validation.passed
+            assert item.first_order_u == pytest.approx(item.u, rel=1e-3)
+            assert sum(item.shares.values()) == pytest.approx(1)
+
+
+def test_threads_do_not_matter() -> None:
+    graph = shipped("rotary-axis-c")
+    one, three = (simulate_graph(graph, Settings(threads=n)) for n in (1, 3))
+    for a, b in zip(one.coordinates, three.coordinates, strict=True):
+        assert (a.mean, a.u, a.interval, a.shortest) == (b.mean, b.u, b.interval, b.shortest)
+    fixed = [simulate_graph(graph, Settings(threads=n, trials=50_000)) for n in (1, 2)]
+    assert found(fixed[0]) == found(fixed[1])
+    other = simulate_graph(graph, Settings(seed=5))
+    assert found(other) != found(one)
+
+
+SQUARE = """
+places:
+  x: {kind: constant, value: 0, u: 3}
+  y: {kind: constant}
+transitions:
+  - {do: compute, in: [x], out: y, formula: x**2}
+"""
+
+
+def test_a_graph_of_which_nothing_has_an_uncertainty(tmp_path: Path) -> None:
+    result = simulate_graph(graph_of(tmp_path, SQUARE.replace(", u: 3", "")), Settings())
+    assert all(item.fixed for item in result.coordinates)
+    assert [warning.code for warning in result.warnings] == ["unrelated"]
+
+
+def test_a_square_at_zero(tmp_path: Path) -> None:
+    """First order says 0; y = 9 chi^2 with one degree of freedom: mean 9, u 9 sqrt 2."""
+    result = simulate_graph(graph_of(tmp_path, SQUARE), Settings())
+    (item,) = result.coordinates
+    assert item.first_order_u == 0
+    assert [warning.code for warning in result.warnings] == ["not-estimable"]
+    assert item.converged
+    assert item.mean == pytest.approx(9, abs=5 * item.u / item.trials**0.5)
+    assert item.u == pytest.approx(9 * 2**0.5, abs=5 * item.se_u)
+    # chi^2 of 1 degree of freedom is the square of a normal variable; five standard errors
+    # sqrt(p(1 - p)/M)/f of an empirical quantile.
+    for end, probability in zip(item.interval, (0.025, 0.975), strict=True):
+        q = float(ndtri((1 + probability) / 2)) ** 2
+        density = math.exp(-q / 2) / math.sqrt(2 * math.pi * q) / 9
+        error = math.sqrt(probability * (1 - probability) / item.trials) / density
+        assert end == pytest.approx(9 * q, abs=5 * error)
+    assert item.validation is None
+
+
+def test_a_place_that_does_not_vary(tmp_path: Path) -> None:
+    text = SQUARE.replace("u: 3", "says: known").replace("value: 0", "value: 1.5")
+    (item,) = simulate_graph(graph_of(tmp_path, text), Settings()).coordinates
+    assert item.fixed
+    assert (item.mean, item.u, item.interval) == (2.25, 0.0, (2.25, 2.25))
+
+
+RARE = """
+uncertainty: {axis_um: 1.0}
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 10}
+  lim: {kind: constant, value: 10.0035, unit: mm}
+  ok: {kind: constant, unit: '1'}
+transitions:
+  - {do: meas, out: x}
+  - {do: compute, in: [x, lim], out: ok, formula: step(lim - x)}
+report: [ok]
+"""
+
+
+def test_a_rare_failure_is_not_taken_for_none(tmp_path: Path) -> None:
+    """One in 4300 fails, 1 - Phi(3.5): a pilot of some thousand trials may see none."""
+    chance = 0.5 * math.erfc(-3.5 / math.sqrt(2))
+    count = 400_000
+    found = simulate_graph(graph_of(tmp_path, RARE), replace(Settings(), trials=count))
+    (ok,) = found.coordinates
+    assert ok.chance
+    assert ok.trials == count
+    # Four standard errors of a share.
+    assert abs(ok.mean - chance) < 4 * math.sqrt(chance * (1 - chance) / count)
+    assert ok.interval == ok.shortest == (1.0, 1.0)
+
+
+def test_a_failure_that_no_trial_met_is_not_converged(tmp_path: Path) -> None:
+    """One in 3.5 thousand million, 1 - Phi(6.2): of u no digit is known, and p < 3/n."""
+    graph = graph_of(tmp_path, RARE.replace("10.0035", "10.0062"))
+    result = simulate_graph(graph, Settings(trials=50_000))
+    (ok,) = result.coordinates
+    assert (ok.mean, ok.u, ok.chance, ok.converged) == (1.0, 0.0, True, False)
+    (warned,) = result.warnings
+    assert warned.message.endswith("for ok (all trials are the same)")
+    made = report.simulate(result)
+    assert made.tables[1].sheet(2, detail=False).rows == [("ok", "1", ">99.99", "50000")]
+
+
+HOLE = """
+uncertainty: {axis_um: 1}
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 5}
+  y: {kind: coordinate, axis: y, nominal_mm: 7}
+  s: {kind: constant}
+  e: {kind: constant, unit: mm}
+  ok: {kind: constant}
+transitions:
+  - {do: meas, out: x}
+  - {do: meas, out: y}
+  - {do: compute, in: [x, y], out: s, formula: x + y}
+  - {do: compute, in: [x, y], out: e, formula: sqrt((x - 5)**2 + (y - 7)**2)}
+  - {do: compute, in: [e], out: ok, formula: step(0.002 - e)}
+report: [s, e, ok]
+"""
+"""A sum, its own control; a Rayleigh variable without first order; and P(e <= 2 um) of it."""
+U = 1e-3 * math.sqrt(2 - math.pi / 2)
+CHANCE = 1 - math.exp(-2)
+
+
+def test_all_have_the_digits_of_the_hardest(tmp_path: Path) -> None:
+    """Of e 2 se of the mean: u = 6.6e-4 wants 5e-6 (JCGM 101, 7.9.2). In 5 runs u is within that
+    in 4.8 on average, and in fewer than 3 with a probability of 1e-3.
+    """
+    graph = graph_of(tmp_path, HOLE)
+    close = 0
+    for seed in range(5):
+        result = simulate_graph(graph, Settings(seed=seed))
+        s, e, ok = result.coordinates
+        assert result.converged
+        assert s.trials == e.trials == ok.trials >= (2 * U / 5e-6) ** 2
+        assert s.u == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-9)
+        assert ok.mean == pytest.approx(CHANCE, abs=5 * ok.se_mean)
+        close += abs(e.u - U) <= numerical_tolerance(U, 2)
+    assert close >= 3
+    assert result.warnings[0].facts["names"] == ["e"]
+
+
+def test_what_is_not_converged_is_reported(tmp_path: Path) -> None:
+    result = simulate_graph(graph_of(tmp_path, HOLE), Settings(trials=20_000))
+    s, e, _ = result.coordinates
+    assert (s.converged, e.converged) == (True, False)
+    (warned,) = (item for item in result.warnings if item.code == "not-converged")
+    start = "20000 Monte Carlo trials: not converged to 2 significant digits of u"
+    assert warned.message.startswith(start)
+    assert f"for e (standard error of u {100 * e.se_u / e.u:.2g} %)" in warned.message
+
+
+def test_report_of_a_chance(tmp_path: Path) -> None:
+    result = simulate_graph(graph_of(tmp_path, HOLE), Settings(trials=20_000))
+    made = report.simulate(result)
+    places, chances = (each.sheet(2, detail=False) for each in made.tables)
+    assert [row[0] for row in places.rows] == ["s", "e"]
+    ((name, nominal, shown, trials),) = chances.rows
+    assert (name, nominal, trials) == ("ok", "1", "20000")
+    # sqrt(p (1 - p)/20000) = 0.24 %.
+    assert shown.split(" ± ")[1] == "0.2"
+    assert float(shown.split(" ± ")[0]) == pytest.approx(100 * CHANCE, abs=5 * 0.24)
+    found = made.record()["places"]
+    assert (found["e"]["value"]["chance"], found["ok"]["value"]["chance"]) == (False, True)
+    assert figure_bytes(simulated(result), "png").startswith(b"\x89PNG")
+    alone = report.simulate(simulate_graph(result.graph, Settings(trials=1000), ["ok"]))
+    verdict, sheet = alone.shown()
+    assert str(verdict).startswith("The chance that ok is 1 is 8")
+    assert getattr(sheet, "title", "") == "Chances"
+
+
+def test_rectangular_inputs(tmp_path: Path) -> None:
+    """Two equal ones sum to a triangle: half width w, 95 % within w (1 - sqrt 0.05)."""
+    text = """
+places:
+  a: {kind: constant, value: 1, u: 1, distribution: rectangular}
+  b: {kind: constant, value: 1, u: 1, distribution: rectangular}
+  s: {kind: constant}
+transitions:
+  - {do: compute, in: [a, b], out: s, formula: a + b}
+"""
+    (item,) = simulate_graph(graph_of(tmp_path, text), Settings()).coordinates
+    # A sum is its own control variate: its u has no random part.
+    assert item.u == pytest.approx(2**0.5, rel=1e-9)
+    width = 2 * 3**0.5
+    end = width * (1 - 0.05**0.5)
+    # Five standard errors of an empirical quantile; the density of the triangle there.
+    density = (1 - end / width) / width
+    error = 5 * math.sqrt(0.025 * 0.975 / item.trials) / density
+    assert item.interval == pytest.approx((2 - end, 2 + end), abs=error)
+    assert item.validation is not None
+    assert item.validation.passed is False
+
+
+def test_coordinates_of_points_in_a_formula(tmp_path: Path) -> None:
+    """The difference of two probed points along x, with u1 of both: u = sqrt 2 um."""
+    text = """
+uncertainty: {axis_um: 1}
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [4, 6, 8]}
+  v: {kind: vector}
+  n: {kind: vector}
+  dx: {kind: constant}
+  dy: {kind: constant}
+  share: {kind: constant}
+transitions:
+  - {do: meas, out: P, along: x}
+  - {do: meas, out: Q, along: x}
+  - {do: vector, in: [P, Q], out: v}
+  - {do: unit_v, in: [v], out: n}
+  - {do: compute, in: [P, Q], out: dx, formula: Q.x - P.x}
+  - {do: compute, in: [v], out: dy, formula: v.j}
+  - {do: compute, in: [n, v], out: share, formula: n.k + v.k/mm}
+report: [dx, dy, share]
+"""
+    text = text.replace("[n, v]", "[n, v, mm]").replace(
+        "  dx:", "  mm: {kind: constant, value: 1, unit: mm}\n  dx:"
+    )
+    graph = graph_of(tmp_path, text)
+    dx, dy, share = simulate_graph(graph, Settings(trials=20_000)).coordinates
+    assert (dx.nominal, dy.nominal) == (3, 4)
+    assert share.nominal == pytest.approx(5 / math.sqrt(50) + 5)
+    assert [item.output.unit for item in (dx, dy, share)] == ["mm", "mm", "1"]
+    # Sums are their own control variates.
+    assert dx.u == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-9)
+    assert dy.u == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-9)
+
+
+CORRELATED = """
+places:
+  a: {kind: constant, value: 1, u: 0.2}
+  b: {kind: constant, value: 2, u: 0.1}
+  s: {kind: constant}
+  t: {kind: constant}
+  q: {kind: constant}
+transitions:
+  - {do: compute, in: [a], out: s, formula: 2*a}
+  - {do: compute, in: [a, b], out: t, formula: a + b}
+  - {do: compute, in: [b], out: q, formula: (b - 2)**2}
+correlations: [[a, b, 0.5]]
+"""
+
+
+def test_an_output_of_one_of_two_correlated_constants(tmp_path: Path) -> None:
+    """Its marginal: u(2a) = 0.4. Beside it a + b, u^2 = 0.04 + 0.01 + 2 (0.5) 0.02."""
+    graph = graph_of(tmp_path, CORRELATED)
+    for of, u in ((["s"], 0.4), (["t"], math.sqrt(0.07))):
+        (item,) = simulate_graph(graph, Settings(trials=M), of).coordinates
+        assert item.first_order_u == pytest.approx(u, rel=1e-12)
+        # The output is its own control variate: its u has no random part.
+        assert item.u == pytest.approx(u, rel=1e-9)
+
+
+def test_a_bent_output_of_one_of_two_correlated_constants(tmp_path: Path) -> None:
+    """(b - 2)^2 is run apart: 0.01 chi^2 of one degree of freedom, mean 0.01, u 0.01 sqrt 2."""
+    items = simulate_graph(graph_of(tmp_path, CORRELATED), Settings()).coordinates
+    bent = next(item for item in items if str(item.output) == "q")
+    assert bent.u == pytest.approx(0.01 * math.sqrt(2), abs=5 * bent.se_u)
+    assert bent.mean == pytest.approx(0.01, abs=5 * bent.u / math.sqrt(bent.trials))
+
+
+def text_of(formulas: dict[str, str]) -> str:
+    """A chain a -> y1 -> y2 ... from an uncertain constant of value 1 and u 1."""
+    places, steps, before = "  a: {kind: constant, value: 1, u: 1}\n", "", "a"
+    for name, formula in formulas.items():
+        places += f"  {name}: {{kind: constant}}\n"
+        steps += f"  - {{do: compute, in: [{before}], out: {name}, formula: '{formula}'}}\n"
+        before = name
+    return f"places:\n{places}transitions:\n{steps}"
+
+
+def test_the_first_step_without_a_value_is_named_with_its_line(tmp_path: Path) -> None:
+    """Places from line 3 on, transitions from line 9: s = sqrt(p) is the second of three."""
+    text = text_of({"p": "2*a", "s": "sqrt(p)", "t": "s + 1"})
+    graph = graph_of(tmp_path, text)
+    with pytest.raises(InputError) as error:
+        simulate_graph(graph, Settings())
+    (problem,) = error.value.findings
+    assert problem.file is not None
+    assert problem.file.endswith("graph.yaml")
+    assert (problem.line, problem.path) == (10, "transitions[1]")
+    assert "no finite sqrt() at -" in problem.text
+    # P(N(1, 1) < 0) = 0.1587 of 4096 trials, five standard deviations of the binomial.
+    count = int(problem.text.split(" in ")[1].split()[0])
+    assert count == pytest.approx(0.1587 * 4096, abs=5 * math.sqrt(4096 * 0.1587 * 0.8413))
+
+
+def test_bounded_inputs_stay_where_the_formula_has_a_value(tmp_path: Path) -> None:
+    """The square root of a rectangle from 0 to 2."""
+    text = text_of({"s": "sqrt(a)"}).replace("u: 1}", f"u: {1 / math.sqrt(3)}, DIST}}")
+    graph = graph_of(tmp_path, text.replace("DIST", "distribution: rectangular"))
+    (item,) = simulate_graph(graph, Settings(trials=M)).coordinates
+    # E sqrt = (2/3) sqrt 2, E a = 1.
+    assert item.mean == pytest.approx(2 * math.sqrt(2) / 3, abs=5 * item.u / math.sqrt(M))
+    assert item.u == pytest.approx(math.sqrt(1 - 8 / 9), abs=5 * item.se_u)
+
+
+@pytest.mark.parametrize("formula", ["exp(a*1e9)", "exp(300*a)"])
+def test_no_warning_of_numpy(formula: str, tmp_path: Path) -> None:
+    """What overflows, or its square does, is refused in words."""
+    graph = graph_of(tmp_path, text_of({"t": formula}).replace("value: 1", "value: 0"))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(InputError, match=r"transitions\[0\]: compute of t has no finite value"):
+            simulate_graph(graph, Settings())

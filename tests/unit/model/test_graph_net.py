@@ -1,0 +1,380 @@
+"""Graph files: values, signatures, the token rule, formulas, units, and the faults of a file."""
+
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+from typing import get_args
+
+import pytest
+from graph_examples import graph_of
+
+from mtu_cli.files.contract import json_schema
+from mtu_cli.files.graph_contract import Graph, PlaceKind, TransitionKind, number_or_formula
+from mtu_cli.findings import InputError
+from mtu_cli.language import parse
+from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.parser import DOTTED
+from mtu_cli.model.graph.net import cycles, firing_order
+from mtu_cli.model.graph.transitions import TRANSITIONS, Step, formula_unit
+
+NET = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [1, 2, 9]}
+  v: {kind: vector}
+  L: {kind: constant}
+transitions:
+  - {do: meas, out: P, along: x}
+  - {do: meas, out: Q, along: x}
+  - {do: vector, in: [P, Q], out: v}
+  - {do: length, in: [v], out: L}
+"""
+
+
+def faults(folder: Path, text: str) -> list[tuple[int | None, str | None, str]]:
+    """Line, path and code of every fault."""
+    with pytest.raises(InputError) as caught:
+        graph_of(folder, text)
+    return [(item.line, item.path, item.code) for item in caught.value.findings]
+
+
+def step(index: int, inputs: str, outputs: str) -> Step:
+    (use,) = TRANSITIONS["middle"]
+    return Step(index=index, do="middle", use=use, inputs=tuple(inputs), outputs=tuple(outputs))
+
+
+def test_token_rule() -> None:
+    """Each fires once all its inputs are marked; what waits for a cycle never does."""
+    steps = [step(0, "cd", "e"), step(1, "a", "c"), step(2, "", "d"), step(3, "ab", "f")]
+    steps += [step(4, "gx", "h"), step(5, "h", "g"), step(6, "h", "i"), step(7, "aa", "j")]
+    rounds = firing_order(steps, "abx")
+    assert [[item.index for item in fired] for fired in rounds] == [[1, 2, 3, 7], [0]]
+
+
+def test_two_knots_are_two_cycles() -> None:
+    arcs = {"b": ["a", "c"], "a": ["b"], "c": ["b"], "e": ["d"], "d": ["e"], "f": ["e"]}
+    assert [len(cycle) for cycle in cycles(arcs)] == [3, 3]
+    for cycle in cycles(arcs):
+        assert cycle[0] == cycle[-1]
+        assert all(a in arcs[b] for a, b in itertools.pairwise(cycle))
+
+
+def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
+    assert list(TRANSITIONS) == list(get_args(TransitionKind))
+    for uses in TRANSITIONS.values():
+        for use in uses:
+            kinds = {part for part in use.signature.split() for part in part.split("|")}
+            names = {kind.partition("*")[0].partition(".")[0] for kind in kinds}
+            assert names - {"->"} <= set(get_args(PlaceKind))
+    schema = json_schema("graph")
+    known = {info.alias or name for name, info in Graph.model_fields.items()}
+    assert set(schema["properties"]) == known
+    assert schema["$defs"]["Transition"]["properties"]["do"]["enum"] == list(TRANSITIONS)
+    text = (Path(__file__).parents[3] / "mtu_cli" / "help" / "graph.md").read_text("utf-8")
+    assert [do for do in TRANSITIONS if f"`{do}`" not in text] == []
+
+
+@pytest.mark.parametrize(
+    ("given", "value"),
+    [(3, 3.0), (2.5, 2.5), ("30*pi/180", 0.5235987755982988), ("-2**2", -4.0), ("1e-6", 1e-6)],
+)
+def test_numbers_and_formulas(given: object, value: float) -> None:
+    assert number_or_formula(given) == pytest.approx(value, rel=1e-15)
+
+
+def test_directions_and_what_is_reported(tmp_path: Path) -> None:
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  Q: {kind: point, nominal_mm: [4, 2*3, 3]}
+  M: {kind: point}
+transitions:
+  - {do: meas, out: P, along: -z}
+  - {do: meas, out: Q, along: [3, 0, 4]}
+  - {do: middle, in: [P, Q], out: M}
+"""
+    found = graph_of(tmp_path, text)
+    assert [item.along for item in found.graph.transitions[:2]] == [(0, 0, -1), (0.6, 0, 0.8)]
+    assert found.graph.places["Q"].nominal_mm == (4, 6, 3)
+    assert found.reported == ("M",)
+    assert [len(fired) for fired in found.rounds] == [2, 1]
+
+
+def test_known_points(tmp_path: Path) -> None:
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  Q: {kind: point, known: true}
+  R: {kind: point, nominal_mm: [1, 2, 3]}
+  S: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  c: {kind: constant, value: 1, known: true}
+  M: {kind: point}
+transitions:
+  - {do: circle, in: [P, Q, R, S], out: M}
+  - {do: meas, out: S, along: x}
+"""
+    assert faults(tmp_path, text) == [
+        (6, "places.Q", "missing-key"),
+        (7, "places.R", "unused-place"),
+        (8, "places.S.known", "contradicts"),
+        (9, "places.c.known", "misplaced"),
+        (9, "places.c", "unused-place"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "line", "path"),
+    [
+        ("out: v", "out: w", 12, "transitions[2].out"),
+        ("out: v", "output: v", 12, "transitions[2].output"),
+        ("in: [P, Q]", "input: [P, Q]", 12, "transitions[2].input"),
+        ("in: [P, Q]", "in: [P, R]", 12, "transitions[2].in[1]"),
+        ("in: [P, Q]", "in: [P, [Q]]", 12, "transitions[2].in[1]"),
+        ("out: v", "out: {a: v}", 12, "transitions[2].out[0]"),
+        ("do: vector, in: [P, Q]", "do: vec, in: [P, R]", 12, "transitions[2].do"),
+        ("P: {kind: point, nom", "P: {kind: pont, nom", 5, "places.P.kind"),
+        ("P: {kind: point, nominal_mm", "P: {kind: point, nominal", 5, "places.P.nominal"),
+        ("[1, 2, 9]", "[1, 2]", 6, "places.Q.nominal_mm"),
+        ("transitions:", "report: [[L]]\ntransitions:", 9, "report[0]"),
+        ("transitions:", "report: [M]\ntransitions:", 9, "report[0]"),
+        ("transitions:", "transitoins:", 9, "transitoins"),
+    ],
+)
+def test_one_slip_is_one_fault(
+    tmp_path: Path, right: str, wrong: str, line: int, path: str
+) -> None:
+    """What follows from it, a place that nothing makes or that leads nowhere, is none."""
+    assert right in NET
+    ((found_line, found_path, _),) = faults(tmp_path, NET.replace(right, wrong, 1))
+    assert (found_line, found_path) == (line, path)
+
+
+def test_an_unknown_key_hides_no_missing_one(tmp_path: Path) -> None:
+    text = NET.replace("Q: {kind: point", "Q: {kind: coordinate, colour: 2", 1)
+    found = [(path, code) for _, path, code in faults(tmp_path, text)]
+    assert ("places.Q.colour", "unknown-name") in found
+    assert ("places.Q", "missing-key") in found
+
+
+def test_more_places_than_a_slip_explains_are_reported(tmp_path: Path) -> None:
+    text = NET.replace("out: v", "out: w").replace("  L:", "  u: {kind: vector}\n  L:")
+    assert [code for _, _, code in faults(tmp_path, text)].count("unused-place") == 2
+
+
+def test_a_single_measured_point_is_to_be_reported(tmp_path: Path) -> None:
+    text = """
+places:
+  p0: {kind: point, nominal_mm: [1, 2, 3]}
+transitions:
+  - {do: meas, out: p0, along: x}
+"""
+    assert faults(tmp_path, text) == [(5, "places.p0", "unused-place")]
+    assert graph_of(tmp_path, text + "report: [p0]\n").reported == ("p0",)
+
+
+def test_faults_of_the_net(tmp_path: Path) -> None:
+    """A place made twice, a cycle, parallel planes, a wrong kind: all at once, with their lines."""
+    text = """
+places:
+  P: {kind: point, nominal_mm: [1, 2, 3], known: true}
+  Q: {kind: point, nominal_mm: [4, 2, 3], known: true}
+  R: {kind: point, nominal_mm: [4, 9, 3], known: true}
+  x: {kind: coordinate, nominal_mm: 3}
+  a: {kind: constant, u: 1}
+  b: {kind: constant}
+  n: {kind: plane}
+  m: {kind: plane}
+  L: {kind: line}
+transitions:
+  - {do: ratio, in: [b, b], out: a}
+  - {do: ratio, in: [a, a], out: b}
+  - {do: plane, in: [P, Q, R], out: n}
+  - {do: plane, in: [R, Q, P], out: m}
+  - {do: line, in: [n, m], out: L}
+  - {do: plane, in: [P, R, Q], out: m}
+  - {do: meas, out: x, along: x}
+  - {do: compute, in: [x], out: x}
+"""
+    assert faults(tmp_path, text) == [
+        (8, "places.x", "missing-key"),
+        (9, "places.a.u", "incomplete"),
+        (16, "transitions[1]", "graph-cycle"),
+        (19, "transitions[4]", "no-finite-value"),
+        (20, "transitions[5].out", "contradicts"),
+        (21, "transitions[6].along", "misplaced"),
+        (21, "transitions[6]", "graph-cycle"),
+        (22, "transitions[7]", "missing-key"),
+        (22, "transitions[7].out", "wrong-connection"),
+        (22, "transitions[7].out", "contradicts"),
+    ]
+
+
+def test_a_name_with_a_dot_is_refused(tmp_path: Path) -> None:
+    """P.x would be a place and the coordinate x of the place P."""
+    text = NET.replace("  L:", "  P.x:").replace("out: L", "out: P.x")
+    assert faults(tmp_path, text) == [(8, "places.P.x", "wrong-type")]
+
+
+CORRELATED = """
+places:
+  a: {kind: constant, value: 1, u: 1}
+  b: {kind: constant, value: 1, u: 1}
+  c: {kind: constant, value: 1, u: 1}
+  s: {kind: constant}
+transitions:
+  - {do: compute, in: [a, b, c], out: s, formula: a + b + c}
+correlations: """
+
+
+def test_faulty_correlations(tmp_path: Path) -> None:
+    text = f"{CORRELATED}[[a, d, 2], [a], 3, [a, b, much]]\n"
+    found = [path for line, path, _ in faults(tmp_path, text) if line == 11]
+    assert sorted(map(str, found)) == [
+        "correlations[0][1]",
+        "correlations[0][2]",
+        "correlations[1]",
+        "correlations[2]",
+        "correlations[3][2]",
+    ]
+
+
+@pytest.mark.parametrize(("r", "sound"), [(0.62, True), (0.619, False), (1.0, True)])
+def test_the_ends_of_the_range_of_a_correlation(tmp_path: Path, r: float, sound: bool) -> None:
+    """Of r_ab = 0.9, r_bc = 0.9: r_ac from 2*0.81 - 1 = 0.62 to 1."""
+    text = f"{CORRELATED}[[a, b, 0.9], [b, c, 0.9], [a, c, {r}]]\n"
+    if sound:
+        graph_of(tmp_path, text)
+    else:
+        with pytest.raises(InputError, match=r"correlations: .* not positive semi-definite"):
+            graph_of(tmp_path, text)
+
+
+FORMULA = """
+places:
+  N: {kind: point, nominal_mm: [0, 0, 0], known: true}
+  P: {kind: point, nominal_mm: [1, 2, 3]}
+  P_x: {kind: constant, value: 3}
+  v: {kind: vector}
+  c: {kind: constant}
+transitions:
+  - {do: meas, out: P, along: x}
+  - {do: vector, in: [N, P], out: v}
+  - {do: compute, in: [P, v, P_x], out: c, formula: FORMULA}
+"""
+
+
+def test_coordinates_are_inputs(tmp_path: Path) -> None:
+    text = "P.x*P_x + v.k - P.y"
+    found = graph_of(tmp_path, FORMULA.replace("FORMULA", text))
+    assert found.rounds[-1][0].formula == parse(text, BUDGET_FUNCTIONS, DOTTED)
+    assert found.nominal["c"] == pytest.approx([4.0])
+
+
+@pytest.mark.parametrize(
+    ("formula", "code", "column"),
+    [
+        ("P.u + v.i*P_x", "unknown-name", 1),
+        ("P + v.i*P_x", "unknown-name", 1),
+        ("P.x + v.i*P_x.value", "unknown-name", 11),
+        ("P.x*P_x*v.i*N.x", "unknown-name", 13),
+        ("P.x*P_x", "unused-place", None),
+    ],
+)
+def test_faults_of_names(formula: str, code: str, column: int | None, tmp_path: Path) -> None:
+    with pytest.raises(InputError) as caught:
+        graph_of(tmp_path, FORMULA.replace("FORMULA", formula))
+    (found,) = caught.value.findings
+    assert (found.line, found.code, found.column) == (13, code, column)
+
+
+UNITS = {"x": "mm", "y": "mm", "a": "rad", "q": "mm^4", "k": "1", "c": None}
+
+
+@pytest.mark.parametrize(
+    ("formula", "unit"),
+    [
+        ("x + y", "mm"), ("x*y**3/12", "mm^4"), ("1/x**4", "mm^-4"), ("q/x", "mm^3"), ("x/y", "1"),
+        ("2*a", "1"), ("atan2(x, y)", "rad"), ("x + c", "mm"), ("c", None), ("x*c", None),
+        ("sqrt(x*y)", "mm"), ("exp(x/100)", "1"), ("cos(2*pi*x/25)", "1"), ("log(c)", "1"),
+    ],
+)  # fmt: skip
+def test_unit_of_a_formula(formula: str, unit: str | None) -> None:
+    assert formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS) == unit
+
+
+def test_unit_of_angles_alone() -> None:
+    assert formula_unit(parse("2*a", BUDGET_FUNCTIONS), {"a": "rad"}) == "rad"
+
+
+@pytest.mark.parametrize(
+    ("formula", "words"),
+    [
+        ("x + y**2", "what is added"),
+        ("x*(y + a)", "what is added"),
+        ("2*asin(x)", r"argument of asin is a length \(mm\)"),
+        ("atan2(x, a)", r"what is compared is an angle or ratio \(rad\), not a length \(mm\)"),
+        ("2**x", r"an exponent is a length \(mm\)"),
+    ],
+)
+def test_dimensions_that_do_not_agree(formula: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        formula_unit(parse(formula, BUDGET_FUNCTIONS), UNITS)
+
+
+LENGTHS = """
+places:
+  x: {kind: coordinate, axis: x, nominal_mm: 1}
+  A: {kind: point, nominal_mm: [6, 0, 0], known: true}
+  O: {kind: point, nominal_mm: [0, 0, 0], known: true}
+  e: {kind: vector}
+  f: {kind: vector}
+  r: {kind: constant, value: 5, UNIT}
+  out: {kind: KIND}
+transitions:
+  - {do: meas, out: x}
+  - {do: unit_v, in: [O, A], out: e}
+  - {do: ratio, in: [e, r], out: f}
+  - {do: displace, in: [IN], out: out}
+report: [x, A, e, f, out]
+"""
+
+
+@pytest.mark.parametrize(
+    ("inputs", "kind", "unit", "found"),
+    [
+        ("x, r", "coordinate, axis: x", "unit: '1'", "1"),
+        ("A, e", "point", "unit: mm", "1"),
+        ("A, f", "point", "unit: rad", "rad"),
+    ],
+)
+def test_a_length_is_a_length(
+    inputs: str, kind: str, unit: str, found: str, tmp_path: Path
+) -> None:
+    text = LENGTHS.replace("IN]", f"{inputs}]").replace("KIND", kind).replace("UNIT", unit)
+    with pytest.raises(InputError, match=rf"in\[1\]: not a length.*not in {found}$"):
+        graph_of(tmp_path, text)
+
+
+@pytest.mark.parametrize("unit", ["unit: mm", "says: nothing of its unit"])
+def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
+    """A unit vector times 5 mm displaces a point."""
+    text = LENGTHS.replace("IN]", "A, f]").replace("KIND", "point").replace("UNIT", unit)
+    assert graph_of(tmp_path, text).nominal["out"][0, 0] == 11
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "places: [1, 2]\ntransitions: {}\n",
+        "places: {a: 3, b: null, c: [1]}\ntransitions: [3, null, {do: meas}, {out: a}, {do: 4}]\n",
+        "places: {}\ntransitions: []\nreport: 4\ncorrelations: {a: 1}\n",
+        "places: {a: {kind: constant, value: 1e400}}\ntransitions: [{do: meas, in: a, out: 3}]\n",
+        "places: {a: {kind: constant}}\ntransitions: [{do: ratio, in: [a, a], out: a}]\n",
+        "places: {x: {kind: vector}}\ntransitions: [{do: meas, out: x, repeats: 0}]\n",
+        "places: {x: {kind: point, nominal_mm: [a, [1]]}}\ntransitions: [{do: meas, out: [x]}]\n",
+        "places: null\ntransitions: null\n",
+    ],
+)
+def test_nonsense_is_refused(text: str, tmp_path: Path) -> None:
+    assert faults(tmp_path, text)

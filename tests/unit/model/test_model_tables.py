@@ -1,0 +1,148 @@
+"""Tables of smooth profiles: intervals that cover, a report that predicts the same, their files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import read_components
+from table_trials import RUNS, SIGMA, TARGETS, axis_machine, axis_readings, bend, table_coverage
+
+from mtu_cli.analyses.fit_components import fit_result
+from mtu_cli.files.machine import LoadedMachine, machine_from
+from mtu_cli.files.yaml_file import read_yaml
+from mtu_cli.findings import InputError
+from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.machine_model import build_model
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.reports.fit_components import document
+from mtu_cli.stats.kernels import left_open
+from mtu_cli.units import UM
+
+X = np.linspace(0.0, 400.0, TARGETS)
+AT = np.array([0.0, 20.0, 40.0, 333.0, 420.0])
+POINTS = np.column_stack([AT, np.zeros((len(AT), 2))])
+IDS = [f"{x:g}" for x in AT]
+
+
+def stated(folder: Path, component: str) -> LoadedMachine:
+    text = (
+        "schema: mtu/machine/1\nname: m\ncomponents: {dx_x: {of: x, unit: um, "
+        f"{component}}}}}\nequations: {{Ex: dx_x}}\n"
+    )
+    (folder / "m.yaml").write_text(text)
+    return machine_from(read_yaml(folder / "m.yaml", "machine"))
+
+
+@pytest.mark.parametrize("own", [0.0, 1.0])
+def test_future_readings_between_the_targets(own: float, tmp_path: Path) -> None:
+    """The short version of tests/bench/test_bench_table.py."""
+    found = table_coverage(axis_machine(tmp_path), 60, 6.0, seed=2, own=own)
+    assert found.inside > 0.93
+    assert found.width < (1.3 if own else 1.25)
+    assert found.outside > 0.9
+
+
+def test_readings_and_their_report_predict_the_same(tmp_path: Path) -> None:
+    known, rng = axis_machine(tmp_path), np.random.default_rng(7)
+    readings = axis_readings(X, bend(400.0, 4 * UM, rng), rng, own=2 * SIGMA)
+    fit = fit_machine(known, readings)
+    estimates = estimates_from_fit(known, fit)
+    results = document(fit_result("m", fit, estimates)).record()
+    item = results["components"]["dx_x"]
+    assert item["shape"] == "table"
+    assert item["degree"] is None
+    assert item["at_mm"] == pytest.approx(X)
+    assert item["between_um2"] == 0.0
+    assert min(item["roughness_um2_per_mm3"], item["own_um2_per_mm3"]) > 0
+    path = tmp_path / "components.json"
+    path.write_text(json.dumps({"schema": "mtu/fit-components/1", "results": results}))
+    again = estimates_from_report(known, read_components(path))
+
+    def predicted(given: object) -> Prediction:
+        return predict(build_model(known, given), IDS, POINTS)  # type: ignore[arg-type]
+
+    first, second = predicted(estimates), predicted(again)
+    assert second.mean == pytest.approx(first.mean, abs=1e-12)
+    assert second.covariance == pytest.approx(first.covariance, rel=1e-9, abs=1e-18)
+    assert second.variance().dof == pytest.approx(first.variance().dof, rel=1e-6)
+    # What the interpolation leaves open: nothing at the targets, more beyond them.
+    left = first.variance().by_block[1] / UM**2
+    assert left[[0, 2]] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert 0 < left[1] < left[4]
+    assert [each[0] for each in first.outside] == ["420"]
+
+
+def test_a_straight_profile_is_that_of_degree_1(tmp_path: Path) -> None:
+    """Without a bend the table's line, and what drifts, are the polynomial's own."""
+    rng = np.random.default_rng(3)
+    readings = axis_readings(X, lambda x: 1e-5 * x, rng)
+    table, line = (
+        fit_machine(axis_machine(tmp_path, shape), readings).components["dx_x"].estimate
+        for shape in ("shape: table", "degree: 1")
+    )
+    assert line.shape.columns(X) @ line.coefficients == pytest.approx(
+        table.coefficients, abs=4 * SIGMA / np.sqrt(2 * RUNS)
+    )
+    D = table.shape.at_centre(200.0) @ table.pass_covariance @ table.shape.at_centre(200.0).T
+    T = line.shape.at_centre(200.0)
+    assert pytest.approx(T @ line.pass_covariance @ T.T, rel=0.1, abs=1e-9) == D
+
+
+def test_a_stated_table(tmp_path: Path) -> None:
+    machine = stated(
+        tmp_path,
+        "shape: table, at_mm: [0, 40, 100], coefficients: [1, 3, 2], "
+        "covariance: [[0.04, 0, 0], [0, 0.09, 0], [0, 0, 0.04]], roughness_um2_per_mm3: 1e-5, "
+        "between_um2: 0.25, s_repeat: 0.5, dof: 20",
+    )
+    at = predict(build_model(machine, estimates_from_fit(machine, None)), IDS, POINTS)
+    knots = np.array([0.0, 40.0, 100.0])
+    assert at.mean[[0, 2]] == pytest.approx([1 * UM, 3 * UM])
+    # Variances of the values, and of a visit.
+    expected = np.array([0.04 + 0.25, 0.09 + 0.25]) * UM**2
+    assert at.variance().total[[0, 2]] == pytest.approx(expected)
+    off = 1e-5 * left_open(knots, AT[[1]])[0, 0] + 0.25
+    assert at.variance().coefficients[1] > off * UM**2
+    assert at.variance().coefficients[1] < (off + 0.09 + 0.04) * UM**2
+
+
+@pytest.mark.parametrize(
+    ("component", "words"),
+    [
+        ("shape: table, coefficients: [1, 2, 3]", "values of a table without `at_mm`"),
+        ("shape: table, at_mm: [0, 1]", "at least 3 of them"),
+        ("shape: table, at_mm: [0, 2, 1]", "positions that rise"),
+        ("shape: table, at_mm: [0, 1, 2], coefficients: [1, 2]", "2 coefficients of a table of 3"),
+        ("at_mm: [0, 1, 2]", "`at_mm` belongs to a component of `shape: table`"),
+        ("iso: XXE", "iso"),
+    ],
+)
+def test_faults_of_tables(component: str, words: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="(?s).*" + words.replace("`", ".")):
+        stated(tmp_path, component)
+
+
+def test_a_table_needs_positions_that_are_read_again(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    readings = axis_readings(X[:3], lambda x: 0 * x, rng)
+    with pytest.raises(InputError, match="for a table"):
+        fit_machine(axis_machine(tmp_path), readings)
+
+
+@pytest.mark.parametrize(("amplitude", "degrees"), [(0.0, {0, 1}), (40.0, {None})])
+def test_held_out_runs_choose_the_shape(
+    amplitude: float, degrees: set[int | None], tmp_path: Path
+) -> None:
+    known, chosen = axis_machine(tmp_path, "degree: auto"), []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+
+        def wavy(x: np.ndarray) -> np.ndarray:
+            return np.asarray(amplitude * SIGMA * np.sin(x / 25.0))
+
+        readings = axis_readings(X, wavy, rng)
+        chosen.append(fit_machine(known, readings).components["dx_x"].estimate.degree)
+    assert sum(each in degrees for each in chosen) >= 5, chosen
