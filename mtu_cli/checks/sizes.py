@@ -150,6 +150,8 @@ def _of_machine(loaded: Any) -> Iterator[tuple[Any, str, str]]:
         low, high = machine.travels.get(component.of, (0.0, 0.0))
         position, unit = np.linspace(low, high, 9), UNITS[component.unit]
         errors = np.abs(polynomial.polyval(position, component.coefficients or [0.0]))
+        if component.is_table and component.coefficients:
+            position, errors = np.array(component.at_mm), np.abs(component.coefficients)
         if (errors * unit.to_internal > largest(kind_of(unit.dimension), position)).any():
             what = f"errors of up to {errors.max():.3g} {component.unit}"
             yield ("components", name, "coefficients"), what, "a smaller unit"

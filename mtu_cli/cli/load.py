@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from mtu_cli.cli.options import Options
 from mtu_cli.cli.values import assigned, number_of
-from mtu_cli.files.contract import EXPECTED
+from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, direction_sign
 from mtu_cli.files.csv_table import cell_text
 from mtu_cli.files.source import given_path, resolved, shown_path
@@ -229,7 +229,7 @@ class Inputs:
                     "out-of-range",
                     path=f"--{options[str(item['loc'][0])]}".replace("_", "-"),
                     value=str(item["input"]),
-                    expected=EXPECTED.get(item["type"], "{expected}").format(**item.get("ctx", {})),
+                    expected=item.get("ctx", {}).get("expected") or expectation(item, None),
                 )
                 for item in failed.errors()
             ) from None

@@ -316,10 +316,10 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
         allowed = get_args(get_args(type_at(model, path[:-1]))[0] if is_key else at)
         faults.unknown(path, shown_value(shown), allowed, "key" if is_key else "value")
     else:
-        faults.add(path, "wrong-value", value=shown, expected=_expected(item, at))
+        faults.add(path, "wrong-value", value=shown, expected=expectation(item, at))
 
 
-def _expected(item: ErrorDetails, annotation: Any) -> str:
+def expectation(item: ErrorDetails, annotation: Any) -> str:
     """What was expected in the place of a faulty value."""
     kind, given = item["type"], item["input"]
     words = EXPECTED.get(kind) or EXPECTED.get(kind.partition("_")[0], "another value")

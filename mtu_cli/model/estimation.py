@@ -20,7 +20,7 @@ from mtu_cli.model.estimates import (
     covariance_in_run,
 )
 from mtu_cli.model.passes import Passes, PassKey, passes_of
-from mtu_cli.model.shapes import as_table, chosen_degree, fit_table
+from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
@@ -137,9 +137,14 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     unit = UNITS[component.unit]
     roles = np.array(readings.roles)[readings.file_index[rows]]
     by_role = [rows[roles == role] for role in dict.fromkeys(roles.tolist())]
-    fits = tuple(
-        _fit_instrument(readings, own, str(roles[rows == own[0]][0]), component) for own in by_role
-    )
+    degree = None if component.is_table else component.degree
+    named = [(str(roles[rows == own[0]][0]), own) for own in by_role]
+    fits = tuple(_fit_instrument(readings, own, role, component, degree) for role, own in named)
+    if degree == AUTO and len(fits) > 1:
+        # One shape for all: the highest degree that any of them chooses, in place of a table.
+        chosen = [MOST_AUTO if x.profile else len(x.fit.plain.coefficients) - 1 for x in fits]
+        degree = min(max(chosen), *(len(np.unique(x.position)) - 1 for x in fits))
+        fits = tuple(_fit_instrument(readings, own, role, component, degree) for role, own in named)
     if len(fits) > 1 and any(fit.profile is not None for fit in fits):
         reason = f"{name!r} was read by several instruments, whose tables are not combined"
         expected = "readings of one instrument, or a degree"
@@ -168,7 +173,10 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     )
 
 
-def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: Any) -> InstrumentFit:
+def _fit_instrument(
+    readings: Readings, rows: IntArray, role: str, component: Any, degree: int | str | None
+) -> InstrumentFit:
+    """Of a `degree`, or that (or the table) which its readings choose; None: a table."""
     position = readings.position_mm[rows].astype(np.float64)
     if component.of is None:
         position = np.zeros(len(rows))
@@ -183,7 +191,6 @@ def _fit_instrument(readings: Readings, rows: IntArray, role: str, component: An
     if numbered or component.of is None:
         group, read = passes_of(readings, rows, numbers, sign)
         runs = read.runs[group]
-    degree = None if component.is_table else component.degree
     if degree == AUTO:
         degree = chosen_degree(position, error, group, runs)
     profile = None

@@ -2,8 +2,8 @@
 
 `degree: auto` takes what predicts held-out passes: every run is left out once, and every shape,
 fitted to the others, predicts its readings but for their level, which drifts. The simplest shape is
-chosen that is no worse than the best by more than a standard error (Breiman et al., Classification
-and Regression Trees (1984), 3.4.3).
+chosen that is no worse than the best by more than a standard error of the difference, run by run
+(after the rule of Breiman et al., Classification and Regression Trees (1984), 3.4.3).
 """
 
 from __future__ import annotations

@@ -75,7 +75,6 @@ def anova(result: AnovaResult) -> Figure:
             last = r == len(rows) - 1
             panel.tick_params(labelbottom=last)
             panel.set_xlabel("part" if last else "")
-    figures.legend(page, 2)
     if known:
         panel = page.add_subplot(grid[len(rows), :])
         shown = [
@@ -94,6 +93,7 @@ def anova(result: AnovaResult) -> Figure:
         panel.set_title(f"Scatter{some}: s_part (blue), s_repeat (orange)")
     for k, run in enumerate(runs):
         _run_chart(page.add_subplot(grid[charts + k // len(axes), k % len(axes)]), run)
+    figures.legend(page, 2)
     total = len(result.shown)
     some = f": {len(rows)} of {total} features, outliers and the largest first"
     figures.title(page, f"Mean errors by part and feature{some if len(rows) < total else ''}")
@@ -113,10 +113,11 @@ class Run(NamedTuple):
 def _runs_of(result: AnovaResult) -> list[Run]:
     """What has a tolerance, then the clearest trends of other tables."""
     found: dict[tuple[str, str, str], Run] = {}
-    for item in result.capabilities:
+    for item in sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf])):
         unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
         words = " ".join(filter(None, (item.operation, item.id)))
-        index = f"ppk {item.ppk:.2f}" + ("" if math.isnan(item.cpk) else f", cpk {item.cpk:.2f}")
+        indices = (("ppk", item.ppk), ("cpk", item.cpk))
+        index = ", ".join(f"{name} {value:.2f}" for name, value in indices if np.isfinite(value))
         low = math.nan if item.kind == "position" else item.low / size
         found[item.kind, item.operation, item.id] = Run(
             f"{words} {item.kind}: {index}",
@@ -148,9 +149,10 @@ def _run_chart(panel: Axes, run: Run) -> None:
     panel.axhline(float(np.nanmean(y)), color=figures.BLUE, linewidth=1.0)
     for limit in run.limits:
         if np.isfinite(limit):
-            panel.axhline(limit, color=figures.RED, linewidth=1.0, linestyle="--")
+            panel.axhline(limit, color=figures.GREEN, linewidth=1.2, label="tolerance")
     panel.set_title(cut(run.title, 44))
     panel.set_xlabel("sequence")
+    panel.locator_params(axis="x", integer=True)
     panel.set_ylabel(run.unit, fontsize=7.5)
 
 

@@ -57,7 +57,7 @@ OUTLYING_P = 1e-4
 """Chance that any value of a sound normal sample is beyond the limit of `outlying`."""
 FACTOR = 2.0
 """Outliers are so many times farther off than all that are none."""
-NEAR, NORMAL_NEAR, NEAR_EFFICIENCY = 0.8, 0.4377, 0.4
+NEAR, NORMAL_NEAR, NEAR_EFFICIENCY = 0.8, 0.4377245949, 0.4
 """Share of values near the median, the mean of their squares in normal values of variance 1, and
 of the degrees of freedom of s those that count: 0.55 by its efficiency, less as medians that were
 taken before fit the values near them best."""
@@ -102,7 +102,7 @@ def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
 def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolArray, float]:
     """Outliers among values of any shape that are one sample, and its deviation s; nan is none.
 
-    d is the distance from the median, s^2 = mean of the NEAR smallest d^2 / 0.438 / (1 - g/n) of n
+    d is the distance from the median, s^2 = mean of the NEAR smallest d^2 / 0.4377 / (1 - g/n) of n
     values and g parameters, this median and those `fitted` before, with the variance `r` that a
     coarse display hides (`resolution.hidden`). An outlier is beyond GROSS s, beyond s times
     Student's t at OUTLYING_P/n (Bonferroni), and beyond FACTOR times the farthest of the rest: no

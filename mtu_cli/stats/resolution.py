@@ -19,6 +19,8 @@ FEWEST_VALUES = 5
 """Different values that share a coarser step than their last decimal by chance in 4 % of cases."""
 SEEN = 10_000
 """Values that show what all were rounded to."""
+LARGEST_COUNT = 2.0**53
+"""Beyond it not every whole number is a float."""
 SLACK = 1e-6
 """How far a multiple of the step may be from a whole number."""
 
@@ -40,7 +42,7 @@ def step_of(values: FloatArray) -> float:
         whole = np.round(count)
         slack = SLACK + 16 * np.finfo(np.float64).eps * np.abs(count)
         if (np.abs(count - whole) < slack).all():
-            several = len(whole) >= FEWEST_VALUES
+            several = len(whole) >= FEWEST_VALUES and np.abs(whole).max() < LARGEST_COUNT
             shared = int(np.gcd.reduce(whole.astype(np.int64))) if several else 1
             return max(shared, 1) / 10.0**decimals
     return 10.0**-MOST_DECIMALS

@@ -11,6 +11,7 @@ import pytest
 from measured_examples import PLACES, points, study, with_measured
 
 from mtu_cli import checks
+from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
@@ -252,3 +253,14 @@ lengths:
         ("position-beyond-travel", 3, "features.a.x_mm"),
         ("implausible-size", 5, "lengths.0.tolerance_um"),
     ]
+
+
+def test_values_of_a_table_are_no_powers(tmp_path: Path) -> None:
+    path = tmp_path / "machine.yaml"
+    path.write_text("""schema: mtu/machine/1
+name: m
+axes: {x: {travel_mm: [0, 400]}}
+components: {dx: {of: x, unit: um, shape: table, at_mm: [0, 200, 400], coefficients: [0, 5, 2]}}
+equations: {Ex: dx}
+""", "utf-8")  # fmt: skip
+    assert checks.run("machine", checks.DocumentData(load_machine(path))) == []

@@ -65,6 +65,8 @@ def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = 
         redirect_stderr(error),
     ):
         warnings.resetwarnings()
+        # Of numpy's, such as of a division by zero, a user would see the text: they are faults.
+        warnings.simplefilter("error", RuntimeWarning)
         code = called([*map(str, args)])
     said = [stream.buffer.getvalue().decode() for stream in (out, error)]
     return subprocess.CompletedProcess([*map(str, args)], code, *said)

@@ -34,6 +34,15 @@ def test_a_function_returns_what_the_command_writes(name: str) -> None:
     assert len(result.to_frame()) == len(table)
 
 
+@pytest.mark.parametrize(
+    ("given", "expected"),
+    [({"k": "two"}, "a number"), ({"seed": "a"}, "a whole number"), ({"trials": 3.5}, "whole")],
+)
+def test_a_setting_of_another_type(given: dict[str, Any], expected: str) -> None:
+    with pytest.raises(InputError, match=f"out of range: .*{expected}"):
+        mtu_cli.lengths(CONFIGS / "gilsinn-ling", **given)
+
+
 def test_what_was_read_takes_the_place_of_its_file() -> None:
     machine = mtu_cli.read_machine(UNDECLARED / "machine.yaml")
     part = mtu_cli.read_part(UNDECLARED / "part.yaml")

@@ -191,7 +191,7 @@ def _capability(
     s_moving = _floored((float(ranges.mean()) / MOVING_RANGE) ** 2, r)
     nearer = min(high - mean, mean - low)
     tail, scale = (1 - PROBABILITY) / 2, 3 * np.sqrt(n)
-    pp, ppk = (high - low) / (6 * s), nearer / (3 * s)
+    pp, ppk = _ratio(high - low, 6 * s), _ratio(nearer, 3 * s)
     factors = [float(np.sqrt(chdtri(n - 1, p) / (n - 1))) for p in (1 - tail, tail)]
     ends = [float(nctdtrinc(n - 1, p, scale * ppk) / scale) for p in (1 - tail, tail)]
     return Capability(
@@ -209,8 +209,8 @@ def _capability(
         pp_interval=(pp * factors[0], pp * factors[1]),
         ppk=ppk,
         ppk_interval=(ends[0], ends[1]),
-        cp=(high - low) / (6 * s_moving),
-        cpk=nearer / (3 * s_moving),
+        cp=_ratio(high - low, 6 * s_moving),
+        cpk=_ratio(nearer, 3 * s_moving),
     )
 
 
@@ -238,11 +238,16 @@ def _position(
         s_moving=nan,
         pp=nan,
         pp_interval=OPEN,
-        ppk=high / radial_quantile(errors.mean(axis=0), C, WITHIN),
+        ppk=_ratio(high, radial_quantile(errors.mean(axis=0), C, WITHIN)) if C.any() else nan,
         ppk_interval=OPEN,
         cp=nan,
         cpk=nan,
     )
+
+
+def _ratio(part: float, whole: float) -> float:
+    """Of a process that does not scatter there is none: nan."""
+    return part / whole if whole > 0 else nan
 
 
 def _order(values: FloatArray, sequence: FloatArray) -> np.ndarray:

@@ -210,7 +210,7 @@ def unusual_features(
     for members in rows.values():
         n, mean = len(members), features.one_way.mean[members]
         away = mean - mean.mean()
-        if n < FEWEST_FEATURES:
+        if n < FEWEST_FEATURES or not away.any():
             continue
         s2 = float((away**2).sum()) / (n - 1)
         s = np.sqrt(s2 + hidden(s2, features.tables.rounding[members].mean()))

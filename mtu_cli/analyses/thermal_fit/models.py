@@ -214,7 +214,7 @@ def _zeroed(
         return Zeroed(offsets=True, by="first readings")
     tests = [_offset_test(pieces, columns) for columns in _with_lag(pieces, groups)]
     known = [each for each in tests if each is not None]
-    # Lags that are left out shift the levels of cycles: the lag that leaves least without offsets.
+    # Lags that are left out shift the levels of cycles: the lag beside which offsets explain least.
     F, p, share = min(known, key=lambda each: each[2]) if known else (None, None, 0.0)
     offsets = p is not None and p < OFFSET_P and share > OFFSET_SHARE
     return Zeroed(offsets=offsets, by="test", F=F, p=p)

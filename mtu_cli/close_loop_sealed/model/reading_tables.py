@@ -13,6 +13,7 @@ from mtu_cli.close_loop_sealed.model.covariate_tables import rows_without_gaps, 
 from mtu_cli.close_loop_sealed.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.close_loop_sealed.model.residual_layout import filled
 from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable, within
+from mtu_cli.files.machine_contract import Component
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
 from mtu_cli.model.estimates import (
@@ -39,6 +40,7 @@ from mtu_cli.model.reading_layout import (
     reading_layout,
     reading_places,
 )
+from mtu_cli.model.shapes import MOST_AUTO
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.model.visits import IntArray
@@ -81,7 +83,7 @@ def reading_tables(
             machine=machine,
             name=name,
             of=entry.of,
-            degree=0 if entry.of is None else entry.degree if isinstance(entry.degree, int) else 1,
+            degree=_degree(entry),
             readings=readings,
             rows=rows,
             layout=reading_layout(readings, rows, entry.of, name),
@@ -92,6 +94,14 @@ def reading_tables(
         tables.append(replace(table, unit="arcsec" if angular else "um"))
         warned += [*gaps, *told]
     return tuple(tables), tuple(warned)
+
+
+def _degree(entry: Component) -> int:
+    """Of what is declared already: of a table or `degree: auto` the bends of the highest degree."""
+    if entry.of is None:
+        return 0
+    declared = isinstance(entry.degree, int) and not entry.is_table
+    return int(entry.degree) if declared else MOST_AUTO
 
 
 def _estimates(machine: LoadedMachine, known: Estimates | MachineModel | None) -> Estimates:

@@ -422,6 +422,11 @@ def test_cp_follows_the_sequence_and_pp_does_not(tmp_path: Path) -> None:
     assert all(item.p > 0.05 for item in still.trends)
 
 
+def test_there_is_no_capability_without_scatter(tmp_path: Path) -> None:
+    (item,) = lengths_of(tmp_path, [0.0] * 8).capabilities
+    assert np.isnan([item.pp, item.ppk, item.cp, item.cpk]).all()
+
+
 def test_capability_of_a_position_and_an_angle(tmp_path: Path) -> None:
     """A zone of 0.1 mm about the place; s of 10 um along both axes: 50/34.4 of a centred hole."""
     text = measured_examples.PART.replace("y_mm: 20}", "y_mm: 20, position_um: 100}")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -146,3 +148,36 @@ def test_held_out_runs_choose_the_shape(
         readings = axis_readings(X, wavy, rng)
         chosen.append(fit_machine(known, readings).components["dx_x"].estimate.degree)
     assert sum(each in degrees for each in chosen) >= 5, chosen
+
+
+@pytest.mark.parametrize("amplitude", [0.0, 40.0])
+def test_instruments_that_choose_get_one_shape(amplitude: float, tmp_path: Path) -> None:
+    rng = np.random.default_rng(4)
+    one, other = (
+        axis_readings(X, lambda x: amplitude * SIGMA * np.sin(x / 25.0), rng) for _ in range(2)
+    )
+    arrays: tuple[str, ...] = (
+        "code",
+        "position_mm",
+        "error",
+        "dimension",
+        "pass_number",
+        "has_pass",
+    )
+    arrays += ("direction", "cycle", "time_min")
+    both: dict[str, Any] = {
+        name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in arrays
+    }
+    source = replace(one.sources[0], role="lbb")
+    n = len(one.error)
+    merged = replace(
+        one,
+        **both,
+        file_index=np.repeat([0, 1], n),
+        row=np.tile(one.row, 2),
+        sources=(*one.sources, source),
+        roles=("laser", "lbb"),
+    )
+    found = fit_machine(axis_machine(tmp_path, "degree: auto"), merged).components["dx_x"]
+    assert len({len(each.fit.plain.coefficients) for each in found.instruments}) == 1
+    assert len(found.instruments) == 2

@@ -77,6 +77,18 @@ def test_degree_unit_and_missing_targets(tmp_path: Path) -> None:
     np.testing.assert_allclose(again.errors, table.errors, atol=1e-14)
 
 
+@pytest.mark.parametrize("shape", ["shape: table", "degree: auto"])
+def test_the_bends_of_a_declared_table_are_no_news(shape: str, tmp_path: Path) -> None:
+    known = loaded(
+        tmp_path, f"components: {{yaw: {{of: y, unit: arcsec, {shape}}}}}\nequations: {{Ex: y*yaw}}"
+    )
+    found = readings([run(3, name="yaw")])
+    table = only(reading_tables(known, None, found))
+    bent = replace(found, error=found.error + 1e-8 * (found.position_mm - 7) ** 3)
+    again = only(reading_tables(known, None, bent))
+    np.testing.assert_allclose(again.errors, table.errors, atol=1e-13)
+
+
 def test_what_was_known_goes_with_its_covariances(tmp_path: Path) -> None:
     """Coefficients from before: less c0 + c1 p, C common to all passes, D of each direction."""
     C = np.array([[4e-8, 1e-10], [1e-10, 9e-12]])

@@ -37,7 +37,7 @@ def test_as_a_plain_version(n: int, slips: int) -> None:
     found, s = outlying(values, fitted=2)
     expected, plain_s = plain(values.tolist(), fitted=2)
     assert set(np.flatnonzero(found)) == expected
-    assert s == pytest.approx(plain_s, rel=1e-4)
+    assert s == pytest.approx(plain_s, rel=1e-9)
 
 
 def test_chance_seldom_meets_it() -> None:
