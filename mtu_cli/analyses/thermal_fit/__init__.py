@@ -71,8 +71,8 @@ def thermal_fit(
     """Thermal models of all components that drift readings were given for.
 
     `components` are (axis, unit) of the machine's, None without a machine: then positions are
-    taken as they stand, and readings of lengths are told in um, of angles in arcsec. `reference`
-    in degC; `method` one of METHODS; `zeroed` one of ZEROED (auto: see `models.library`).
+    taken as they stand, and lengths are reported in um, angles in arcsec. `reference` in degC;
+    `method` one of METHODS; `zeroed` one of ZEROED (auto: the first readings or a test decide).
     Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles are held out.
 
     Raises InputError without sensors, where a temperature is not given, or where the readings
