@@ -85,10 +85,11 @@ bench: $(VENV)/.dev
 peers-bench: $(VENV)/.peers
 	PYTHONPATH=tests:tests/bench $(BIN)/python -m peers_bench $(PEERS_ARGS)
 
-# How often close-loop is right on simulated shop days, against its bar; what was drawn is kept
-# under out/, so that a run that was stopped goes on. LOOP_SCALE=0.1 draws a tenth.
+# How often close-loop is right on simulated sets, against its bar; what was drawn is kept, so that
+# a run that was stopped goes on. LOOP_ARGS="--scale 0.1" draws a tenth, "--shard 0/2" every second.
 loop-bench: $(VENV)/.dev
-	PYTHONPATH=tests $(BIN)/python -m loop_bench $(LOOP_ARGS)
+	mkdir -p $(OUT)
+	PYTHONPATH=tests $(BIN)/python -m loop_bench $(OUT)/loop-bench.jsonl --judging $(LOOP_ARGS)
 
 # The synthetic data under data/, as it was made.
 PARTS := --first-repeats 4:5 --parts 21 --repeats 2

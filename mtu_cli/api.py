@@ -19,15 +19,14 @@ with all findings.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mtu_cli.cli.commands import COMMANDS, analysis_of
-from mtu_cli.cli.emit import ENDINGS
-from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import OPTIONS, REQUIRED, Options
+from mtu_cli.cli.emit import Result, result_of
+from mtu_cli.cli.load import KINDS, Inputs
+from mtu_cli.cli.options import OPTIONS, REQUIRED, ROLES, WRITTEN, Options
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
@@ -38,63 +37,15 @@ from mtu_cli.files.source import DRIFT, Source
 from mtu_cli.files.study import LoadedStudy, load_study
 from mtu_cli.findings import Finding
 
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from mtu_cli.cli.emit import Outcome
-
 FUNCTIONS = {
     name.replace("-", "_").replace(" ", "_"): name
     for name, command in COMMANDS.items()
-    if command.chapter != "help" and name != "graph draw"
+    if command.chapter != "cli.help" and name != "graph draw"
 }
 """The functions of the commands that report or make something, by their names in Python."""
-OUTPUTS = (*ENDINGS, "date", "detail", "quiet")
+OUTPUTS = (*WRITTEN, "date", "detail", "quiet")
 """Options of what the command line writes and shows: a `Result` is asked for it."""
-ROLES = ("lbb", "laser", "cmm", "drift", "components")
 FilePath = str | Path
-
-
-@dataclass(frozen=True)
-class Result:
-    """What a command found; `warnings` are those of the input and of the result."""
-
-    command: str
-    warnings: tuple[Finding, ...]
-    outcome: Outcome
-    inputs: Inputs
-
-    def to_dict(self) -> dict[str, Any]:
-        """`results` of the JSON report."""
-        return self.outcome.results()
-
-    def to_frame(self) -> pd.DataFrame:
-        """The main table, as `--csv` writes it."""
-        import pandas as pd
-
-        header, rows = self.outcome.rows()
-        return pd.DataFrame([list(row) for row in rows], columns=list(header))
-
-    def figure(self) -> Figure:
-        """The picture of `--plot`; raises AttributeError where the command has none."""
-        if self.outcome.figure is None:
-            raise AttributeError(f"{self.command} has no picture")
-        return self.outcome.figure()
-
-    def report(self) -> dict[str, Any]:
-        """The whole report, as `-o` writes it."""
-        from mtu_cli.reports.document import envelope
-
-        settings = self.outcome.settings or self.inputs.settings
-        return envelope(
-            self.inputs.options.command,
-            inputs=self.inputs.sources,
-            settings=settings,
-            results=self.to_dict(),
-            warnings=self.warnings,
-            at=self.inputs.at,
-        )
 
 
 def read_machine(path: FilePath) -> LoadedMachine:
@@ -133,15 +84,9 @@ def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Po
 def check(*given: Any, **options: Any) -> list[Finding]:
     """What the input checks warn of; raises InputError for errors."""
     inputs = _inputs("compare", given, options)
-    for name, roles in (
-        ("machine", ("machine",)),
-        ("part", ("part",)),
-        ("readings", ("lbb", "laser")),
-        ("drift", ("drift",)),
-        ("points", ("cmm",)),
-    ):
+    for kind, roles in KINDS.items():
         if any(inputs.files(role) for role in roles):
-            getattr(inputs, name)
+            getattr(inputs, kind)
     return list(inputs.suspicions)
 
 
@@ -157,11 +102,11 @@ def simulate(*given: Any, make: str = "cmm", **options: Any) -> Result:
     True
     """
     option = f"write_{make}"
-    if option not in ENDINGS or make not in ROLES:
+    if make not in ("lbb", "cmm", "drift"):
         raise ValueError(f"make: {make!r} is none of 'lbb', 'cmm', 'drift'")
     inputs = _inputs("simulate", given, options)
     inputs.options.values[option] = Path(f"{make}.csv")
-    return _result("simulate", inputs)
+    return result_of(inputs, analysis_of("simulate"))
 
 
 def function_of(name: str) -> Callable[..., Result]:
@@ -176,41 +121,33 @@ def function_of(name: str) -> Callable[..., Result]:
 
 
 def _run(command: str, *given: Any, **options: Any) -> Result:
-    return _result(command, _inputs(command, given, options))
-
-
-def _result(command: str, inputs: Inputs) -> Result:
-    outcome: Outcome = analysis_of(command)(inputs, inputs.settings)
-    warnings = (*inputs.suspicions, *outcome.warnings)
-    return Result(command, warnings, outcome, inputs)
+    return result_of(_inputs(command, given, options), analysis_of(command))
 
 
 def _inputs(command: str, given: Iterable[Any], options: Mapping[str, Any]) -> Inputs:
     """The inputs of a call: what was read already takes the place of its file."""
     keys = [key for key in COMMANDS[command].options.split() if key not in OUTPUTS]
+    known = {key.partition(":")[0]: OPTIONS[key] for key in (*keys, *ROLES) if key in OPTIONS}
     values = {key.partition(":")[0]: OPTIONS[key].default for key in keys}
     values = {name: None if value is REQUIRED else value for name, value in values.items()}
-    unknown = options.keys() - values.keys() - {*ROLES}
-    if unknown:
+    if unknown := options.keys() - values.keys() - {*ROLES}:
         raise TypeError(f"{command} has no option {', '.join(sorted(unknown))}")
-    values |= {key: value for key, value in options.items() if not isinstance(value, Result)}
-    if isinstance(at := values.get("at"), Mapping):
-        values["at"] = [f"{name}={value}" for name, value in at.items()]
-    for key in {*keys, *ROLES}:
-        name, option = key.partition(":")[0], OPTIONS[key]
-        value = values.get(name)
-        if value is None:
+    for name, value in options.items():
+        if isinstance(value, Result) or value is None:
             continue
-        if option.many:
-            value = [value] if isinstance(value, (str, Path, float, int)) else list(value)
-            values[name] = [Path(each) for each in value] if option.kind is Path else value
-        elif option.kind is Path:
-            values[name] = Path(value)
+        many = known[name].many
+        if name == "at" and isinstance(value, Mapping):
+            value = [f"{key}={item}" for key, item in value.items()]
+        elif many and isinstance(value, (str, Path, float, int)):
+            value = [value]
+        if known[name].kind is Path:
+            value = [Path(each) for each in value] if many else Path(value)
+        values[name] = value
     read: dict[str, Any] = {}
     for item in (*given, *(value for value in options.values() if isinstance(value, Result))):
         _place(item, command, values, read)
     inputs = Inputs(Options(command.replace(" ", "-"), values))
-    for kind in ("machine", "part", "reports", "readings", "drift", "points"):
+    for kind in KINDS:
         if kind in read:
             inputs.taken(kind, read[kind])
     return inputs

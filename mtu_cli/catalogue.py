@@ -88,7 +88,6 @@ CATALOGUE: dict[str, Kind] = {
     # The machine.
     "unused": _warning("the {what} '{name}' is in no equation"),
     # Calls.
-    "option-without-effect": _error("changes nothing in what is written"),
     "option-not-used": _warning("changes nothing{why}"),
     "usage": _error("{reason}"),
     "out-of-range": _error("out of range"),
@@ -228,17 +227,9 @@ CATALOGUE: dict[str, Kind] = {
         "squares): an error is actual minus nominal"
     ),
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
-    "coarse-digit": _warning(
-        "{columns} of the points are given to {digits_um} um, and u = {u_um:.2g} um is predicted: "
-        "the digit hides the scatter of the parts"
-    ),
     "covariate-averaged": _warning(
         "{names} differs from part to part: what the model says of it is taken out of the measured "
         "parts, beyond its mean"
-    ),
-    "calibrated-far-from-measured": _warning(
-        "{name} measures {measured_mm:.6g} mm on part {part!r} and is calibrated as "
-        "{calibrated_mm:.6g} mm"
     ),
     "no-thermal-component": _warning(
         "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "

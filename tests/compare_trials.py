@@ -18,9 +18,16 @@ from mtu_cli.files.source import Source
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
+from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points
-from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
+from mtu_cli.model.simulate import (
+    PartsPlan,
+    ReadingsPlan,
+    SimulatedPoints,
+    simulate_points,
+    simulate_readings,
+)
+from mtu_cli.model.variance import Block
 from mtu_cli.model.visits import Datum
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -97,3 +104,35 @@ def trial(passes: int, seed: int, datum: Datum = "none", **plan: float) -> Compa
     numbers: Mapping[str, float] = plan
     points = made(truth, part, seed + 1_000_000, **numbers)  # type: ignore[arg-type]  # by name
     return compare(fitted(passes, seed), part, points, Settings(), datum)
+
+
+def predicted(
+    mean: FloatArray,
+    coefficients: FloatArray,
+    scatter: FloatArray,
+    independent: FloatArray,
+    dof: tuple[float, float],
+) -> Prediction:
+    """Errors along x of some features: the variance of the coefficients and that of one visit, a
+    mean square each.
+    """
+    m = len(mean)
+    block = Block(
+        names=("dx",),
+        columns=(slice(0, m),),
+        G=np.eye(m),
+        C=np.diag(coefficients),
+        D=np.zeros((m, m)),
+        noise=np.sqrt(scatter)[:, None],
+        pass_dof=dof[0],
+        repeat_dof=(dof[1],),
+    )
+    return Prediction(
+        ids=tuple(map(str, range(m))),
+        axes=("x",),
+        points=np.zeros((m, 3)),
+        mean=mean,
+        blocks=(block,),
+        independent_variance=independent,
+        outside=(),
+    )

@@ -24,7 +24,7 @@ from mtu_cli.files.source import Source
 from mtu_cli.language import parse
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.fit import estimates_from_fit
-from mtu_cli.model.machine_model import MachineModel, build_model, component_term
+from mtu_cli.model.machine_model import MachineModel, Term, build_model
 from mtu_cli.units import UNITS
 
 FloatArray = NDArray[np.float64]
@@ -88,7 +88,7 @@ def model_of(
         name="m",
         axes=axes,
         terms=tuple(
-            component_term(item, {axis: parse(text) for axis, text in levers.items()})
+            Term(estimate=item, levers={axis: parse(text) for axis, text in levers.items()})
             for item, levers in terms
         ),
         remainders=dict.fromkeys(axes, ()),

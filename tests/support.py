@@ -15,7 +15,7 @@ from mtu_cli.files.reports_read import ComponentsReport, read_report
 from mtu_cli.files.write import made_ready
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
-from mtu_cli.model.simulate_readings import SimulatedReadings
+from mtu_cli.model.simulate import SimulatedReadings
 
 ROOT = Path(__file__).resolve().parent.parent
 CONFIGS = ROOT / "configs"

@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.analyses.observability import NotDetermined, not_estimable, observability
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.basis import Powers
-from mtu_cli.model.estimates import (
-    ComponentEstimate,
-    Estimates,
-    JointPasses,
-)
+from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.model.passes import Passes
+from mtu_cli.model.passes import PassKey
 from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray
@@ -27,9 +23,8 @@ from mtu_cli.units import Unit
 
 NOTHING = 1e-9
 """Share of the figures beside it below which a scatter is the rounding of their sums."""
-Scatter = tuple[float | None, float | None]
-Significant = Mapping[str, set[str]]
-"""By test the ``component\\nrole`` that are significant among all of their kind."""
+Flags = Mapping[str, set[tuple[str, str]]]
+"""By test the (component, role) that are significant among all of their kind."""
 TESTS: dict[str, Callable[[InstrumentFit], FTest | Shift | None]] = {
     "drift": lambda item: item.scatter,
     "trend": lambda item: item.trend,
@@ -38,8 +33,7 @@ TESTS: dict[str, Callable[[InstrumentFit], FTest | Shift | None]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tested:
+class Tested(NamedTuple):
     """A test: F or the size of a shift as `value` with its `u` (None of F), p, degrees of
     freedom; `significant` among all components (Bonferroni). `unit` is that of the component.
     """
@@ -52,12 +46,11 @@ class Tested:
     unit: Unit
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Run:
+class Run(NamedTuple):
     """Passes there and back, each as (file, number, direction), in time."""
 
     role: str
-    passes: tuple[tuple[int, int, int], ...]
+    passes: tuple[PassKey, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +69,10 @@ class Line:
     covariance: FloatArray
     passes_read: int | None
     runs_read: int | None
+    n: int | None
+    dof: int | None
     s_repeat: float
-    scatter: Scatter
+    scatter: tuple[float | None, float | None]
     tests: Mapping[str, Tested]
     r2: float | None
     agreement_p: float | None = None
@@ -88,10 +83,8 @@ class Instrument(Line):
     """One instrument's readings of a component; `s` and `dof` of all readings as repeats."""
 
     role: str
-    n: int
     n_passes: int | None
     s: float
-    dof: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,16 +94,13 @@ class Component(Line):
     `pass_center` is the position (mm) at which the pass-to-pass intercept is stated: 0 without
     readings; with several instruments the mean of all their readings. There are, (q, q) of this
     intercept and the slope (q is 1 for a constant), the unbiased `pass_covariance_moment` that
-    predictions use, which may have a negative part, `pass_covariance` less that part, which
-    stands for passes that differ by less than repeatability alone would make them, the mean square
-    `half_differences` of runs there and back (None without runs), and their `run_covariance`, of
-    several instruments, else None.
+    predictions use, which may have a negative part, `pass_covariance` less that part, the mean
+    square `half_differences` of runs there and back (None without runs), and their
+    `run_covariance`, of several instruments, else None.
     """
 
     estimate: ComponentEstimate
     says: str | None
-    n: int | None
-    dof: int | None
     runs: tuple[Run, ...] | None
     pass_center: float
     pass_covariance: FloatArray
@@ -158,15 +148,12 @@ def fit_result(
     coverage_factor: float = 2.0,
 ) -> FitResult:
     """The figures of a fit; `estimates` holds the components of the machine file too."""
+    items = [(x.name, item) for x in fit.components.values() for item in x.instruments]
     flags = {}
-    for name, test in TESTS.items():
-        p_values = {
-            f"{component.name}\n{item.role}": made.p
-            for component in fit.components.values()
-            for item in component.instruments
-            if (made := test(item)) is not None
-        }
-        flags[name] = set(significant(p_values))
+    for key, test in TESTS.items():
+        made = {f"{name}\n{item.role}": test(item) for name, item in items}
+        found = significant({pair: each.p for pair, each in made.items() if each is not None})
+        flags[key] = {(name, role) for name, _, role in (pair.partition("\n") for pair in found)}
     undetermined = tuple(observability(fit, estimates))
     return FitResult(
         machine=machine,
@@ -185,15 +172,15 @@ def fit_result(
 
 def _warnings(fit: MachineFit) -> list[Finding]:
     """Why figures of several instruments are not estimable, and what trends rest on."""
-    noted = []
-    if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
+    read, noted = fit.components.items(), []
+    if several := [name for name, x in read if len(x.instruments) > 1]:
         reason = "several instruments: see `instruments`"
         noted.append(finding("not-estimable", quantity="dof and r2", names=several, reason=reason))
     # Of trends through several files without times the order of the files is their time.
     of_files = [
         name
-        for name, component in fit.components.items()
-        if any(x.trend is not None and x.trend_of_files for x in component.instruments)
+        for name, x in read
+        if any(item.trend and item.trend_of_files for item in x.instruments)
     ]
     if of_files:
         noted.append(finding("order-of-files", names=of_files, expected="a column time"))
@@ -201,23 +188,19 @@ def _warnings(fit: MachineFit) -> list[Finding]:
 
 
 def _component(
-    estimate: ComponentEstimate, fit: ComponentFit | None, says: str | None, flags: Significant
+    estimate: ComponentEstimate, fit: ComponentFit | None, says: str | None, flags: Flags
 ) -> Component:
     items = () if fit is None else fit.instruments
     one = items[0] if len(items) == 1 else None
+    centre = float(np.concatenate([item.position for item in items]).mean()) if items else 0.0
+    T = estimate.shape.at_centre(centre)
+    moment, halves = T @ estimate.pass_covariance @ T.T, _turned(estimate.half_differences, T)
+    D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
     if one is not None:
         # Where some pass has one position only the level varies from pass to pass, not the slope.
-        q, centre = min(2, len(estimate.coefficients)), float(one.fit.center)
-        D, moment = _padded(one.fit.D, q), _padded(one.fit.D_moment, q)
-        halves = one.fit.half_differences
-        halves = None if halves is None else _padded(halves, q)
-    else:
-        read = [item.position for item in items]
-        centre = float(np.concatenate(read).mean()) if read else 0.0
-        T = estimate.shape.at_centre(centre)
-        moment = T @ estimate.pass_covariance @ T.T
-        D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
-        halves = _at(centre, estimate, estimate.half_differences)
+        centre, P = float(one.fit.center), np.eye(min(2, len(T[0])), len(one.fit.D))
+        D, moment = P @ one.fit.D @ P.T, P @ one.fit.D_moment @ P.T
+        halves = _turned(one.fit.half_differences, P)
     counts = [len(item.keys_read) for item in items]
     runs = tuple(run for item in items for run in _runs(item))
     s_pass, level = float(np.sqrt(D[0, 0])), float(estimate.coefficients[0])
@@ -230,6 +213,8 @@ def _component(
         covariance=estimate.covariance,
         passes_read=sum(counts) if counts and all(counts) else None,
         runs_read=len(runs) or None,
+        n=sum(len(item.error) for item in items) if items else None,
+        dof=None if one is None else int(one.fit.plain.dof),
         s_repeat=estimate.s_repeat,
         scatter=_scatter(estimate.s_repeat, s_pass, level, items),
         tests={} if one is None else _tests(estimate, one, flags),
@@ -237,26 +222,23 @@ def _component(
         agreement_p=None if fit is None else fit.agreement_p,
         estimate=estimate,
         says=says,
-        n=sum(len(item.error) for item in items) if items else None,
-        dof=None if one is None else int(one.fit.plain.dof),
         runs=runs or None,
         pass_center=centre,
         pass_covariance=D,
         pass_covariance_moment=moment,
         half_differences=halves,
-        run_covariance=_at(centre, estimate, estimate.run_covariance),
+        run_covariance=_turned(estimate.run_covariance, T),
         instruments=tuple(_instrument(estimate, item, centre, flags) for item in items),
     )
 
 
 def _instrument(
-    estimate: ComponentEstimate, item: InstrumentFit, centre: float, flags: Significant
+    estimate: ComponentEstimate, item: InstrumentFit, centre: float, flags: Flags
 ) -> Instrument:
     fit, b, s_repeat = item.fit, item.fit.plain.coefficients, float(np.sqrt(item.fit.s2))
     line = Powers(len(b) - 1)
     T = line.at_centre(centre) @ line.of_line(fit.center, len(fit.D))
-    variance = max((T @ fit.D @ T.T)[0, 0], 0.0)
-    runs = _runs(item)
+    s_pass = float(np.sqrt(max((T @ fit.D @ T.T)[0, 0], 0.0)))
     return Instrument(
         label=f"  {item.role}",
         of="",
@@ -265,48 +247,40 @@ def _instrument(
         coefficients=b,
         covariance=fit.covariance,
         passes_read=len(item.keys_read) or None,
-        runs_read=None if item.read is None else len(runs),
+        runs_read=None if item.read is None else len(_runs(item)),
+        n=len(item.error),
+        dof=int(fit.plain.dof),
         s_repeat=s_repeat,
-        scatter=_scatter(s_repeat, float(np.sqrt(variance)), float(b[0]), [item]),
+        scatter=_scatter(s_repeat, s_pass, float(b[0]), [item]),
         tests=_tests(estimate, item, flags),
         r2=_r2(item),
         role=item.role,
-        n=len(item.error),
         n_passes=fit.n_passes if fit.separated else None,
         s=float(np.sqrt(fit.plain.s2)),
-        dof=int(fit.plain.dof),
     )
 
 
-def _padded(D: FloatArray, q: int) -> FloatArray:
-    whole = np.zeros((q, q))
-    whole[: len(D), : len(D)] = D
-    return whole
-
-
-def _at(centre: float, estimate: ComponentEstimate, D: FloatArray | None) -> FloatArray | None:
-    """The (q, q) covariance of intercept at the centre and slope from that of coefficients."""
-    T = estimate.shape.at_centre(centre)
+def _turned(D: FloatArray | None, T: FloatArray) -> FloatArray | None:
     return None if D is None else T @ D @ T.T
 
 
-def runs_of(read: Passes) -> list[list[tuple[int, int, int]]]:
-    """The passes of each run, runs and passes in time."""
-    in_time = np.argsort(read.order, kind="stable")
-    return [[read.keys[g] for g in in_time if read.runs[g] == run] for run in np.unique(read.runs)]
-
-
 def _runs(item: InstrumentFit) -> list[Run]:
-    """The runs of an instrument, files numbered from 1; none where no passes are given."""
-    return [
-        Run(role=item.role, passes=tuple((file + 1, number, way) for file, number, way in keys))
-        for keys in (runs_of(item.read) if item.read is not None else ())
-    ]
+    """The runs of an instrument, runs and passes in time, files numbered from 1; none where no
+    passes are given.
+    """
+    read = item.read
+    if read is None:
+        return []
+    found: dict[int, list[PassKey]] = {}
+    for g in np.argsort(read.order, kind="stable").tolist():
+        file, number, way = read.keys[g]
+        found.setdefault(int(read.runs[g]), []).append((file + 1, number, way))
+    return [Run(item.role, tuple(found[run])) for run in sorted(found)]
 
 
 def _scatter(
     s_repeat: float, s_pass: float, level: float, items: Sequence[InstrumentFit]
-) -> Scatter:
+) -> tuple[float | None, float | None]:
     """`items` are the instruments, none of a component of the machine file."""
     fits = [item.fit for item in items]
     s_pass = 0.0 if s_pass <= NOTHING * max(s_repeat, abs(level)) else s_pass
@@ -315,29 +289,25 @@ def _scatter(
     return s_repeat if repeated else None, s_pass if several else None
 
 
-def _tests(
-    estimate: ComponentEstimate, item: InstrumentFit, flags: Significant
-) -> dict[str, Tested]:
+def _tests(estimate: ComponentEstimate, item: InstrumentFit, flags: Flags) -> dict[str, Tested]:
     """By name, those that the readings allow."""
     found = {}
     for name, test in TESTS.items():
-        made = test(item)
-        if made is None:
+        if (made := test(item)) is None:
             continue
-        figures: dict[str, Any] = (
-            {"value": made.F, "u": None, "dof": (made.df_numerator, made.df_denominator)}
-            if isinstance(made, FTest)
-            else {"value": made.value, "u": made.u, "dof": made.dof}
-        )
-        flag = f"{estimate.name}\n{item.role}" in flags[name]
-        found[name] = Tested(**figures, p=made.p, significant=flag, unit=estimate.unit)
+        flag = (estimate.name, item.role) in flags[name]
+        if isinstance(made, FTest):
+            dof = (made.df_numerator, made.df_denominator)
+            found[name] = Tested(made.F, None, made.p, dof, flag, estimate.unit)
+        else:
+            found[name] = Tested(made.value, made.u, made.p, made.dof, flag, estimate.unit)
     return found
 
 
 def _r2(item: InstrumentFit) -> float | None:
     """Share of the readings' variance that the polynomial explains; None for a constant."""
     about_mean = float(((item.error - item.error.mean()) ** 2).sum())
-    if len(item.fit.plain.coefficients) < 2 or about_mean == 0:
+    if item.powers < 2 or about_mean == 0:
         return None
     return float(1.0 - item.fit.plain.rss / about_mean)
 
@@ -345,19 +315,18 @@ def _r2(item: InstrumentFit) -> float | None:
 def _shared(fit: MachineFit, estimates: Estimates, group: JointPasses) -> SharedPasses:
     units = [estimates.components[name].unit.to_internal for name in group.components]
     sizes = np.repeat(units, group.widths)
-    names: list[str] = []
-    columns = []
-    for name in group.components:
-        # Of the passes' lines from their mean by direction.
-        deviations = fit.components[name].instruments[0].fit.deviations
-        names += [f"{name} {what}" for what in ("level", "slope")[: deviations.shape[1]]]
-        columns.append(deviations)
-    joined = np.column_stack(columns)
+    # Of the passes' lines from their mean by direction.
+    lines = {name: fit.components[name].instruments[0].fit.deviations for name in group.components}
+    joined = np.column_stack([*lines.values()])
     norms = np.linalg.norm(joined, axis=0)
     norms[norms == 0] = np.nan
     return SharedPasses(
         group=group,
         units=np.outer(sizes, sizes),
-        correlation_of=tuple(names),
+        correlation_of=tuple(
+            f"{name} {what}"
+            for name, own in lines.items()
+            for what in ("level", "slope")[: own.shape[1]]
+        ),
         correlation=(joined / norms).T @ (joined / norms),
     )

@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.part import Length, LoadedPart
+from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.effect_ranges import effect_warnings_at
-from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.features import dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measurands import differences, length_gradient, length_measure
 from mtu_cli.model.prediction import Prediction, predict
@@ -21,14 +20,12 @@ from mtu_cli.model.settings import (
     convergence_warnings,
     validation_warnings,
 )
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.trials import Conformance, PointTrials, conformance_of, joint_conformance
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
-from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
 
 
@@ -88,7 +85,10 @@ def predict_lengths(
 
     Raises InputError for a missing covariate or coordinate, or a part without lengths.
     """
-    entries = _entries(part)
+    entries = part.part.lengths
+    if not entries:
+        reason, expected = "the part has no lengths to predict", "lengths: [{from: '3', to: '9'}]"
+        raise error("not-applicable", reason=reason, file=part.source.shown, expected=expected)
     names, ends = tuple(x.id for x in entries), tuple((x.from_, x.to) for x in entries)
     features, points, noted = feature_points(part, model, [name for pair in ends for name in pair])
     prediction = predict(model, features, points, covariates)
@@ -101,7 +101,12 @@ def predict_lengths(
     if settings.independent:
         variance, dof = independent, np.full(len(names), np.inf)
     u = np.sqrt(variance)
-    trials = _trials(prediction, names, pairs, delta, gradient, dof, settings)
+    measure, combine = length_measure(prediction, pairs, delta)
+    owner = np.tile(np.arange(len(names)), len(prediction.axes))
+    alone = settings.independent
+    trials = PointTrials(
+        prediction, names, measure, combine, owner, gradient, dof, independent=alone
+    )
     run, errors = settings.run(trials), trials.linear_mean
     half = np.array([coverage_factor(PROBABILITY, each) for each in dof]) * u
     separate = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
@@ -127,7 +132,7 @@ def predict_lengths(
         u_uncorrelated=np.sqrt(np.where(uncorrelated >= 0, uncorrelated, np.nan)),
         u_bounds=np.array([ends for ends, _ in bounds]),
         pair=tuple(pair for _, pair in bounds),
-        shares=tuple(None if settings.independent else shared.shares(i) for i in range(len(names))),
+        shares=tuple(None if alone else shared.shares(i) for i in range(len(names))),
         conformance=tuple(conformance),
         validation=validation,
         outside=tuple(not prediction.beyond.keys().isdisjoint(pair) for pair in ends),
@@ -137,49 +142,11 @@ def predict_lengths(
         warnings=(
             *noted,
             *_planar_warnings(model, delta, names),
-            *outside_warnings(prediction),
-            *temperature_warnings(model, points, covariates or {}),
-            *effect_warnings_at(model, points, covariates or {}),
+            *prediction_warnings(model, prediction, covariates),
             *dof_warnings(names, dof),
             *validation_warnings(names, validation, "um", UM),
             *convergence_warnings(run),
         ),
-    )
-
-
-def _entries(part: LoadedPart) -> Sequence[Length]:
-    entries = part.part.lengths
-    if not entries:
-        raise error(
-            "not-applicable",
-            reason="the part has no lengths to predict",
-            file=part.source.shown,
-            expected="lengths: [{from: '3', to: '9'}]",
-        )
-    return entries
-
-
-def _trials(
-    prediction: Prediction,
-    names: tuple[str, ...],
-    pairs: np.ndarray,
-    delta: FloatArray,
-    gradient: FloatArray,
-    dof: FloatArray,
-    settings: Settings,
-) -> PointTrials:
-    """The lengths as functions of the predicted errors, and their first-order form."""
-    measure, combine = length_measure(prediction, pairs, delta)
-    return PointTrials(
-        prediction,
-        names,
-        measure,
-        combine,
-        np.tile(np.arange(len(names)), len(prediction.axes)),
-        measure((combine @ prediction.mean)[:, None], Workspace())[:, 0],
-        gradient,
-        dof,
-        independent=settings.independent,
     )
 
 
@@ -199,13 +166,10 @@ def _bounds(
 
 
 def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Finding]:
-    missing = [axis for axis in AXES if axis not in model.axes]
-    return [
-        finding(
-            "axis-without-equation",
-            axis=axis,
-            consequence=f"lengths along {axis} ({names[i]}, ...) have no predicted error there",
-        )
-        for axis in missing
-        for i in np.flatnonzero(np.abs(delta[:, AXES.index(axis)]) > 1e-9)[:1]
-    ]
+    found = []
+    for axis, along in zip(AXES, np.abs(delta).T, strict=True):
+        if axis not in model.axes and (along > 1e-9).any():
+            first = names[int(np.argmax(along > 1e-9))]
+            consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
+            found.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+    return found

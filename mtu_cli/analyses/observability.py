@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.estimation import ComponentFit, InstrumentFit
+from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 
@@ -83,55 +83,60 @@ def _of_scatter(item: InstrumentFit, *, without_axis: bool) -> Checks:
     """What readings, passes and repeats are too few for."""
     fit, passes = item.fit, len(item.keys_read)
     if not fit.plain.dof > 0:
-        because = f"{_count(len(item.error), 'reading')} for as many coefficients"
+        because = f"{counted(len(item.error), 'reading')} for as many coefficients"
         yield "uncertainty", because, "more readings of it, best in several passes"
     if not fit.separated:
-        what = "pass-to-pass drift apart from repeatability"
-        because = f"{_count(passes, 'reading' if without_axis else 'pass')} only"
-        would = "repeat the run at least 3 times, numbered in `pass`"
-        yield what, because if passes else "no `pass` is given", would
+        what = ("reading", "") if without_axis else ("pass", "passes")
+        because = f"{counted(passes, *what)} only"
+        yield (
+            "pass-to-pass drift apart from repeatability",
+            because if passes else "no `pass` is given",
+            "repeat the run at least 3 times, numbered in `pass`",
+        )
         return
-    if len(fit.D) != min(2, len(fit.plain.coefficients)):
-        what, because = "pass-to-pass change of slope", "some passes have one position only"
-        yield what, because, "read every pass at two positions or more"
+    if len(fit.D) != min(2, item.powers):
+        because = "some passes have one position only"
+        would = "read every pass at two positions or more"
+        yield "pass-to-pass change of slope", because, would
     if item.trend is None:
-        enough, few = fit.pass_dof >= 2, f"{_count(fit.n_passes, 'pass')} only"
+        enough, few = fit.pass_dof >= 2, f"{counted(fit.n_passes, 'pass', 'passes')} only"
         would = "at least 4 passes, in each direction where both are read"
         if by_runs(fit):
-            runs = len(fit.pairs)
-            enough, few = runs >= FEWEST_OF_TREND, f"{_count(runs, 'run')} there and back only"
+            enough = len(fit.pairs) >= FEWEST_OF_TREND
+            few = f"{counted(len(fit.pairs), 'run')} there and back only"
             would = f"at least {FEWEST_OF_TREND} runs there and back"
         because = "the levels of its passes do not differ" if enough else few
         yield "steady drift from pass to pass", because, would
     if not fit.within_dof > 0:
-        yield (
-            "repeatability of one visit",
-            "nothing is repeated within a pass (a move from the other side is no repeat): all its "
-            "scatter counts as pass-to-pass",
-            "read it at least twice in a pass from the same side, in the same set-up",
+        because = (
+            "nothing is repeated within a pass (a move from the other side is no repeat): all "
         )
+        because += "its scatter counts as pass-to-pass"
+        would = "read it at least twice in a pass from the same side, in the same set-up"
+        yield "repeatability of one visit", because, would
 
 
 def _of_shape(item: InstrumentFit) -> Checks:
     """What directions and positions are too few for."""
-    seen = {int(sign) for sign in np.sign(item.direction)}
+    forward, reverse = (bool((item.direction * sign > 0).any()) for sign in (1, -1))
     if item.reversal is None:
         would = "run each pass in both directions, given in `direction`"
-        if not seen & {-1, 1}:
-            yield "reversal", "no `direction` is given", would
-        elif {-1, 1} - seen:
-            yield "reversal", f"read {'forward' if 1 in seen else 'in reverse'} only", would
+        if not (forward or reverse):
+            because = "no `direction` is given"
+        elif not (forward and reverse):
+            because = f"read {'forward' if forward else 'in reverse'} only"
         elif item.fit.separated and item.fit.n_passes >= FEWEST_PASSES:
-            yield "reversal", "its passes do not differ", "readings that scatter"
+            because, would = "its passes do not differ", "readings that scatter"
         else:
-            few = "too few passes to judge it by their scatter"
-            yield "reversal", few, "at least 3 passes there and back"
+            because = "too few passes to judge it by their scatter"
+            would = "at least 3 passes there and back"
+        yield "reversal", because, would
     if item.lack_of_fit is None and item.profile is None:
-        positions, k = len(np.unique(item.position)), len(item.fit.plain.coefficients)
+        positions, k = len(np.unique(item.position)), item.powers
         would = "the same positions again, in two passes or more"
         because = "no position is repeated often enough"
         if positions <= k:
-            because = f"{_count(positions, 'position')} for {_count(k, 'coefficient')}"
+            because = f"{counted(positions, 'position')} for {counted(k, 'coefficient')}"
             would = f"readings at {k + 1} positions or more"
         elif positions > MAX_POSITIONS:
             because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
@@ -140,41 +145,22 @@ def _of_shape(item: InstrumentFit) -> Checks:
 
 def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     """Components whose passes are not those of any other, or of some others only."""
-    separated = {
-        name: found
-        for name, found in fit.components.items()
-        if any(item.fit.separated for item in found.instruments)
-    }
+    read = {name: x.instruments for name, x in fit.components.items()}
+    read = {name: own for name, own in read.items() if any(item.fit.separated for item in own)}
     groups = [group.components for group in estimates.joint]
-    grouped = {name for group in groups for name in group}
-    would = _together(separated.values())
-    for name, found in separated.items():
-        if name in grouped or len(separated) < 2:
+    # A time or a set-up makes none of passes that went other ways.
+    ways = {frozenset(item.direction.tolist()) for own in read.values() for item in own}
+    would = "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
+    if len(ways) > 1:
+        would = "read it in the same directions of the same passes (same set-up) as the others"
+    for name, own in read.items():
+        if any(name in group for group in groups) or len(read) < 2:
             continue
         because, reading = "read in passes of its own", would
-        if len(found.instruments) > 1:
+        if len(own) > 1:
             because = "read by several instruments"
             reading = "read it by one instrument, in the same passes as the others"
         yield NotDetermined(name, _ALONE, because, reading)
     because = "each group was read in passes of its own, or in other directions"
     for group in groups if len(groups) > 1 else ():
         yield NotDetermined(", ".join(group), _GROUPS, because, would)
-
-
-def _together(components: Iterable[ComponentFit]) -> str:
-    """What would make passes those of others, too: a time or a set-up makes none of passes that
-    went other ways.
-    """
-    ways = {
-        frozenset(np.unique(item.direction).tolist())
-        for found in components
-        for item in found.instruments
-    }
-    if len(ways) > 1:
-        return "read it in the same directions of the same passes (same set-up) as the others"
-    return "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
-
-
-def _count(count: int, what: str) -> str:
-    plural = f"{what}es" if what.endswith("s") else f"{what}s"
-    return f"{count} {what if count == 1 else plural}"

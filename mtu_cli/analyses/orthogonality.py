@@ -11,10 +11,9 @@ import numpy as np
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.part import Orthogonality as RightAngle
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.effect_ranges import effect_warnings_at
-from mtu_cli.model.features import NO_U, dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.features import NO_U, dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measurands import AngleTrials, Line, angle_error, check_square, contrasts
+from mtu_cli.model.measurands import AngleTrials, angle_error, check_square, contrasts
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import (
     PROBABILITY,
@@ -101,29 +100,24 @@ def predict_orthogonality(
 
     Raises InputError for a missing covariate or coordinate.
     """
+    entries = part.part.orthogonality
     for axis in ("x", "y"):
         if axis not in model.axes:
-            raise error(
-                "not-applicable",
-                reason=f"the machine {model.name!r} has no equation E{axis}",
-                expected="Ex and Ey: an angle in the plane needs both",
-            )
-    if not part.part.orthogonality:
-        raise error(
-            "not-applicable",
-            reason="the part has no orthogonality to predict",
-            file=part.source.shown,
-            expected="orthogonality: [{id: xy, row: [...], column: [...]}]",
-        )
-    check_square(part, range(len(part.part.orthogonality)))
+            reason = f"the machine {model.name!r} has no equation E{axis}"
+            expected = "Ex and Ey: an angle in the plane needs both"
+            raise error("not-applicable", reason=reason, expected=expected)
+    if not entries:
+        reason = "the part has no orthogonality to predict"
+        expected = "orthogonality: [{id: xy, row: [...], column: [...]}]"
+        raise error("not-applicable", reason=reason, file=part.source.shown, expected=expected)
+    check_square(part, range(len(entries)))
     angles: list[Orthogonality] = []
     warnings: list[Finding] = []
-    for entry in part.part.orthogonality:
+    for entry in entries:
         ids, points, noted = feature_points(part, model, [*entry.row, *entry.column])
         prediction = predict(model, ids, points, covariates)
         angles.append(_angle(entry, prediction, settings))
-        warnings += [*noted, *outside_warnings(prediction)]
-        warnings += effect_warnings_at(model, points, covariates or {})
+        warnings += [*noted, *prediction_warnings(model, prediction, covariates)]
         warnings += dof_warnings([entry.id], np.array([angles[-1].first_order.dof]))
     names, validations = [x.id for x in angles], [x.validation for x in angles]
     if without_u := [x.id for x in angles if not np.isfinite(x.run.u[0])]:
@@ -136,9 +130,11 @@ def predict_orthogonality(
 def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Orthogonality:
     name, row, column = entry.id, entry.row, entry.column
     papers = angle_trials(name, row, column, prediction, independent=True)
-    chosen = angle_trials(name, row, column, prediction, independent=settings.independent)
     independent = settings.run(papers, keep=DRAWN)
-    run = independent if settings.independent else settings.run(chosen, keep=DRAWN)
+    chosen, run = papers, independent
+    if not settings.independent:
+        chosen = angle_trials(name, row, column, prediction, independent=False)
+        run = settings.run(chosen, keep=DRAWN)
     mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
     u, by_trials = float(chosen.linear_u[0, 0]), float(run.u[0])
     half = coverage_factor(PROBABILITY, dof) * u
@@ -188,18 +184,11 @@ def plain_angle_trials(
     """The same with all errors drawn and the two lines laid through them: slow, for reference."""
     places = _places(prediction, row, column)
     measure, combine = angle_measure(prediction, *places)
-    mean = measure((combine @ prediction.mean)[:, None], Workspace())[:, 0].copy()
     gradient = angle_gradient(prediction, *places)[None, :]
+    dof = np.full(1, np.inf) if independent else prediction.variance(gradient).dof
+    owner = np.zeros(len(combine), np.int64)
     return PointTrials(
-        prediction,
-        (name,),
-        measure,
-        combine,
-        np.zeros(len(combine), np.int64),
-        mean,
-        gradient,
-        np.full(1, np.inf) if independent else prediction.variance(gradient).dof,
-        independent=independent,
+        prediction, (name,), measure, combine, owner, gradient, dof, independent=independent
     )
 
 
@@ -218,43 +207,33 @@ def angle_measure(
     A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2, the same of n - 1 orthonormal
     contrasts of the coordinates as of the n coordinates less their mean.
     """
-    along = [_select(prediction, row, "x"), _select(prediction, column, "y")]
-    across = [_select(prediction, row, "y"), _select(prediction, column, "x")]
+    a, ends = len(prediction.axes), np.cumsum([len(row), len(row), len(column)]) - [1, 2, 3]
+    every = np.eye(len(prediction.mean)).reshape(-1, a, len(prediction.mean))
+    of_axis = {axis: every[:, i] for i, axis in enumerate(prediction.axes)}
     combine = np.vstack(
-        [contrasts(len(each)) @ each for pair in zip(along, across, strict=True) for each in pair]
+        [contrasts(len(own)) @ of_axis[axis][own] for own, axis in _coordinates(row, column)]
     )
-    lines = _by_design(prediction, row, column)
-    nominal = np.concatenate(lines)
-    n = len(row) - 1, len(column) - 1
+    nominal = np.concatenate(_by_design(prediction, row, column))
+    u_r, v_r, u_c, v_c = np.split(nominal, ends)
 
     def measure(combined: FloatArray, work: Workspace) -> FloatArray:
         placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
-        return angle_error(_lines(placed, n), _lines(nominal, n))[None, :]
+        of_row, of_column = np.split(placed, ends)[:2], np.split(placed, ends)[2:]
+        lines = (of_row[0], of_row[1]), (of_column[0], of_column[1])
+        return angle_error(lines, ((u_r, v_r), (u_c, v_c)))[None, :]
 
     return measure, combine
 
 
-def _by_design(
-    prediction: Prediction, row: IntArray, column: IntArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Contrasts (features - 1, 1) of the coordinates along and across the row, then the column."""
-    x, y = (prediction.points[:, [AXES.index(axis)]] for axis in ("x", "y"))
-    H_r, H_c = contrasts(len(row)), contrasts(len(column))
-    return H_r @ x[row], H_r @ y[row], H_c @ y[column], H_c @ x[column]
+def _coordinates(row: IntArray, column: IntArray) -> list[tuple[IntArray, str]]:
+    """Features and axis along and across the row, then the column."""
+    return [(row, "x"), (row, "y"), (column, "y"), (column, "x")]
 
 
-def _lines(coordinates: FloatArray, n: tuple[int, int]) -> tuple[Line, Line]:
-    """Row and column out of contrasts (2 n_r + 2 n_c, m): along, then across, of each."""
-    row, column = coordinates[: 2 * n[0]], coordinates[2 * n[0] :]
-    return (row[: n[0]], row[n[0] :]), (column[: n[1]], column[n[1] :])
-
-
-def _select(prediction: Prediction, which: IntArray, axis: str) -> FloatArray:
-    """The matrix (features, rows) that picks the errors along an axis."""
-    a = len(prediction.axes)
-    picked = np.zeros((len(which), len(prediction.mean)))
-    picked[np.arange(len(which)), which * a + prediction.axes.index(axis)] = 1.0
-    return picked
+def _by_design(prediction: Prediction, row: IntArray, column: IntArray) -> tuple[FloatArray, ...]:
+    """Contrasts (features - 1, 1) of the nominal coordinates along and across both lines."""
+    place = {axis: prediction.points[:, [i]] for i, axis in enumerate(AXES)}
+    return tuple(contrasts(len(own)) @ place[axis][own] for own, axis in _coordinates(row, column))
 
 
 def angle_gradient(prediction: Prediction, row: IntArray, column: IntArray) -> FloatArray:
@@ -263,16 +242,15 @@ def angle_gradient(prediction: Prediction, row: IntArray, column: IntArray) -> F
     For a slope b = S_uv / S_uu: db/dv = (u - mean u)/S_uu, db/du = ((v - mean v) - 2 b
     (u - mean u))/S_uu.
     """
-    a = len(prediction.axes)
-    ix, iy = prediction.axes.index("x"), prediction.axes.index("y")
-    gradient = np.zeros(len(prediction.mean))
-    errors = prediction.mean.reshape(-1, a)
-    for which, along, across in ((row, 0, 1), (column, 1, 0)):
-        places = (ix, iy)
-        u = prediction.points[which, along] + errors[which, places[along]]
-        v = prediction.points[which, across] + errors[which, places[across]]
+    errors = prediction.mean.reshape(-1, len(prediction.axes))
+    gradient, index = np.zeros_like(errors), prediction.axes.index
+    for own, along, across in ((row, "x", "y"), (column, "y", "x")):
+        u, v = (
+            prediction.points[own, AXES.index(axis)] + errors[own, index(axis)]
+            for axis in (along, across)
+        )
         u, v = u - u.mean(), v - v.mean()
         b = float(u @ v / (u @ u))
-        np.add.at(gradient, which * a + places[across], -u / (u @ u))
-        np.add.at(gradient, which * a + places[along], -(v - 2 * b * u) / (u @ u))
-    return gradient
+        gradient[own, index(across)] += -u / (u @ u)
+        gradient[own, index(along)] += -(v - 2 * b * u) / (u @ u)
+    return gradient.ravel()

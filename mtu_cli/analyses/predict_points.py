@@ -10,12 +10,10 @@ import numpy as np
 
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.effect_ranges import effect_warnings_at
-from mtu_cli.model.features import dof_warnings, feature_points, outside_warnings
+from mtu_cli.model.features import dof_warnings, feature_points, prediction_warnings
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import Prediction, predict, reportable
 from mtu_cli.model.settings import PROBABILITY, Settings
-from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.trials import PositionConformance, position_conformance
 from mtu_cli.model.variance import Variance
 from mtu_cli.stats.coverage import coverage_factor
@@ -81,12 +79,9 @@ def predict_points(
     ids, points, warnings = feature_points(part, model)
     found = predict_places(model, ids, points, settings, covariates, warnings)
     zones = [part.part.features[name].position_um for name in ids]
+    consequence = "positions have no predicted error along it"
     warnings = [
-        finding(
-            "axis-without-equation",
-            axis=axis,
-            consequence="positions have no predicted error along it",
-        )
+        finding("axis-without-equation", axis=axis, consequence=consequence)
         for axis in "xy"
         if axis not in model.axes and any(zones)
     ]
@@ -127,9 +122,7 @@ def predict_places(
         conformance=(None,) * len(ids),
         warnings=(
             *warnings,
-            *outside_warnings(prediction),
-            *temperature_warnings(model, points, covariates or {}),
-            *effect_warnings_at(model, points, covariates or {}),
+            *prediction_warnings(model, prediction, covariates),
             *dof_warnings(names, dof),
         ),
     )

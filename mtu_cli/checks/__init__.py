@@ -4,16 +4,9 @@ A check looks at one kind of input after reading and before reporting, and yield
 rows, facts and a column. It changes no number. Its code stands in the catalogue, marked as
 suspicious; the severity there decides whether the run ends (exit code 2) or warns.
 
-    @check("unlike-pass", of="readings")
-    def unlike(data: ReadingsData) -> Iterator[Odd]: ...
-
-`run` makes the findings of all checks of one kind of input, each at the first of its rows. What a
-check holds against an input is of three sorts: a size that another unit makes plausible, values
-that agree by more than chance, or one that is too far off its neighbours.
-
-All limits of sizes and of chance are in `plausible`; outliers are those of `stats.outliers`, for
-readings, sensors and points alike. `tests/checks` does damage to sound inputs and counts what is
-found and named.
+What a check holds against an input is of three sorts: a size that another unit makes plausible,
+values that agree by more than chance, or one that is too far off its neighbours. All limits are in
+`plausible`; outliers are those of `stats.outliers`.
 """
 
 from __future__ import annotations
@@ -94,6 +87,10 @@ class PointsData:
         """The points of each measurement of each part."""
         return visits_of(self.table)
 
+    def named(self, parts: Rows) -> Any:
+        """The names of parts, in lists of the shape of the codes."""
+        return np.array(self.table.parts, object)[parts].tolist()
+
     @cached_property
     def axes(self) -> tuple[int, ...]:
         """The axes (0, 1, 2) along which every point was measured and has a nominal."""
@@ -121,10 +118,7 @@ CHECKS: dict[str, list[tuple[str, Find]]] = {of: [] for of in CHAPTERS}
 
 
 def check(code: str, of: Of | tuple[Of, ...]) -> Callable[[Find], Find]:
-    """Registers a check of one or more kinds of input under a code of the catalogue.
-
-    Several checks may have one code: the facts of its template say what was seen.
-    """
+    """Registers a check of one or more kinds of input under a code, which several may have."""
 
     def register(find: Find) -> Find:
         for each in (of,) if isinstance(of, str) else of:
@@ -157,9 +151,6 @@ def warnings_of(of: Of, data: Data) -> list[Finding]:
 def split(rows: Rows | None, *columns: NDArray[Any]) -> list[Rows]:
     """Rows in groups that are equal in all of the columns (n,), in the order of these values and
     each in the order of `rows`; of all rows where these are None.
-
-    >>> [rows.tolist() for rows in split(None, np.array([7, 3, 7]))]
-    [[1], [0, 2]]
     """
     if rows is None:
         rows = np.arange(len(columns[0]))
@@ -182,16 +173,15 @@ def _findings(code: str, odd: Odd, data: Data) -> Iterator[Finding]:
         yield Finding(code=code, facts=odd.facts, value=odd.value, **place)
         return
     rows, files = data.table.row[odd.rows], data.table.file_index[odd.rows]
-    names = [source.shown for source in data.table.sources]
-    if odd.values is not None:
+    names = [data.table.sources[i].shown for i in files.tolist()]
+    if odd.values is None:
+        inside = tuple(rows[files == files[0]].tolist())
+        facts = {**odd.facts, "rows": inside, "count": len(rows)}
+        cells = [(names[0], inside[0], odd.value)]
+    else:
         facts = {**odd.facts, "count": 1}
-        for file, row, value in zip(
-            files.tolist(), rows.tolist(), odd.values.tolist(), strict=True
-        ):
-            place = {"file": names[file], "row": row, "column": odd.column}
-            yield Finding(code=code, facts=facts, value=f"{value:g}", **place)
-        return
-    inside = rows[files == files[0]].tolist()
-    place = {"file": names[files[0]], "row": inside[0], "column": odd.column}
-    facts = {**odd.facts, "rows": tuple(inside), "count": len(rows)}
-    yield Finding(code=code, facts=facts, value=odd.value, **place)
+        values = [f"{value:g}" for value in odd.values.tolist()]
+        cells = [*zip(names, rows.tolist(), values, strict=True)]
+    for file, row, value in cells:
+        place = {"file": file, "row": row, "column": odd.column, "value": value}
+        yield Finding(code=code, facts=facts, **place)

@@ -20,11 +20,7 @@ MEAN_RANGE = 1.128
 
 def agreeing(one: Floats, other: Floats) -> float:
     """The share of values (pairs, cells) that agree: of all, or of the pair that is most alike.
-
     Values of one part are not independent: where it lies as a whole decides on all of them.
-
-    >>> round(agreeing(np.eye(5), np.zeros((5, 5))), 3)
-    0.808
     """
     count = (np.isfinite(one) & np.isfinite(other)).sum(axis=1)
     alike = (one == other).sum(axis=1)
@@ -99,7 +95,7 @@ def copied_points(data: PointsData) -> Iterator[Odd]:
     if len(pairs):
         names = dict.fromkeys(
             f"part {one!r} as part {other!r}" if one != other else f"a repeat of part {one!r}"
-            for one, other in (named(data, visits.part[pair]) for pair in pairs)
+            for one, other in data.named(visits.part[pairs])
         )
         odd = np.flatnonzero(np.isin(visits.of_point, pairs[:, 0]))
         yield Odd(odd, {"names": [*names]})
@@ -124,17 +120,11 @@ def drawn(data: PointsData) -> Iterator[Odd]:
     count = np.isfinite(errors).sum(axis=1)
     sure = whole & (count >= FEWEST_EQUAL) & (len(errors) * share**count < CHANCE)
     if sure.any():
-        names = [
-            f"part {name!r} as the drawing" for name in named(data, np.unique(visits.part[sure]))
-        ]
+        parts = data.named(np.unique(visits.part[sure]))
+        names = [f"part {name!r} as the drawing" for name in parts]
         yield Odd(np.flatnonzero(sure[visits.of_point]), {"names": names}, "part")
 
 
 def of_drawing(errors: Floats) -> Mask:
     """Which errors are those of the drawing, or not measured."""
     return ~(np.abs(errors) > SAME_MM)
-
-
-def named(data: PointsData, parts: Rows) -> list[str]:
-    """The names of parts."""
-    return [data.table.parts[part] for part in parts]

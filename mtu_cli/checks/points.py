@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.checks import Floats, Mask, Odd, PointsData, Rows, check, split
-from mtu_cli.checks.copies import named
 from mtu_cli.checks.plausible import (
     COORDINATES,
     EXPLAINED,
@@ -35,11 +34,7 @@ UNKNOWN = Mistake("no unit, sign, order or origin explains it")
 
 
 def typical(errors: Floats) -> float:
-    """The median over points (n, axes) of the largest error along an axis.
-
-    >>> typical(np.array([[0.0, -3.0], [1.0, 2.0], [9.0, 0.0]]))
-    3.0
-    """
+    """The median over points (n, axes) of the largest error along an axis."""
     return float(np.median(np.abs(errors).max(axis=1)))
 
 
@@ -124,7 +119,7 @@ def far_from_nominal(data: PointsData) -> Iterator[Odd]:
     levels: tuple[tuple[str, Rows, Sequence[str]], ...] = (
         ("points of", table.file_index, [source.shown for source in table.sources]),
         ("part", table.part, table.parts),
-        ("part", data.visits.of_point, named(data, data.visits.part)),
+        ("part", data.visits.of_point, data.named(data.visits.part)),
         ("the nominal place of", table.feature, table.features),
     )
     found: dict[tuple[str, Mistake, int], list[tuple[str, Rows]]] = {}

@@ -25,11 +25,11 @@ from mtu_cli.units import UNITS as DECLARED
 
 def stated_unit(data: ReadingsData, row: int) -> str:
     """The unit that a reading was read in: its row's, or the component's where none was read."""
-    if data.table.unit is not None:
-        return list(DECLARED)[int(data.table.unit[row])]
-    known = data.components.get(data.table.components[data.table.code[row]])
-    plain = "um" if data.table.dimension[row] == LENGTH else "arcsec"
-    return plain if known is None else str(known.unit)
+    table = data.table
+    if table.unit is not None:
+        return list(DECLARED)[int(table.unit[row])]
+    plain = "um" if table.dimension[row] == LENGTH else "arcsec"
+    return getattr(data.components.get(table.components[table.code[row]]), "unit", plain)
 
 
 def passes(data: ReadingsData, rows: Rows) -> list[Rows]:
@@ -131,8 +131,7 @@ def unlike(data: ReadingsData) -> Iterator[Odd]:
             continue
         for i, rows in enumerate(group):
             ratios = sizes[:, i] / np.median(np.delete(sizes, i, axis=1), axis=1)
-            turned = np.where(np.arange(len(group)) == i, -1.0, 1.0)[:, None]
-            how = ""
+            turned, how = np.where(np.arange(len(group)) == i, -1.0, 1.0)[:, None], ""
             if ratios.min() > LOUD or ratios.max() < 1 / LOUD:
                 how = f"varies {ratios[1]:.4g} times as much as the other passes: another unit?"
             elif np.corrcoef(values * turned).min() > MIRRORED:
@@ -172,6 +171,10 @@ def _samples(data: ReadingsData) -> Iterator[tuple[str, Rows, Mask, float]]:
     """
     table = data.table
     for name, group in profiles(data, fewest=2):
+        # A pass that is a copy of another one says nothing of the scatter.
+        group = group[np.sort(np.unique(table.error[group], axis=0, return_index=True)[1])]
+        if len(group) < 2:
+            continue
         left = polished(table.error[group], table.position_mm[group[0]])
         fitted = left.shape[1] + 2 * left.shape[0]
         mask, s = outlying(left, fitted, _rounding(data, group))

@@ -40,8 +40,7 @@ def out_of_range(data: Data) -> Iterator[Odd]:
     known = sensors(data)
     middles = {name: float(np.nanmedian(values)) for name, values in known.items()}
     for name, middle in middles.items():
-        facts = {"low": low, "high": high, "unit": ""}
-        values, code = known[name], None
+        facts, values = {"low": low, "high": high, "unit": ""}, known[name]
         rows = np.flatnonzero((values < low) | (values > high))
         others = [each for other, each in middles.items() if other != name]
         near = float(np.median(others)) if others else 20.0
@@ -50,10 +49,9 @@ def out_of_range(data: Data) -> Iterator[Odd]:
             if near > hottest:
                 odd = middle > hottest
             if odd and coldest <= converted <= hottest:
-                rows, code = np.flatnonzero(~np.isnan(values)), "sensor-unit"
-                facts["unit"] = unit
-        if code is not None:
-            yield Odd(rows, facts, name, f"{values[rows[0]]:g}", code=code)
+                rows, facts["unit"] = np.flatnonzero(~np.isnan(values)), unit
+        if facts["unit"]:
+            yield Odd(rows, facts, name, f"{values[rows[0]]:g}", code="sensor-unit")
         elif len(rows):
             yield Odd(rows, facts, name, values=values[rows])
 

@@ -27,29 +27,12 @@ Position = tuple[Sequence[str], str, Floats, Rows, str]
 NONE = np.arange(0)
 
 
-def same_names(names: Sequence[str]) -> list[tuple[str, str]]:
-    """Pairs of names that differ by case or blanks only.
-
-    >>> same_names(["sn 1", "SN1", "sn2"])
-    [('sn 1', 'SN1')]
-    """
-    first: dict[str, str] = {}
-    pairs = ((first.setdefault("".join(name.split()).casefold(), name), name) for name in names)
-    return [(other, name) for other, name in pairs if other != name]
-
-
-def places(data: DocumentData) -> tuple[list[str], Floats]:
-    """Features and nominal places (n, 3) of a part file, mm; nan where none is given."""
-    known = data.loaded.part.places()
-    return [*known], np.array([*known.values()], np.float64)
-
-
 @check("alike", of="part")
 def places_alike(data: DocumentData) -> Iterator[Odd]:
     """Features at one nominal place."""
     at: dict[bytes, list[str]] = defaultdict(list)
-    for name, place in zip(*places(data), strict=True):
-        at[(np.round(place / SAME_MM) + 0.0).tobytes()].append(name)
+    for name, place in data.loaded.part.places().items():
+        at[(np.round(np.array(place, np.float64) / SAME_MM) + 0.0).tobytes()].append(name)
     for names in at.values():
         if len(names) > 1:
             facts = {"what": "features at the same nominal place", "names": names}
@@ -60,8 +43,9 @@ def places_alike(data: DocumentData) -> Iterator[Odd]:
 def names_alike(data: PointsData) -> Iterator[Odd]:
     """Parts, features or operations that are one but for case and blanks."""
     for column in ("part", "feature", "operation"):
-        known = getattr(data.table, f"{column}s")
-        if pairs := same_names(known):
+        known, first = getattr(data.table, f"{column}s"), dict[str, str]()
+        others = [first.setdefault("".join(name.split()).casefold(), name) for name in known]
+        if pairs := [pair for pair in zip(others, known, strict=True) if pair[0] != pair[1]]:
             odd = [known.index(name) for _, name in pairs]
             rows = np.flatnonzero(np.isin(getattr(data.table, column), odd))
             names = [f"{other!r} and {name!r}" for other, name in pairs]
@@ -90,13 +74,10 @@ def beyond(data: Data) -> Iterator[Odd]:
                 yield Odd(NONE, facts, column, f"{values[i]:g}", ("features", names[i], column))
         elif len(odd):
             yield Odd(rows[odd], facts, column, values=values[odd])
-        elif meant and 0 < size < NARROW * travel and _has_passes(data, rows):
+        elif meant and 0 < size < NARROW * travel and isinstance(data, ReadingsData):
             facts = {"names": names[:1], **facts}
-            yield Odd(rows, facts, column, f"{size:g}", code="unit-of-positions")
-
-
-def _has_passes(data: Data, rows: Rows) -> bool:
-    return isinstance(data, ReadingsData) and bool(data.table.has_pass[rows].all())
+            if data.table.has_pass[rows].all():
+                yield Odd(rows, facts, column, f"{size:g}", code="unit-of-positions")
 
 
 def _positions(data: Data) -> Iterator[Position]:
@@ -107,7 +88,8 @@ def _positions(data: Data) -> Iterator[Position]:
                 yield [name] * len(rows), axis, data.table.position_mm[rows], rows, "position_mm"
         return
     if isinstance(data, DocumentData):
-        (names, nominal), column = places(data), "{}_mm"
+        known, column = data.loaded.part.places(), "{}_mm"
+        names, nominal = [*known], np.array([*known.values()], np.float64)
     else:
         at = slice(None) if data.part is None and data.travels else slice(0)
         names = np.take(data.table.features, data.table.feature[at]).tolist()

@@ -6,12 +6,11 @@ A chapter is imported when one of its commands runs, so that --help is quick.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, partial
 from importlib import import_module
 from typing import Annotated, Any, NamedTuple
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperArgument, TyperOption
 
 from mtu_cli import __version__
 from mtu_cli.cli.options import Options, signature
@@ -28,6 +27,14 @@ RANDOM = "seed trials threads"
 OUT = "out csv plot report date detail quiet"
 
 
+# Help has our word for a value alone: no Python type beside arguments and flags, no bounds, which
+# are there for slips of the keyboard.
+for _kind in (TyperArgument, TyperOption):
+    _bare: Any = _kind
+    _bare.display_type_rich = lambda self, ctx: self.metavar if self.opts[0][0] == "-" else ""
+    _bare._get_number_range_help_str = lambda self: None
+
+
 class Command(NamedTuple):
     """A command: its chapter, its options, its help, the panel where `mtu --help` lists it, and
     its gates beside that of the checks (None: it reads no data that they look at).
@@ -42,49 +49,49 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "fit-components": Command(
-        "readings",
+        "cli.analyse",
         f"{READ} k digits {OUT}",
         "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
         MACHINE,
         ("drift",),
     ),
     "thermal-fit": Command(
-        "readings",
+        "cli.analyse",
         f"study machine drift model zeroed {OUT}",
         "Drift readings with temperatures to a thermal model per component.",
         MACHINE,
         (),
     ),
     "predict-points": Command(
-        "predictions",
+        "cli.analyse",
         f"{MODEL} {RANDOM} grid covariance {OUT}",
         "Error and uncertainty of every feature of a part.",
         PART,
         ("nonconforming=0.01",),
     ),
     "lengths": Command(
-        "predictions",
+        "cli.analyse",
         f"{MODEL} {RANDOM} {OUT}",
         "Feature-to-feature lengths with uncertainty and probability of conformance.",
         PART,
         ("nonconforming=0.01",),
     ),
     "orthogonality": Command(
-        "predictions",
+        "cli.analyse",
         f"{MODEL} {RANDOM} {OUT}",
         "Right angles between rows and columns of features, by Monte Carlo and first order.",
         PART,
         ("nonconforming=0.01",),
     ),
     "anova": Command(
-        "parts",
+        "cli.analyse",
         f"study machine part cmm method datum k digits seed {OUT}",
         "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
         PARTS,
         ("unusual",),
     ),
     "close-loop": Command(
-        "close_loop",
+        "close_loop_sealed.cli.close_loop",
         "study machine part components lbb laser cmm drift at datum alpha max_effects effects "
         f"exclude write_machine write_components seed {OUT}",
         "Measured minus model: effects that the machine does not declare, named and added to it.",
@@ -92,27 +99,27 @@ COMMANDS = {
         ("found", "unexplained"),
     ),
     "compare": Command(
-        "parts",
+        "cli.analyse",
         f"{MODEL} {RANDOM} cmm datum {OUT}",
         "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
         PARTS,
         ("biased", "under-predicted"),
     ),
     "correct": Command(
-        "parts",
+        "cli.analyse",
         f"{MODEL} cmm {OUT}",
         "Measured points minus the modelled error; rings and lengths before and after.",
         PARTS,
         (),
     ),
     "budget": Command(
-        "measurement",
+        "cli.measurement",
         f"file:budget k digits {RANDOM} {OUT}",
         "An uncertainty budget: first and second order, with Monte Carlo.",
         ABOUT,
     ),
     "simulate": Command(
-        "simulate",
+        "cli.simulate",
         # The files say in this order how they were made.
         "study machine part components seed passes one_way positions parts repeats cmm_u_um "
         "part_offset_um reverse_every minutes first_repeats operation scatter effect covariate "
@@ -124,28 +131,30 @@ COMMANDS = {
         MACHINE,
     ),
     "graph check": Command(
-        "measurement",
+        "cli.measurement",
         f"file:graph {OUT}",
         "Whether a graph is sound, with all its faults at once; and its firing order.",
     ),
     "graph draw": Command(
-        "measurement",
+        "cli.measurement",
         "file:graph to of:shares",
         "The graph as a picture, or as text for other programs.",
     ),
     "graph simulate": Command(
-        "measurement",
+        "cli.measurement",
         f"file:graph of:many k digits {RANDOM} {OUT}",
         "Uncertainty of the graph's places by Monte Carlo, and where it comes from.",
     ),
     "graph sweep": Command(
-        "measurement",
+        "cli.measurement",
         f"file:graph vary of k digits {RANDOM} {OUT}",
         "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
     ),
-    "schema": Command("help", "kind", "The JSON Schema of a YAML contract, for editors.", ABOUT),
+    "schema": Command(
+        "cli.help", "kind", "The JSON Schema of a YAML contract, for editors.", ABOUT
+    ),
     "help": Command(
-        "help",
+        "cli.help",
         "topic",
         "Topics, the meaning of a warning or error, and the options of a command.",
         ABOUT,
@@ -156,73 +165,30 @@ COMMANDS = {
 
 def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
-    chapter = COMMANDS[name].chapter
-    room = "close_loop_sealed.cli" if chapter == "close_loop" else "cli"
-    module = import_module(f"mtu_cli.{room}.{chapter}")
+    module = import_module(f"mtu_cli.{COMMANDS[name].chapter}")
     found: Callable[..., Any] = getattr(module, name.replace("-", "_").replace(" ", "_"))
     return found
 
 
-@cache
-def command_of(name: str) -> Any:
-    """A command of typer with all its options, as it is called."""
-    own = COMMANDS[name]
+def _called(name: str) -> Callable[..., None]:
+    """What a call of the command does, with all its options as parameters."""
+    command = COMMANDS[name]
 
-    def command(context: typer.Context, **values: Any) -> None:
+    def call(context: typer.Context, **values: Any) -> None:
         source = context.get_parameter_source
         given = [key for key in values if getattr(source(key), "name", "") == "COMMANDLINE"]
-        options = Options(name.replace(" ", "-"), values, tuple(given), own.gates or ())
-        if own.chapter == "help":
+        options = Options(name.replace(" ", "-"), values, tuple(given), command.gates or ())
+        if command.chapter == "cli.help":
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute
 
             execute(options, analysis_of(name))
 
-    typed = signature(own.options, own.gates)
-    command.__signature__ = typed  # type: ignore[attr-defined]  # read by typer
-    command.__annotations__ = {key: item.annotation for key, item in typed.parameters.items()}
-    single = typer.Typer(add_completion=False)
-    single.command(name.rpartition(" ")[2], cls=OneCommand, help=own.text)(command)
-    return typer.main.get_command(single)
-
-
-class OneCommand(TyperCommand):
-    """A command in whose help no Python type stands beside an argument or a flag."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """The parameters, as help shows them."""
-        return _without_types(super().get_params(ctx))
-
-
-class Commands(TyperGroup):
-    """Commands of which `--help` lists names; one that is called gets its options."""
-
-    def get_params(self, ctx: Any) -> list[Any]:
-        """The parameters, as help shows them."""
-        return _without_types(super().get_params(ctx))
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
-        """Name, command and the rest of the arguments."""
-        name, listed, rest = super().resolve_command(ctx, args)
-        full = name if ctx.parent is None else f"{ctx.info_name} {name}"
-        return name, command_of(full) if full in COMMANDS else listed, rest
-
-
-def _without_types(params: list[Any]) -> list[Any]:
-    for param in params:
-        if param.param_type_name == "argument" or getattr(param, "is_flag", False):
-            param.display_type_rich = lambda ctx: ""
-        # Bounds are there for slips of the keyboard.
-        param._get_number_range_help_str = lambda: None
-        if not param.required and param.callback is None:
-            param.process_value = partial(_given, param.process_value)
-    return params
-
-
-def _given(process: Callable[[Any, Any], Any], ctx: Any, value: Any) -> Any:
-    """The value of an option; to prepare the reading of those that are not given takes 0.1 s."""
-    return None if value is None else process(ctx, value)
+    typed = signature(command.options, command.gates)
+    call.__signature__ = typed  # type: ignore[attr-defined]  # read by typer
+    call.__annotations__ = {key: item.annotation for key, item in typed.parameters.items()}
+    return call
 
 
 def _version(asked: bool) -> None:
@@ -241,7 +207,6 @@ def _global(
 
 app = typer.Typer(
     name="mtu",
-    cls=Commands,
     help="Machine tool uncertainty: from measurements of a machine and of its parts to "
     "statements with uncertainty.",
     no_args_is_help=True,
@@ -251,13 +216,11 @@ app = typer.Typer(
     callback=_global,
 )
 graph = typer.Typer(
-    cls=Commands,
     help="The measurement graph: its soundness, picture, uncertainty, and what that follows.",
     no_args_is_help=True,
 )
 app.add_typer(graph, name="graph", rich_help_panel=ABOUT)
-for _name, _own in COMMANDS.items():
+for _name, _command in COMMANDS.items():
     _group, _, _last = _name.rpartition(" ")
-    (graph if _group else app).command(_last, help=_own.text, rich_help_panel=_own.panel)(
-        lambda: None
-    )
+    _place: Any = {"help": _command.text, "rich_help_panel": _command.panel}
+    (graph if _group else app).command(_last, **_place)(_called(_name))

@@ -1,4 +1,6 @@
-"""What a run leaves: tables, files (all or none), warnings, and the exit code of its gates."""
+"""What a run leaves: its result, tables, files (all or none), warnings, and the exit code of its
+gates.
+"""
 
 from __future__ import annotations
 
@@ -7,20 +9,22 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import SUSPICIOUS, Options, option_name
+from mtu_cli.cli.options import SUSPICIOUS, WRITTEN, Options, option_name
 from mtu_cli.files.csv_table import number
 from mtu_cli.files.source import SYNTHETIC, begins_with, given_path
 from mtu_cli.files.write import check_targets, made_ready, overwrites
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, finding, listed
 from mtu_cli.model.settings import Settings
+from mtu_cli.stats.monte_carlo import Progress
 
 if TYPE_CHECKING:
+    import pandas as pd
     from matplotlib.figure import Figure
 
     from mtu_cli.reports.document import Document
@@ -28,25 +32,25 @@ if TYPE_CHECKING:
 STANDARD_OUTPUT = Path("-")
 MOST_ALIKE = 20
 """Warnings of one code that are shown."""
-ENDINGS: dict[str, tuple[str, ...]] = {
-    "out": (".json",),
-    "csv": (".csv",),
-    "plot": (".png", ".svg", ".pdf"),
-    "report": (".html", ".htm", ".pdf"),
-    "to": (".svg", ".png", ".pdf", ".dot", ".mmd", ".pl"),
-    "write_machine": (".yaml", ".yml"),
-    "write_components": (".json",),
-    **dict.fromkeys(("write_lbb", "write_cmm", "write_drift"), (".csv",)),
-}
-"""What the names of files to write may end in, by the option."""
-MADE: dict[tuple[str, str], tuple[str, ...]] = {
-    ("simulate", "write_lbb"): ("lbb", "laser"),
-    ("simulate", "write_cmm"): ("cmm",),
-    ("simulate", "write_drift"): ("drift",),
-    ("fit-components", "out"): ("components",),
-    ("thermal-fit", "out"): ("components",),
+MADE: dict[str, dict[str, tuple[str, ...]]] = {
+    "simulate": {
+        "write_lbb": ("lbb", "laser"),
+        "write_cmm": ("cmm",),
+        "write_drift": ("drift",),
+    },
+    "fit-components": {"out": ("components",)},
+    "thermal-fit": {"out": ("components",)},
 }
 """Roles of a study's files that a command is there to make, anew too, by its option."""
+USED = {
+    "k": ("coverage factor", "coverage_factor"),
+    **{name: (name, name) for name in ("seed", "digits", "correlation", "trials")},
+}
+"""Options that a report to hand on states, where the command has them: by which name, of which
+setting.
+"""
+DELAY_S, EVERY_S = 1.0, 0.1
+"""After what time, and how often, progress is shown."""
 Gate = Callable[[float], str | None]
 
 
@@ -81,6 +85,57 @@ class Outcome:
         )
 
 
+@dataclass(frozen=True)
+class Result:
+    """What a command found; `warnings` are those of the input and of the result."""
+
+    command: str
+    inputs: Inputs
+    outcome: Outcome
+    settings: Settings
+    warnings: tuple[Finding, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """`results` of the JSON report."""
+        return self.outcome.results()
+
+    def to_frame(self) -> pd.DataFrame:
+        """The main table, as `--csv` writes it."""
+        import pandas as pd
+
+        header, rows = self.outcome.rows()
+        return pd.DataFrame([list(row) for row in rows], columns=list(header))
+
+    def figure(self) -> Figure:
+        """The picture of `--plot`; raises AttributeError where the command has none."""
+        if self.outcome.figure is None:
+            raise AttributeError(f"{self.command} has no picture")
+        return self.outcome.figure()
+
+    def report(self) -> dict[str, Any]:
+        """The whole report, as `-o` writes it."""
+        from mtu_cli.reports.document import envelope
+
+        return envelope(
+            self.command,
+            inputs=self.inputs.sources,
+            settings=self.settings,
+            results=self.to_dict(),
+            warnings=self.warnings,
+            at=self.inputs.at,
+        )
+
+
+def result_of(
+    inputs: Inputs, analyse: Callable[[Inputs, Settings], Outcome], **settings: Any
+) -> Result:
+    """What a command finds of its inputs, under their settings and others that are given."""
+    chosen = replace(inputs.settings, **settings)
+    outcome = analyse(inputs, chosen)
+    warnings = (*inputs.suspicions, *outcome.warnings)
+    return Result(inputs.options.command, inputs, outcome, outcome.settings or chosen, warnings)
+
+
 def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) -> None:
     """Runs one command and writes what was asked for: all files, or none.
 
@@ -91,49 +146,44 @@ def execute(options: Options, analyse: Callable[[Inputs, Settings], Outcome]) ->
     try:
         asked = asked_gates(options)
         check_outputs(inputs)
-        with LateBar(options.command) as progress:
-            settings = replace(inputs.settings, progress=progress)
-            outcome = analyse(inputs, settings)
-            outcome = replace(outcome, warnings=[*inputs.suspicions, *outcome.warnings])
-            met = _gates_met(asked, outcome)
-            files = _files(inputs, outcome.settings or settings, outcome)
+        with late_bar(options.command) as progress:
+            result = result_of(inputs, analyse, progress=progress)
+            met = _gates_met(asked, result)
+            files = _files(result)
     except InputError as fault:
         raise InputError(inputs.placed(fault.findings), fault.uncounted) from None
     report = files.pop(STANDARD_OUTPUT, None)
-    quiet = bool(options.quiet)
-    told = [each for each in outcome.warnings if not (quiet and each.severity == "note")]
-    lines = warning_lines(inputs.placed(told), inputs.subject if quiet else "")
+    warned = [each for each in result.warnings if not (options.quiet and each.severity == "note")]
+    lines = warning_lines(inputs.placed(warned))
     lines += [f"mtu: gate {name}: {reason}" for name, reason in met.items()]
 
     def say() -> None:
         if report is not None:
             sys.stdout.buffer.write(report)
-        elif not quiet:
-            show(outcome.tables(bool(options.detail)))
+        elif not options.quiet:
+            show(result.outcome.tables(bool(options.detail)))
 
-    deliver(files, inputs, say, lines)
+    deliver(files, say, lines)
     if met:
         sys.exit(EXIT_GATE)
 
 
-def deliver(
-    files: Mapping[Path, bytes], inputs: Inputs, say: Callable[[], None], lines: Sequence[str]
-) -> None:
+def deliver(files: Mapping[Path, bytes], say: Callable[[], None], lines: Sequence[str]) -> None:
     """What a run has made: `say` on standard output and `lines` on standard error, then the
     files. Where any of it fails no file is there; a reader that leaves early is no failure.
     """
-    sources = [source.path for source in inputs.sources]
-    with made_ready(files, inputs=sources) if files else nullcontext(lambda: None) as put_in_place:
-        try:
-            say()
-            sys.stdout.flush()
-        except BrokenPipeError:
-            silence(sys.stdout)
-        try:
-            for line in lines:
-                print(line, file=sys.stderr, flush=True)
-        except BrokenPipeError:
-            silence(sys.stderr)
+
+    def warn() -> None:
+        for line in lines:
+            print(line, file=sys.stderr)
+
+    with made_ready(files) as put_in_place:
+        for stream, speak in ((sys.stdout, say), (sys.stderr, warn)):
+            try:
+                speak()
+                stream.flush()
+            except BrokenPipeError:
+                silence(stream)
         put_in_place()
 
 
@@ -157,21 +207,20 @@ def show(tables: Iterable[object]) -> None:
             sys.stdout.write(plain_text([table]))
 
 
-def warning_lines(warnings: Iterable[Finding], subject: str = "") -> list[str]:
-    """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most.
-    They begin with the `subject`, where runs side by side leave theirs in one log.
-    """
-    distinct = dict.fromkeys((each.severity, each.code, each.message) for each in warnings)
-    count = Counter(code for _, code, _ in distinct)
+def warning_lines(warnings: Iterable[Finding]) -> list[str]:
+    """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most."""
+    distinct = list({(each.code, each.message): each for each in warnings}.values())
+    left = Counter(each.code for each in distinct)
     shown: Counter[str] = Counter()
     lines = []
-    for severity, code, message in distinct:
-        shown[code] += 1
-        left = count[code] - MOST_ALIKE if shown[code] == MOST_ALIKE else 0
-        more = f"; and {left} more such, all in the report (-o)" if left > 0 else ""
-        if shown[code] <= MOST_ALIKE:
-            about = f"{subject}: " if subject and not message.startswith(subject) else ""
-            lines.append(f"{severity}: {about}{message}{more} [{code}]")
+    for each in distinct:
+        shown[each.code] += 1
+        left[each.code] -= 1
+        more = ""
+        if shown[each.code] == MOST_ALIKE and left[each.code]:
+            more = f"; and {left[each.code]} more such, all in the report (-o)"
+        if shown[each.code] <= MOST_ALIKE:
+            lines.append(f"{each.severity}: {each.message}{more} [{each.code}]")
     return lines
 
 
@@ -203,32 +252,23 @@ def asked_gates(options: Options) -> dict[str, float]:
     return found
 
 
-def _gates_met(asked: Mapping[str, float], outcome: Outcome) -> dict[str, str]:
+def _gates_met(asked: Mapping[str, float], result: Result) -> dict[str, str]:
     """Why the gates that were asked for are met, of those that are."""
-    codes = [each.code for each in outcome.warnings if each.kind.suspicious]
+    codes = [each.code for each in result.warnings if each.kind.suspicious]
     suspicious = f"{counted(len(codes), 'warning')} of the checks ({listed(codes)})"
-    known = {SUSPICIOUS: lambda _: suspicious if codes else None, **outcome.gates}
+    known = {SUSPICIOUS: lambda _: suspicious if codes else None, **result.outcome.gates}
     reasons = {name: known[name](limit) for name, limit in asked.items()}
     return {name: reason for name, reason in reasons.items() if reason is not None}
 
 
-def _files(inputs: Inputs, settings: Settings, outcome: Outcome) -> dict[Path, bytes]:
+def _files(result: Result) -> dict[Path, bytes]:
     """All files of a run, by path."""
-    options = inputs.options
+    options, outcome = result.inputs.options, result.outcome
     files = dict(outcome.files())
     if options.out is not None:
         from mtu_cli.files.write import report_bytes
-        from mtu_cli.reports.document import envelope
 
-        document = envelope(
-            options.command,
-            inputs=inputs.sources,
-            settings=settings,
-            results=outcome.results(),
-            warnings=outcome.warnings,
-            at=inputs.at,
-        )
-        files[options.out] = report_bytes(document)
+        files[options.out] = report_bytes(result.report())
     if options.csv is not None:
         from mtu_cli.reports.fields import csv_text
 
@@ -238,37 +278,32 @@ def _files(inputs: Inputs, settings: Settings, outcome: Outcome) -> dict[Path, b
 
         files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
     if options.report is not None:
-        files[options.report] = _page(inputs, settings, outcome)
+        files[options.report] = _page(result)
     return files
 
 
-def _page(inputs: Inputs, settings: Settings, outcome: Outcome) -> bytes:
+def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where what was asked for cannot be drawn."""
     from mtu_cli.reports.html import Page, report_bytes
 
-    options = inputs.options
+    inputs, options = result.inputs, result.inputs.options
     figure = None
     with suppress(InputError):
-        figure = outcome.figure and outcome.figure()
-    known: dict[str, tuple[str, object]] = {
-        "k": ("coverage factor", settings.coverage_factor),
-        "seed": ("seed", settings.seed),
-        "digits": ("digits", settings.digits),
-        "correlation": ("correlation", settings.correlation),
-        "trials": ("trials", settings.trials or "adaptive"),
-    }
-    made = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
+        figure = result.outcome.figure and result.outcome.figure()
     # A command that has no such option does not use it.
-    used = dict(own for option, own in known.items() if option in options.values)
-    used |= {f"{name} =": value for name, value in inputs.at.items()}
+    stated = {name: own for option, (name, own) in USED.items() if option in options.values}
+    used: dict[str, Any] = {name: getattr(result.settings, own) for name, own in stated.items()}
+    used |= {"trials": "adaptive"} if used.get("trials", 0) is None else {}
+    subject, *others = inputs.names
+    synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     page = Page(
-        title=f"{options.command.replace('-', ' ').capitalize()}: {inputs.names[0]}",
-        subject=[*inputs.names[1:], *made],
-        tables=outcome.tables(bool(options.detail)),
+        title=f"{options.command.replace('-', ' ').capitalize()}: {subject}",
+        subject=[*others, *synthetic],
+        tables=result.outcome.tables(bool(options.detail)),
         figure=figure,
-        warnings=outcome.warnings,
+        warnings=result.warnings,
         inputs=inputs.sources,
-        settings=used,
+        settings=used | {f"{name} =": value for name, value in inputs.at.items()},
         date=options.date,
     )
     return report_bytes(page, options.report.suffix.lower())
@@ -276,84 +311,72 @@ def _page(inputs: Inputs, settings: Settings, outcome: Outcome) -> bytes:
 
 def written_files(options: Options) -> dict[str, Path]:
     """The files that a call writes: path by name of the option."""
-    values = {name: options.values.get(name) for name in ENDINGS}
+    values = {name: options.values.get(name) for name in WRITTEN}
     return {name: path for name, path in values.items() if isinstance(path, Path)}
 
 
 def check_outputs(inputs: Inputs) -> None:
-    """Refuses files that cannot be made or would overwrite an input, all at once, before
-    anything is calculated.
+    """Refuses files that cannot be made or would overwrite what the call, its study or the study
+    of this folder names, read or not, but for what the command is there to make. All at once,
+    before anything is calculated.
     """
-    written = written_files(inputs.options)
+    options = inputs.options
+    written = written_files(options)
     files = {name: path for name, path in written.items() if path != STANDARD_OUTPUT}
-    problems = [*_overwritten(inputs, files)]
+    named = [(role, path) for role, path in inputs.named() if os.path.exists(path)]
+    problems: list[Finding] = []
+    for name, target in files.items():
+        makes = MADE.get(options.command, {}).get(name, ())
+        made = [role for role in makes if not options.values.get(role)]
+        if any(role not in made and overwrites(target, path) for role, path in named):
+            place = {"file": given_path(target), "expected": "another name"}
+            problems.append(finding("not-overwritten", reason="it is an input", **place))
     try:
         check_targets(list(files.values()))
     except InputError as fault:
         problems += fault.findings
-    problems += _wrong_forms(written)
+    problems += _wrong_forms(options.command, written)
     first = {each.file or each.message: each for each in reversed(problems)}
     if problems:
         raise InputError(reversed(first.values()))
 
 
-def _wrong_forms(written: Mapping[str, Path]) -> Iterator[Finding]:
+def _wrong_forms(command: str, written: Mapping[str, Path]) -> Iterator[Finding]:
     """The report or the table alone may go to standard output; a file that other programs would
-    take for what it is not is refused.
+    take for what it is not is refused. Measured data is no synthetic data.
     """
     for name, path in written.items():
         option, ending = "-o" if name == "out" else option_name(name), path.suffix.lower()
+        endings, file = WRITTEN[name].endings, given_path(path)
         if path == STANDARD_OUTPUT:
             if name != "out" and (name != "csv" or written.get("out") == path):
                 reason = f"{option} cannot go to standard output"
                 yield finding("output-form", reason=reason, expected="a file")
-        elif ending not in ENDINGS[name] and (path.is_file() or not os.path.exists(path)):
+        elif ending not in endings and (path.is_file() or not os.path.exists(path)):
             reason = f"{option} does not write {ending or 'a file without an ending'}"
-            expected = f"a name that ends in {' or '.join(ENDINGS[name])}"
-            yield finding("output-form", reason=reason, file=given_path(path), expected=expected)
-
-
-def _overwritten(inputs: Inputs, files: Mapping[str, Path]) -> Iterator[Finding]:
-    """Outputs over a file that the call, its study or the study of this folder names, whether the
-    command reads it or not; but for what it is there to make. Measured data is no synthetic data.
-    """
-    options = inputs.options
-    called = {role for role, value in options.values.items() if value}
-    for name, target in files.items():
-        made = set(MADE.get((options.command, name), ())) - called
-        reason = None
-        if any(role not in made and overwrites(target, path) for role, path in inputs.named()):
-            reason = "it is an input"
-        elif options.command == "simulate" and not begins_with(target, SYNTHETIC):
+            expected = f"a name that ends in {' or '.join(endings)}"
+            yield finding("output-form", reason=reason, file=file, expected=expected)
+        elif command == "simulate" and os.path.exists(path) and not begins_with(path, SYNTHETIC):
             reason = f"it does not begin with '{SYNTHETIC}'"
-        if reason and os.path.exists(target):
-            place = {"file": given_path(target), "expected": "another name"}
-            yield finding("not-overwritten", reason=reason, **place)
+            yield finding("not-overwritten", reason=reason, file=file, expected="another name")
 
 
-class LateBar:
+@contextmanager
+def late_bar(text: str) -> Iterator[Progress]:
     """What share of a calculation is done, on a terminal's standard error, of what takes more than
-    a second. It writes when it is called and has no thread of its own.
+    DELAY_S. It is written when the calculation tells it and has no thread of its own.
     """
+    due, drawn = time.monotonic() + DELAY_S, False
 
-    delay_s = 1.0
-    every_s = 0.1
-
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.next = time.monotonic() + self.delay_s
-        self.drawn = False
-
-    def __call__(self, done: int, total: int | None) -> None:
-        now = time.monotonic()
-        if now >= self.next and sys.stderr.isatty():
+    def progress(done: int, total: int | None) -> None:
+        nonlocal due, drawn
+        if time.monotonic() >= due and sys.stderr.isatty():
             share = f"{done / total:.0%}" if total else f"{done}"
-            print(f"\r{self.text}: {share} ", end="", file=sys.stderr, flush=True)
-            self.next, self.drawn = now + self.every_s, True
+            print(f"\r{text}: {share} ", end="", file=sys.stderr, flush=True)
+            due, drawn = time.monotonic() + EVERY_S, True
 
-    def __enter__(self) -> LateBar:
-        return self
-
-    def __exit__(self, *failed: object) -> None:
-        if self.drawn:
+    try:
+        yield progress
+    finally:
+        if drawn:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)

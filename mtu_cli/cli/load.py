@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 
-from mtu_cli.cli.options import Options
+from mtu_cli.cli.options import ROLES, Options
 from mtu_cli.cli.values import assigned, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, direction_sign
@@ -32,9 +33,15 @@ if TYPE_CHECKING:
     from mtu_cli.files.source import Source
 
 T = TypeVar("T")
-Kind = Literal["machine", "part", "reports", "readings", "drift", "points"]
-ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
-"""Options that name files to read."""
+KINDS = {
+    "machine": ("machine",),
+    "part": ("part",),
+    "reports": ("components",),
+    "readings": ("lbb", "laser"),
+    "drift": ("drift",),
+    "points": ("cmm",),
+}
+"""What is read, by attributes of `Inputs`, and the roles of its files."""
 OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""
 OF_ANY_MACHINE = ("anova",)
@@ -74,29 +81,28 @@ class Inputs:
             return find_study(Path())
         return path / STUDY_NAME if path.is_dir() else path
 
+    def given(self, role: str) -> tuple[Path, ...]:
+        """The files of a role that the call itself names."""
+        value = self.options.values.get(role) or ()
+        return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+
     def named(self) -> list[tuple[str, Path]]:
         """Role and path of the files that the call, its study or that of this folder names to be
         read; of a study that is faulty its own alone.
         """
-        given = [(role, self.options.values.get(role)) for role in ROLES]
-        lists = [(role, value if isinstance(value, list) else [value]) for role, value in given]
-        found = [(role, Path(path)) for role, paths in lists for path in paths if path is not None]
-        study = self.study_file
-        if study is None:
-            return found
-        try:
-            files: Mapping[str, tuple[Path, ...]] = load_study(study, there=False).files
-        except InputError:
-            files = {}
-        of_study = [(role, path) for role, paths in files.items() for path in paths]
-        return [*found, ("study", study), *of_study]
+        found = [(role, path) for role in ROLES for path in self.given(role)]
+        if study := self.study_file:
+            found.append(("study", study))
+            try:
+                files = load_study(study, there=False).files
+            except InputError:
+                return found
+            found += [(role, path) for role, paths in files.items() for path in paths]
+        return found
 
     def files(self, role: str) -> tuple[Path, ...]:
         """The files of a role: the option's where it is given, else the study's."""
-        given = self.options.values.get(role)
-        if given:
-            return tuple(given) if isinstance(given, list) else (given,)
-        return self.study.files.get(role, ()) if self.study else ()
+        return self.given(role) or (self.study.files.get(role, ()) if self.study else ())
 
     def only(self, role: str, option: str) -> Path:
         """The one file of a role that the command cannot do without."""
@@ -112,15 +118,6 @@ class Inputs:
             why = f"{self.study.source.shown} has no {' or '.join(map(repr, roles))}"
         expected = f"{options}, or a study that names one ({why})"
         return error("missing-input", what=f"the {' or '.join(roles)} file", expected=expected)
-
-    @property
-    def subject(self) -> str:
-        """The study, the machine or the one file that the call names; empty where none is."""
-        options = self.options
-        if options.study is not None and self.study is not None:
-            return given_path(self.study.source.path)
-        named = options.machine or options.file
-        return "" if named is None else given_path(named)
 
     @property
     def names(self) -> list[str]:
@@ -144,6 +141,11 @@ class Inputs:
 
         return self.taken("part", load_part(self.only("part", "-p")))
 
+    @property
+    def part_if_any(self) -> LoadedPart | None:
+        """The part file of a command that does without one, too."""
+        return self.part if self.files("part") else None
+
     @cached_property
     def reports(self) -> ModelReports:
         """The reports of -c, at most one of each kind."""
@@ -154,25 +156,25 @@ class Inputs:
     @cached_property
     def readings(self) -> Readings | None:
         """The ball-bar and laser readings, checked for a fit; None where there are none."""
-        return self._readings("readings", "lbb", "laser")
+        return self._readings("readings")
 
     @cached_property
     def drift(self) -> Readings:
         """The drift readings."""
-        found = self._readings("drift", "drift")
+        found = self._readings("drift")
         if found is None:
             raise self.missing("--drift FILE", "drift")
         return found
 
-    def _readings(self, name: Kind, *roles: str) -> Readings | None:
-        files = [(path, role) for role in roles for path in self.files(role)]
+    def _readings(self, kind: str) -> Readings | None:
+        files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
         if not files:
             return None
         from mtu_cli.files.readings import read_readings
 
-        for_fit = name == "readings"
+        for_fit = kind == "readings"
         known = self.machine.machine.components if for_fit or self.files("machine") else None
-        return self.taken(name, read_readings(files, known, for_fit=for_fit))
+        return self.taken(kind, read_readings(files, known, for_fit=for_fit))
 
     @cached_property
     def points(self) -> Points:
@@ -184,31 +186,27 @@ class Inputs:
         files = [(path, "cmm") for path in self.files("cmm")]
         return self.taken("points", read_points(files, places))
 
-    def taken(self, name: Kind, item: T) -> T:
+    def taken(self, kind: Any, item: T) -> T:
         """The `item` of one kind of input, read by now, with its files and what the checks warn of.
 
         Raises InputError for what makes a result meaningless.
         """
-        self.__dict__[name] = item
+        self.__dict__[kind] = item
         known: Any = item
         self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
-        if name == "reports":
+        if kind == "reports":
             return item
         from mtu_cli import checks
 
         made_here = self.options.command not in OF_ANY_MACHINE
         machine = self.machine.machine if self.files("machine") and made_here else None
         travels = machine.travels if machine else {}
-        data: Data
-        match name:
-            case "machine" | "part":
-                data = checks.DocumentData(known, travels)
-            case "points":
-                part = self.part if self.files("part") else None
-                data = checks.PointsData(known, part, travels, self.chosen.datum or "none")
-            case _:
-                data = checks.ReadingsData(known, machine.components if machine else {}, travels)
-        self.suspicions += checks.warnings_of(name, data)
+        data: Data = checks.DocumentData(known, travels)
+        if kind == "points":
+            data = checks.PointsData(known, self.part_if_any, travels, self.chosen.datum or "none")
+        elif kind in ("readings", "drift"):
+            data = checks.ReadingsData(known, machine.components if machine else {}, travels)
+        self.suspicions += checks.warnings_of(kind, data)
         return item
 
     @cached_property
@@ -268,15 +266,15 @@ class Inputs:
         Reports name such a file without its folder, wherever they are made; whoever reads a
         message has to find it. Of two files that are called the same neither has one.
         """
-        whole: dict[str, set[str]] = {}
-        for path in (path for _, path in self.named() if shown_path(path) == path.name):
-            here = resolved(path.parent) == resolved(Path())
-            whole.setdefault(path.name, set()).add(path.name if here else given_path(path))
-        single = {name: shown.pop() for name, shown in whole.items() if len(shown) == 1}
-        return [
-            replace(each, file=single[each.file]) if each.file in single else each
-            for each in findings
-        ]
+        paths = {given_path(path): path for _, path in self.named()}
+        count = Counter(path.name for path in paths.values())
+        whole = {
+            path.name: shown
+            for shown, path in paths.items()
+            if count[path.name] == 1 == len({path.name, shown_path(path)})
+            and resolved(path.parent) != resolved(Path())
+        }
+        return [replace(each, file=whole.get(each.file or "", each.file)) for each in findings]
 
 
 def check_cell(name: str, value: float) -> None:

@@ -52,7 +52,7 @@ def called(arguments: Sequence[str]) -> int:
         if isinstance(ended, SystemExit) and ended.code != LEFT:
             return ended.code if isinstance(ended.code, int) else 0
         # The reader has left (``| head``): nothing more can be said, and nothing is wrong.
-        _silence(sys.__stdout__)
+        silence(sys.__stdout__)
         return 0
     except faults_of_calls as fault:
         # Without a command help is shown: a script whose command's name was empty has done nothing.
@@ -64,18 +64,19 @@ def called(arguments: Sequence[str]) -> int:
     except (MtuError, OverflowError, OSError, MemoryError) as fault:
         message = _words(fault)
         if isinstance(fault, OSError):
-            _silence(sys.stdout)
+            silence(sys.stdout)
     try:
         print(f"mtu: {message}", file=sys.stderr, flush=True)
     except OSError:
-        _silence(sys.stderr)
+        silence(sys.stderr)
     return EXIT_INPUT
 
 
-def _silence(stream: Any) -> None:
-    from mtu_cli.cli.emit import silence
+def silence(stream: Any) -> None:
+    """Nothing more is said on a stream."""
+    from mtu_cli.cli import emit
 
-    silence(stream)
+    emit.silence(stream)
 
 
 def _words(fault: BaseException) -> str:
@@ -95,15 +96,12 @@ def _words(fault: BaseException) -> str:
 
 
 def prepare_streams() -> None:
-    """Standard output and error take all text: what their encoding lacks is escaped. Of the closed
-    ones standard output can be opened but takes nothing, standard error swallows it.
+    """Standard output and error take all text: what their encoding lacks is escaped, closed ones
+    swallow it.
     """
     for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # as long as the process
         stream = getattr(sys, name)
-        if stream is None:
-            sink = os.open(os.devnull, os.O_RDONLY if name == "stdout" else os.O_WRONLY)
-            stream = os.fdopen(sink, "w", encoding="utf-8", errors="backslashreplace")
-            setattr(sys, name, stream)
-            setattr(sys, f"__{name}__", stream)
-        elif isinstance(stream, io.TextIOWrapper):
+        if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")

@@ -14,8 +14,6 @@ from mtu_cli.findings import error
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from mtu_cli.model.graph.net import MeasurementGraph
     from mtu_cli.reports.graph_drawing import Net
 
@@ -54,17 +52,18 @@ def _graph(inputs: Inputs) -> MeasurementGraph:
 
 def graph_check(inputs: Inputs, settings: Settings) -> Outcome:
     """Whether the graph is sound, and its firing order."""
-    from mtu_cli.analyses.graph.check import check_graph
     from mtu_cli.reports import graph as report
+    from mtu_cli.reports.graph_drawing import drawing
 
     graph = _graph(inputs)
-    return Outcome.of(report.check(check_graph(graph), lambda: drawing(net_for(graph))))
+    return Outcome.of(report.check(graph, lambda: drawing(net_for(graph))))
 
 
 def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     """The file at --to, and nothing else."""
     from mtu_cli.reports import graph_text
     from mtu_cli.reports.figures import figure_bytes
+    from mtu_cli.reports.graph_drawing import drawing
 
     graph, target = _graph(inputs), inputs.options.to
     net = net_for(graph, inputs.options.of)
@@ -82,16 +81,9 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
     return Outcome(files=lambda: {target: content()})
 
 
-def drawing(net: Net) -> Figure:
-    """The picture of a net."""
-    from mtu_cli.reports import graph_drawing
-
-    return graph_drawing.drawing(net)
-
-
 def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
     """What is drawn, with the shares of the variance of `of` where a place is given."""
-    from mtu_cli.analyses.graph.check import shares_by_place
+    from mtu_cli.analyses.graph.simulate import shares_by_place
     from mtu_cli.reports.graph_drawing import net_of
 
     shares = None if of is None else shares_by_place(graph, of)

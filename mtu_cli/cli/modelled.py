@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from mtu_cli.cli.load import Inputs, check_cell
 from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.source import read_source, shown_path
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
@@ -52,19 +52,9 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
     Raises InputError for components that nothing is known of.
     """
     machine = inputs.machine
-    try:
-        estimates, fit, of_components = _components(inputs)
-        thermal, of_drift = drift_estimates(inputs)
-        model = build_model(machine, replace(estimates, thermal=thermal))
-    except InputError as fault:
-        if inputs.study is not None or inputs.study_file is None:
-            raise
-        unread = f"{inputs.study_file.name} is not read where -m is given without a study"
-        expected = f"the study's folder as an argument too ({unread})"
-        raise InputError(
-            replace(each, expected=expected) if "estimate_of" in each.facts else each
-            for each in fault.findings
-        ) from None
+    estimates, fit, of_components = _components(inputs)
+    thermal, of_drift = drift_estimates(inputs)
+    model = build_model(machine, replace(estimates, thermal=thermal))
     warnings = [*machine_warnings(machine, estimates), *searched_warnings(machine)]
     warnings += [*of_components, *of_drift, *_limits(inputs, fit, model)]
     # Of a column that no equation has a declared effect may tell where it holds.
@@ -141,7 +131,7 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
         reference = machine.reference_temperature_degC
     with one_blas_thread():
         return thermal_fit(
-            [readings],
+            readings,
             components,
             reference=reference,
             method=method,
@@ -190,12 +180,16 @@ def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list
 
 def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> Finding:
     """The warning, with the nearest of those names alone that the call would take."""
-    facts = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
-    if name in AXES:
-        expected = f"a covariate: {name} is the position of a feature"
-        return finding("option-not-used", **facts, expected=expected)
     near = closest_covariate(name, [each for each in model.covariates() if each not in inputs.at])
-    return finding("option-not-used", **facts, meant=() if near is None else (near,))
+    expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
+    return finding(
+        "option-not-used",
+        path=f"--at {name}",
+        why=": no equation needs it",
+        name=name,
+        meant=() if near is None else (near,),
+        expected=expected,
+    )
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:

@@ -38,7 +38,8 @@ class Options:
 class Option:
     """One option: the type of its value, the word for it in the help, where ``...`` says that it
     may be repeated, and what it means. `shown`: the default that a study or the command chooses;
-    `panel`: its group in the help; `bounds` of a number.
+    `panel`: its group in the help; `bounds` of a number, or of those in a text; `endings` of the
+    name of a file to write.
     """
 
     kind: type
@@ -50,6 +51,7 @@ class Option:
     shown: str | None = None
     panel: str | None = None
     bounds: tuple[float, float] | None = None
+    endings: tuple[str, ...] = ()
 
     @property
     def many(self) -> bool:
@@ -69,7 +71,7 @@ class Option:
         if self.kind is Path:
             # Whoever reads the file says what is wrong with it.
             common["parser"] = file_name
-        if self.bounds is not None:
+        if self.bounds is not None and self.kind is not str:
             common |= dict(zip(("min", "max"), self.bounds, strict=True))
         if self.argument:
             return Annotated[kind, typer.Argument(**common)]
@@ -91,25 +93,25 @@ def file_name(text: str) -> Path:
 
 def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
     """The parameters of a command: its options, and `--fail-if` where it has `gates`."""
-    parameters: dict[str, tuple[Any, Any]] = {"context": (typer.Context, REQUIRED)}
-    for key in names.split():
-        name = key.partition(":")[0]
-        parameters[name] = (OPTIONS[key].annotation(name), OPTIONS[key].default)
+    options = {key.partition(":")[0]: OPTIONS[key] for key in names.split()}
     if gates is not None:
         known = "; ".join([f"{SUSPICIOUS}, data look mistaken", *gates])
-        text = f"Exit with 3 if met: {known}. Several with commas."
-        option = typer.Option("--fail-if", metavar="GATE", help=text)
-        parameters["fail_if"] = (Annotated[list[str] | None, option], None)
-    return inspect.Signature(
-        [
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, annotation=kind, default=value)
-            for name, (kind, value) in parameters.items()
-        ]
-    )
+        text = f"Exit with 3 if met: {known}. Several with commas"
+        options["fail_if"] = Option(str, "GATE...", text)
+    kind: Any = inspect.Parameter.KEYWORD_ONLY
+    parameters = [inspect.Parameter("context", kind, annotation=typer.Context)]
+    for name, option in options.items():
+        known = option.annotation(name)
+        parameters.append(inspect.Parameter(name, kind, annotation=known, default=option.default))
+    return inspect.Signature(parameters)
 
 
 def _file(text: str, short: str = "", metavar: str = "FILE", **more: Any) -> Option:
     return Option(Path, metavar, text, short, **more)
+
+
+def _output(text: str, endings: str, short: str = "", default: Any = None) -> Option:
+    return Option(Path, "FILE", text, short, default, endings=tuple(endings.split()))
 
 
 def _text(metavar: str, text: str, default: Any = None, **more: Any) -> Option:
@@ -128,6 +130,8 @@ def _number(default: float, metavar: str, text: str, least: float = 0.0) -> Opti
     return Option(float, metavar, text, default=default, bounds=(least, 1e6))
 
 
+ROOMS = (-50.0, 200.0)
+"""Rooms that a machine may stand in."""
 READINGS, POINTS, PARTS_ROOM = "Readings", "Points of parts", "Room of the parts"
 DRIFT, CLIMATE = "Drift test", "Room and sensors (of a drift test, or of parts with --cmm-room)"
 FILES = {
@@ -148,18 +152,27 @@ FILES = {
     "effects": _file("Your own effects (YAML), added to the built-in ones", metavar="FILE..."),
     "file:budget": _file("Budget YAML", argument=True, default=REQUIRED),
     "file:graph": _file("Graph YAML", argument=True, default=REQUIRED),
-    "out": _file("JSON report; - is standard output, alone on it", "-o"),
-    "csv": _file("The main table as CSV"),
-    "plot": _file("Picture: .png, .svg or .pdf"),
-    "report": _file("A report to hand on, with tables and picture: .html (.pdf with an extra)"),
-    "to": _file(
-        "Picture .svg, .png, .pdf; or text .dot, .mmd, .pl (the paper's)", default=REQUIRED
+}
+WRITTEN = {
+    "out": _output("JSON report; - is standard output, alone on it", ".json", "-o"),
+    "csv": _output("The main table as CSV", ".csv"),
+    "plot": _output("Picture: .png, .svg or .pdf", ".png .svg .pdf"),
+    "report": _output(
+        "A report to hand on, with tables and picture: .html (.pdf with an extra)",
+        ".html .htm .pdf",
     ),
-    "write_machine": _file("The machine YAML with the found effects added to it"),
-    "write_components": _file("Components report (-c) with the effects' joint covariance"),
-    "write_lbb": _file("Readings CSV to write"),
-    "write_cmm": _file("Points CSV to write"),
-    "write_drift": _file("Drift readings CSV to write, of the machine's thermal models"),
+    "to": _output(
+        "Picture .svg, .png, .pdf; or text .dot, .mmd, .pl (the paper's)",
+        ".svg .png .pdf .dot .mmd .pl",
+        default=REQUIRED,
+    ),
+    "write_machine": _output("The machine YAML with the found effects added to it", ".yaml .yml"),
+    "write_components": _output(
+        "Components report (-c) with the effects' joint covariance", ".json"
+    ),
+    "write_lbb": _output("Readings CSV to write", ".csv"),
+    "write_cmm": _output("Points CSV to write", ".csv"),
+    "write_drift": _output("Drift readings CSV to write, of the thermal models", ".csv"),
 }
 CHOICES = {
     "method": _text(
@@ -250,8 +263,8 @@ SIMULATED = {
         "reading_noise_arcsec": _number(0.05, "ARCSEC", "The same of an angle"),
     },
     CLIMATE: {
-        "room": _text("LOW:HIGH", "Temperatures that the room is driven to, degC", "20:26"),
-        "sensor_lag_min": _text("LOW:HIGH", "Time constants of the sensors, spread", "5:25"),
+        "room": _text("LOW:HIGH", "Room, driven to and fro, degC", "20:26", bounds=ROOMS),
+        "sensor_lag_min": _text("LOW:HIGH", "Time constants, spread", "5:25", bounds=(0.0, 1e6)),
         "sensor_spread": _number(0.05, "NUMBER", "Sensors see 1 -+ this of the room's rise"),
         "sensor_wobble_degc": _number(0.8, "DEGC", "Draughts at a sensor: standard deviation"),
         "sensor_noise_degc": _number(0.015, "DEGC", "Standard deviation of a sensor's reading"),
@@ -271,7 +284,7 @@ SIMULATED = {
             float,
             "DEGC...",
             "Room while parts are measured, in turn: adds the sensors' columns",
-            bounds=(-50.0, 200.0),
+            bounds=ROOMS,
         ),
         "cmm_wobble_degc": _number(0.1, "DEGC", "Draughts at a sensor then: standard deviation"),
     },
@@ -279,6 +292,7 @@ SIMULATED = {
 """Of a virtual machine, by panels: each says for which of the files its options matter."""
 OPTIONS: dict[str, Option] = {
     **FILES,
+    **WRITTEN,
     **CHOICES,
     **{
         name: replace(option, panel=panel)
@@ -287,3 +301,5 @@ OPTIONS: dict[str, Option] = {
     },
 }
 """By the name of the parameter; behind a colon which of several of that name it is."""
+ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
+"""Options that name files to read."""

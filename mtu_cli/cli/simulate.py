@@ -22,11 +22,11 @@ from mtu_cli.cli.options import (
     Options,
     option_name,
 )
-from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, pair, within
+from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, number_of, within
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import SYNTHETIC
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
@@ -34,11 +34,14 @@ from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
     PartsPlan,
+    ReadingsPlan,
     covariate_equations,
+    cut_warnings,
     errors_by_axis,
     growth,
     large_errors,
     simulate_points,
+    simulate_readings,
 )
 from mtu_cli.model.simulate_drift import (
     Climate,
@@ -48,20 +51,20 @@ from mtu_cli.model.simulate_drift import (
     settled,
     simulate_drift,
 )
-from mtu_cli.model.simulate_readings import ReadingsPlan, cut_warnings, simulate_readings
 from mtu_cli.reports.simulate import Synthetic, drift_file, points_file, readings_file
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 
 MAX_MOMENTS = 1_000_000
 """Moments of a whole drift test, soaking included: a slip of the keyboard beyond."""
-MOST_MINUTES = 1e6
 DEFAULT_POSITIONS = 8
-ROOMS_DEGC = (-50.0, 200.0)
-"""Rooms that a machine may stand in."""
-PLAN = ("passes", "one_way", "positions", "parts", "repeats")
-"""How, and how often, readings and parts are taken, which a script gives to all its calls, whatever
-each one writes: a warning. What it takes for an error of the machine is refused.
+MATTER = {
+    "write_lbb": {READINGS},
+    "write_cmm": {POINTS, PARTS_ROOM},
+    "write_drift": {DRIFT, CLIMATE},
+}
+"""The groups of options that each file is made by; the room and its sensors matter for parts that
+are measured in one, too.
 """
 Made = tuple[Synthetic, list[Finding]]
 
@@ -73,13 +76,13 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     if not paths:
         expected = "--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
-    warnings = _unused_options(options)
     if options.operation is not None and not is_name(options.operation.strip()):
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
         raise error("wrong-type", kind="a name", **place)
     model = modelled(inputs).model
     # Of components that stand in no equation nothing is simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
+    warnings = _unused_options(options, paths)
     warnings += [each for each in of_machine if each.facts["what"] == "component"]
     if options.write_lbb is not None or options.write_cmm is not None:
         warnings += cut_warnings(model)
@@ -96,48 +99,32 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
         rows=lambda: (tuple(first.columns), zip(*first.typed().values(), strict=True)),
         warnings=warnings,
         files=lambda: {
-            path: made[name].text(_heading(options, settings.seed, _panels(options, name))).encode()
+            path: made[name].text(_heading(options, settings.seed, name)).encode()
             for name, path in paths.items()
         },
     )
 
 
-def _unused_options(options: Options) -> list[Finding]:
-    """Warnings of a plan of what is not written.
-
-    Raises InputError with every other given option that changes nothing.
-    """
-    lbb, cmm, drift = options.write_lbb, options.write_cmm, options.write_drift
-    either = "--write-drift FILE, or --write-cmm FILE and --cmm-room DEGC"
-    panels = {
-        READINGS: (lbb, "--write-lbb FILE"),
-        POINTS: (cmm, "--write-cmm FILE"),
-        PARTS_ROOM: (cmm, "--write-cmm FILE"),
-        DRIFT: (drift, "--write-drift FILE"),
-        CLIMATE: (drift or (cmm and options.cmm_room), either),
-    }
+def _unused_options(options: Options, paths: Collection[str]) -> list[Finding]:
+    """Warnings of options that are given and change nothing in what is written."""
+    used = set().union(*(MATTER[name] for name in paths))
+    if options.write_cmm and options.cmm_room:
+        used.add(CLIMATE)
     found = []
     for name in options.given:
-        used, expected = panels.get(OPTIONS[name].panel or "", (True, ""))
-        if not used:
-            code = "option-not-used" if name in PLAN else "option-without-effect"
-            facts = {"why": " in what is written", "expected": expected}
-            found.append(finding(code, path=option_name(name), **facts))
-    if refused := [each for each in found if each.severity == "error"]:
-        raise InputError(refused)
+        panel = OPTIONS[name].panel
+        if panel is not None and panel not in used:
+            files = [f"{option_name(x)} FILE" for x, panels in MATTER.items() if panel in panels]
+            facts = {"why": " in what is written", "expected": " or ".join(files)}
+            found.append(finding("option-not-used", path=option_name(name), **facts))
     return found
 
 
-def _panels(options: Options, name: str) -> Collection[str]:
-    """The groups of options that what is written was made by."""
-    if name == "write_drift":
-        return (CLIMATE, DRIFT)
-    in_a_room = name == "write_cmm" and options.cmm_room
-    return (READINGS, POINTS, CLIMATE, PARTS_ROOM) if in_a_room else (READINGS, POINTS)
-
-
-def _heading(options: Options, seed: int, panels: Collection[str]) -> str:
+def _heading(options: Options, seed: int, name: str) -> str:
     """Comment lines that say the file is synthetic and how it came about."""
+    panels = {DRIFT, CLIMATE} if name == "write_drift" else {READINGS, POINTS}
+    if name == "write_cmm" and options.cmm_room:
+        panels |= {CLIMATE, PARTS_ROOM}
     given = [
         f"{option_name(name)} {shlex.quote(' '.join(str(item).split()))}"
         for name, value in options.values.items()
@@ -163,15 +150,18 @@ def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[st
     """Positions (n,) in mm by axis: of --positions, else over the part's extent."""
     option, text = "--positions", inputs.options.positions
     travels = inputs.machine.machine.travels
-    found: dict[str, FloatArray] = {}
-    for item in () if text is None else text.split(",") if "=" in text else (text,):
-        axis, _, span = item.rpartition("=")
-        example = "0:140:8, say, or x=0:140:8,y=0:90:5"
+    example = "0:140:8, say, or x=0:140:8,y=0:90:5"
+
+    def over(_: str, span: str) -> FloatArray:
         low, high, count = ends(option, span, SPAN, example, ordered=True)
-        if axis:
-            known_name(option, "axis", axis.strip(), AXES)
-        axes = [axis.strip()] if axis else needed
-        found |= {name: np.linspace(low, high, int(count)) for name in axes}
+        return np.linspace(low, high, int(count))
+
+    found: dict[str, FloatArray] = {}
+    if text is not None and "=" in text:
+        form = f"AXIS={SPAN}"
+        found = assigned(option, text.split(","), "=", form, example, over, AXES, "axis")
+    elif text is not None:
+        found = dict.fromkeys(needed, over("", text))
     for axis in sorted(needed & found.keys() & travels.keys()):
         within(option, found[axis], travels[axis], f"mm of {axis}")
     if needed <= found.keys():
@@ -213,11 +203,10 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Made:
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
     """How parts are made and measured."""
-    option, first = "--first-repeats", (0, 0)
-    if options.first_repeats is not None:
-        sides = pair(option, options.first_repeats, ":", "PARTS:REPEATS", "4:5")
-        parts, repeats = (int(number_of(option, side, whole=True)) for side in sides)
-        within(option, (parts, repeats), (1, MOST_STEPS), "")
+    option, text, first = "--first-repeats", options.first_repeats, (0, 0)
+    if text is not None:
+        parts, repeats = map(int, ends(option, text, "PARTS:REPEATS", "4:5", whole=True))
+        within(option, (parts, repeats), (1, MOST_STEPS))
         first = (parts, repeats)
     same = ("parts", "repeats", "reverse_every", "minutes", "operation")
     return PartsPlan(
@@ -286,22 +275,21 @@ def _drift_test(
 
 def _climate(options: Options, reference: float) -> Climate:
     """The room and what its sensors make of it."""
-    sides = {}
-    for name, unit, bounds, example in (
-        ("room", "degC", ROOMS_DEGC, "20:26"),
-        ("sensor_lag_min", "min", (0.0, MOST_MINUTES), "5:25"),
-    ):
-        option = option_name(name)
-        low, high = ends(option, options.values[name], "LOW:HIGH", example, ordered=True)
-        within(option, (low, high), bounds, unit)
-        sides[name] = (low, high)
+
+    def span(name: str, unit: str) -> tuple[float, float]:
+        option, known = option_name(name), OPTIONS[name]
+        low, high = ends(option, options.values[name], "LOW:HIGH", known.default, ordered=True)
+        within(option, (low, high), known.bounds or (low, high), unit)
+        return low, high
+
+    low, high = span("room", "degC")
     return Climate(
         reference=reference,
-        low=sides["room"][0],
-        high=sides["room"][1],
+        low=low,
+        high=high,
         room_lag=options.room_lag_min,
         room_wobble=options.room_wobble_degc,
-        sensor_lag=sides["sensor_lag_min"],
+        sensor_lag=span("sensor_lag_min", "min"),
         sensor_spread=options.sensor_spread,
         sensor_wobble=options.sensor_wobble_degc,
         sensor_noise=options.sensor_noise_degc,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from math import isfinite
-from typing import NoReturn, TypeVar
+from typing import TypeVar
 
 from mtu_cli.files.contract import number_expectation
 from mtu_cli.files.csv_table import number
@@ -36,32 +36,19 @@ def number_of(option: str, text: str, *, whole: bool = False) -> float:
     return value
 
 
-def pair(option: str, text: str, sign: str, form: str, example: str) -> tuple[str, str]:
-    """Both sides of the first `sign` of a text of the `form` NAME=VALUE.
-
-    Raises InputError where one of them is missing, with an `example`.
-    """
-    name, _, value = (side.strip() for side in text.partition(sign))
-    if not name or not value or not name.isprintable():
-        wrong_form(option, text, form, example)
-    return name, value
-
-
-def wrong_form(option: str, text: str, form: str, example: str) -> NoReturn:
-    """Raises InputError for a text that is not of a `form`."""
-    raise error("wrong-type", path=option, kind=form, value=text, expected=f"{example}, say")
-
-
-def ends(option: str, text: str, form: str, example: str, *, ordered: bool = False) -> list[float]:
-    """The numbers of LOW:HIGH, or of LOW:HIGH:COUNT, as the `form` says.
+def ends(
+    option: str, text: str, form: str, example: str, *, ordered: bool = False, whole: bool = False
+) -> list[float]:
+    """The numbers of LOW:HIGH, or of LOW:HIGH:COUNT, as the `form` says; all of them `whole`, or
+    the count alone.
 
     Raises InputError for another form, for what is no number, for a count out of range, and for
     ends that are not `ordered`; without a count they may be equal.
     """
     items = text.split(":")
     if len(items) != len(form.split(":")) or not all(item.strip() for item in items):
-        wrong_form(option, text, form, example)
-    found = [number_of(option, item, whole=place == 2) for place, item in enumerate(items)]
+        raise error("wrong-type", path=option, kind=form, value=text, expected=f"{example}, say")
+    found = [number_of(option, item, whole=whole or i == 2) for i, item in enumerate(items)]
     if len(found) == 3 and not 2 <= found[2] <= MOST_STEPS:
         expected = f"a COUNT from 2 to {MOST_STEPS}"
         raise error("out-of-range", path=option, value=text, expected=expected)
@@ -70,7 +57,7 @@ def ends(option: str, text: str, form: str, example: str, *, ordered: bool = Fal
     return found
 
 
-def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: str) -> None:
+def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: str = "") -> None:
     """Raises InputError for a value that is out of the `bounds` (low, high)."""
     low, high = bounds
     for value in values:
@@ -80,7 +67,7 @@ def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: 
             raise error("out-of-range", **place, expected=expected)
 
 
-def known_name(option: str, what: str, name: str, known: Sequence[str]) -> None:
+def known_name(option: str, what: str, name: str, known: Collection[str]) -> None:
     """Raises InputError for a name that is none of those `known`, with the nearest."""
     if name not in known:
         raise error("unknown-name", path=option, what=what, value=name, **suggestion(name, known))
@@ -93,7 +80,7 @@ def assigned(
     form: str,
     example: str,
     value: Callable[[str, str], T],
-    known: Sequence[str] | None = None,
+    known: Collection[str] | None = None,
     what: str = "name",
 ) -> dict[str, T]:
     """What each text NAME=VALUE of an option gives its name, as `value` reads name and text.
@@ -104,8 +91,11 @@ def assigned(
     found: dict[str, T] = {}
     faults: list[Finding] = []
     for text in texts or ():
+        name, _, content = (side.strip() for side in text.partition(sign))
         try:
-            name, content = pair(option, text, sign, form, example)
+            if not name or not content or not name.isprintable():
+                kind, expected = form, f"{example}, say"
+                raise error("wrong-type", path=option, kind=kind, value=text, expected=expected)
             if known is not None:
                 known_name(option, what, name, known)
             if name in found:

@@ -210,9 +210,11 @@ class LoadedBudget(Loaded):
         """Whether the file has an `equation`, not `equations`."""
         return self.budget.equation is not None
 
-    def place(self, output: str) -> YamlPath:
-        """The path of an output's equation in the file."""
-        return ("equation",) if self.single else ("equations", output)
+    def where(self, output: str) -> dict[str, Any]:
+        """Where an output's equation stands, for a finding."""
+        path: YamlPath = ("equation",) if self.single else ("equations", output)
+        place = {"file": self.source.shown, "line": self.line_of(*path)}
+        return {**place, "path": ".".join(map(str, path))}
 
 
 def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget:

@@ -195,10 +195,15 @@ class Faults:
             self.add(path, "name-taken", value=name, taken=taken[name])
 
     def once(
-        self, path: YamlPath, items: Iterable[tuple[int, str]], what: str, *key: str, **given: Any
+        self,
+        path: YamlPath,
+        items: Iterable[tuple[str | int, str]],
+        what: str,
+        *key: str,
+        **given: Any,
     ) -> None:
-        """That no name of a list at `path`, at the `key` of each item, stands further up too."""
-        first: dict[str, int] = {}
+        """That no name at `path`, at the `key` of each item, stands further up too."""
+        first: dict[str, str | int] = {}
         for index, name in items:
             if first.setdefault(name, index) != index:
                 self.add((*path, index, *key), "appears-twice", value=name, what=what, **given)
@@ -283,11 +288,6 @@ def check_contract(
     if faults.findings:
         raise InputError(faults.findings)
     return checked
-
-
-def is_unknown_key(found: Finding) -> bool:
-    """Whether a finding is of a key that its entry does not have."""
-    return found.code == "unknown-name" and found.facts.get("what") == "key"
 
 
 def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:

@@ -428,7 +428,9 @@ class _Body:
 def _excluded(numbers: Floats, column: Column) -> Flags:
     """Where numbers (n,) are none that the column may hold; so is nan."""
     largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
-    odd = ~(np.abs(numbers) <= largest)
+    # Extremes cost less than flags: nan makes both nan.
+    inside = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
+    odd = np.zeros(len(numbers), bool) if inside else ~(np.abs(numbers) <= largest)
     if column.whole:
         odd |= numbers != np.rint(numbers)
     if column.kind == "count":

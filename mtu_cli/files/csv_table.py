@@ -26,7 +26,6 @@ EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 MINUTE = 60_000_000
 """In microseconds."""
-BLOCK = 1 << 15
 ODD, SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
 
 
@@ -249,16 +248,12 @@ def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
     others with probability 2^-64.
     """
     marks = np.zeros(len(columns[0]), np.uint64)
-    # What fits the cache is several times quicker.
-    for start in range(0, len(marks), BLOCK):
-        mark = marks[start : start + BLOCK]
-        for column in columns:
-            cells = column[start : start + BLOCK]
-            floats = cells.dtype == np.float64
-            # Adding 0.0 makes -0.0 the 0.0 that it equals.
-            mark ^= (cells + 0.0).view(np.uint64) if floats else cells.astype(np.uint64)
-            mark *= ODD
-            mark ^= mark >> SHIFT
+    for column in columns:
+        floats = column.dtype == np.float64
+        # Adding 0.0 makes -0.0 the 0.0 that it equals.
+        marks ^= (column + 0.0).view(np.uint64) if floats else column.astype(np.uint64)
+        marks *= ODD
+        marks ^= marks >> SHIFT
     ordered = np.sort(marks)
     return np.isin(marks, ordered[1:][ordered[1:] == ordered[:-1]])
 

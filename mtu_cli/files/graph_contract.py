@@ -8,7 +8,6 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from mtu_cli.files.budget import Correlation
 from mtu_cli.files.contract import (
     Contract,
     IdText,
@@ -168,4 +167,3 @@ class Graph(Contract):
     places: Annotated[dict[Name, Place], Field(min_length=1)]
     transitions: Annotated[list[Transition], Field(min_length=1)]
     report: list[IdText] = optional("Default: places that end the graph", [])
-    correlations: list[Correlation] = optional("Of two uncertain constants: [first, second, r]", [])

@@ -78,9 +78,7 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
     def check(machine: Machine, faults: Faults) -> None:
         _check_names(machine, faults)
         iso = [(name, x.iso) for name, x in machine.components.items() if x.iso]
-        for name, own in iso:
-            if (name, own) != next(pair for pair in iso if pair[1] == own):
-                faults.add(("components", name, "iso"), "appears-twice", what="the name", value=own)
+        faults.once(("components",), iso, "the name", "iso")
         for name, component in machine.components.items():
             _check_component(component, ("components", name), faults)
             _check_thermal(machine, component, ("components", name, "thermal"), faults)
@@ -216,14 +214,11 @@ def covariance_fault(
     if len(rows) != size or any(len(row) != size for row in rows):
         return f"not {size} x {size}"
     C = np.array(rows, dtype=np.float64).reshape(size, size)
-    if np.isinf(C).any():
-        return "not finite"
     variances = np.diagonal(C)
     if not difference and (variances < 0).any():
         return "a variance is negative"
     s = np.sqrt(np.abs(variances))
-    with np.errstate(over="ignore"):
-        apart, scale = np.abs(C - C.T), np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T))
+    apart, scale = np.abs(C - C.T), np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T))
     if (apart > ROUNDING * scale).any() or (np.isnan(C) != np.isnan(C.T)).any():
         return "not symmetric"
     if difference or not size or np.isnan(C).any():
@@ -232,11 +227,9 @@ def covariance_fault(
     # after the other: the product of two small deviations may be zero.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         R = np.where(C == 0.0, 0.0, C / s / s[:, None])
-    if not np.isfinite(R).all():
-        return "not positive semidefinite: a covariance is far beyond its variances"
-    if np.linalg.eigvalsh((R + R.T) / 2)[0] < -INDEFINITE * size:
-        return "not positive semidefinite: a combination has a negative variance"
-    return None
+    if np.isfinite(R).all() and np.linalg.eigvalsh((R + R.T) / 2)[0] >= -INDEFINITE * size:
+        return None
+    return "not positive semidefinite: a combination has a negative variance"
 
 
 def _check_thermal(machine: Machine, item: Component, path: YamlPath, faults: Faults) -> None:

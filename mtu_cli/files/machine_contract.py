@@ -48,20 +48,15 @@ def _rising(ends: list[float]) -> list[float]:
 
 def _climbing(values: list[float]) -> list[float]:
     if any(after <= before for before, after in pairwise(values)):
-        raise wrong("positions that rise")
+        raise wrong("the lowest first: positions that rise")
     return values
-
-
-def _apart(ends: list[float]) -> list[float]:
-    if ends[0] == ends[1]:
-        raise wrong("two different ends")
-    return ends
 
 
 Size = Annotated[NonNegative, AfterValidator(sized)]
 Numbers = Annotated[list[Number], Field(min_length=1)]
 Matrix = list[list[Number]]
-Range = Annotated[list[Number], Field(min_length=2, max_length=2), AfterValidator(_rising)]
+Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Range = Annotated[Pair, AfterValidator(_rising)]
 UnitName = Annotated[str, _unit_of(UNITS), Field(json_schema_extra={"enum": list(UNITS)})]
 ParameterUnitName = Annotated[
     str, _unit_of(PARAMETER_UNITS), Field(json_schema_extra={"enum": list(PARAMETER_UNITS)})
@@ -93,7 +88,7 @@ Gradients = Annotated[
 class Axis(Contract):
     """A linear axis of the machine."""
 
-    travel_mm: Annotated[Range, AfterValidator(_apart)] = Field(
+    travel_mm: Annotated[Pair, AfterValidator(_climbing)] = Field(
         description="Lowest and highest position, mm"
     )
 

@@ -27,6 +27,7 @@ from mtu_cli.files.contract import (
 from mtu_cli.files.yaml_file import YamlPath, read_yaml
 
 Place = tuple[float, float, float | None]
+"""Nominal x, y, z in mm; z None where nothing states it."""
 REFERENCE_TEMPERATURE = 20.0
 LARGEST_MM = 1e9
 """A thousand kilometres: beyond it a coordinate is a slip, and products of them overflow."""
@@ -188,7 +189,7 @@ def load_part(path: Path, role: str = "part") -> LoadedPart:
 
 
 def _check(part: Part, faults: Faults) -> None:
-    """Known features, none twice; lengths above 0; rows and columns with an extent; ids once."""
+    """Known features, none twice; lengths above 0; ids once."""
     places, known = part.places(), faults.keys("features")
     named: list[tuple[YamlPath, str]] = []
     for index, length in present(part.lengths):
@@ -205,9 +206,7 @@ def _check(part: Part, faults: Faults) -> None:
                 names = getattr(item, key, ())
                 faults.once(path, enumerate(names), "the feature")
                 named += [((*path, place), name) for place, name in enumerate(names)]
-            if isinstance(item, Orthogonality):
-                _check_extent(item, places, (kind, index), faults)
-            elif len(item.calibrated_mm or ()) > 1 and item.temperature is None:
+            if len(getattr(item, "calibrated_mm", None) or ()) > 1 and item.temperature is None:
                 given = {"what": "diameters at several temperatures", "other": "`temperature`"}
                 faults.add((kind, index, "calibrated_mm"), "incomplete", **given)
     for path, name in named:
@@ -217,13 +216,3 @@ def _check(part: Part, faults: Faults) -> None:
     for kind in ("lengths", "orthogonality", "circles", "spheres"):
         ids = [(index, item.id) for index, item in present(getattr(part, kind))]
         faults.once((kind,), ids, "the id", "id", expected="another `id`")
-
-
-def _check_extent(
-    item: Orthogonality, places: dict[str, Place], path: YamlPath, faults: Faults
-) -> None:
-    for axis, (key, names) in enumerate((("row", item.row), ("column", item.column))):
-        along = {places[name][axis] if name in places else name for name in names}
-        if len(along) == 1 and len(set(names)) > 1:
-            expected = f"features that differ in {'xy'[axis]}"
-            faults.add((*path, key), "wrong-value", value=names, expected=expected)

@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from mtu_cli.files.covariates import POSITIONS as AXES
 from mtu_cli.files.csv_file import read_tables
 from mtu_cli.files.csv_table import CellFaults, Floats, Ints, Measured, Table, cell_text
 from mtu_cli.files.headers import POINTS
+from mtu_cli.files.part import Place
 from mtu_cli.findings import finding
 
-Place = tuple[float, float, float | None]
-"""Nominal x, y, z in mm; z None where nothing states it."""
-
-AXES = ("x", "y", "z")
 SAME_MM = 1e-6
 """Coordinates that differ by less are one: a nanometre, which nobody measures."""
 

@@ -8,8 +8,9 @@ import os
 import stat
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from mtu_cli.findings import Finding, closest, error, finding, printable
+from mtu_cli.findings import Finding, InputError, closest, error, finding, printable
 
 DRIFT = "drift"
 """The role of readings that follow temperatures in time: their runs are cycles, no passes."""
@@ -84,24 +85,23 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     Raises InputError for a missing file (with the closest name in its folder), a folder, a
     device, a file that may not be read, is empty or is larger than `max_bytes`.
     """
-    shown = shown_path(path)
+    shown, expected = shown_path(path), None
     # What is wrong is the path that was written: of /dev/null its last name alone says nothing.
     place = {"file": given_path(path) if path.is_absolute() else shown}
+    if not path.parent.is_dir():
+        expected = "a path to an existing folder"
+    elif role == "study" and path.suffix not in KINDS:
+        expected = "a study or its folder"
+    if fault := file_fault(path, role, shown, expected, **place):
+        raise InputError(fault)
     try:
-        state = path.stat()
-        # /dev/zero has no end; pipes, as of <(...), have one.
-        device = stat.S_ISCHR(state.st_mode) or stat.S_ISBLK(state.st_mode)
-        if device or stat.S_ISDIR(state.st_mode):
-            kind = "device" if device else "folder"
-            raise error("not-a-file", kind=kind, expected=f"a file ({role})", **place)
-        if max_bytes is not None and state.st_size > max_bytes:
-            facts = {"reason": f"{state.st_size} bytes", "expected": f"at most {max_bytes} bytes"}
+        size = path.stat().st_size
+        if max_bytes is not None and size > max_bytes:
+            facts = {"reason": f"{size} bytes", "expected": f"at most {max_bytes} bytes"}
             raise error("not-readable", **facts, **place)
         content = path.read_bytes()
-    except FileNotFoundError:
-        raise error("no-such-file", **_instead_of(path, role), **place) from None
-    except (OSError, ValueError) as fault:
-        raise error("not-readable", reason=system_reason(fault), **place) from None
+    except OSError as failed:
+        raise error("not-readable", reason=system_reason(failed), **place) from None
     if not content:
         raise error("empty-file", what="text", **place)
     digest = hashlib.sha256(content).hexdigest()
@@ -109,15 +109,27 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     return Source(role=role, path=path, shown=shown, sha256=digest, synthetic=made), content
 
 
-def _instead_of(path: Path, role: str) -> dict[str, object]:
-    """What a Finding of a missing file says beside it."""
-    if near := _near_name(path):
-        return {"meant": (shown_path(path.parent / near),)}
-    if not path.parent.is_dir():
-        return {"expected": "a path to an existing folder"}
-    # A study may be given by its folder.
-    may_be_folder = role == "study" and path.suffix not in KINDS
-    return {"expected": "a study or its folder" if may_be_folder else None}
+def file_fault(
+    path: Path, role: str, given: str, expected: str | None, **place: Any
+) -> Finding | None:
+    """The Finding of a path, as it was `given`, that no file can be read from; None where one can,
+    as far as is seen.
+    """
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        if near := _near_name(path):
+            meant = (Path(given).parent / near).as_posix()
+            return finding("no-such-file", meant=(meant,), **place)
+        return finding("no-such-file", expected=expected, **place)
+    except (OSError, ValueError) as fault:
+        return finding("not-readable", reason=system_reason(fault), **place)
+    # /dev/zero has no end; pipes, as of <(...), have one.
+    device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
+    if not (device or stat.S_ISDIR(mode)):
+        return None
+    kind = "device" if device else "folder"
+    return finding("not-a-file", kind=kind, expected=f"a file ({role})", **place)
 
 
 def begins_with(path: Path, mark: str) -> bool:
@@ -130,22 +142,6 @@ def begins_with(path: Path, mark: str) -> bool:
         return False
     start = content.removeprefix(codecs.BOM_UTF8).lstrip()
     return not start or start.startswith(mark.encode())
-
-
-def missing_file(folder: Path, name: str) -> Finding | None:
-    """The Finding of a `name` below `folder` that is no file, or None where it is one."""
-    path = folder / name
-    try:
-        if path.is_dir():
-            return finding("not-a-file", kind="folder", value=name, expected="a file")
-        if path.exists():
-            return None
-    except (OSError, ValueError) as fault:
-        return finding("not-readable", reason=system_reason(fault), value=name)
-    if near := _near_name(path):
-        return finding("no-such-file", value=name, meant=((Path(name).parent / near).as_posix(),))
-    expected = "a path from the folder of the file that names it, or a whole one"
-    return finding("no-such-file", value=name, expected=expected)
 
 
 def _near_name(path: Path) -> str | None:

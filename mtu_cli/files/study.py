@@ -18,13 +18,14 @@ from mtu_cli.files.contract import (
     present,
     short,
 )
-from mtu_cli.files.source import missing_file, resolved
+from mtu_cli.files.source import file_fault, resolved
 from mtu_cli.files.yaml_file import read_yaml
 
 STUDY_NAME = "mtu.yaml"
 SINGLE = ("machine", "part")
 SEVERAL = ("components", "lbb", "laser", "cmm", "drift")
 
+FROM_HERE = "a path from the folder of the file that names it, or a whole one"
 MAX_COVERAGE = 100.0
 MAX_TRIALS = 10_000_000_000
 """Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
@@ -115,9 +116,9 @@ def load_study(path: Path, role: str = "study", *, there: bool = True) -> Loaded
             names = present(given) if key in SEVERAL else [(0, given)] if given else []
             if names:
                 files[key] = tuple(folder / name for _, name in names)
-            for index, name in names:
-                if there and (missing := missing_file(folder, name)):
-                    faults.extend((key, index), [missing])
+            for index, name in names if there else ():
+                if fault := file_fault(folder / name, key, name, FROM_HERE, value=name):
+                    faults.extend((key, index), [fault])
             faults.once((key,), names, "the file")
 
     study = check_contract(document, Study, "study", check)

@@ -114,15 +114,6 @@ class _Jet:
     series: FloatArray
     varies: NDArray[np.bool_]
 
-    def __add__(self, other: _Jet) -> _Jet:
-        return _Jet(self.series + other.series, self.varies | other.varies)
-
-    def __sub__(self, other: _Jet) -> _Jet:
-        return _Jet(self.series - other.series, self.varies | other.varies)
-
-    def __neg__(self) -> _Jet:
-        return _Jet(-self.series, self.varies)
-
     def __mul__(self, other: _Jet) -> _Jet:
         return _Jet(_product(self.series, other.series), self.varies | other.varies)
 
@@ -167,9 +158,11 @@ class _Expansion:
                 return self.raised(base, exponent, column)
             case "atan2", [y, x]:
                 return self.atan2(y, x, column)
-            case "+" | "-" | "*" | "neg", _:
-                found: _Jet = FUNCTIONS[function].scalar(*jets)
-                return found
+            case "*", [left, right]:
+                return left * right
+            case "+" | "-" | "neg", [first, *_]:
+                parts, last = [jet.series for jet in jets], jets[-1]
+                return _Jet(FUNCTIONS[function].scalar(*parts), first.varies | last.varies)
         value, slopes = apply_scalar(function, (jets[0].value,)), FUNCTIONS[function].slopes
         return self.chained(f"{function}()", value, slopes, jets[0], column)
 

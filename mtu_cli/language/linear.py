@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from mtu_cli.findings import InputError, error
@@ -36,13 +36,13 @@ def linear_form(
 
 
 def _split(node: Node, linear: Mapping[str, str]) -> Parts:
-    if not _held(node, linear):
+    if not any(name in linear for name in names(node)):
         return {"": node}
     match node:
         case Name(name, column):
             return {name: Number(1.0, column)}
         case Call("neg", (operand,), column):
-            return _scaled(_split(operand, linear), lambda part: _negative(part, column))
+            return {name: _negative(part, column) for name, part in _split(operand, linear).items()}
         case Call("+" | "-" as sign, (left, right), column):
             found = _split(left, linear)
             for key, part in _split(right, linear).items():
@@ -52,29 +52,21 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
             return found
         case Call("*", (left, right), column):
             of_left, of_right = _split(left, linear), _split(right, linear)
-            in_left, in_right = ([name for name in own if name] for own in (of_left, of_right))
-            if not in_left:
-                return _scaled(of_right, lambda part: _times(left, part, column))
-            if not in_right:
-                return _scaled(of_left, lambda part: _times(part, right, column))
-            raise _not_linear((in_left[0], in_right[0]), linear, "their product", column)
-        case Call("/", (left, right), column) if not _held(right, linear):
-            return _scaled(_split(left, linear), lambda part: Call("/", (part, right), column))
-        case Call("/", (_, right)):
+            if set(of_left) == {""}:
+                return {name: _times(left, part, column) for name, part in of_right.items()}
+            if set(of_right) == {""}:
+                return {name: _times(part, right, column) for name, part in of_left.items()}
+            both = [next(name for name in own if name) for own in (of_left, of_right)]
+            raise _not_linear(both, linear, "their product", column)
+        case Call("/", (left, right), column):
+            if not any(name in linear for name in names(right)):
+                parts = _split(left, linear).items()
+                return {name: Call("/", (part, right), column) for name, part in parts}
             inside, how = right, "in a denominator"
         case Call(function):
             inside, how = node, "in a power" if function == "**" else f"inside {function}()"
-    name, column = next(iter(_held(inside, linear).items()))
+    name, column = next((name, at) for name, at in names(inside).items() if name in linear)
     raise _not_linear((name,), linear, how, column)
-
-
-def _held(node: Node, linear: Mapping[str, str]) -> dict[str, int]:
-    """The linear names of a term with their columns."""
-    return {name: column for name, column in names(node).items() if name in linear}
-
-
-def _scaled(parts: Parts, scale: Callable[[Node], Node]) -> Parts:
-    return {name: scale(part) for name, part in parts.items()}
 
 
 def _negative(node: Node, column: int) -> Node:
@@ -84,11 +76,8 @@ def _negative(node: Node, column: int) -> Node:
 
 
 def _times(left: Node, right: Node, column: int) -> Node:
-    if left == Number(1.0, left.column):
-        return right
-    if right == Number(1.0, right.column):
-        return left
-    return Call("*", (left, right), column)
+    factors = [item for item in (left, right) if item != Number(1.0, item.column)]
+    return Call("*", (left, right), column) if len(factors) == 2 else (factors or [right])[0]
 
 
 def _not_linear(

@@ -1,8 +1,7 @@
 """What the coefficients of a component multiply along its axis: powers, or a table's weights.
 
-A component is linear in its coefficients whatever its shape, so that design, prediction, trials
-and correction ask for `columns` alone. A table leaves something open between its positions:
-`left_open`, which adds to the variance of what is predicted there.
+A component is linear in its coefficients whatever its shape. A table leaves something open between
+its positions, which adds to the variance of what is predicted there.
 """
 
 from __future__ import annotations
@@ -26,10 +25,7 @@ class Powers:
         return polynomial(position, self.degree)
 
     def of_line(self, center: float, q: int) -> FloatArray:
-        """T (k, q) from (intercept at the centre, slope) to coefficients.
-
-        intercept + slope (p - c) = (intercept - c slope) + slope p.
-        """
+        """T (k, q) from (intercept at the centre, slope) to coefficients."""
         T = np.zeros((self.degree + 1, q))
         T[0, 0] = 1.0
         if q == 2:
@@ -74,18 +70,14 @@ class TableShape:
         return np.asarray(np.linalg.pinv(line(self.at, center)), np.float64)
 
     def left_open(self, position: FloatArray) -> FloatArray:
-        """Covariance (n, n) of what the values leave open at different positions: the same for all
-        parts.
-        """
+        """Covariance (n, n) of what the values leave open, the same for all parts."""
         off = np.diag(~np.isin(position, self.at) * self.between)
-        found: FloatArray = self.roughness * left_open(self.at, position) + off
-        return found
+        return np.asarray(self.roughness * left_open(self.at, position) + off)
 
     def of_runs(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of the bend of one run, its line left out."""
         W = weights(self.at, position) @ smooth_root(self.at)
-        found: FloatArray = self.own * (W @ W.T + left_open(self.at, position))
-        return found
+        return np.asarray(self.own * (W @ W.T + left_open(self.at, position)))
 
 
 Shape = Powers | TableShape

@@ -1,21 +1,20 @@
-"""Covariates of measured points: as numbers, with gaps, and as tables."""
+"""Columns of measured points as covariates of the equations."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, InputError, finding, listed
+from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.machine_model import (
     AXES,
     TIME,
     MachineModel,
-    of_feature,
-    sensors_of,
+    missing_covariates,
     without_coordinate,
 )
 from mtu_cli.model.temperatures import moment_problem
@@ -61,91 +60,50 @@ def needed_covariates(
     Times are added where a drift lags behind its temperatures.
 
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
-    empty or no number, and for temperatures of one moment that cannot both be right
-    where a drift lags behind them, with their rows.
+    empty or no number, for temperatures of one moment that cannot both be right, with their rows,
+    and for points without a coordinate that an equation needs.
     """
-    values: Values = {}
-    problems: list[Finding] = []
-    for name in model.covariates():
+    files = ", ".join(source.shown for source in points.sources)
+    problems = [
+        problem.at(column=problem.facts["names"][0])
+        for problem in missing_covariates(model, {*columns, *at}, list(columns), file=files)
+    ]
+    needed = [*model.covariates()]
+    if any(drift.time_constants.any() for drift in model.drifts()):
+        needed.append(TIME)
+    values: Values = {name: at[name] for name in model.covariates() if name in at}
+    for name in needed:
         if name in columns:
             values[name] = numbers_of(points, name, columns[name], problems)
-        elif name in at:
-            values[name] = at[name]
-        else:
-            problems.append(_missing(model, points, name, list(columns)))
-    if TIME in columns and any(drift.time_constants.any() for drift in model.drifts()):
-        values[TIME] = numbers_of(points, TIME, columns[TIME], problems)
-    if not problems and (problem := moment_problem(model, points, values)) is not None:
-        problems.append(problem)
+    places = points.nominal
+    if not at_nominal:
+        places = np.where(np.isnan(places), points.measured, places)
     if not problems:
-        problems += _without_place(model, points, at_nominal=at_nominal)
+        found = [
+            moment_problem(model, points, values),
+            without_coordinate(model, places, lambda i: _feature(points, i)),
+        ]
+        problems += [problem for problem in found if problem is not None]
     if problems:
         raise InputError(problems)
-    return Needed(values=values, warnings=tuple(_of_the_points(model, columns, at)))
+    reason = "the points have the column"
+    idle = [name for name in used_columns(model) if name in columns and name in at]
+    warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
+    return Needed(values=values, warnings=tuple(warnings))
 
 
-def _of_the_points(
-    model: MachineModel, columns: Columns, at: Mapping[str, float]
-) -> Iterator[Finding]:
-    """Of columns that `at` does not stand in for."""
-    for name in used_columns(model):
-        if name in columns and name in at:
-            yield finding(
-                "not-used", what="--at", names=[name], reason="the points have the column"
-            )
+def _feature(points: Points, i: int) -> tuple[str, dict[str, Any]]:
+    return points.features[points.feature[i]], _row(points, i)
+
+
+def _row(points: Points, i: int) -> dict[str, Any]:
+    return {"file": points.sources[points.file_index[i]].shown, "row": int(points.row[i])}
 
 
 def used_columns(model: MachineModel) -> list[str]:
     """The covariates of the equations, and those that tell where declared effects hold."""
     within = (name for effect in model.effects for name in effect.within)
     return list(dict.fromkeys([*model.covariates(), *within]))
-
-
-def _without_place(model: MachineModel, points: Points, *, at_nominal: bool) -> Iterator[Finding]:
-    """Points without a coordinate that an equation needs, neither measured nor nominal."""
-    places = points.nominal
-    if not at_nominal:
-        places = np.where(np.isnan(places), points.measured, places)
-    found = without_coordinate(model, places)
-    if found is not None:
-        lacking, problem = found
-        i = int(lacking[0])
-        yield of_feature(
-            problem,
-            points.features[points.feature[i]],
-            len(lacking) - 1,
-            file=points.sources[points.file_index[i]].shown,
-            row=int(points.row[i]),
-        )
-
-
-def _missing(model: MachineModel, points: Points, name: str, known: Sequence[str]) -> Finding:
-    drifts = sensors_of(model)
-    if name in drifts:
-        return missing_sensor(points, name, drifts[name], known)
-    return _lacks(points, name, known, f"the machine {model.name!r}")
-
-
-def missing_sensor(
-    points: Points, name: str, drifts: Sequence[str], known: Sequence[str]
-) -> Finding:
-    """The Problem of a sensor that the points, whose columns are `known`, do not have, and that
-    the drifts of these components need.
-    """
-    return _lacks(points, name, known, f"the drift of {listed(drifts)}")
-
-
-def _lacks(points: Points, name: str, known: Sequence[str], owner: str) -> Finding:
-    near = closest_covariate(name, known)
-    there = f" (there is {near!r})" if near else ""
-    return finding(
-        "missing-input",
-        what=f"a value of {name} for {owner}",
-        names=[name],
-        file=", ".join(source.shown for source in points.sources),
-        column=name,
-        expected=f"a column of this name{there}, or --at {name}=VALUE",
-    )
 
 
 def numbers_of(
@@ -163,24 +121,21 @@ def numbers_of(
     chosen = np.arange(len(found)) if rows is None else rows
     for i in chosen[~np.isfinite(found[chosen])][:MOST_TOLD].tolist():
         text = texts[i] if texts else ""
-        problems.append(_not_a_number(points, i, name, text or None))
+        problems.append(
+            finding(
+                "wrong-type" if text else "empty-cell",
+                facts={"kind": "a number"} if text else {},
+                column="time" if name == TIME else name,
+                value=text or None,
+                expected=f"a number: {name!r} of every point is needed",
+                **_row(points, i),
+            )
+        )
     return found
 
 
-def _not_a_number(measured: Points, i: int, name: str, value: str | None) -> Finding:
-    """What is wrong with the cell of row i, which holds this text or nothing."""
-    return finding(
-        "wrong-type" if value else "empty-cell",
-        facts={"kind": "a number"} if value else {},
-        file=measured.sources[measured.file_index[i]].shown,
-        row=int(measured.row[i]),
-        column="time" if name == TIME else name,
-        value=value,
-        expected=f"a number: {name!r} of every point is needed",
-    )
-
-
 def number(text: str) -> float:
+    """nan where it is none."""
     try:
         return float(text)
     except ValueError:

@@ -18,11 +18,10 @@ class ThermalEstimate:
 
     `coefficients` (m, s): ascending powers of the position along `of` (one row where the drift
     does not depend on it), one column a sensor. `covariance` (m*s, m*s) of them, powers first,
-    with `coefficient_dof`. `leftover` (m, m) is the covariance of what the model leaves of the
-    drift, as a polynomial of the same powers: the machine's state, shared by all points of a
-    part, with `leftover_dof`. `time_constants` (s,) in min, 0 for a sensor without lag;
-    `sensor_u` (s,) in degC; `temperature_range` (s, 2) in degC and `position_range` in mm are
-    what the fit saw (None: not known).
+    with `coefficient_dof`. `leftover` (m, m), with `leftover_dof`, is the covariance of what the
+    model leaves of the drift, as a polynomial of the same powers, shared by all points of a part.
+    `time_constants` (s,) in min, 0 without lag; `sensor_u` (s,) in degC; `temperature_range` (s, 2)
+    in degC and `position_range` in mm are what the fit saw (None: not known).
     """
 
     component: str
@@ -45,37 +44,26 @@ class ThermalEstimate:
         """Degree of the polynomial in position; 0: the drift is the same everywhere."""
         return len(self.coefficients) - 1
 
+    def gradients(self, position: FloatArray) -> FloatArray:
+        """Drift per degC of each sensor (s, n) at `position` (n,), mm."""
+        return np.asarray(np.polynomial.polynomial.polyval(position, self.coefficients))
+
     def gradient_u(self, sensor: int, position: float) -> float:
         """Standard uncertainty of a sensor's gradient at `position` (mm): mm or rad per degC.
 
         u^2 = x' C x with x the powers of the position and C the sensor's block of the covariance.
         """
-        x = position ** np.arange(self.degree + 1.0)
-        count = len(self.sensors)
+        x, count = position ** np.arange(self.degree + 1.0), len(self.sensors)
         C = self.covariance[sensor::count, sensor::count]
         return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
 
     def drift(self, position: FloatArray, temperature: Mapping[str, FloatArray]) -> FloatArray:
-        """The drift (n,) in mm or rad at `position` (n,) and sensors' temperatures (n,), degC.
-
-        Temperatures of sensors with a time constant are taken as lagged already.
+        """The drift (n,) in mm or rad at `position` (n,) and sensors' temperatures (n,), degC,
+        which are lagged already.
         """
-        total = np.zeros(len(position))
-        for s, sensor in enumerate(self.sensors):
-            u = np.asarray(temperature[sensor]) - self.reference
-            total += np.polynomial.polynomial.polyval(position, self.coefficients[:, s]) * u
-        return total
-
-
-def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
-    """Powers (degree + 1, s) of the polynomial through `values` (positions, s), eq. (13).
-
-    With fewer powers than positions the least-squares polynomial.
-    """
-    from mtu_cli.stats.least_squares import least_squares, polynomial
-
-    X = polynomial(positions, degree)
-    return np.column_stack([least_squares(X, column).coefficients for column in values.T])
+        rises = [np.asarray(temperature[sensor]) - self.reference for sensor in self.sensors]
+        each = [own * u for own, u in zip(self.gradients(position), rises, strict=True)]
+        return np.asarray(sum(each, np.zeros(len(position))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,27 +74,26 @@ class ComponentEstimate:
     (k, k) their covariance, shared by all predictions; `pass_covariance` D (k, k) the pass-to-pass
     covariance, shared by all points of one part; `s_repeat` the repeatability of one visit,
     independent from visit to visit. From readings D is the unbiased moment estimate, which may
-    have a negative part: clipping it would make every interval too wide where the passes hardly
-    differ. `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known exactly;
+    have a negative part: clipped, every interval were too wide where the passes hardly differ.
+    `pass_dof` and `repeat_dof` belong to the mean squares behind them (inf: known exactly;
     pass_dof 0: one mean square, with `repeat_dof`, stands behind all of them). `n_passes` is
     given where C is the between-pass mean square over that number. `half_differences` (k, k) is
     the mean square S_h of runs there and back, S = S_m + S_h and C = S_m/runs (see
-    `stats.pass_pairs`); None where all passes count as independent. `run_covariance` (k, k) is
+    `stats.mixed_model`); None where all passes count as independent. `run_covariance` (k, k) is
     K = S_m - S_h of several instruments, which have no mean square in common; it may have a
-    negative part, too.
-    `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1 and s.
-    `position_range` in mm is that of the readings; None where none were fitted, or without `of`.
+    negative part, too. `independent_covariance` and `independent_s` are the paper's s^2 (X'X)^-1
+    and s. `position_range` in mm is that of the readings; None of none, or without `of`.
     """
 
     name: str
-    of: str | None
+    of: str | None = None
     unit: Unit
     coefficients: FloatArray
     covariance: FloatArray
     pass_covariance: FloatArray
-    s_repeat: float
+    s_repeat: float = 0.0
     pass_dof: float
-    repeat_dof: float
+    repeat_dof: float = np.inf
     n_passes: int | None = None
     independent_covariance: FloatArray | None = None
     independent_s: float | None = None
@@ -158,8 +145,7 @@ class EffectEstimates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
-    """All components of a machine, which of them were estimated jointly, and their drifts.
-
+    """All components of a machine, which of them were estimated jointly, and their drifts;
     `effects`: what a report says of the machine's effects, where it says anything.
     """
 
@@ -173,37 +159,34 @@ def between_passes(estimate: ComponentEstimate) -> FloatArray | None:
     """S (k, k), the mean square between passes that C and D come from; None without one.
 
     Up to degree 1 every coefficient is the mean of the passes' own, so that S = n C, or
-    n C/2 + S_h of runs there and back. Powers
-    that the passes have in common are known from within passes: then S = D + s_repeat^2 M,
-    where M = n (P'X'X P)^-1 is the error of a pass's own level and slope, P their columns,
-    and (P'X'X P)^-1 is the Schur complement of those powers in (X'X)^-1. Of a table X'X counts the
-    readings at its positions.
+    n C/2 + S_h of runs there and back. Powers that the passes have in common are known from within
+    passes: then S = D + s_repeat^2 M, where M = n (P'X'X P)^-1 is the error of a pass's own level
+    and slope, P their columns, and (P'X'X P)^-1 is the Schur complement of those powers in
+    (X'X)^-1. Of a table X'X counts the readings at its positions.
     """
-    if estimate.n_passes is None:
-        return None
     C, D, s = estimate.covariance, estimate.pass_covariance, estimate.independent_s
+    n, halves, apart = estimate.n_passes, estimate.half_differences, estimate.independent_covariance
+    if n is None:
+        return None
     if estimate.table is not None:
-        if estimate.independent_covariance is None or not s:
+        if apart is None or not s:
             return None
         line = estimate.table.of_line(float(np.mean(estimate.table.at)), 2)
-        counts = s**2 / np.diag(estimate.independent_covariance)
-        M = estimate.n_passes * np.linalg.inv((line.T * counts) @ line)
-        of_visits: FloatArray = estimate.s_repeat**2 * line @ M @ line.T
-        return D + of_visits
+        M = n * np.linalg.inv((line.T * (s**2 / np.diag(apart))) @ line)
+        return D + np.asarray(estimate.s_repeat**2 * line @ M @ line.T)
     k = len(C)
-    halves = estimate.half_differences
     # D of few passes may be cut to 0 in all; what differs between the ways of a run is not.
     slopes = k > 1 and bool(D[1, 1] or (halves is not None and halves[1, 1]))
     q = 2 if slopes else 1
     if q == k:
-        return from_mean(C, estimate.n_passes, halves)
+        return from_mean(C, n, halves)
     S = D.copy()
-    if estimate.independent_covariance is not None and s:
-        inverse = estimate.independent_covariance / s**2
+    if apart is not None and s:
+        inverse = apart / s**2
         scale = np.sqrt(np.diag(inverse))
         R = inverse / np.outer(scale, scale)
         M = R[:q, :q] - R[:q, q:] @ np.linalg.lstsq(R[q:, q:], R[q:, :q], rcond=None)[0]
-        S[:q, :q] += estimate.s_repeat**2 * estimate.n_passes * M * np.outer(scale, scale)[:q, :q]
+        S[:q, :q] += estimate.s_repeat**2 * n * M * np.outer(scale, scale)[:q, :q]
     return S
 
 
@@ -221,7 +204,6 @@ def from_mean(C: FloatArray, n: int, halves: FloatArray | None) -> FloatArray:
 
 
 TEMPERATURE_MARK = ".temperature"
-LEFTOVER_MARK = ".leftover"
 
 
 def term_label(name: str) -> str:
@@ -232,17 +214,14 @@ def term_label(name: str) -> str:
 
 def temperature_estimate(drift: ThermalEstimate) -> ComponentEstimate:
     """The coefficients of a drift as those of a component, powers first, then sensors."""
-    size = drift.coefficients.size
     return ComponentEstimate(
         name=f"{drift.component}{TEMPERATURE_MARK}",
         of=drift.of,
         unit=drift.unit,
         coefficients=drift.coefficients.reshape(-1),
         covariance=drift.covariance,
-        pass_covariance=np.zeros((size, size)),
-        s_repeat=0.0,
+        pass_covariance=np.zeros_like(drift.covariance),
         pass_dof=drift.coefficient_dof,
-        repeat_dof=np.inf,
         # What does not depend on the position holds beyond the positions where it was read.
         position_range=drift.position_range if drift.degree else None,
     )
@@ -250,15 +229,12 @@ def temperature_estimate(drift: ThermalEstimate) -> ComponentEstimate:
 
 def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
     """What the thermal model leaves: mean 0, one draw for all points of a part."""
-    size = len(drift.leftover)
     return ComponentEstimate(
-        name=f"{drift.component}{LEFTOVER_MARK}",
+        name=f"{drift.component}.leftover",
         of=drift.of,
         unit=drift.unit,
-        coefficients=np.zeros(size),
-        covariance=np.zeros((size, size)),
+        coefficients=np.zeros(len(drift.leftover)),
+        covariance=np.zeros_like(drift.leftover),
         pass_covariance=drift.leftover,
-        s_repeat=0.0,
         pass_dof=drift.leftover_dof,
-        repeat_dof=np.inf,
     )

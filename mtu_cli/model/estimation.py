@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli.files.machine_contract import AUTO
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.findings import InputError, error, finding
 from mtu_cli.model.basis import Powers
 from mtu_cli.model.estimates import (
     ComponentEstimate,
@@ -45,9 +45,8 @@ class InstrumentFit:
 
     `group` (n,) is the pass of each reading among the passes `read`; `passes` are those of the fit,
     in its order, which leaves out what broke off early; all three None where no pass is given. Of
-    a table `profile` is the bend, and `fit` of the readings less it. The
-    tests on the passes are made when they are first asked for: predictions need not all of them.
-    `rounding` is the variance of a reading by its last digit.
+    a table `profile` is the bend, and `fit` of the readings less it. `rounding` is the variance of
+    a reading by its last digit. The tests on the passes are made when they are first asked for.
     """
 
     role: str
@@ -67,6 +66,11 @@ class InstrumentFit:
         return () if self.read is None else self.read.keys
 
     @property
+    def powers(self) -> int:
+        """Coefficients of the polynomial."""
+        return len(self.fit.plain.coefficients)
+
+    @property
     def way(self) -> int | None:
         """The direction that all readings have, +1 forward or -1; None of both, or of none."""
         found = np.unique(self.direction).astype(int).tolist()
@@ -80,9 +84,8 @@ class InstrumentFit:
     @cached_property
     def trend(self) -> Shift | None:
         """The drift a pass."""
-        return (
-            None if self.passes is None else pass_trend(self.fit, self.passes.order, self.rounding)
-        )
+        passes = self.passes
+        return None if passes is None else pass_trend(self.fit, passes.order, self.rounding)
 
     @property
     def trend_of_files(self) -> bool:
@@ -95,17 +98,17 @@ class InstrumentFit:
     @cached_property
     def reversal(self) -> Shift | None:
         """The mean reversal value."""
-        if self.passes is None:
+        passes = self.passes
+        if passes is None:
             return None
-        timed = self.passes.timed
-        return reversal(self.fit, self.passes.order, timed=timed, r=self.rounding)
+        return reversal(self.fit, passes.order, timed=passes.timed, r=self.rounding)
 
     @cached_property
     def lack_of_fit(self) -> FTest | None:
         """Whether free means at the positions fit better than the polynomial; None of a table."""
         if self.profile is not None:
             return None
-        degree = len(self.fit.plain.coefficients) - 1
+        degree = self.powers - 1
         return lack_of_fit(self.error, self.position, degree, self.group, self.rounding)
 
 
@@ -127,62 +130,75 @@ def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit
     """Fits one component from all its readings.
 
     `component` is the machine file's entry: `of`, `unit`, `degree`. Readings of several
-    instruments (ball bar, laser) are fitted apart, each with its own variances, and combined
-    by generalised least squares with the inverse of their covariances as weights.
+    instruments (ball bar, laser) are fitted apart, each with its own variances, and combined.
 
-    Raises InputError for one of several instruments whose readings show no scatter.
+    Raises InputError for one of several instruments whose readings show no scatter, and for tables
+    of several.
     """
-    code = readings.components.index(name)
-    rows = np.flatnonzero(readings.code == code)
-    unit = UNITS[component.unit]
+    rows = np.flatnonzero(readings.code == readings.components.index(name))
     roles = np.array(readings.roles)[readings.file_index[rows]]
-    by_role = [rows[roles == role] for role in dict.fromkeys(roles.tolist())]
+    by_role = {role: rows[roles == role] for role in dict.fromkeys(roles.tolist())}
     degree = None if component.is_table else component.degree
-    named = [(str(roles[rows == own[0]][0]), own) for own in by_role]
-    fits = tuple(_fit_instrument(readings, own, role, component, degree) for role, own in named)
+
+    def fitted(degree: int | str | None) -> tuple[InstrumentFit, ...]:
+        items = by_role.items()
+        return tuple(_fit_instrument(readings, own, role, component, degree) for role, own in items)
+
+    fits = fitted(degree)
     if degree == AUTO and len(fits) > 1:
         # One shape for all: the highest degree that any of them chooses, in place of a table.
-        chosen = [MOST_AUTO if x.profile else len(x.fit.plain.coefficients) - 1 for x in fits]
-        degree = min(max(chosen), *(len(np.unique(x.position)) - 1 for x in fits))
-        fits = tuple(_fit_instrument(readings, own, role, component, degree) for role, own in named)
+        highest = max(MOST_AUTO if x.profile else x.powers - 1 for x in fits)
+        fits = fitted(min(highest, *(len(np.unique(x.position)) - 1 for x in fits)))
     if len(fits) > 1 and any(fit.profile is not None for fit in fits):
         reason = f"{name!r} was read by several instruments, whose tables are not combined"
-        expected = "readings of one instrument, or a degree"
-        raise InputError([finding("not-applicable", reason=reason, expected=expected)])
+        raise error(
+            "not-applicable", reason=reason, expected="readings of one instrument, or a degree"
+        )
+    unit = UNITS[component.unit]
     estimates = [_estimate(name, component, unit, fit) for fit in fits]
+    agreement_p = None
     if len(fits) > 1:
-        # Without scatter an instrument has no weight against the others.
-        problems = [
-            finding(
-                "too-little-data",
-                what=f"the readings of {name!r} by {fit.role} do not scatter, so that they have no "
-                "weight beside the others",
-                file=", ".join(s.shown for s in readings.sources if s.role == fit.role) or None,
-                expected="more readings, with all their digits",
-            )
-            for fit, estimate in zip(fits, estimates, strict=True)
-            if not (np.diag(estimate.covariance) > 0).all()
-        ]
-        if problems:
-            raise InputError(problems)
-        ways, reversals = [fit.way for fit in fits], [fit.reversal for fit in fits]
-        estimates = at_both_ways(estimates, ways, reversals)
-    estimate, agreement = combine(estimates, [len(fit.error) for fit in fits])
+        _check_weights(readings, name, fits, estimates)
+        estimates = _at_both_ways(estimates, fits)
+        agreement_p = agreement(estimates[0], estimates[1])
+    estimate = combine(estimates, [len(fit.error) for fit in fits])
     return ComponentFit(
-        name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement
+        name=name, unit=unit, instruments=fits, estimate=estimate, agreement_p=agreement_p
     )
+
+
+def _check_weights(
+    readings: Readings,
+    name: str,
+    fits: Sequence[InstrumentFit],
+    estimates: Sequence[ComponentEstimate],
+) -> None:
+    """Raises InputError: without scatter an instrument has no weight against the others."""
+    problems = []
+    for fit, estimate in zip(fits, estimates, strict=True):
+        if not (np.diag(estimate.covariance) > 0).all():
+            what = f"the readings of {name!r} by {fit.role} do not scatter, so that they have no "
+            what += "weight beside the others"
+            file = ", ".join(s.shown for s in readings.sources if s.role == fit.role) or None
+            expected = "more readings, with all their digits"
+            problems.append(finding("too-little-data", what=what, file=file, expected=expected))
+    if problems:
+        raise InputError(problems)
 
 
 def _fit_instrument(
     readings: Readings, rows: IntArray, role: str, component: Any, degree: int | str | None
 ) -> InstrumentFit:
-    """Of a `degree`, or that (or the table) which its readings choose; None: a table."""
+    """Of a `degree`, or that (or the table) which its readings choose; None: a table.
+
+    Raises InputError for too few readings for a table.
+    """
     position = readings.position_mm[rows].astype(np.float64)
     if component.of is None:
         position = np.zeros(len(rows))
-    error = readings.error[rows]
+    values = readings.error[rows]
     direction = readings.direction[rows].astype(np.float64)
-    group = read = runs = None
+    group = read = runs = profile = None
     numbers, sign = readings.pass_number[rows], readings.direction[rows].astype(np.int64)
     numbered = bool(readings.has_pass[rows].all())
     if not numbered and component.of is None:
@@ -192,18 +208,24 @@ def _fit_instrument(
         group, read = passes_of(readings, rows, numbers, sign)
         runs = read.runs[group]
     if degree == AUTO:
-        degree = chosen_degree(position, error, group, runs)
-    profile = None
+        degree = chosen_degree(position, values, group, runs)
     if degree is not None:
-        fit = fit_passes(error, position, int(degree), group, direction, runs)
-    elif (found := fit_table(position, error, group, direction, runs)) is not None:
-        fit, profile = found
+        fit = fit_passes(values, position, int(degree), group, direction, runs)
     else:
-        raise InputError(_too_few_for_table(readings, rows))
+        found = fit_table(position, values, group, direction, runs)
+        if found is None:
+            name = readings.components[int(readings.code[rows[0]])]
+            raise error(
+                "too-little-data",
+                what=f"the readings of {name!r} for a table",
+                file=readings.sources[int(readings.file_index[rows[0]])].shown,
+                expected=f"at least {FEWEST_TARGETS} positions, each read in several passes",
+            )
+        fit, profile = found
     return InstrumentFit(
         role=role,
         position=position,
-        error=error,
+        error=values,
         direction=direction,
         group=group,
         read=read,
@@ -219,28 +241,18 @@ def _rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, in the file
     and unit where it is coarsest.
     """
-    codes = readings.file_index[rows] * len(UNITS)
-    if readings.unit is not None:
-        codes = codes + readings.unit[rows]
-    found = []
+    units = None if readings.unit is None else readings.unit[rows]
+    codes = readings.file_index[rows] * len(UNITS) + (0 if units is None else units)
+    found = [0.0]
     for code in np.unique(codes).tolist():
-        unit = stated if readings.unit is None else list(UNITS.values())[code % len(UNITS)]
+        unit = stated if units is None else list(UNITS.values())[code % len(UNITS)]
         found.append(rounding_variance(readings.error[rows[codes == code]], unit.to_internal))
-    return max(found, default=0.0)
-
-
-def _too_few_for_table(readings: Readings, rows: IntArray) -> Finding:
-    """That a table cannot be fitted to these readings."""
-    name = readings.components[int(readings.code[rows[0]])]
-    source = readings.sources[int(readings.file_index[rows[0]])]
-    what = f"the readings of {name!r} for a table"
-    expected = f"at least {FEWEST_TARGETS} positions, each read in several passes"
-    return finding("too-little-data", what=what, file=source.shown, expected=expected)
+    return max(found)
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
     fit = found.fit
-    T = Powers(len(fit.plain.coefficients) - 1).of_line(fit.center, len(fit.D))
+    T = Powers(found.powers - 1).of_line(fit.center, len(fit.D))
     D = T @ fit.D_moment @ T.T
     halves = None if fit.half_differences is None else T @ fit.half_differences @ T.T
     low, high = float(found.position.min()), float(found.position.max())
@@ -265,10 +277,8 @@ def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> Co
     return as_table(estimate, fit, found.profile, found.position, found.error)
 
 
-def combine(
-    estimates: Sequence[ComponentEstimate], counts: Sequence[int]
-) -> tuple[ComponentEstimate, float | None]:
-    """One estimate from several instruments' and the p value that they agree.
+def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> ComponentEstimate:
+    """One estimate from several instruments'.
 
     b = sum W_i b_i with scalar weights from each instrument's own repeatability over its `counts`
     n_i readings and the machine's pass-to-pass drift, which is one for all instruments:
@@ -278,62 +288,59 @@ def combine(
     degrees of freedom, and so is what passes there and back of a run share: an instrument's own
     noise stays in s_repeat, which is then an upper bound of the machine's.
     """
-    if len(estimates) == 1:
-        return estimates[0], None
     first = estimates[0]
-    passes = np.array([item.pass_dof for item in estimates])
-    repeats = np.array([item.repeat_dof for item in estimates])
-    D = _pooled([item.pass_covariance for item in estimates], passes)
-    n = np.array(counts, dtype=np.float64)
-    W, plain = _weights(estimates, D, n), n - len(first.coefficients)
+    if len(estimates) == 1:
+        return first
+
+    def each(name: str) -> FloatArray:
+        return np.array([getattr(item, name) for item in estimates])
+
+    passes, repeats, n = each("pass_dof"), each("repeat_dof"), np.array(counts, np.float64)
+    D = _pooled(each("pass_covariance"), passes)
+    W = _weights(estimates, D, n)
+    covariance = _weighted(each("covariance"), W**2)
     ranges = [item.position_range for item in estimates if item.position_range is not None]
     runs = [(K, item.pass_dof) for item in estimates if (K := covariance_in_run(item)) is not None]
-    combined = ComponentEstimate(
+    in_run = _pooled([K for K, _ in runs], np.array([dof for _, dof in runs])) if runs else None
+    # Welch-Satterthwaite over the mean squares behind C, by its trace; 0 where no instrument tells
+    # passes apart: then one mean square stands behind all.
+    by_trace = np.array([np.sum(np.diag(own) / np.diag(covariance)) for own in each("covariance")])
+    dof = welch_satterthwaite(W**2 * by_trace, np.where(passes != 0, passes, repeats))
+    s, plain = each("independent_s"), n - len(first.coefficients)
+    return ComponentEstimate(
         name=first.name,
         of=first.of,
         unit=first.unit,
-        coefficients=_weighted([item.coefficients for item in estimates], W),
-        covariance=_weighted([item.covariance for item in estimates], W**2),
+        coefficients=_weighted(each("coefficients"), W),
+        covariance=covariance,
         pass_covariance=D,
-        s_repeat=_pooled_deviation([item.s_repeat for item in estimates], repeats),
-        pass_dof=_combined_dof(estimates, W, passes, repeats),
+        s_repeat=float(np.sqrt(_pooled(each("s_repeat") ** 2, repeats))),
+        pass_dof=dof if passes.any() else 0.0,
         repeat_dof=float(repeats.sum()),
-        independent_covariance=_weighted(
-            [e.independent_covariance for e in estimates if e.independent_covariance is not None],
-            W**2,
-        ),
-        independent_s=_pooled_deviation([item.independent_s or 0.0 for item in estimates], plain),
+        independent_covariance=_weighted(each("independent_covariance"), W**2),
+        independent_s=float(np.sqrt(_pooled(s**2, plain))),
         position_range=(min(r[0] for r in ranges), max(r[1] for r in ranges)) if ranges else None,
-        run_covariance=_pooled([K for K, _ in runs], np.array([dof for _, dof in runs]))
-        if runs
-        else None,
+        run_covariance=in_run,
     )
-    return combined, agreement(estimates[0], estimates[1])
 
 
-def at_both_ways(
-    estimates: Sequence[ComponentEstimate],
-    ways: Sequence[int | None],
-    reversals: Sequence[Shift | None],
+def _at_both_ways(
+    estimates: Sequence[ComponentEstimate], fits: Sequence[InstrumentFit]
 ) -> list[ComponentEstimate]:
     """Lines of the mean of both directions, which predictions are for.
 
-    An instrument that ran one way alone (`ways`: +1 forward, -1; None: both, or not told) reads
-    the line of that way, which is half of the reversal value h away: b_0 - w h/2, with u(h)^2/4
-    more variance, h of one that ran both ways. Without such a one it stays as it is.
+    An instrument that ran one way alone, w = +1 or -1, reads the line of that way, which is half of
+    the reversal value h away: b_0 - w h/2, with u(h)^2/4 more variance, h of one that ran both
+    ways. Without such a one it stays as it is.
     """
-    known = next((own for own in reversals if own is not None), None)
-    if known is None:
-        return list(estimates)
-    found = []
-    for item, way in zip(estimates, ways, strict=True):
-        if way is None:
-            found.append(item)
-            continue
-        b, C = item.coefficients.copy(), item.covariance.copy()
-        b[0] -= way * known.value / 2
-        C[0, 0] += known.u**2 / 4
-        found.append(replace(item, coefficients=b, covariance=C))
+    known = next((fit.reversal for fit in fits if fit.reversal is not None), None)
+    found = list(estimates)
+    for i, fit in enumerate(fits):
+        if known is not None and fit.way is not None:
+            b, C = found[i].coefficients.copy(), found[i].covariance.copy()
+            b[0] -= fit.way * known.value / 2
+            C[0, 0] += known.u**2 / 4
+            found[i] = replace(found[i], coefficients=b, covariance=C)
     return found
 
 
@@ -342,39 +349,23 @@ def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArra
     middle = np.mean([np.mean(item.position_range or (0.0, 0.0)) for item in estimates])
     x = middle ** np.arange(len(D))
     drift = max(float(x @ D @ x), 0.0)
-    variance = np.array(
-        [
-            (drift / item.n_passes if item.n_passes else 0.0) + item.s_repeat**2 / count
-            for item, count in zip(estimates, n, strict=True)
-        ]
-    )
+    of_passes = np.array([drift / item.n_passes if item.n_passes else 0.0 for item in estimates])
+    variance = of_passes + np.array([item.s_repeat**2 for item in estimates]) / n
     # One reading a pass has no repeatability of its own to weigh it by.
     known = variance if (variance > 0).all() else 1.0 / n
-    W: FloatArray = (1.0 / known) / np.sum(1.0 / known)
-    return W
+    return np.asarray((1.0 / known) / np.sum(1.0 / known))
 
 
-def _weighted(values: Sequence[FloatArray], weights: FloatArray) -> FloatArray:
-    total: FloatArray = np.tensordot(weights, np.array(values), axes=1)
-    return total
+def _weighted(values: Sequence[FloatArray] | FloatArray, weights: FloatArray) -> FloatArray:
+    return np.asarray(np.tensordot(weights, np.array(values), axes=1))
 
 
-def _combined_dof(
-    estimates: Sequence[ComponentEstimate], W: FloatArray, passes: FloatArray, repeats: FloatArray
-) -> float:
-    """Welch-Satterthwaite over the instruments' mean squares behind C, by its trace.
-
-    0 where no instrument tells passes apart: then one mean square stands behind all.
-    """
-    if not passes.any():
-        return 0.0
-    scale = np.diag(_weighted([item.covariance for item in estimates], W**2))
-    traces = [
-        float(w**2 * np.sum(np.diag(item.covariance) / scale))
-        for w, item in zip(W, estimates, strict=True)
-    ]
-    dofs = [float(p or r) for p, r in zip(passes, repeats, strict=True)]
-    return welch_satterthwaite(np.array(traces), np.array(dofs))
+def _pooled(values: Sequence[FloatArray] | FloatArray, dofs: FloatArray) -> FloatArray:
+    """Mean weighted by degrees of freedom; those without any have no say."""
+    finite = np.where(np.isinf(dofs), 1e9, dofs)
+    if finite.sum() == 0:
+        return np.zeros_like(values[0])
+    return _weighted(values, finite / finite.sum())
 
 
 def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
@@ -386,12 +377,11 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
     """
     from mtu_cli.stats.family import hotelling_p
 
-    d = a.coefficients - b.coefficients
-    V = a.covariance + b.covariance
+    d, V = a.coefficients - b.coefficients, a.covariance + b.covariance
     scale = np.sqrt(np.diag(V))
-    inverse = np.linalg.pinv(V / np.outer(scale, scale), rcond=1e-9, hermitian=True)
-    inverse /= np.outer(scale, scale)
-    k = int(np.linalg.matrix_rank(inverse * np.outer(scale, scale)))
+    size = np.outer(scale, scale)
+    of_correlation = np.linalg.pinv(V / size, rcond=1e-9, hermitian=True)
+    k, inverse = int(np.linalg.matrix_rank(of_correlation)), of_correlation / size
     sources: list[tuple[FloatArray, float]] = []
     for item in (a, b):
         # The mean squares that make up C, with their degrees of freedom.
@@ -400,24 +390,10 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
             sources.append((item.covariance, item.pass_dof or item.repeat_dof))
             continue
         of_passes = (S if halves is None else 2 * (S - halves)) / item.n_passes
-        sources.append((of_passes, item.pass_dof))
-        sources.append((item.covariance - of_passes, item.repeat_dof))
+        sources += [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
     shares = np.array([float(np.trace(part @ inverse)) / k for part, _ in sources])
     nu = dof_of_shares(shares, np.array([dof for _, dof in sources]))
     return hotelling_p(float(d @ inverse @ d), k, nu)
-
-
-def _pooled_deviation(values: Sequence[float], dofs: FloatArray) -> float:
-    return float(np.sqrt(_pooled([np.array(s**2) for s in values], dofs)))
-
-
-def _pooled(values: Sequence[FloatArray], dofs: FloatArray) -> FloatArray:
-    """Mean weighted by degrees of freedom; those without any have no say."""
-    finite = np.where(np.isinf(dofs), 1e9, dofs)
-    if finite.sum() == 0:
-        return np.zeros_like(values[0])
-    pooled: FloatArray = np.tensordot(finite / finite.sum(), np.array(values), axes=1)
-    return pooled
 
 
 def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
@@ -432,10 +408,9 @@ def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
     for fit in fits.values():
         if len(fit.instruments) != 1 or not fit.instruments[0].fit.separated:
             continue
-        for group in groups:
-            if _share(group[0].instruments[0], fit.instruments[0]):
-                group.append(fit)
-                break
+        fellows = [own for own in groups if _share(own[0].instruments[0], fit.instruments[0])]
+        if fellows:
+            fellows[0].append(fit)
         else:
             groups.append([fit])
     return tuple(_joint(group) for group in groups if len(group) > 1)
@@ -445,9 +420,8 @@ def _share(first: InstrumentFit, second: InstrumentFit) -> bool:
     a, b = first.passes, second.passes
     if first.role != second.role or a is None or b is None:
         return False
-    if [key[1:] for key in a.keys] != [key[1:] for key in b.keys]:
-        return False
-    if not np.array_equal(first.fit.pairs, second.fit.pairs):
+    same = [key[1:] for key in a.keys] == [key[1:] for key in b.keys]
+    if not same or not np.array_equal(first.fit.pairs, second.fit.pairs):
         return False
     if any(a.setups) or any(b.setups):
         return a.setups == b.setups
@@ -457,37 +431,28 @@ def _share(first: InstrumentFit, second: InstrumentFit) -> bool:
 
 
 def _joint(group: Sequence[ComponentFit]) -> JointPasses:
+    """All were read in the same passes: their runs are the same, too."""
+    from scipy.linalg import block_diag
+
     fits = [item.instruments[0].fit for item in group]
+    n, pairs = fits[0].n_passes, fits[0].pairs
     shapes = [item.estimate.shape for item in group]
-    T = _block([x.of_line(f.center, len(f.D)) for f, x in zip(fits, shapes, strict=True)])
+    T = block_diag(*(x.of_line(f.center, len(f.D)) for f, x in zip(fits, shapes, strict=True)))
     deviations = np.column_stack([fit.deviations for fit in fits])
-    n = fits[0].n_passes
     S = deviations.T @ deviations / fits[0].divisor
-    inside = _block([np.ones_like(fit.D) for fit in fits]) > 0
-    off = np.where(inside, 0.0, S)
-    D = _block([fit.D_moment for fit in fits]) + off
-    # All were read in the same passes: their runs are the same, too.
-    pairs = fits[0].pairs
     K = 2 * len(pairs) / n * covariance_in_runs(deviations, pairs, S)
-    off_runs = np.where(inside, 0.0, K)
-    C = _block([item.estimate.covariance for item in group]) + (T @ (off + off_runs) @ T.T) / n
+    inside = block_diag(*(np.ones_like(fit.D) for fit in fits)) > 0
+    off, off_runs = np.where(inside, 0.0, S), np.where(inside, 0.0, K)
+    D = T @ (block_diag(*(fit.D_moment for fit in fits)) + off) @ T.T
+    C = block_diag(*(item.estimate.covariance for item in group))
     own = [fit.half_differences for fit in fits if fit.half_differences is not None]
-    halves = _block(own) + (off - off_runs) / 2 if own else None
+    halves = block_diag(*own) + (off - off_runs) / 2 if own else None
     return JointPasses(
         components=tuple(item.name for item in group),
         widths=tuple(len(item.estimate.coefficients) for item in group),
-        covariance=as_covariance(C),
-        pass_covariance=(T @ D @ T.T + (T @ D @ T.T).T) / 2,
+        covariance=as_covariance(C + (T @ (off + off_runs) @ T.T) / n),
+        pass_covariance=(D + D.T) / 2,
         pass_dof=float(fits[0].pass_dof),
         n_passes=n,
         half_differences=None if halves is None else as_covariance(T @ halves @ T.T),
     )
-
-
-def _block(parts: Sequence[FloatArray]) -> FloatArray:
-    """Block-diagonal matrix of the parts."""
-    ends = np.cumsum([part.shape for part in parts], axis=0)
-    whole = np.zeros(ends[-1])
-    for part, (row, column) in zip(parts, ends, strict=True):
-        whole[row - part.shape[0] : row, column - part.shape[1] : column] = part
-    return whole

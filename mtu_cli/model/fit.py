@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
 
 import numpy as np
 
@@ -21,19 +21,28 @@ from mtu_cli.files.reports_read import (
     ThermalReport,
 )
 from mtu_cli.findings import Finding, InputError, finding, suggestion
+from mtu_cli.language import Node, evaluate, names
+from mtu_cli.language.linear import LinearForm
 from mtu_cli.model.basis import Powers, TableShape
+from mtu_cli.model.effect_parameters import declared_effects
+from mtu_cli.model.effect_ranges import outside_seen
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
     Estimates,
     JointPasses,
     ThermalEstimate,
-    through_positions,
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
-from mtu_cli.model.reading_layout import without_effects
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.model.machine_model import AXES, TIME
+from mtu_cli.model.passes import IntArray, passes_read
+from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.units import ARCSEC, LENGTH, PARAMETER_UNITS, UM, UNITS
+
+SAME_TEMPERATURE = 1e-9
+"""degC; less is the rounding of a number that went through text."""
+ELSEWHERE = 1.0
+"""mm along axes that readings tell no position of: effect and lever arm have the same factor."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,43 +60,124 @@ class MachineFit:
 
 def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
     """Fits every component that was read, to the readings less the machine's effects that were
-    found in readings of it.
-
-    A component that has neither readings nor coefficients is not fitted, which a note says: a
-    prediction that needs it fails (`build_model`).
+    found in readings of it. A component that has neither readings nor coefficients is not fitted,
+    which a note says.
 
     Raises InputError for what looks like drift readings.
     """
     components = machine.machine.components
     read, shown = set(readings.components), ", ".join(each.shown for each in readings.sources)
     missing = [
-        name
-        for name, component in components.items()
-        if name not in read and component.coefficients is None
+        name for name, x in components.items() if name not in read and x.coefficients is None
     ]
     sensors = [name for name in readings.covariates if is_temperature(name)]
     moved = readings.has_pass.any() or readings.direction.any()
     if missing and sensors and readings.cycles and not moved:
         # They look like those of drifts: then these are not the machine's components.
         raise InputError(drift_problem(shown, sensors))
-    left, warned = without_effects(machine, readings)
-    fits = {
-        name: fit_component(left, name, component)
-        for name, component in components.items()
-        if name in read
-    }
-    warnings = list(warned)
+    left, warnings = without_effects(machine, readings)
+    fits = {name: fit_component(left, name, x) for name, x in components.items() if name in read}
     if missing:
         place = {"file": machine.source.shown, "line": machine.line_of("components", missing[0])}
         reason = f"no readings in {shown}, and none in the machine file"
         given = {"quantity": "coefficients", "names": missing, "reason": reason}
         warnings.append(finding("not-estimable", **given, **place))
+    joint = shared_passes(fits)
     return MachineFit(
-        components=fits,
-        joint=shared_passes(fits),
-        missing=tuple(missing),
-        warnings=tuple(warnings),
+        components=fits, joint=joint, missing=tuple(missing), warnings=tuple(warnings)
     )
+
+
+def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Readings, list[Finding]]:
+    """What is left for the components: an effect that was found in readings of one is in its
+    readings still, and would be counted again, as its coefficients or its scatter from pass to
+    pass. Warns of effects whose columns the readings lack.
+    """
+    of_effects = {effect.found.get("component") for effect in machine.machine.effects}
+    error, warned = readings.error.copy(), []
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        if name in of_effects and len(rows):
+            of = machine.machine.components[name].of
+            group, passes = passes_read(readings, rows, of)
+            columns = reading_columns(readings, rows, passes.runs[group], of)
+            places = reading_places(readings, rows, of)
+            effects, own = effects_on_readings(machine, name, places, columns)
+            error[rows] -= effects
+            warned += own
+    return replace(readings, error=error), warned
+
+
+def reading_columns(
+    readings: Readings, rows: IntArray, run: IntArray, of: str | None
+) -> dict[str, np.ndarray]:
+    """Columns (n,) of the readings `rows` of a component along the axis `of`; `sequence` counts
+    their runs, from `run` 0.
+    """
+    found: dict[str, np.ndarray] = {"sequence": run + 1.0}
+    sign = readings.direction[rows].astype(np.float64)
+    if of is not None and sign.any():
+        found[f"dir_{of}"] = np.where(sign == 0, np.nan, sign)
+    others = {TIME: readings.time_min, **readings.covariates}
+    for name, column in others.items():
+        own = column[rows]
+        if own.dtype == object or not np.isnan(own).all():
+            found.setdefault(name, own)
+    return found
+
+
+def reading_places(readings: Readings, rows: IntArray, of: str | None) -> FloatArray:
+    """Places (n, 3) mm: the positions along the axis, nan beside it."""
+    places = np.full((len(rows), 3), np.nan)
+    if of is not None:
+        places[:, AXES.index(of)] = readings.position_mm[rows]
+    return places
+
+
+def effects_on_readings(
+    machine: LoadedMachine, component: str, places: FloatArray, columns: Mapping[str, np.ndarray]
+) -> tuple[FloatArray, list[Finding]]:
+    """The sum (n,) of the declared effects that were found in the readings of `component`, in
+    its own unit, at `places` (n, 3) mm with the readings' `columns` (n,).
+
+    An effect f of a component c stands in the machine's equations as L f, L = dE/dc its lever
+    arm: f = (L f) / L. An effect whose covariate the readings lack is left out, with a warning.
+    """
+    total, warned = np.zeros(len(places)), []
+    numeric = {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
+    along = {axis: places[:, i] for i, axis in enumerate(AXES)}
+    known: dict[str, Any] = {a: np.nan_to_num(p, nan=ELSEWHERE) for a, p in along.items()}
+    known |= {name: item.value for name, item in machine.machine.constants.items()}
+    known |= {name: column for name, column in numeric.items() if np.isfinite(column).all()}
+
+    def levers(forms: Mapping[str, LinearForm], equation: str) -> Mapping[str, Node]:
+        return forms[equation].coefficients if equation in forms else {}
+
+    effects = zip(
+        machine.machine.effects, machine.effect_forms, declared_effects(machine), strict=True
+    )
+    for effect, form, declared in effects:
+        if effect.found.get("component") != component:
+            continue
+        values = known | {
+            name: p.value * PARAMETER_UNITS[p.unit].to_internal
+            for name, p in effect.parameters.items()
+        }
+        # An equation of the effect, and the same of the machine, that hold the component.
+        both = next((name for name in form if component in levers(machine.forms, name)), None)
+        own = {} if both is None else levers(form, both)
+        missing = sorted({name for node in own.values() for name in names(node)} - set(values))
+        if both is None or missing:
+            lacking = f"they have no column {', '.join(missing)}"
+            facts = {"effect": effect.name, "component": component}
+            facts["reason"] = lacking if missing else "no equation holds both"
+            read, what = [f"the readings of {component}"], f"the effect {effect.name}"
+            warned.append(finding("not-used", what=what, names=read, **facts))
+            continue
+        terms = [np.asarray(values[name]) * evaluate(node, values) for name, node in own.items()]
+        warned += outside_seen([declared], numeric | along)
+        total += sum(terms) / evaluate(levers(machine.forms, both)[component], values)
+    return total, warned
 
 
 def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:
@@ -103,18 +193,14 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Findi
     """What the machine file makes one ask; not of coefficients that readings, or a report of
     their fit, win over.
     """
+    stated = from_machine_file(machine)
     # A report may do no more than carry the file's own.
     used = {
         name
-        for name, own in from_machine_file(machine).items()
+        for name, own in stated.items()
         if np.array_equal(estimates.components[name].coefficients, own.coefficients)
     }
-    own = [
-        item
-        for item in machine.warnings
-        if item.facts.get("coefficients_of") is None or item.facts.get("coefficients_of") in used
-    ]
-    stated = [name for name, own in machine.machine.components.items() if own.coefficients]
+    own = [x for x in machine.warnings if x.facts.get("coefficients_of") in {None, *used}]
     idle = [name for name in stated if name not in used and name in machine.used]
     return [*own, *beaten_warnings(machine, idle, "coefficients")]
 
@@ -133,58 +219,59 @@ def beaten_warnings(
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
-    """The components whose coefficients the machine file states, in their own units there.
+    """The components whose coefficients the machine file states."""
+    entries = machine.machine.components.items()
+    return {name: _stated(name, entry) for name, entry in entries if entry.coefficients is not None}
 
-    Without a covariance the coefficients are taken as known. `u_future`, the standard uncertainty
-    of a future observation, is all that many published tables give: it counts as repeatability,
-    independent from point to point, or, without an axis, as shared by all points of a part.
+
+def _stated(name: str, entry: Component) -> ComponentEstimate:
+    """Without a covariance the coefficients are taken as known. `u_future`, the standard
+    uncertainty of a future observation, is all that many published tables give: it counts as
+    repeatability, independent from point to point, or, without an axis, as shared by all points of
+    a part.
     """
-    found: dict[str, ComponentEstimate] = {}
-    for name, entry in machine.machine.components.items():
-        if entry.coefficients is None:
-            continue
-        unit = UNITS[entry.unit]
-        f, k = unit.to_internal, len(entry.coefficients)
-        C = np.zeros((k, k)) if entry.covariance is None else np.asarray(entry.covariance, float)
-        D, repeat = entry.pass_covariance, entry.s_repeat or 0.0
-        if entry.u_future is not None and entry.of is None:
-            D = [[entry.u_future**2]]
-        elif entry.u_future is not None:
-            repeat = entry.u_future
-        q = min(2, k)
-        table = _stated_table(entry)
-        T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q)
-        overall = np.inf if entry.dof is None else float(entry.dof)
-        of_passes = overall if entry.pass_dof is None else float(entry.pass_dof)
-        found[name] = ComponentEstimate(
-            name=name,
-            of=entry.of,
-            unit=unit,
-            coefficients=np.asarray(entry.coefficients, float) * f,
-            covariance=C * f**2,
-            pass_covariance=T @ np.asarray(np.zeros((q, q)) if D is None else D) @ T.T * f**2,
-            s_repeat=repeat * f,
-            pass_dof=0.0 if D is None else of_passes,
-            repeat_dof=overall if entry.repeat_dof is None else float(entry.repeat_dof),
-            table=table,
-            # A table says nothing of what is beyond it.
-            position_range=None if table is None else (float(table.at[0]), float(table.at[-1])),
-        )
-    return found
+    unit, coefficients = UNITS[entry.unit], np.asarray(entry.coefficients, float)
+    f, k = unit.to_internal, len(coefficients)
+    C = np.zeros((k, k)) if entry.covariance is None else np.asarray(entry.covariance, float)
+    D, repeat = entry.pass_covariance, entry.s_repeat or 0.0
+    if entry.u_future is not None and entry.of is None:
+        D = [[entry.u_future**2]]
+    elif entry.u_future is not None:
+        repeat = entry.u_future
+    q, table = min(2, k), _table(entry)
+    T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q)
+    overall = _dof(entry.dof)
+    return ComponentEstimate(
+        name=name,
+        of=entry.of,
+        unit=unit,
+        coefficients=coefficients * f,
+        covariance=C * f**2,
+        pass_covariance=T @ np.asarray(np.zeros((q, q)) if D is None else D) @ T.T * f**2,
+        s_repeat=repeat * f,
+        pass_dof=0.0 if D is None else _dof(entry.pass_dof, overall),
+        repeat_dof=_dof(entry.repeat_dof, overall),
+        table=table,
+        # A table says nothing of what is beyond it.
+        position_range=None if table is None else (float(table.at[0]), float(table.at[-1])),
+    )
 
 
-def _stated_table(entry: Component | ReportedComponent) -> TableShape | None:
+def _dof(stated: float | None, missing: float = np.inf) -> float:
+    return missing if stated is None else float(stated)
+
+
+def _table(entry: Component | ReportedComponent) -> TableShape | None:
     """The table that a file states; None of a polynomial."""
     if entry.at_mm is None:
         return None
     square = (UM if UNITS[entry.unit].dimension == LENGTH else ARCSEC) ** 2
-    own_dof = getattr(entry, "own_dof", None)
     return TableShape(
         at=np.asarray(entry.at_mm, float),
         roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
         between=(entry.between_um2 or 0.0) * square,
         own=(entry.own_um2_per_mm3 or 0.0) * square,
-        own_dof=np.inf if own_dof is None else own_dof,
+        own_dof=_dof(getattr(entry, "own_dof", None)),
     )
 
 
@@ -194,8 +281,8 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     Raises InputError where the report and the machine disagree on a component's axis, unit
     or degree.
     """
-    found = from_machine_file(machine)
     _check_report(machine, report)
+    found = from_machine_file(machine)
     found |= {name: _reported(name, item) for name, item in report.components.items()}
     return Estimates(
         components=found,
@@ -231,8 +318,8 @@ def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalRepo
             differ.append(("", f"of {item.of} in {item.unit}", wanted))
         for key, stated, wanted in differ:
             facts = {"other": shown, "value": stated, "expected": wanted}
-            own = {**place, "path": place["path"] + key}
-            problems.append(finding("contradicts", **own, **facts))
+            facts |= {**place, "path": place["path"] + key}
+            problems.append(finding("contradicts", **facts))
     if problems:
         raise InputError(problems)
 
@@ -243,28 +330,25 @@ def _shape(entry: Component | ReportedComponent) -> str:
 
 
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
-    unit = UNITS[item.unit]
-    f = unit.to_internal
-    k = len(item.coefficients)
-    table = _stated_table(item)
-    T = (table or Powers(k - 1)).of_line(item.pass_center_mm, min(2, k))
-    independent = item.covariance_independent
+    unit, table = UNITS[item.unit], _table(item)
+    f, k = unit.to_internal, len(item.coefficients)
+    T = (table or Powers(k - 1)).of_line(item.pass_center_mm, min(2, k)) * f
     return ComponentEstimate(
         name=name,
         of=item.of,
         unit=unit,
         coefficients=np.asarray(item.coefficients, float) * f,
         covariance=np.asarray(item.covariance, float) * f**2,
-        pass_covariance=T @ np.asarray(item.pass_covariance_moment, float) @ T.T * f**2,
+        pass_covariance=T @ np.asarray(item.pass_covariance_moment, float) @ T.T,
         s_repeat=item.s_repeat * f,
-        pass_dof=np.inf if item.pass_dof is None else item.pass_dof,
-        repeat_dof=np.inf if item.repeat_dof is None else item.repeat_dof,
+        pass_dof=_dof(item.pass_dof),
+        repeat_dof=_dof(item.repeat_dof),
         n_passes=item.n_passes,
-        independent_covariance=None if independent is None else np.asarray(independent) * f**2,
+        independent_covariance=_scaled(item.covariance_independent, np.eye(k) * f),
         independent_s=None if item.s is None else item.s * f,
         position_range=item.position_range_mm,
-        half_differences=_scaled(item.half_difference_mean_square, T * f),
-        run_covariance=_scaled(item.run_covariance, T * f),
+        half_differences=_scaled(item.half_difference_mean_square, T),
+        run_covariance=_scaled(item.run_covariance, T),
         table=table,
     )
 
@@ -273,13 +357,9 @@ def _scaled(matrix: list[list[float]] | None, T: FloatArray) -> FloatArray | Non
     return None if matrix is None else T @ np.asarray(matrix, float) @ T.T
 
 
-def _joint(group: ReportedGroup, found: dict[str, ComponentEstimate]) -> JointPasses:
-    f = np.concatenate(
-        [
-            np.full(width, found[name].unit.to_internal)
-            for name, width in zip(group.components, group.widths, strict=True)
-        ]
-    )
+def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> JointPasses:
+    units = [found[name].unit.to_internal for name in group.components]
+    f = np.repeat(units, group.widths)
     return JointPasses(
         components=tuple(group.components),
         widths=tuple(group.widths),
@@ -302,30 +382,25 @@ def _effects(item: ReportedEffects) -> EffectEstimates:
     )
 
 
-SAME_TEMPERATURE = 1e-9
-"""degC; less is the rounding of a number that went through text."""
-
-
 def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
     """The drifts that the machine file states, by component."""
     reference = machine.machine.reference_temperature_degC
     return {
-        name: _stated(name, entry, entry.thermal, reference)
+        name: _stated_drift(name, entry, entry.thermal, reference)
         for name, entry in machine.machine.components.items()
         if entry.thermal is not None
     }
 
 
-def _stated(name: str, entry: Component, thermal: Thermal, reference: float) -> ThermalEstimate:
+def _stated_drift(
+    name: str, entry: Component, thermal: Thermal, reference: float
+) -> ThermalEstimate:
     """Exactly known coefficients; what they leave is a shift of the component as a whole."""
-    unit = UNITS[entry.unit]
-    sensors = tuple(thermal.gradients)
+    unit, sensors, at = UNITS[entry.unit], tuple(thermal.gradients), thermal.positions_mm
     gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
-    positions = thermal.positions_mm
+    if at is not None:
+        gradients = through_positions(np.array(at, float), gradients, thermal.degree)
     powers = thermal.degree + 1
-    coefficients = gradients
-    if positions is not None:
-        coefficients = through_positions(np.array(positions, float), gradients, thermal.degree)
     leftover = np.zeros((powers, powers))
     leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
     size = powers * len(sensors)
@@ -335,15 +410,23 @@ def _stated(name: str, entry: Component, thermal: Thermal, reference: float) -> 
         unit=unit,
         sensors=sensors,
         reference=reference,
-        coefficients=coefficients * unit.to_internal,
+        coefficients=gradients * unit.to_internal,
         covariance=np.zeros((size, size)),
         coefficient_dof=np.inf,
         leftover=leftover,
         leftover_dof=np.inf,
         time_constants=np.array([thermal.time_constants_min.get(s, 0.0) for s in sensors], float),
         sensor_u=np.array([thermal.sensor_u_degC.get(s, 0.0) for s in sensors], float),
-        position_range=None if positions is None else (min(positions), max(positions)),
+        position_range=None if at is None else (min(at), max(at)),
     )
+
+
+def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
+    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s): through
+    them where there are as many powers, eq. (13).
+    """
+    X = polynomial(positions, degree)
+    return np.column_stack([least_squares(X, column).coefficients for column in values.T])
 
 
 def thermal_from_report(
@@ -360,11 +443,9 @@ def thermal_from_report(
 
 
 def _reported_drift(name: str, item: ReportedDrift) -> ThermalEstimate:
-    unit = UNITS[item.unit]
-    f = unit.to_internal
-    powers, sensors = item.degree + 1, len(item.sensors)
+    unit, ranges = UNITS[item.unit], item.temperature_range_degC
+    f, powers, sensors = unit.to_internal, item.degree + 1, len(item.sensors)
     size = powers * sensors
-    ranges = item.temperature_range_degC
     return ThermalEstimate(
         component=name,
         of=item.of,
@@ -373,9 +454,9 @@ def _reported_drift(name: str, item: ReportedDrift) -> ThermalEstimate:
         reference=item.reference_temperature_degC,
         coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
         covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
-        coefficient_dof=np.inf if item.coefficient_dof is None else item.coefficient_dof,
+        coefficient_dof=_dof(item.coefficient_dof),
         leftover=np.array(item.leftover_covariance, float) * f**2,
-        leftover_dof=np.inf if item.leftover_dof is None else item.leftover_dof,
+        leftover_dof=_dof(item.leftover_dof),
         time_constants=np.array(item.time_constants_min, float),
         sensor_u=np.array(item.sensor_u_degC, float),
         temperature_range=None if ranges is None else np.array(ranges, float).reshape(sensors, 2),

@@ -12,7 +12,7 @@ u_i the unit vectors from the centre, P_i = I - u_i u_i' and the Hessian H of su
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -79,42 +79,34 @@ def fit_sphere(points: FloatArray) -> RoundFit:
 
     Raises GeometryError where the points do not determine it.
     """
-    return _round(points, "sphere")
+    return _round(points)
 
 
 def fit_circle(points: FloatArray) -> RoundFit:
     """The least-squares circle of `points` (n, 2), or (n, 3): in their least-squares plane.
 
+    In space points that move tilt the plane, too: in-plane coordinates q_i.e_k change by
+    dp_i.e_k - h_i dn.e_k, the directions by -(dn.e_k) n.
+
     Raises GeometryError where the points do not determine it.
     """
     if points.shape[1] == 2:
-        return _round(points, "circle")
+        return _round(points)
     plane = fit_plane(points)
-    q = points - plane.centroid
-    flat = _round(q @ plane.basis.T, "circle")
-    return _in_space(plane, flat)
-
-
-def _in_space(plane: PlaneFit, flat: RoundFit) -> RoundFit:
-    """The circle `flat` of a plane in space; points that move tilt the plane, too.
-
-    In-plane coordinates q_i.e_k change by dp_i.e_k - h_i dn.e_k, the directions by -(dn.e_k) n.
-    """
-    e, n, tilt = plane.basis, plane.normal, plane.tilt
+    e, n, tilt, heights = plane.basis, plane.normal, plane.tilt, plane.heights
+    flat = _round((points - plane.centroid) @ e.T)
     of_radius = flat.radius_gradient @ e
-    of_radius = of_radius - np.einsum("k,kic->ic", plane.heights @ flat.radius_gradient, tilt)
-    moved = np.einsum("kil,lc->kic", flat.centre_gradient, e) - e[:, None, :] / len(plane.heights)
-    lifted = np.einsum("kil,i->kl", flat.centre_gradient, plane.heights)
+    of_radius = of_radius - np.einsum("k,kic->ic", heights @ flat.radius_gradient, tilt)
+    moved = np.einsum("kil,lc->kic", flat.centre_gradient, e) - e[:, None, :] / len(heights)
+    lifted = np.einsum("kil,i->kl", flat.centre_gradient, heights)
     moved -= np.einsum("kl,lic->kic", lifted, tilt)
     of_centre = np.einsum("kd,kic->dic", e, moved)
-    of_centre += np.eye(3)[:, None, :] / len(plane.heights)
+    of_centre += np.eye(3)[:, None, :] / len(heights)
     of_centre -= np.einsum("d,k,kic->dic", n, flat.centre, tilt)
-    return RoundFit(
+    return replace(
+        flat,
         centre=plane.centroid + flat.centre @ e,
-        radius=flat.radius,
-        residuals=flat.residuals,
         away=flat.away @ e,
-        unscaled_covariance=flat.unscaled_covariance,
         radius_gradient=of_radius,
         centre_gradient=of_centre,
     )
@@ -154,40 +146,34 @@ def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     return centroid, q / scale, scale
 
 
-def _round(points: FloatArray, kind: str) -> RoundFit:
-    d = DIMENSIONS[kind]
+def _round(points: FloatArray) -> RoundFit:
+    """The circle of points (n, 2), the sphere of points (n, 3)."""
+    d = points.shape[1]
+    kind = _kind(d)
     centroid, q, scale = _centred(points)
     distinct = len(np.unique(np.round(q / SAME), axis=0))
     if distinct <= d:
         raise GeometryError(f"{distinct} distinct points; a {kind} needs {d + 1}")
-    found = _gauss_newton(q, _algebraic(q, kind), kind)
+    # (c, r) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976.
+    centre = _solved(2 * q, (q**2).sum(axis=1)).coefficients
+    centre[d] = max(float(centre[d] + centre[:d] @ centre[:d]), 0.0) ** 0.5
+    found = _gauss_newton(q, centre)
     away, distance, residuals = _residuals(q, found)
     unit = away / distance[:, None]
-    linear = _linearised(unit, residuals, kind)
-    gradient = _gradient(unit, distance, residuals, kind)
+    gradient = _gradient(unit, distance, residuals)
     return RoundFit(
         centre=centroid + scale * found[:d],
         radius=scale * float(found[d]),
         residuals=scale * residuals,
         away=unit,
-        unscaled_covariance=linear.unscaled_covariance,
+        unscaled_covariance=_solved(unit, residuals).unscaled_covariance,
         radius_gradient=gradient[d],
         centre_gradient=gradient[:d],
     )
 
 
-def _algebraic(q: FloatArray, kind: str) -> FloatArray:
-    """(c, r) (d + 1,) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976."""
-    square = (q**2).sum(axis=1)
-    fit = least_squares(np.column_stack([2 * q, np.ones(len(q))]), square)
-    if fit.rank < q.shape[1] + 1:
-        raise GeometryError(_flat(kind))
-    centre = fit.coefficients[:-1]
-    return np.append(centre, np.sqrt(max(fit.coefficients[-1] + centre @ centre, 0.0)))
-
-
-def _flat(kind: str) -> str:
-    return f"the points lie on a {'line' if kind == 'circle' else 'plane or a circle'}"
+def _kind(d: int) -> str:
+    return next(name for name, dimension in DIMENSIONS.items() if dimension == d)
 
 
 def _residuals(q: FloatArray, found: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -199,21 +185,22 @@ def _residuals(q: FloatArray, found: FloatArray) -> tuple[FloatArray, FloatArray
     return away, distance, distance - found[-1]
 
 
-def _linearised(unit: FloatArray, residuals: FloatArray, kind: str) -> LeastSquares:
-    """The Gauss-Newton step: d_i = u_i.dc + dr."""
-    fit = least_squares(np.column_stack([unit, np.ones(len(unit))]), residuals)
-    if fit.rank < unit.shape[1] + 1:
+def _solved(columns: FloatArray, values: FloatArray) -> LeastSquares:
+    """The fit of `columns` (n, d) and a constant; the Gauss-Newton step is d_i = u_i.dc + dr."""
+    fit = least_squares(np.column_stack([columns, np.ones(len(columns))]), values)
+    if fit.rank < columns.shape[1] + 1:
         # Seen from a centre as far away as this, the points hardly bend.
-        raise GeometryError(_flat(kind))
+        flat = "line" if columns.shape[1] == 2 else "plane or a circle"
+        raise GeometryError(f"the points lie on a {flat}")
     return fit
 
 
-def _gauss_newton(q: FloatArray, start: FloatArray, kind: str) -> FloatArray:
+def _gauss_newton(q: FloatArray, start: FloatArray) -> FloatArray:
     """(c, r) (d + 1,) at the minimum; steps that do not lead down are halved."""
     found, settled = start, False
     away, distance, residuals = _residuals(q, found)
     for _ in range(ITERATIONS):
-        fit = _linearised(away / distance[:, None], residuals, kind)
+        fit = _solved(away / distance[:, None], residuals)
         step, rss = fit.coefficients, float(residuals @ residuals)
         # The far end of a short arc is known with the square of its distance less.
         if np.abs(step).max() <= STEP * max(1.0, float(np.abs(found).max()) ** 2):
@@ -231,23 +218,20 @@ def _gauss_newton(q: FloatArray, start: FloatArray, kind: str) -> FloatArray:
         found = found + step
     if settled:
         return found
-    raise GeometryError(f"the {kind} could not be fitted: the points hardly bend")
+    raise GeometryError(f"the {_kind(q.shape[1])} could not be fitted: the points hardly bend")
 
 
-def _gradient(
-    unit: FloatArray, distance: FloatArray, residuals: FloatArray, kind: str
-) -> FloatArray:
+def _gradient(unit: FloatArray, distance: FloatArray, residuals: FloatArray) -> FloatArray:
     """d(c, r)/dp (d + 1, n, d) of the minimum, in any unit of length."""
     n, d = unit.shape
     outer = unit[:, :, None] * unit[:, None, :]
     along = outer + (residuals / distance)[:, None, None] * (np.eye(d) - outer)
-    H = np.zeros((d + 1, d + 1))
+    H = np.full((d + 1, d + 1), float(n))
     H[:d, :d] = along.sum(axis=0)
     H[:d, d] = H[d, :d] = unit.sum(axis=0)
-    H[d, d] = n
     least, most = np.linalg.eigvalsh(H)[[0, -1]]
     if least <= ROUNDING * most:
-        raise GeometryError(f"the {kind} could not be fitted: the points hardly bend")
+        raise GeometryError(f"the {_kind(d)} could not be fitted: the points hardly bend")
     right = np.concatenate([along.transpose(1, 0, 2), unit[None]])
     solved: FloatArray = np.linalg.solve(H, right.reshape(d + 1, -1)).reshape(d + 1, n, d)
     return solved

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,14 +38,17 @@ def differences(points: FloatArray, pairs: IntArray, names: Sequence[str], file:
 
 def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) -> FloatArray:
     """dL/dE (lengths, rows): minus and plus the nominal unit vector, eq. (22)."""
-    a = len(prediction.axes)
-    unit = delta / np.linalg.norm(delta, axis=1)[:, None]
-    columns = [AXES.index(axis) for axis in prediction.axes]
-    gradient = np.zeros((len(pairs), len(prediction.mean)))
-    for i, (start, end) in enumerate(pairs):
-        gradient[i, start * a : start * a + a] -= unit[i, columns]
-        gradient[i, end * a : end * a + a] += unit[i, columns]
-    return gradient
+    unit = _along(prediction, delta / np.linalg.norm(delta, axis=1)[:, None])
+    gradient = np.zeros((len(pairs), len(prediction.points), len(prediction.axes)))
+    for row, (start, end), direction in zip(gradient, pairs, unit, strict=True):
+        row[start] -= direction
+        row[end] += direction
+    return gradient.reshape(len(pairs), -1)
+
+
+def _along(prediction: Prediction, delta: FloatArray) -> FloatArray:
+    """(lengths, axes) of vectors (lengths, 3) along the prediction's axes."""
+    return delta[:, [AXES.index(axis) for axis in prediction.axes]]
 
 
 def length_measure(
@@ -56,18 +58,13 @@ def length_measure(
 
     The sum runs over the prediction's axes: an axis without equation has no error.
     """
-    a = len(prediction.axes)
-    columns = [AXES.index(axis) for axis in prediction.axes]
-    L0 = np.linalg.norm(delta, axis=1)
-    m = len(pairs)
-    combine = np.zeros((a * m, len(prediction.mean)))
-    for j in range(a):
-        rows = np.arange(j * m, (j + 1) * m)
-        combine[rows, pairs[:, 1] * a + j] += 1.0
-        combine[rows, pairs[:, 0] * a + j] -= 1.0
+    a, m = len(prediction.axes), len(pairs)
+    L0, along = np.linalg.norm(delta, axis=1), _along(prediction, delta)
+    of_axis = np.eye(len(prediction.mean)).reshape(-1, a, len(prediction.mean))
+    combine = np.concatenate([of_axis[pairs[:, 1], j] - of_axis[pairs[:, 0], j] for j in range(a)])
 
     def measure(differences: FloatArray, work: Workspace) -> FloatArray:
-        return length_error(L0, delta[:, columns], differences.reshape(a, m, -1))
+        return length_error(L0, along, differences.reshape(a, m, -1))
 
     return measure, combine
 
@@ -160,13 +157,11 @@ def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
 
 ROUNDING = 1e-12
 """Share of the largest below which a singular value or a product is rounding."""
-
 PIECE = 8192
 """Trials at a time: all that is known of them stays in the processor's cache."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Line:
+class _Line(NamedTuple):
     """What one line needs of the normals of a trial: `matrix` times rows `uses` of them.
 
     The first `k` rows of the product are the coordinates u along the line. Then follows the
@@ -186,7 +181,7 @@ class _Line:
     sums: FloatArray
 
 
-class AngleTrials:
+class AngleTrials(PointTrials):
     """A Monte Carlo model of one angle, distributed as that of `plain` to rounding.
 
     dtheta = -u_r'v_r/u_r'u_r - u_c'v_c/u_c'u_c, Gilsinn & Ling 2004, eqs. (24)-(26), with the
@@ -203,46 +198,33 @@ class AngleTrials:
     the same u and, for its share in v, the same last normal.
     """
 
-    smooth = True
     in_pieces = True
 
     def __init__(self, plain: PointTrials, lines: tuple[FloatArray, ...]) -> None:
         """`plain` draws the errors of u_r, v_r, u_c, v_c; `lines` are these by design, (k, 1)."""
-        self.names = plain.names
-        self.linear_mean = plain.linear_mean
-        self.linear_u = plain.linear_u
-        self.dof, self.u_exists = plain.dof, plain.u_exists
-        self.linear_dof, self.linear_variance = plain.linear_dof, plain.linear_variance
-        self.linear_quantiles = plain.linear_quantiles
+        self.__dict__.update(plain.__dict__)
         self.work = Workspace()
-        design = [item[:, 0] for item in lines]
-        u_r, v_r, u_c, v_c = design
+        u_r, v_r, u_c, v_c = (item[:, 0] for item in lines)
         self.square = float(u_r @ v_r / (u_r @ u_r) + u_c @ v_c / (u_c @ u_c))
-        places = np.cumsum([0, *map(len, design), 1])
-        factors = [plain.factor[start:stop] for start, stop in pairwise(places)]
-        errors = [plain.offset[start:stop, 0] for start, stop in pairwise(places)]
-        placed = [a + b for a, b in zip(design, errors, strict=False)]
-        self._reduce(factors, placed, errors[-1])
-
-    def _reduce(
-        self, factors: list[FloatArray], mean: list[FloatArray], first_order: FloatArray
-    ) -> None:
-        """Bases of the normals behind u, and of those behind v that u leaves open."""
-        W, at = _bases(factors[0], factors[2])
-        self.at, self.drawn = at, len(W)
+        ends = np.cumsum([len(item) for item in lines])
+        *factors, of_linear = np.split(plain.factor, ends)
+        *errors, first_order = np.split(plain.offset[:, 0], ends)
+        mean = [a[:, 0] + b for a, b in zip(lines, errors, strict=True)]
+        # Bases of the normals behind u, and of those behind v that u leaves open.
+        W, self.at = _bases(factors[0], factors[2])
+        self.drawn = len(W)
         left = [_without(factors[i], W) for i in (1, 3)]
         V, of_row = _bases(*left)
         L_r, L_c = (_seen(item, V) for item in left)
         self.shared = of_row if np.any(L_c[:, :of_row]) else 0
-        linear = _with_one(factors[4] @ W.T, 0 * first_order, at)
-        self.rest = float(np.linalg.norm(_without(factors[4], W)))
-        own = np.arange(len(W) + 1) < at
+        linear = np.insert(of_linear @ W.T, self.at, first_order, axis=1)
+        self.rest = float(np.linalg.norm(_without(of_linear, W)))
+        # The row's part of the first-order form, and the column's with the constant.
+        own = np.arange(len(W) + 1) < self.at
         parts = np.where(own, linear, 0.0), np.where(own, 0.0, linear)
-        parts[1][0, at] = first_order[0]
-        self.row, self.column = (
-            _line(factors[i : i + 2], mean[i : i + 2], W, at, L, bool(self.shared), part)
-            for i, L, part in ((0, L_r[:, :of_row], parts[0]), (2, L_c, parts[1]))
-        )
+        shared = bool(self.shared)
+        self.row = _line(factors[:2], mean[:2], W, self.at, L_r[:, :of_row], shared, parts[0])
+        self.column = _line(factors[2:], mean[2:], W, self.at, L_c, shared, parts[1])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (1, m)."""
@@ -257,12 +239,10 @@ class AngleTrials:
     def _draw(self, rng: np.random.Generator, values: FloatArray, linear: FloatArray) -> None:
         z = self._normals(rng, len(values))
         np.multiply(z[-1], self.rest, out=linear)
-        row = self._product("row", self.row, z, linear)
-        column = self._product("column", self.column, z, linear)
         # A line of no length has no direction: its trials are not finite, which is counted.
         with np.errstate(divide="ignore", invalid="ignore"):
-            expected, of_row = self._slope("row", self.row, row)
-            slope, of_column = self._slope("column", self.column, column)
+            expected, of_row = self._slope("row", self.row, z, linear)
+            slope, of_column = self._slope("column", self.column, z, linear)
             # |L'w|^2 (m,).
             spread = of_row
             if self.shared:
@@ -292,14 +272,15 @@ class AngleTrials:
             z[self.at + 1 :] *= scale
         return z
 
-    def _product(self, name: str, line: _Line, z: FloatArray, linear: FloatArray) -> FloatArray:
-        found = self.work.array(name, (len(line.matrix), z.shape[1]))
-        np.matmul(line.matrix, z[line.uses], out=found)
-        linear += found[-1]
-        return found
-
-    def _slope(self, name: str, line: _Line, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The slope b1 expected given u (m,), and L'w (spreads, m) or |L'w|^2 (m,)."""
+    def _slope(
+        self, name: str, line: _Line, z: FloatArray, linear: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """The slope b1 expected given u (m,), and L'w (spreads, m) or |L'w|^2 (m,); the line's part
+        of the first-order form is added to `linear`.
+        """
+        rows = self.work.array(name, (len(line.matrix), z.shape[1]))
+        np.matmul(line.matrix, z[line.uses], out=rows)
+        linear += rows[-1]
         u, expected = rows[: line.k], rows[line.k]
         last = len(rows) - 1 - line.spreads
         if not line.fixed:
@@ -309,9 +290,8 @@ class AngleTrials:
         np.matmul(line.sums, u, out=sums)
         inverse = np.divide(1.0, sums[0], out=sums[0])
         expected *= inverse
-        if line.spreads:
-            spread = rows[last:-1]
-        else:
+        spread = rows[last:-1]
+        if not line.spreads:
             spread = sums[1]
             spread *= inverse
         spread *= inverse
@@ -335,35 +315,26 @@ def _line(
         variances = np.zeros((1, len(L)))
         variances[0, : len(values)] = values**2
         sums, L = np.vstack([sums, variances]), np.zeros((len(L), 0))
-    u = _with_one(_seen(factors[0], W), mean[0], at)
-    K = _seen(factors[1], W)
+    # The means ride along as a column before number `at`.
+    u, K = np.insert(_seen(factors[0], W), at, mean[0], axis=1), _seen(factors[1], W)
     fixed = not np.any(K)
-    expected = mean[1][None, :] @ u if fixed else _with_one(K, mean[1], at)
+    expected = mean[1][None, :] @ u if fixed else np.insert(K, at, mean[1], axis=1)
     matrix = np.vstack([u, expected, L.T @ u, linear])
     # A line depends on the other's normals only where their errors are correlated: else half
     # of the product would be zeros.
     used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
     uses = slice(int(used[0]), int(used[-1]) + 1) if len(used) else slice(at, at + 1)
-    return _Line(
-        matrix=np.ascontiguousarray(matrix[:, uses]),
-        uses=uses,
-        k=len(u),
-        spreads=L.shape[1],
-        fixed=fixed,
-        sums=sums,
-    )
+    return _Line(np.ascontiguousarray(matrix[:, uses]), uses, len(u), L.shape[1], fixed, sums)
 
 
 def _bases(first: FloatArray, second: FloatArray) -> tuple[FloatArray, int]:
     """Orthonormal rows that span those of both, those of `first` before the others; how many."""
-    own = _basis(first, float(np.linalg.norm(first)))
-    beside = _basis(_without(second, own), float(np.linalg.norm(second)))
-    return np.vstack([own, beside]), len(own)
-
-
-def _basis(rows: FloatArray, size: float) -> FloatArray:
-    _, values, vectors = np.linalg.svd(rows, full_matrices=False)
-    return np.asarray(vectors[values > ROUNDING * size])
+    found, counts = np.zeros((0, first.shape[1])), []
+    for rows in (first, second):
+        _, values, vectors = np.linalg.svd(_without(rows, found), full_matrices=False)
+        found = np.vstack([found, vectors[values > ROUNDING * np.linalg.norm(rows)]])
+        counts.append(len(found))
+    return found, counts[0]
 
 
 def _without(rows: FloatArray, basis: FloatArray) -> FloatArray:
@@ -376,8 +347,3 @@ def _seen(rows: FloatArray, basis: FloatArray) -> FloatArray:
     found = rows @ basis.T
     found[np.abs(found) <= ROUNDING * np.linalg.norm(rows)] = 0.0
     return np.asarray(found)
-
-
-def _with_one(components: FloatArray, mean: FloatArray, at: int) -> FloatArray:
-    """Components with the mean as a column of their own before number `at`."""
-    return np.insert(components, at, mean, axis=1)

@@ -1,4 +1,4 @@
-"""Measured parts as arrays: errors of features, lengths and angles, and features that scatter."""
+"""Measured parts as arrays: errors of features, lengths and angles, and what was not measured."""
 
 from __future__ import annotations
 
@@ -26,6 +26,8 @@ from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
 
+ARRAYS = tuple(each.name for each in fields(Cells))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTables:
@@ -43,14 +45,17 @@ class MeasuredTables:
 
     def only(self, kept: list[int]) -> MeasuredTables:
         """The tables at the indices `kept`."""
-        labels = tuple(self.labels[i] for i in kept)
-        cells = Cells(**{name: getattr(self.cells, name)[kept] for name in ARRAYS})
         return MeasuredTables(
-            labels=labels, parts=self.parts, cells=cells, rounding=self.rounding[kept]
+            labels=tuple(self.labels[i] for i in kept),
+            parts=self.parts,
+            cells=Cells(**{name: getattr(self.cells, name)[kept] for name in ARRAYS}),
+            rounding=self.rounding[kept],
         )
 
 
-ARRAYS = tuple(each.name for each in fields(Cells))
+def _stacked(found: Sequence[Cells]) -> Cells:
+    """The cells of tables, one below the other."""
+    return Cells(**{name: np.concatenate([getattr(x, name) for x in found]) for name in ARRAYS})
 
 
 def roundings(points: Points) -> FloatArray:
@@ -74,33 +79,24 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
     operations, operation = operations_of(points)
-    features, parts = len(points.features), len(points.parts)
-    group = points.feature
-    if len(operations) > 1:
-        group = operation.astype(np.int64) * features + points.feature
-    seen = np.zeros(len(operations) * features, bool)
-    seen[group] = True
-    used = np.flatnonzero(seen)
-    table = group if len(used) == len(seen) else (np.cumsum(seen) - 1)[group]
-    cell = np.multiply(table, parts, dtype=np.int64)
-    cell += points.part
+    features, parts, axes = len(points.features), len(points.parts), axes_of(points)
+    used, table = distinct(operation.astype(np.int64) * features + points.feature)
+    cell = table * parts + points.part
     check_repeats(points, cell)
 
     def along(axis: int) -> Cells:
         errors = points.measured[:, axis] - points.nominal[:, axis]
         return cells_of(errors, cell, len(used), parts, spare=True)
 
-    axes = axes_of(points)
     with ThreadPoolExecutor(3) as pool:
         found = list(pool.map(along, axes))
-    labels = [
-        (operations[g // features], points.features[g % features], AXES[axis])
-        for axis in axes
-        for g in used.tolist()
-    ]
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
-        labels=tuple(labels),
+        labels=tuple(
+            (operations[g // features], points.features[g % features], AXES[axis])
+            for axis in axes
+            for g in used.tolist()
+        ),
         parts=points.parts,
         cells=_stacked(found),
         rounding=np.repeat(r[list(axes)], len(used)),
@@ -116,25 +112,22 @@ def check_repeats(points: Points, cell: IntArray | None = None) -> None:
         features, parts = len(points.features), len(points.parts)
         cell = (operation.astype(np.int64) * features + points.feature) * parts + points.part
     given = points.repeat >= 0
-    if not given.any():
-        return
-    numbers, code = distinct(points.repeat)
-    place = cell * len(numbers) + code
-    if len(distinct(place[given])[0]) < int(given.sum()):
-        refuse_doubled(points, place, given)
-
-
-def _stacked(found: list[Cells]) -> Cells:
-    """The cells of tables, one below the other."""
-    return Cells(**{name: np.concatenate([getattr(x, name) for x in found]) for name in ARRAYS})
+    if given.any():
+        numbers, code = distinct(points.repeat)
+        place = cell * len(numbers) + code
+        if len(distinct(place[given])[0]) < int(given.sum()):
+            refuse_doubled(points, place, given)
 
 
 def left_out(points: Points) -> list[Finding]:
     """Axes that only some points have, or that have no nominal: they are not analysed."""
-    measured = np.asarray(np.isfinite(points.measured).any(axis=0))
+    measured, whole = np.isfinite(points.measured), axes_of(points)
     what = "some of the points, or of their nominal places,"
-    lost = [name for k, name in enumerate(AXES) if measured[k] and k not in axes_of(points)]
-    return [_axis_lost(what, name, f"{name} is left out") for name in lost]
+    return [
+        finding("axis-not-measured", what=what, axis=name, consequence=f"{name} is left out")
+        for k, name in enumerate(AXES)
+        if measured[:, k].any() and k not in whole
+    ]
 
 
 def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int]) -> InputError:
@@ -152,15 +145,13 @@ def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int])
 
 def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
     """Of axes with an equation along which no point was measured: nothing is judged there."""
-    measured = np.asarray(np.isfinite(points.measured).any(axis=0))
-    lost = [name for k, name in enumerate(AXES) if name in predicted and not measured[k]]
+    measured = np.isfinite(points.measured)
+    lost = [name for k, name in enumerate(AXES) if name in predicted and not measured[:, k].any()]
+    facts = {name: f"the E{name} of the machine is not judged" for name in lost}
     return [
-        _axis_lost("the points", name, f"the E{name} of the machine is not judged") for name in lost
+        finding("axis-not-measured", what="the points", axis=name, consequence=consequence)
+        for name, consequence in facts.items()
     ]
-
-
-def _axis_lost(what: str, axis: str, consequence: str) -> Finding:
-    return finding("axis-not-measured", what=what, axis=axis, consequence=consequence)
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
@@ -171,22 +162,20 @@ def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredT
 
     Raises InputError for a length of which one end alone has a nominal z.
     """
-    known = set(points.features)
-    entries = [e for e in part.part.lengths if e.from_ in known and e.to in known]
+    index = {name: i for i, name in enumerate(points.features)}
+    entries = [e for e in part.part.lengths if e.from_ in index and e.to in index]
     if not entries:
         return None
-    index = {name: i for i, name in enumerate(points.features)}
     pairs = np.array([[index[e.from_], index[e.to]] for e in entries])
     ids = [e.id for e in entries]
-    delta = differences(visits.nominal, pairs, ids, part.source.shown)
     axes = list(length_axes(points, part))
+    delta = differences(visits.nominal, pairs, ids, part.source.shown)
+    nominal, along = np.linalg.norm(delta, axis=1), delta[:, axes]
     errors = visits.errors[:, :, axes]
-    e = np.moveaxis(errors[:, pairs[:, 1]] - errors[:, pairs[:, 0]], (0, 1, 2), (2, 1, 0))
-    nominal = np.linalg.norm(delta, axis=1)
-    values = length_error(nominal, delta[:, axes], e)
+    e = (errors[:, pairs[:, 1]] - errors[:, pairs[:, 0]]).transpose(2, 1, 0)
     # Of both ends, along the length.
-    r = 2 * (delta[:, axes] / nominal[:, None]) ** 2 @ roundings(points)[axes]
-    return _visit_tables(points, visits, ids, values, r)
+    r = 2 * (along / nominal[:, None]) ** 2 @ roundings(points)[axes]
+    return _visit_tables(points, visits, ids, length_error(nominal, along, e), r)
 
 
 def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
@@ -197,18 +186,18 @@ def length_axes(points: Points, part: LoadedPart) -> tuple[int, ...]:
 
 def length_warnings(points: Points, part: LoadedPart) -> list[Finding]:
     """Lengths with a nominal difference along z that was not measured at all their ends."""
-    measured = set(points.features)
-    places = part.part.places()
-    if 2 in length_axes(points, part):
+    z = {
+        name: part.part.places()[name][2] for name in points.features if name in part.part.places()
+    }
+    lost = [
+        e.id
+        for e in part.part.lengths
+        if None not in (z.get(e.from_), z.get(e.to)) and z[e.from_] != z[e.to]
+    ]
+    if not lost or 2 in length_axes(points, part):
         return []
-    lost = []
-    for entry in part.part.lengths:
-        z = [places[name][2] for name in (entry.from_, entry.to)]
-        if {entry.from_, entry.to} <= measured and None not in z and z[0] != z[1]:
-            lost.append(entry.id)
     what, free = f"ends of {listed(lost)}", "the lengths are taken as free of error along z"
-    known = {"what": what, "names": lost, "axis": "z", "consequence": free}
-    return [finding("axis-not-measured", **known)] if lost else []
+    return [finding("axis-not-measured", what=what, names=lost, axis="z", consequence=free)]
 
 
 def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
@@ -217,27 +206,20 @@ def angle_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTa
     Raises InputError for a row or column that is off its axis by design.
     """
     index = {name: i for i, name in enumerate(points.features)}
-    ids, values, variances = [], [], []
-    r = roundings(points)
-    measured = [
-        i
-        for i, entry in enumerate(part.part.orthogonality)
-        if all(name in index for name in (*entry.row, *entry.column))
-    ]
+    every = list(enumerate(part.part.orthogonality))
+    measured = {i: x for i, x in every if {*x.row, *x.column} <= index.keys()}
+    if not measured:
+        return None
     check_square(part, measured)
-    for entry in (part.part.orthogonality[i] for i in measured):
-        lines = (
-            _line(visits, [index[name] for name in entry.row], 0, 1),
-            _line(visits, [index[name] for name in entry.column], 1, 0),
-        )
-        (row, row_nominal), (column, column_nominal) = lines
-        ids.append(entry.id)
+    values, variances, r = [], [], roundings(points)
+    for entry in measured.values():
+        row, row_nominal = _line(visits, [index[name] for name in entry.row], 0, 1)
+        column, column_nominal = _line(visits, [index[name] for name in entry.column], 1, 0)
         values.append(angle_error((row, column), (row_nominal, column_nominal)))
         # Of two slopes, each s^2/sum (x - mean x)^2.
-        spread = [float((line[0] ** 2).sum()) for line in (row_nominal, column_nominal)]
-        variances.append(r[1] / spread[0] + r[0] / spread[1])
-    if not ids:
-        return None
+        squares = [float((line[0] ** 2).sum()) for line in (row_nominal, column_nominal)]
+        variances.append(r[1] / squares[0] + r[0] / squares[1])
+    ids = [entry.id for entry in measured.values()]
     return _visit_tables(points, visits, ids, np.array(values), np.array(variances))
 
 
@@ -257,20 +239,16 @@ def _visit_tables(
     the last digit; visits without a value are left out.
     """
     operations, _ = operations_of(points)
-    labels, found, of = [], [], []
-    parts = len(points.parts)
+    labels, found, of, parts = [], [], [], len(points.parts)
     for code, operation in enumerate(operations):
-        for i, (name, value) in enumerate(zip(ids, values, strict=True)):
+        for name, value, r in zip(ids, values, rounding, strict=True):
             kept = (visits.operation == code) & np.isfinite(value)
             if kept.any():
                 labels.append((operation, name, ""))
                 found.append(cells_of(value[kept], visits.part[kept], 1, parts))
-                of.append(rounding[i])
+                of.append(r)
     if not found:
         return None
     return MeasuredTables(
-        labels=tuple(labels),
-        parts=points.parts,
-        cells=_stacked(found),
-        rounding=np.array(of),
+        labels=tuple(labels), parts=points.parts, cells=_stacked(found), rounding=np.array(of)
     )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,23 +35,20 @@ class Passes:
 
     def only(self, kept: IntArray) -> Passes:
         """The passes `kept` (m,)."""
-        return Passes(
-            keys=tuple(self.keys[g] for g in kept),
-            order=self.order[kept],
-            timed=self.timed,
-            starts=self.starts[kept],
-            ends=self.ends[kept],
-            setups=tuple(self.setups[g] for g in kept),
-            runs=self.runs[kept],
-        )
+        some: dict[str, Any] = {
+            name: getattr(self, name)[kept] for name in ("order", "starts", "ends", "runs")
+        }
+        for name in ("keys", "setups"):
+            some[name] = tuple(getattr(self, name)[g] for g in kept)
+        return replace(self, **some)
 
     def files_in_turn(self, unit: IntArray) -> bool:
         """Whether some units, `unit` (G,) that of each pass, are of other files than others: where
         each has a pass of every file no order of the files changes the mean time of a unit.
         """
         files: dict[int, set[int]] = {}
-        for (file, _, _), own in zip(self.keys, unit, strict=True):
-            files.setdefault(int(own), set()).add(file)
+        for (file, _, _), own in zip(self.keys, unit.tolist(), strict=True):
+            files.setdefault(own, set()).add(file)
         return len({frozenset(own) for own in files.values()}) > 1
 
 
@@ -63,23 +61,19 @@ def passes_of(
     Files number their passes on their own: pass 1 of two days is two passes.
     """
     triples = np.column_stack([readings.file_index[rows], numbers, -sign]).astype(np.int64)
-    order = np.lexsort(triples.T[::-1])
-    ordered = triples[order]
-    new = np.ones(len(rows), bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    group = np.empty(len(rows), np.int64)
-    group[order] = np.cumsum(new) - 1
-    keys = ordered[new] * np.array([1, 1, -1])
-    starts, ends = _times(readings.time_min[rows], group, len(keys))
+    keys, first, group = np.unique(triples, axis=0, return_index=True, return_inverse=True)
+    group, G = group.reshape(-1), len(keys)
+    keys = keys * np.array([1, 1, -1])
+    times = readings.time_min[rows]
+    # One reading without a time (nan) leaves its pass without.
+    starts, ends = _least(group, times, G), -_least(group, -times, G)
     timed = _one_clock(keys, starts, ends)
     # Without a clock a pass goes forward first: the order of rows is not to matter.
-    sequence = np.argsort(starts, kind="stable") if timed else np.arange(len(keys))
-    rank = np.empty(len(keys), np.int64)
-    rank[sequence] = np.arange(len(keys))
-    setups = [""] * len(keys)
-    labels = readings.covariates.get("setup")
-    if labels is not None:
-        _, first = np.unique(group, return_index=True)
+    rank: IntArray = np.arange(G)
+    if timed:
+        rank[np.argsort(starts, kind="stable")] = np.arange(G)
+    setups = [""] * G
+    if (labels := readings.covariates.get("setup")) is not None:
         setups = [str(label) for label in labels[rows[first]]]
     return group, Passes(
         keys=tuple((file, number, way) for file, number, way in keys.tolist()),
@@ -92,13 +86,27 @@ def passes_of(
     )
 
 
-def _times(times: FloatArray, group: IntArray, count: int) -> tuple[FloatArray, FloatArray]:
-    starts, ends = np.full(count, np.inf), np.full(count, -np.inf)
-    # One reading without a time (nan) leaves its pass without.
+def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, Passes]:
+    """The passes of the readings `rows` (n,) of a component along the axis `of`, numbered or not.
+
+    Without an axis directions do not count, and every reading without a number is a pass of its
+    own; with one they are repeats of pass 0.
+    """
+    has, sign = readings.has_pass[rows], readings.direction[rows].astype(np.int64)
+    numbers = np.where(has, readings.pass_number[rows], 0)
+    if of is None:
+        sign = np.zeros(len(rows), np.int64)
+        if not has.all():
+            numbers = np.arange(1, len(rows) + 1)
+    return passes_of(readings, rows, numbers, sign)
+
+
+def _least(code: IntArray, values: NDArray[Any], count: int) -> FloatArray:
+    """The least of the `values` (n,) of each of `count` codes, nan where one of them is."""
+    found = np.full(count, np.inf)
     with np.errstate(invalid="ignore"):
-        np.minimum.at(starts, group, times)
-        np.maximum.at(ends, group, times)
-    return starts, ends
+        np.minimum.at(found, code, values)
+    return found
 
 
 def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
@@ -110,186 +118,66 @@ def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:
     if not np.isfinite(starts).all():
         return False
     file = keys[:, 0]
-    if one_way_files(file, keys[:, 2]).all():
+    if _directions(file, keys[:, 2]).all():
         file = np.where(np.ptp(file) > 0, np.arange(len(keys)), 0)
     spans = sorted((starts[file == f].min(), ends[file == f].max()) for f in np.unique(file))
     return all(later[0] > earlier[1] for earlier, later in pairwise(spans))
 
 
+def _directions(code: IntArray, sign: IntArray) -> IntArray:
+    """The direction (n,) that all of the same code have; 0 where they run both ways, or in none."""
+    _, own = np.unique(code, return_inverse=True)
+    count = int(own.max(initial=-1)) + 1
+    least, most = _least(own, sign, count), -_least(own, -sign, count)
+    return np.where(least == most, least, 0.0).astype(np.int64)[own]
+
+
 def _runs(keys: IntArray, rank: IntArray, setups: list[str]) -> IntArray:
-    """The run there and back of each pass (G,); two passes of a run are of one set-up."""
+    """The run there and back of each pass (G,), numbered in time.
+
+    A number that runs both ways is a run. Where every number of a file runs one way, one there and
+    one back are a run: else what differs between directions were taken for what differs between
+    passes. Files that hold one direction each are read as one. The passes of a run are of one
+    set-up.
+    """
     numbered, code = np.unique(keys[:, :2], axis=0, return_inverse=True)
     code = code.reshape(-1)
-    first = np.full(len(numbered), len(keys))
-    np.minimum.at(first, code, rank)
-    in_time = np.argsort(first, kind="stable")
-    run = runs_of(numbered, in_time, ways(code, keys[:, 2], len(numbered)))[code]
-    _, label = np.unique(np.array(setups, dtype=object), return_inverse=True)
-    both = np.column_stack([run, label.reshape(-1)])
-    own = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
-    start = np.full(len(keys), len(keys))
-    np.minimum.at(start, own, rank)
-    return np.unique(start[own], return_inverse=True)[1].reshape(-1)
-
-
-Fellows = list[tuple[int, int]]
-"""Places (earlier, later) of two passes of a run."""
-
-
-def ways(code: IntArray, sign: IntArray, count: int) -> IntArray:
-    """The direction (m,) of each pass; 0 where it runs both ways, or in none that is told."""
-    least, most = np.full(count, 2), np.full(count, -2)
-    np.minimum.at(least, code, sign)
-    np.maximum.at(most, code, sign)
-    return np.where(least == most, least, 0)
-
-
-def one_way_files(file: IntArray, way: IntArray) -> NDArray[np.bool_]:
-    """(m,) whether every pass of the pass's file runs in one and the same direction."""
-    _, code = np.unique(file, return_inverse=True)
-    whole = ways(code.reshape(-1), way, int(code.max(initial=-1)) + 1)
-    found: NDArray[np.bool_] = whole[code.reshape(-1)] != 0
-    return found
-
-
-def runs_of(keys: IntArray, order: IntArray, way: IntArray) -> IntArray:
-    """The run (m,) of each pass (file, number) in `keys` (m, 2), in their `order` in time.
-
-    A pass that runs both ways is one. Where every pass of a file runs one way only (`way`, see
-    `ways`), one there and one back are a run: what differs between the directions could not be
-    told from what differs between passes. Files that hold one direction only are read as one:
-    one file a pass, or one a direction.
-    """
-    first = np.empty(len(keys), np.int64)
-    first[order] = np.arange(len(keys))
-    files = np.where(one_way_files(keys[:, 0], way), -1, keys[:, 0])
+    way = np.zeros(len(numbered), np.int64)
+    way[code] = _directions(code, keys[:, 2])
+    files = np.where(_directions(numbered[:, 0], way) != 0, -1, numbered[:, 0])
+    in_time = np.argsort(_least(code, rank, len(numbered)), kind="stable")
+    run = np.arange(len(numbered))
     for file in np.unique(files):
-        own = order[files[order] == file]
+        own = in_time[files[in_time] == file]
         if way[own].all():
-            for a, b in fellows(keys[own, 1], way[own]):
-                first[own[b]] = first[own[a]]
-    return np.unique(first, return_inverse=True)[1].reshape(-1)
+            for there, back in fellows(numbered[own, 1], way[own]):
+                run[own[back]] = run[own[there]]
+    labels = np.unique(np.array(setups, dtype=object), return_inverse=True)[1]
+    both = np.column_stack([run[code], labels.reshape(-1)])
+    own = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
+    start = _least(own, rank, len(keys))[own]
+    return np.unique(start, return_inverse=True)[1].reshape(-1)
 
 
-def fellows(number: IntArray, way: IntArray) -> Fellows:
-    """Places of the pairs of one there and one back in a sequence of passes.
+def fellows(number: IntArray, way: IntArray) -> list[tuple[int, int]]:
+    """Places of the pairs (there, back) in a sequence of passes of one direction each, `way`.
 
-    By their `number`, so that a pass that is missing leaves its fellow alone, and nobody else:
-    1 there, 2 back, 3 there; or all there before all back, in one count or each in its own, of
-    which the second may run down. Else neighbours, or the n-th of each of two blocks, whichever
-    finds more.
+    Numbers tell by the difference from there to back that most pairs have: 0 of two counts, 1 of
+    passes in turn, half of all of one count there before all back; a pass that is missing then
+    leaves its fellow alone. Else the n-th there and the n-th back.
     """
-    if (np.diff(number) > 0).all():
-        return _of_one_count(number, way)
-    pieces = _pieces(number, way)
-    found = _paired(pieces, number, way)
-    starts = {int(number[own[0]]) for own in pieces}
-    anew = len(starts) == 1 and all(len(own) > 1 and np.diff(way[own]).all() for own in pieces)
-    if not anew and len(set(zip(number.tolist(), way.tolist(), strict=True))) == len(way):
-        # No number stands twice in a direction, and no day of both begins as the others do: it
-        # may be one day that counts in its own way.
-        whole = _paired([np.arange(len(number))], number, way)
-        found = max(found, whole, key=len)
-    return found
-
-
-def _paired(pieces: list[IntArray], number: IntArray, way: IntArray) -> Fellows:
-    found: Fellows = []
-    for own in pieces:
-        pairs = _alike(number[own], way[own])
-        if not _most(pairs, way[own]):
-            pairs = max(pairs, _neighbours(way[own]), _blocks(own - own[0], way[own]), key=len)
-        found += [(int(own[i]), int(own[j])) for i, j in pairs]
-    return found
-
-
-def _pieces(number: IntArray, way: IntArray) -> list[IntArray]:
-    """Places of passes among which fellows are looked for: two blocks of a direction each that
-    have most of their numbers in common, or files of one direction each, or days.
-    """
-    every = np.arange(len(number))
-    blocks = np.split(every, np.flatnonzero(np.diff(way)) + 1)
-    two = [np.concatenate(pair) for pair in zip(blocks[::2], blocks[1::2], strict=False)]
-    if len(blocks) % 2 == 0 and all(_most(_alike(number[o], way[o]), way[o]) for o in two):
-        return two
-    counts = np.split(every, np.flatnonzero(np.diff(number) <= 0) + 1)
-    there = [own for own in counts if (way[own] > 0).all()]
-    back = [own for own in counts if (way[own] < 0).all()]
-    if len(there) == len(back) == len(counts) / 2:
-        # Of one day or several: the n-th there with the n-th back.
-        return [np.sort(np.concatenate(pair)) for pair in zip(there, back, strict=True)]
-    return _days(number, way)
-
-
-def _most(pairs: Fellows, way: IntArray) -> bool:
-    """Whether more than half of those that might have a fellow have one: no coincidence."""
-    return 2 * len(pairs) > min(int(np.sum(way > 0)), int(np.sum(way < 0)))
-
-
-def _of_one_count(number: IntArray, way: IntArray) -> Fellows:
-    """Of numbers that ascend, from 1 or 0; from where they begin if more then find a fellow."""
-    counts = [number - min(1, int(number[0])), number - int(number[0])]
-    if len(np.unique(way * (1 - 2 * (number % 2)))) == 1:
-        return max((_turns(place) for place in counts), key=len)
-    blocks = [_blocks(place, way) for place in (*counts, np.arange(len(way)))]
-    return max([_neighbours(way), *blocks], key=len)
-
-
-def _days(number: IntArray, way: IntArray) -> list[IntArray]:
-    """Places of the passes of each count of both directions: a new one begins with a number and
-    direction that stood before, or with a lower number once both directions are there.
-    """
-    if (np.diff(number) < 0).all():
-        return [np.arange(len(number))]
-    seen: set[tuple[int, int]] = set()
-    begins, last = [], 0
-    for i, key in enumerate(zip(number.tolist(), way.tolist(), strict=True)):
-        if key in seen or (key[0] < last and len({sign for _, sign in seen}) == 2):
-            begins.append(i)
-            seen = set()
-        seen.add(key)
-        last = key[0]
-    return np.split(np.arange(len(number)), begins)
-
-
-def _alike(number: IntArray, way: IntArray) -> Fellows:
-    """Passes of one number, where each direction counts its own."""
-    if len(np.unique(np.column_stack([number, way]), axis=0)) < len(number):
+    there, back = np.flatnonzero(way > 0), np.flatnonzero(way < 0)
+    if not (len(there) and len(back)):
         return []
-    order = np.argsort(number, kind="stable")
-    same = np.flatnonzero(number[order][1:] == number[order][:-1])
-    return [(int(order[i]), int(order[i + 1])) for i in same]
-
-
-def _turns(place: IntArray) -> Fellows:
-    """Places 2r and 2r + 1 of a count whose even places all go one way, the odd ones the other."""
-    run = place // 2
-    return [(int(i), int(i) + 1) for i in np.flatnonzero(run[1:] == run[:-1])]
-
-
-def _neighbours(way: IntArray) -> Fellows:
-    """Neighbours of which the first goes one way, the second the other; the way of the first of
-    all, or its opposite where that finds more.
-    """
-    turns = np.flatnonzero(way[1:] != way[:-1])
-    found = [[(int(i), int(i) + 1) for i in turns if way[i] == sign] for sign in (way[0], -way[0])]
-    return max(found, key=len)
-
-
-def _blocks(place: IntArray, way: IntArray) -> Fellows:
-    """The n-th of each of two blocks of one direction each, which are equally long if none of
-    their places is missing; else in the order that they stand in.
-    """
-    ends = [*np.flatnonzero(way[1:] != way[:-1]).tolist(), len(way) - 1]
-    found: Fellows = []
-    begin, start = 0, 0
-    for middle, end in zip(ends[::2], ends[1::2], strict=False):
-        half = (int(place[end]) - start + 2) // 2
-        if place[middle] < start + half <= place[middle + 1]:
-            at = {int(place[i]) - start: i for i in range(begin, middle + 1)}
-            later = [(int(place[i]) - start - half, i) for i in range(middle + 1, end + 1)]
-            found += [(at[n], i) for n, i in later if n in at]
-        else:
-            found += list(zip(range(begin, middle + 1), range(middle + 1, end + 1), strict=False))
-        begin, start = end + 1, int(place[end]) + 1
-    return found
+    steps, counts = np.unique(number[back] - number[there, None], return_counts=True)
+    # Fewer than half may be chance.
+    likely = np.flatnonzero(2 * counts > min(len(there), len(back)))
+    once = all(len(np.unique(number[own])) == len(own) for own in (there, back))
+    if not (once and len(likely)):
+        return list(zip(there.tolist(), back.tolist(), strict=False))
+    half = int(number.max()) + 1
+    alike = [(s == 0, n, s == 1, -abs(2 * s - half)) for s, n in zip(steps, counts, strict=True)]
+    best = max(likely, key=alike.__getitem__)
+    at = {int(number[i]): int(i) for i in back}
+    fellow = [(int(i), at.get(int(number[i] + steps[best]))) for i in there]
+    return [(i, j) for i, j in fellow if j is not None]

@@ -10,7 +10,7 @@ one visit. Gilsinn & Ling 2004, eq. (18), is the case in which all of it counts 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -19,6 +19,7 @@ import numpy as np
 
 from mtu_cli.model.estimates import ComponentEstimate, term_label
 from mtu_cli.model.machine_model import (
+    Covariates,
     Design,
     MachineModel,
     check_covariates,
@@ -29,15 +30,13 @@ from mtu_cli.model.machine_model import (
 from mtu_cli.model.temperatures import temperature_blocks
 from mtu_cli.model.variance import (
     Block,
+    MeanSquares,
     PassSquare,
     Variance,
     block_variance,
     component_blocks,
     drawable_passes,
-    joined,
-    noise_covariance,
     normal_block,
-    of_rows,
     pass_squares,
 )
 from mtu_cli.stats.covariance import covariance_root
@@ -46,6 +45,8 @@ from mtu_cli.stats.least_squares import FloatArray
 
 NEGLIGIBLE = 1e-9
 """A change of lever arms below this share of the arms is rounding."""
+INDEFINITE = 1e-9
+"""Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
 class ConstantEffects(NamedTuple):
@@ -58,10 +59,7 @@ class ConstantEffects(NamedTuple):
 
 
 def constant_effects(
-    model: MachineModel,
-    points: FloatArray,
-    covariates: Mapping[str, FloatArray | float],
-    centre: Design,
+    model: MachineModel, points: FloatArray, covariates: Covariates, centre: Design
 ) -> ConstantEffects:
     """First and second order in every uncertain constant c (JCGM 100, 5.1.2, note).
 
@@ -92,7 +90,7 @@ def constant_effects(
         if np.abs(change).max() > NEGLIGIBLE * np.abs(centre.J).max():
             levers = (up.levers - down.levers) / 2
             blocks += component_blocks(model, change, levers, centre.columns)
-    return ConstantEffects(blocks=tuple(blocks), shift=shift)
+    return ConstantEffects(tuple(blocks), shift)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,19 +123,27 @@ class Prediction:
 
         It may have a negative part where D has; `drawable` has none.
         """
-        return self._assembled(drawable=False)
+        return self._assembled([block.C + block.D for block in self.blocks])
 
     @cached_property
     def drawable(self) -> FloatArray:
         """The same without the negative part of any D: a covariance, somewhat too large."""
-        return self._assembled(drawable=True)
+        return self._assembled([x.C + drawable_passes(x.D, x.C) for x in self.blocks])
 
-    def _assembled(self, *, drawable: bool) -> FloatArray:
-        total = np.zeros((len(self.mean), len(self.mean)))
-        for block in self.blocks:
-            D = drawable_passes(block.D, block.C) if drawable else block.D
-            total += block.G @ (block.C + D) @ block.G.T
-            total += noise_covariance(block.noise, len(self.axes))
+    @cached_property
+    def scatter(self) -> FloatArray:
+        """The part of the covariance that differs from one part to the next: passes and visits."""
+        return self._assembled([block.D for block in self.blocks])
+
+    def _assembled(self, inner: Sequence[FloatArray]) -> FloatArray:
+        """sum G M G' of the matrices M of the blocks, and visits, which axes of a point share."""
+        n, a = len(self.points), len(self.axes)
+        total, each = np.zeros((n * a, n * a)), np.arange(n)
+        of_points = total.reshape(n, a, n, a)
+        for block, M in zip(self.blocks, inner, strict=True):
+            total += block.G @ M @ block.G.T
+            noise = block.noise.reshape(n, a, -1)
+            of_points[each, :, each, :] += np.einsum("pic,pjc->pij", noise, noise)
         return total
 
     def of_points(self, *, drawable: bool) -> FloatArray:
@@ -152,25 +158,6 @@ class Prediction:
             total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
         return total
 
-    def covariance_of(self, A: FloatArray) -> FloatArray:
-        """Covariance (m, m) of the linear measurands A E, A (m, n*a); as `covariance` has it."""
-        total = self.scatter_of(A)
-        for block in self.blocks:
-            g = A @ block.G
-            total += g @ block.C @ g.T
-        return total
-
-    def scatter_of(self, A: FloatArray) -> FloatArray:
-        """The part of that which differs from one part to the next: of passes and visits."""
-        total = np.zeros((len(A), len(A)))
-        for block in self.blocks:
-            g = A @ block.G
-            total += g @ block.D @ g.T
-            for column in block.noise.T:
-                visits = (A * column).reshape(len(A), -1, len(self.axes)).sum(axis=2)
-                total += visits @ visits.T
-        return total
-
     def first(self, count: int) -> Prediction:
         """The same of the first `count` points alone."""
         rows = slice(count * len(self.axes))
@@ -179,17 +166,17 @@ class Prediction:
             ids=self.ids[:count],
             points=self.points[:count],
             mean=self.mean[rows],
-            blocks=tuple(of_rows(block, rows) for block in self.blocks),
+            blocks=tuple(replace(x, G=x.G[rows], noise=x.noise[rows]) for x in self.blocks),
             independent_variance=self.independent_variance[rows],
         )
-
-    def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
-        """What of the mean squares of `variance`, in their order, is of passes."""
-        return [found for block in self.blocks for found in pass_squares(block, A)]
 
     def row(self, point: str, axis: str) -> int:
         """Row of a point's error along an axis."""
         return self.ids.index(point) * len(self.axes) + self.axes.index(axis)
+
+    def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
+        """What of the mean squares of `variance`, in their order, is of passes."""
+        return [found for block in self.blocks for found in pass_squares(block, A)]
 
     def variance(self, A: FloatArray | None = None) -> Variance:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
@@ -200,17 +187,20 @@ class Prediction:
         fewer than the least of them: where one mean square is subtracted the formula alone
         would give next to none.
         """
-        parts = [block_variance(block, A, len(self.axes)) for block in self.blocks]
-        by_block = np.array([part.sum(axis=0) for part, _ in parts])
+        found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
+        parts = np.array([part for part, _ in found])
+        behind = MeanSquares(
+            of_mean=np.concatenate([own.of_mean for _, own in found]),
+            of_part=np.concatenate([own.of_part for _, own in found]),
+            dof=np.concatenate([own.dof for _, own in found]),
+        )
+        by_block, split = parts.sum(axis=1), parts.sum(axis=0)
         total = by_block.sum(axis=0)
-        behind = joined([found for _, found in parts])
         squares = behind.of_mean + behind.of_part
         least = np.where(squares == 0, np.inf, behind.dof[:, None]).min(axis=0)
-        dof: FloatArray = np.maximum(effective_dof(total, squares, behind.dof), least)
-        split = np.array([part for part, _ in parts]).sum(axis=0)
         return Variance(
             total=total,
-            dof=dof,
+            dof=np.maximum(effective_dof(total, squares, behind.dof), least),
             by_block=by_block,
             coefficients=split[0],
             passes=split[1],
@@ -223,7 +213,7 @@ def predict(
     model: MachineModel,
     ids: Sequence[str],
     points: FloatArray,
-    covariates: Mapping[str, FloatArray | float] | None = None,
+    covariates: Covariates | None = None,
 ) -> Prediction:
     """The errors (actual minus nominal) that the machine makes at `points` (n, 3), mm.
 
@@ -235,36 +225,33 @@ def predict(
     check_covariates(model, given)
     rows = design(model, points, given)
     blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
-    noise = temperature_blocks(model, points, given, rows.levers)
-    noise += table_blocks(model, points, rows.levers)
     constants = constant_effects(model, points, given, rows)
+    others = temperature_blocks(model, points, given, rows.levers)
+    others += [*table_blocks(model, points, rows.levers), *constants.blocks]
     independent = np.zeros(len(rows.J))
     for t, term in enumerate(model.terms):
         C, s2 = independent_parts(term.estimate)
         G = rows.J[:, rows.columns[t]]
         independent += np.einsum("ri,ij,rj->r", G, C, G) + rows.levers[:, t] ** 2 * s2
-    of_sensors, of_constants = np.zeros((2, len(rows.J)))
-    for block in noise:
-        of_sensors += (block.G**2).sum(axis=1) + (block.noise**2).sum(axis=1)
-    for block in constants.blocks:
-        C, visits = block.C + block.D, (block.noise**2).sum(axis=1)
-        of_constants += np.einsum("ri,ij,rj->r", block.G, C, block.G) + visits
+    for block in others:
+        independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
+        independent += (block.noise**2).sum(axis=1)
     outside = []
     place = places(model, points)
     for estimate in (term.estimate for term in model.terms):
         if estimate.of is None or estimate.position_range is None:
             continue
         (low, high), position = estimate.position_range, place[estimate.of]
-        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9))
+        beyond = np.flatnonzero((position < low - 1e-9) | (position > high + 1e-9)).tolist()
         name = term_label(estimate.name)
-        outside += [(ids[int(i)], name, float(position[i]), low, high) for i in beyond]
+        outside += [(ids[i], name, float(position[i]), low, high) for i in beyond]
     return Prediction(
         ids=tuple(ids),
         axes=model.axes,
         points=points,
         mean=rows.J @ theta(model) + rows.remainder + constants.shift,
-        blocks=(*blocks, *noise, *constants.blocks),
-        independent_variance=independent + of_sensors + of_constants,
+        blocks=(*blocks, *others),
+        independent_variance=independent,
         outside=tuple(outside),
     )
 
@@ -275,18 +262,15 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
     """
     blocks, place = [], places(model, points)
     for t, term in enumerate(model.terms):
-        table = term.estimate.table
-        if table is None or term.estimate.of is None:
+        table, axis = term.estimate.table, term.estimate.of
+        if table is None or axis is None:
             continue
-        positions, at = np.unique(place[term.estimate.of], return_inverse=True)
+        positions, at = np.unique(place[axis], return_inverse=True)
         G = np.repeat(np.eye(len(positions))[at], len(model.axes), axis=0) * levers[:, t, None]
-        for of_part, C, dof in (
-            (False, table.left_open(positions), np.inf),
-            (True, table.of_runs(positions), table.own_dof),
-        ):
+        for of_part, C in ((False, table.left_open(positions)), (True, table.of_runs(positions))):
             if C.any():
                 block = normal_block(term.estimate.name, G @ covariance_root(C), of_part=of_part)
-                blocks.append(replace(block, pass_dof=dof) if of_part else block)
+                blocks.append(replace(block, pass_dof=table.own_dof) if of_part else block)
     return blocks
 
 
@@ -299,10 +283,6 @@ def independent_parts(estimate: ComponentEstimate) -> tuple[FloatArray, float]:
     if estimate.independent_covariance is not None and estimate.independent_s is not None:
         return estimate.independent_covariance, estimate.independent_s**2
     return estimate.covariance + estimate.pass_covariance, estimate.s_repeat**2
-
-
-INDEFINITE = 1e-9
-"""Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
 def reportable(
@@ -325,27 +305,9 @@ def reportable(
     own = prediction.of_points(drawable=True) if by_point else prediction.drawable
     drawn = np.einsum("...ii->...i", own)
     ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
-    scaled: FloatArray = own * ratio[..., :, None] * ratio[..., None, :]
-    return scaled
+    return np.asarray(own * ratio[..., :, None] * ratio[..., None, :])
 
 
 def _indefinite(matrix: FloatArray) -> bool:
     values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
     return bool(values[0] < -INDEFINITE * abs(values[-1]))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VisitScatter:
-    """`variance` (A,), mm^2, of one visit by axis, the mean over the features: what s_repeat of
-    the components makes of it; `dof` are the fewest that any of these is known with.
-    """
-
-    variance: FloatArray
-    dof: float
-
-
-def visit_scatter(model: MachineModel, at: Prediction, own: Sequence[int]) -> VisitScatter:
-    """Of the features of a prediction `at`, along `own` of the model's axes."""
-    variance = at.variance().repeatability.reshape(-1, len(at.axes))[:, list(own)]
-    dof = [t.estimate.repeat_dof for t in model.terms if t.estimate.s_repeat > 0]
-    return VisitScatter(variance=np.mean(variance, axis=0), dof=float(min(dof, default=np.inf)))

@@ -9,6 +9,7 @@ chosen that is no worse than the best by more than a standard error of the diffe
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -38,8 +39,7 @@ def chosen_degree(
         for i, degree in enumerate(shapes):
             found = _predicted(position, error, group, run, seen, degree)
             if found is not None:
-                apart = [error[rows] - found[rows] for rows in unseen]
-                losses[i, fold] = np.mean([np.var(each) for each in apart])
+                losses[i, fold] = np.mean([np.var(error[rows] - found[rows]) for rows in unseen])
     kept = np.flatnonzero(np.isfinite(losses).all(axis=1))
     best = kept[np.argmin(losses[kept].mean(axis=1))]
     worse = losses[kept] - losses[best]
@@ -64,12 +64,9 @@ def _predicted(
         bend, degree = profile.bend_at(position), 1
     middle, half = float(position.mean()), float(np.ptp(position)) / 2 or 1.0
     powers = polynomial((position - middle) / half, degree)[:, 1:]
-    codes = np.unique(group, return_inverse=True)[1]
-    levels = np.eye(int(codes.max()) + 1)[codes[seen]]
-    levels = levels[:, levels.any(axis=0)]
+    levels = (group[seen, None] == np.unique(group[seen])).astype(np.float64)
     fit = least_squares(np.column_stack([levels, powers[seen]]), (error - bend)[seen])
-    found: FloatArray = bend + powers @ fit.coefficients[levels.shape[1] :]
-    return found
+    return np.asarray(bend + powers @ fit.coefficients[levels.shape[1] :])
 
 
 def fit_table(
@@ -80,24 +77,19 @@ def fit_table(
     runs: IntArray | None,
 ) -> tuple[PassFit, SmoothProfile] | None:
     """The profile of a table, and the passes' lines beside its bend; None of too few readings."""
-    none = np.zeros(len(error), np.int64)
-    own = none if group is None else group
+    own = np.zeros(len(error), np.int64) if group is None else group
     profile = smooth_profile(position, error, own, own if runs is None else runs)
     if profile is None:
         return None
     fit = fit_passes(error - profile.bend_at(position), position, 1, group, direction, runs)
-    rss, dof = fit.within_rss - profile.rss, fit.within_dof - profile.dof
-    return (
-        replace(
-            fit,
-            s2=profile.s2,
-            within_rss=profile.rss,
-            within_dof=profile.dof,
-            pooled_rss=fit.pooled_rss - rss,
-            pooled_dof=fit.pooled_dof - dof,
-        ),
-        profile,
-    )
+    changed: dict[str, Any] = {
+        "s2": profile.s2,
+        "within_rss": profile.rss,
+        "within_dof": profile.dof,
+        "pooled_rss": fit.pooled_rss - (fit.within_rss - profile.rss),
+        "pooled_dof": fit.pooled_dof - (fit.within_dof - profile.dof),
+    }
+    return replace(fit, **changed), profile
 
 
 def as_table(
@@ -112,10 +104,7 @@ def as_table(
     The bend holds no line of the readings, however many there are at each position.
     """
     table = TableShape(
-        at=profile.knots,
-        roughness=profile.roughness,
-        own=profile.own,
-        own_dof=profile.own_dof,
+        at=profile.knots, roughness=profile.roughness, own=profile.own, own_dof=profile.own_dof
     )
     at = np.searchsorted(profile.knots, position)
     counts, L = np.bincount(at), line(profile.knots, 0.0)

@@ -1,4 +1,4 @@
-"""A virtual machine: points of the parts that it makes.
+"""A virtual machine: readings of its components, and points of the parts that it makes.
 
 Every random quantity has its own stream, so that asking for more parts does not change the
 readings, nor more repeats the parts.
@@ -7,7 +7,7 @@ readings, nor more repeats the parts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -23,22 +23,19 @@ from mtu_cli.files.part import Circle
 from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest, suggestion
 from mtu_cli.language import Node, check_dimension, evaluate, parse
 from mtu_cli.language import names as names_of
+from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.effect_ranges import LARGE_MM, STEEP
 from mtu_cli.model.geometry import GeometryError, fit_circle
-from mtu_cli.model.machine_model import (
-    AXES,
-    Design,
-    MachineModel,
-    design,
-    sensors_of,
-    theta,
-)
-from mtu_cli.model.simulate_readings import PassDraws, pass_draws
+from mtu_cli.model.machine_model import AXES, Design, MachineModel, design, sensors_of, theta
+from mtu_cli.model.variance import Block, component_blocks, drawable_passes, positions_in_group
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
 
-PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 1, 2, 3, 8
-"""Further ones: 0 of readings, 4 of the climate, 6 of drifts."""
+READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0, 1, 2, 3, 8
+"""Further ones: 4 of the climate, 6 of drifts."""
+SEEN = 0.1
+"""Share of its variances from which on it is told that a covariance was changed."""
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
 TAKEN = {
@@ -47,11 +44,151 @@ TAKEN = {
     *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
 }
 """Columns that points have anyway: no covariate may be called so."""
+IntArray = np.ndarray
+Equations = tuple[tuple[str, Node], ...]
 
 
-def errors_by_axis(
-    option: str, texts: Sequence[str], axes: Sequence[str]
-) -> tuple[tuple[str, Node], ...]:
+def pass_root(model: MachineModel) -> FloatArray:
+    """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta.
+
+    D of readings is an unbiased estimate with a negative part where passes hardly differ: it is
+    drawn from without that, as predictions are (`variance.drawable_passes`).
+
+    Raises InputError for passes of which nothing is known.
+    """
+    columns = _columns(model)
+    found = np.zeros((columns[-1].stop, columns[-1].stop))
+    place = {term.estimate.name: columns[t] for t, term in enumerate(model.terms)}
+    for block in _blocks(model):
+        own = np.concatenate(
+            [np.arange(place[name].start, place[name].stop) for name in block.names]
+        )
+        found[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
+    return found
+
+
+def _columns(model: MachineModel) -> list[slice]:
+    """Of each term among all coefficients."""
+    ends = np.cumsum([len(term.estimate.coefficients) for term in model.terms]).tolist()
+    return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
+
+
+def cut_warnings(model: MachineModel) -> list[Finding]:
+    """Of components whose passes are drawn to differ by more than predictions take them to."""
+    cut: list[str] = []
+    for block in _blocks(model):
+        if _is_cut(block.D, block.C):
+            parts = zip(block.names, block.columns, strict=True)
+            own = [name for name, at in parts if _is_cut(block.D[at, at], block.C[at, at])]
+            cut += own or [f"{' and '.join(block.names)} together"]
+    consequence = "what is simulated scatters more than is predicted"
+    facts = {"what": "pass-to-pass", "items": listed(cut), "consequence": consequence}
+    return [finding("negative-variance", **facts)] if cut else []
+
+
+def _is_cut(D: FloatArray, C: FloatArray) -> bool:
+    """Whether passes are drawn with another covariance than D (k, k)."""
+    drawn = drawable_passes(D, C)
+    # Where nothing is left to be drawn, by what noise alone gives.
+    scale = np.sqrt(np.fmax(np.diag(drawn), np.diag(C)))
+    return bool((np.abs(drawn - D) > SEEN * np.outer(scale, scale)).any())
+
+
+def _blocks(model: MachineModel) -> list[Block]:
+    """Of components read together one, where it is known how far they vary together."""
+    used = {term.estimate.name for term in model.terms}
+    joint = []
+    for group in model.joint:
+        kept = positions_in_group(group, [name for name in group.components if name in used])
+        if np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all():
+            joint.append(group)
+    columns = _columns(model)
+    nothing, none = np.zeros((0, columns[-1].stop)), np.zeros((0, len(columns)))
+    found = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
+    unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
+    if unknown:
+        raise error(
+            "too-little-data",
+            what="the readings do not determine it",
+            path=f"the pass-to-pass covariance of {', '.join(unknown)}",
+            expected="a report of readings in several passes",
+        )
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingsPlan:
+    """How the components are read: `passes` in each of `directions`, at `positions` (mm)."""
+
+    passes: int
+    directions: tuple[int, ...]
+    positions: Mapping[str, FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulatedReadings:
+    """Columns of a readings file; `error` in each component's own unit."""
+
+    component: tuple[str, ...]
+    unit: tuple[str, ...]
+    position: FloatArray
+    pass_number: IntArray
+    direction: IntArray
+    error: FloatArray
+
+
+def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
+    """Readings of every component: its polynomial, a draw of D a pass, s_repeat a reading.
+
+    Of components read together the passes are drawn together. A component without an axis is
+    read once a pass, forward only. The parameters of declared effects are no components: nothing
+    reads them.
+    """
+    estimates = [term.estimate for term in model.terms]
+    # Direction and positions of each run through them in a pass.
+    places = [
+        [(0, np.zeros(1))]
+        if estimate.of is None
+        else [(sign, plan.positions[estimate.of][::sign]) for sign in plan.directions]
+        for estimate in estimates
+    ]
+    # Of coefficients (passes, directions, k), and of readings (passes, directions, n); a component
+    # without an axis is read in the first direction alone.
+    each = max(len(own) for own in places)
+    drawn, normal = [], []
+    for c, (estimate, own) in enumerate(zip(estimates, places, strict=True)):
+        rng, shape, k = stream(seed, READINGS_STREAM, c), (plan.passes, len(own)), len(own[0][1])
+        z, noise = np.empty((*shape, len(estimate.coefficients))), np.empty((*shape, k))
+        for one_pass in np.ndindex(shape):
+            z[one_pass] = rng.standard_normal(z.shape[2])
+            noise[one_pass] = rng.standard_normal(k)
+        drawn.append(noise)
+        normal.append(np.broadcast_to(z, (plan.passes, each, z.shape[2])))
+    deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
+    rows: list[tuple[str, str, float, int, int, float]] = []
+    for estimate, own, noise, at in zip(estimates, places, drawn, _columns(model), strict=True):
+        if EFFECT_MARK in estimate.name:
+            continue
+        for number, i in np.ndindex(plan.passes, len(own)):
+            sign, positions = own[i]
+            b = estimate.coefficients + deviations[number, i, at]
+            values = estimate.shape.columns(positions) @ b + estimate.s_repeat * noise[number, i]
+            rows += [
+                (estimate.name, estimate.unit.name, float(p), number + 1, sign, float(e))
+                for p, e in zip(positions, values / estimate.unit.to_internal, strict=True)
+            ]
+    component, unit, position, number_, direction, errors = zip(*rows, strict=True)
+    return SimulatedReadings(
+        component=component,
+        unit=unit,
+        position=np.array(position),
+        pass_number=np.array(number_),
+        direction=np.array(direction),
+        error=np.array(errors),
+    )
+
+
+def errors_by_axis(option: str, texts: Sequence[str], axes: Sequence[str]) -> Equations:
     """Equations named Ex, Ey or Ez, by their axis, which is one of `axes`."""
     known = [f"E{axis}" for axis in axes]
     equations = [named_equation(option, text) for text in texts]
@@ -62,7 +199,7 @@ def errors_by_axis(
     return tuple((name[1:], node) for name, node in equations)
 
 
-def covariate_equations(option: str, texts: Sequence[str]) -> tuple[tuple[str, Node], ...]:
+def covariate_equations(option: str, texts: Sequence[str]) -> Equations:
     """Declared covariates; none may take a column that the points have anyway."""
     found: dict[str, Node] = {}
     for text in texts:
@@ -105,72 +242,6 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Visits:
-    """One part, counted from 1: features `ids` (n,) at `points` (n, 3) mm under `values` (n,)."""
-
-    part: int
-    ids: Sequence[str]
-    points: FloatArray
-    values: Mapping[str, FloatArray]
-
-    def named(self, index: int) -> str:
-        """A feature of this part in words."""
-        return f"in part {self.part} at feature {self.ids[index]!r}"
-
-
-def values_of(option: str, node: Node, visits: Visits, least: float, most: float) -> FloatArray:
-    """Values (n,) of an equation, an error or a standard deviation in mm, or a covariate.
-
-    Raises InputError for an unknown name, and for a value that no points file could hold.
-    """
-    known = {axis: visits.points[:, k] for k, axis in enumerate(AXES)} | dict(visits.values)
-    names = names_of(node)
-    for name in names:
-        if name not in known:
-            meant = nearest(name, known)
-            expected = f"one of {listed(known, 12)}, or a covariate (--covariate '{name}: ...')"
-            place = {"path": option, "column": names[name], "meant": meant, "expected": expected}
-            raise error("unknown-name", what="name", value=name, **place)
-    found = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(visits.ids)))
-    if not np.isfinite(found).all():
-        i = int(np.argmin(np.isfinite(found)))
-        at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
-        raise error(
-            "no-finite-value",
-            what="the equation",
-            path=option,
-            where=f" at {at} {visits.named(i)}".rstrip(),
-            expected="an equation that has one at every feature",
-        )
-    beyond = (found < least) | (found > most)
-    if beyond.any():
-        i = int(np.argmax(beyond))
-        unit = " mm" if most == LARGEST_MM else ""
-        expected = f"at most {most:g}{unit} in size"
-        if found[i] < least == 0:
-            expected = "a standard deviation of 0 or more, mm"
-        place = {"path": f"{option} {visits.named(i)}", "value": f"{found[i]:g}"}
-        raise error("out-of-range", **place, expected=expected)
-    return found
-
-
-def check_places(points: FloatArray, ids: Sequence[str], axes: Sequence[str]) -> None:
-    """Raises InputError for a feature of which the part does not say where it is along an axis."""
-    unknown = np.isnan(points[:, [AXES.index(axis) for axis in axes]])
-    if unknown.any():
-        i, k = np.argwhere(unknown)[0]
-        raise error(
-            "missing-key",
-            key=f"{axes[k]}_mm",
-            path=f"features.{ids[i]}",
-            expected=f"{axes[k]}_mm of every feature in the part file",
-        )
-
-
-IntArray = np.ndarray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PartsPlan:
     """How parts are made and measured.
 
@@ -190,10 +261,10 @@ class PartsPlan:
     reverse_every: int
     minutes: float
     first_repeats: tuple[int, int] = (0, 0)
-    scatter: tuple[tuple[str, Node], ...] = ()
+    scatter: Equations = ()
     operation: str | None = None
-    effects: tuple[tuple[str, Node], ...] = ()
-    covariates: tuple[tuple[str, Node], ...] = ()
+    effects: Equations = ()
+    covariates: Equations = ()
     given: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
@@ -213,12 +284,78 @@ class SimulatedPoints:
     covariates: dict[str, FloatArray]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """One part, counted from 1: features `ids` (n,) at `points` (n, 3) mm under `values` (n,)."""
+
+    number: int
+    ids: Sequence[str]
+    points: FloatArray
+    values: Mapping[str, FloatArray]
+
+    def named(self, index: int) -> str:
+        """A feature of this part in words."""
+        return f"in part {self.number} at feature {self.ids[index]!r}"
+
+    def evaluated(self, option: str, node: Node, least: float, most: float) -> FloatArray:
+        """Values (n,) of an equation, an error or a standard deviation in mm, or a covariate.
+
+        Raises InputError for an unknown name, and for a value that no points file could hold.
+        """
+        known = {axis: self.points[:, k] for k, axis in enumerate(AXES)} | dict(self.values)
+        names = names_of(node)
+        for name in names:
+            if name not in known:
+                expected = f"one of {listed(known, 12)}, or a covariate (--covariate '{name}: ...')"
+                place = {"path": option, "column": names[name], "expected": expected}
+                meant = nearest(name, known)
+                raise error("unknown-name", what="name", value=name, meant=meant, **place)
+        found = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
+        if not np.isfinite(found).all():
+            i = int(np.argmin(np.isfinite(found)))
+            at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
+            where = f" at {at} {self.named(i)}".rstrip()
+            expected = "an equation that has one at every feature"
+            what = {"what": "the equation", "where": where, "expected": expected}
+            raise error("no-finite-value", path=option, **what)
+        beyond = (found < least) | (found > most)
+        if beyond.any():
+            i = int(np.argmax(beyond))
+            unit = " mm" if most == LARGEST_MM else ""
+            expected = f"at most {most:g}{unit} in size"
+            if found[i] < least == 0:
+                expected = "a standard deviation of 0 or more, mm"
+            place = {"path": f"{option} {self.named(i)}", "value": f"{found[i]:g}"}
+            raise error("out-of-range", **place, expected=expected)
+        return found
+
+
+def _parts(ids: Sequence[str], points: FloatArray, plan: PartsPlan) -> list[Part]:
+    """Sequence, time and approach directions of every part's features, and the declared ones."""
+    n, found = len(points), []
+    for part in range(plan.parts):
+        backward = plan.reverse_every > 0 and (part + 1) % plan.reverse_every == 0
+        order = np.arange(n)[:: -1 if backward else 1]
+        values = {"sequence": np.full(n, part + 1.0), "time_min": np.empty(n)}
+        values["time_min"][order] = (part * n + np.arange(n)) * plan.minutes
+        for k, axis in enumerate(AXES):
+            if np.isfinite(points[:, k]).all() and np.ptp(points[:, k]) > 0:
+                # The sign of the last move along an axis; the first is positive.
+                moves = np.r_[1.0, np.sign(np.diff(points[order, k]))]
+                last = np.maximum.accumulate(np.where(moves != 0, np.arange(n), 0))
+                values[f"dir_{axis}"] = np.empty(n)
+                values[f"dir_{axis}"][order] = moves[last]
+        values |= {name: columns[part] for name, columns in plan.given.items()}
+        found.append(Part(number=part + 1, ids=ids, points=points, values=values))
+        for name, node in plan.covariates:
+            # One may use those before it.
+            option, most = f"--covariate {name}", LARGEST_READING
+            values[name] = found[-1].evaluated(option, node, -most, most)
+    return found
+
+
 def simulate_points(
-    model: MachineModel,
-    ids: Sequence[str],
-    points: FloatArray,
-    plan: PartsPlan,
-    seed: int,
+    model: MachineModel, ids: Sequence[str], points: FloatArray, plan: PartsPlan, seed: int
 ) -> SimulatedPoints:
     """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm.
 
@@ -229,103 +366,103 @@ def simulate_points(
     range at a feature; for a covariate of the machine that nothing gives; for a place that the
     part does not state.
     """
-    first = _visits(ids, points, plan, 0)
-    sensors = sensors_of(model)
-    missing = []
+    parts = _parts(ids, points, plan)
+    _check(model, parts[0])
+    root, n, axes = pass_root(model), len(ids), _written(model)
+    # Without covariates in the equations the places alone make the design, of every part.
+    fixed = None if model.covariates() else design(model, points, {})
+    measured = [
+        _measured(model, plan, part, seed, fixed or design(model, points, part.values), root)
+        for part in parts
+    ]
+    repeats = [len(own) for own in measured]
+    each = list(zip(parts, repeats, strict=True))
+    return SimulatedPoints(
+        axes=axes,
+        operation=plan.operation,
+        part=tuple(str(part.number) for part, r in each for _ in range(r * n)),
+        feature=tuple(ids) * sum(repeats),
+        repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
+        measured=np.concatenate([own.reshape(-1, len(axes)) for own in measured]),
+        covariates={
+            name: np.concatenate([np.tile(part.values[name], r) for part, r in each])
+            for name in parts[0].values
+        },
+    )
+
+
+def _check(model: MachineModel, part: Part) -> None:
+    """Raises InputError for covariates that the part lacks, and for a feature of which the part
+    file does not say where it is along an axis.
+    """
+    sensors, missing = sensors_of(model), []
     for name in model.covariates():
-        if name not in first.values:
+        if name not in part.values:
             expected = f"--covariate '{name}: EQUATION'"
             expected += ", or --cmm-room DEGC" if name in sensors else ""
             what = f"a value of {name} for the machine {model.name!r}"
             missing.append(finding("missing-input", what=what, names=[name], expected=expected))
     if missing:
         raise InputError(missing)
-    n, axes = len(ids), _written(model)
-    check_places(points, ids, axes)
-    visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
-    covariates = [own.values for own in visits]
-    passes = pass_draws(model)
-    # Without covariates in the equations the places alone make the design, of every part.
-    fixed = None if model.covariates() else design(model, points, {})
-    measured = [
-        _measured(model, plan, own, seed, fixed or design(model, points, own.values), passes)
-        for own in visits
-    ]
-    repeats = [len(own) for own in measured]
-    return SimulatedPoints(
-        axes=axes,
-        operation=plan.operation,
-        part=tuple(str(p + 1) for p, r in enumerate(repeats) for _ in range(r * n)),
-        feature=tuple(ids) * sum(repeats),
-        repeat=np.concatenate([np.repeat(np.arange(1, r + 1), n) for r in repeats]),
-        measured=np.concatenate([own.reshape(-1, len(axes)) for own in measured]),
-        covariates={
-            key: np.concatenate(
-                [np.tile(values[key], r) for values, r in zip(covariates, repeats, strict=True)]
-            )
-            for key in covariates[0]
-        },
-    )
+    axes = _written(model)
+    unknown = np.argwhere(np.isnan(part.points[:, [AXES.index(axis) for axis in axes]]))
+    for i, k in unknown[:1]:
+        key, path = f"{axes[k]}_mm", f"features.{part.ids[i]}"
+        raise error("missing-key", key=key, path=path, expected=f"{key} of every feature")
 
 
 def large_errors(plan: PartsPlan, ids: Sequence[str], points: FloatArray) -> list[Finding]:
     """Asks for the unit of every effect and scatter that is above `LARGE_MM` at some feature, and
     above `STEEP` of how far apart the features `ids` at `points` (n, 3) mm are.
     """
-    visits = [_visits(ids, points, plan, part) for part in range(plan.parts)]
-    known = np.nan_to_num(points)
+    parts, known, warnings = _parts(ids, points, plan), np.nan_to_num(points), []
     extent = float(max(np.abs(known).max(), np.ptp(known, axis=0).max()))
-    warnings = []
-    for option, equations in (("--effect", plan.effects), ("--scatter", plan.scatter)):
-        for axis, node in equations:
-            name = f"{option} E{axis}"
-            values = np.concatenate(
-                [values_of(name, node, each, -LARGEST_MM, LARGEST_MM) for each in visits]
-            )
-            row = int(np.argmax(np.abs(values)))
-            if abs(values[row]) > max(LARGE_MM, STEEP * extent):
-                part, feature = divmod(row, len(ids))
-                facts = {"effect": name, "value_mm": float(values[row])}
-                facts |= {"where": f" {visits[part].named(feature)}"}
-                expected = "mm, 0.003 for 3 um"
-                warnings.append(finding("effect-too-large", **facts, expected=expected))
+    equations = [(f"--effect E{axis}", node) for axis, node in plan.effects]
+    equations += [(f"--scatter E{axis}", node) for axis, node in plan.scatter]
+    for name, node in equations:
+        values = np.array([each.evaluated(name, node, -LARGEST_MM, LARGEST_MM) for each in parts])
+        part, feature = divmod(int(np.argmax(np.abs(values))), len(ids))
+        value = float(values[part, feature])
+        if abs(value) > max(LARGE_MM, STEEP * extent):
+            facts = {"effect": name, "value_mm": value, "where": f" {parts[part].named(feature)}"}
+            warnings.append(finding("effect-too-large", **facts, expected="mm, 0.003 for 3 um"))
     return warnings
 
 
 def _measured(
-    model: MachineModel, plan: PartsPlan, visits: Visits, seed: int, rows: Design, passes: PassDraws
+    model: MachineModel, plan: PartsPlan, part: Part, seed: int, rows: Design, root: FloatArray
 ) -> FloatArray:
     """Measured coordinates (repeats, n, axes) of one part's features, mm: `rows` are the design at
-    them, `passes` what parts differ by.
+    them, `root` that of what parts differ by.
     """
-    first, more = plan.first_repeats
-    part, points = visits.part - 1, visits.points
-    n, a, repeats = len(points), len(model.axes), more if part < first else plan.repeats
-    rng = stream(seed, PARTS_STREAM, part)
+    (first, more), index = plan.first_repeats, part.number - 1
+    n, a, repeats = len(part.ids), len(model.axes), more if index < first else plan.repeats
+    rng = stream(seed, PARTS_STREAM, index)
     noise, levers, normal = np.zeros((n, a)), rows.levers.reshape(n, a, -1), []
     for t, term in enumerate(model.terms):
         normal.append(rng.standard_normal(len(term.estimate.coefficients)))
         scatter = rng.standard_normal(n) * term.estimate.s_repeat
         noise += levers[:, :, t] * scatter[:, None]
-    state = theta(model) + np.concatenate(passes.of(normal))
+    state = theta(model) + root @ np.concatenate(normal)
     errors: FloatArray = (rows.J @ state + rows.remainder).reshape(n, a) + noise
     errors += plan.part_offset * rng.standard_normal(a)
-    effects, deviations = np.zeros((n, a)), np.zeros((n, a))
-    for axis, node in plan.effects:
-        own = values_of(f"--effect E{axis}", node, visits, -LARGEST_MM, LARGEST_MM)
-        effects[:, model.axes.index(axis)] += own
-    for axis, node in plan.scatter:
-        own = values_of(f"--scatter E{axis}", node, visits, 0.0, LARGEST_MM)
-        deviations[:, model.axes.index(axis)] += own
-    errors += effects
-    errors += deviations * stream(seed, SCATTER_STREAM, part).standard_normal((n, a))
-    cmm = stream(seed, CMM_STREAM, part).standard_normal((repeats, n, a)) * plan.cmm_u
+
+    def summed(option: str, equations: Equations, least: float) -> FloatArray:
+        total = np.zeros((n, a))
+        for axis, node in equations:
+            values = part.evaluated(f"{option} E{axis}", node, least, LARGEST_MM)
+            total[:, model.axes.index(axis)] += values
+        return total
+
+    errors += summed("--effect", plan.effects, -LARGEST_MM)
+    deviations = summed("--scatter", plan.scatter, 0.0)
+    errors += deviations * stream(seed, SCATTER_STREAM, index).standard_normal((n, a))
+    cmm = stream(seed, CMM_STREAM, index).standard_normal((repeats, n, a)) * plan.cmm_u
     axes = _written(model)
-    measured = np.tile(points[:, [AXES.index(axis) for axis in axes]], (repeats, 1, 1))
-    with_equation = [axes.index(axis) for axis in model.axes]
-    measured[:, :, with_equation] = measured[:, :, with_equation] + errors + cmm
-    others = [i for i in range(len(axes)) if i not in with_equation]
-    of_others = stream(seed, OTHER_AXES_STREAM, part).standard_normal((repeats, n, len(others)))
+    measured = np.tile(part.points[:, [AXES.index(axis) for axis in axes]], (repeats, 1, 1))
+    measured[:, :, [axes.index(axis) for axis in model.axes]] += errors + cmm
+    others = [i for i, axis in enumerate(axes) if axis not in model.axes]
+    of_others = stream(seed, OTHER_AXES_STREAM, index).standard_normal((repeats, n, len(others)))
     measured[:, :, others] += plan.cmm_u * of_others
     return measured
 
@@ -335,40 +472,6 @@ def _written(model: MachineModel) -> tuple[str, ...]:
     machine has an equation for.
     """
     return tuple(axis for axis in AXES if axis in {"x", "y", *model.axes})
-
-
-def _visits(ids: Sequence[str], points: FloatArray, plan: PartsPlan, part: int) -> Visits:
-    """Sequence, time and approach directions of one part's features, and the declared ones."""
-    n = len(points)
-    backward = plan.reverse_every > 0 and (part + 1) % plan.reverse_every == 0
-    order = np.arange(n)[::-1] if backward else np.arange(n)
-    values: dict[str, FloatArray] = {
-        "sequence": np.full(n, part + 1.0),
-        "time_min": np.empty(n),
-    }
-    values["time_min"][order] = (part * n + np.arange(n)) * plan.minutes
-    for k, axis in enumerate(AXES):
-        if np.isfinite(points[:, k]).all() and np.ptp(points[:, k]) > 0:
-            values[f"dir_{axis}"] = _directions(points[:, k], order)
-    values |= {name: columns[part] for name, columns in plan.given.items()}
-    visits = Visits(part=part + 1, ids=ids, points=points, values=values)
-    for name, node in plan.covariates:
-        # One may use those before it.
-        option, most = f"--covariate {name}", LARGEST_READING
-        values[name] = values_of(option, node, visits, -most, most)
-    return visits
-
-
-def _directions(coordinate: FloatArray, visits: IntArray) -> FloatArray:
-    """Sign of the last move along an axis, in the order of visits; the first move is positive."""
-    result = np.ones(len(coordinate))
-    last, sign = None, 1.0
-    for i in visits:
-        if last is not None and coordinate[i] != last:
-            sign = 1.0 if coordinate[i] > last else -1.0
-        last = coordinate[i]
-        result[i] = sign
-    return result
 
 
 def growth(
@@ -383,7 +486,7 @@ def growth(
 
     Raises InputError for features that do not determine their circle.
     """
-    columns = ["xyz".index(axis) for axis in found.axes]
+    columns = [AXES.index(axis) for axis in found.axes]
     code = np.array([ids.index(name) for name in found.feature])
     moved = np.zeros_like(found.measured)
     for circle in circles:
@@ -392,13 +495,9 @@ def growth(
         own = [ids.index(name) for name in circle.features]
         try:
             ring = fit_circle(points[own])
-        except GeometryError as error:
-            raise InputError(
-                finding(
-                    "too-little-data",
-                    what=f"no circle goes through the nominal points of {circle.id!r}: {error}",
-                )
-            ) from None
+        except GeometryError as fault:
+            what = f"no circle goes through the nominal points of {circle.id!r}: {fault}"
+            raise error("too-little-data", what=what) from None
         known = np.array(sorted(circle.calibrated_mm.items()))
         diameter = np.interp(found.covariates[circle.temperature], known[:, 0], known[:, 1])
         rows = np.isin(code, own)

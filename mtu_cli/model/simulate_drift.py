@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -213,6 +214,14 @@ class SimulatedDrift:
     sensors: Sensors
 
 
+class _Target(NamedTuple):
+    """Settled drifts `value` (places,) of a component in its unit, `G` (places, s) per degC."""
+
+    drift: ThermalEstimate
+    G: FloatArray
+    value: FloatArray
+
+
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
     """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible.
 
@@ -230,92 +239,65 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
     drawn = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
     rise = climate.high - climate.reference
-    targets = [_target(drift, plan, names, rise, drawn) for drift in drifts]
-    kept = [item for item in targets if item.asked]
-    _check_reached(kept, drawn, rise)
+    asked, within, beyond = [], [], []
+    for drift in drifts:
+        scale, positions = drift.unit.to_internal, plan.positions[drift.component]
+        G = np.zeros((len(positions), len(names)))
+        place = np.zeros(len(positions)) if drift.degree == 0 else positions
+        G[:, [names.index(sensor) for sensor in drift.sensors]] = drift.gradients(place).T / scale
+        free, limit = rise * G @ drawn, plan.limits[drift.unit.dimension] / scale
+        if drift.component in plan.settled:
+            asked.append(_Target(drift, G, plan.settled[drift.component] / scale))
+        elif (np.abs(free) <= limit).all():
+            within.append(_Target(drift, G, free))
+        else:
+            beyond.append(_Target(drift, G, np.clip(free, -limit, limit)))
+    _check_reached(asked, plan, drawn, rise)
+    kept = asked
     # Limits come last: they may give way, and what is within them shall stay so.
-    for item in sorted(targets, key=lambda item: item.limited):
-        if not item.asked and _missed([*kept, item], drawn, rise) <= 1.0:
-            kept.append(item)
-    shares = _nearest([item for item in targets if item in kept], drawn, rise)
+    for item in (*within, *beyond):
+        if _missed([*kept, item], drawn, rise)[1] <= 1.0:
+            kept = [*kept, item]
+    shares, _ = _missed(kept, drawn, rise)
     return Sensors(names=names, lags=lags, shares=shares, twins=plan.twins)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Target:
-    """Settled drifts `value` (places,) of a component in its unit, `G` (places, s) per degC.
-
-    `asked` for, else as the drawn shares give them, which may be `limited`.
+def _missed(
+    targets: Sequence[_Target], shares: FloatArray, rise: float
+) -> tuple[FloatArray, float]:
+    """The shares nearest to `shares` (s,) that come closest to the targets, and by how much they
+    miss them, of what counts as reached.
     """
-
-    drift: ThermalEstimate
-    positions: FloatArray
-    G: FloatArray
-    value: FloatArray
-    asked: bool
-    limited: bool
-
-
-def _target(
-    drift: ThermalEstimate,
-    plan: DriftPlan,
-    names: tuple[str, ...],
-    rise: float,
-    shares: FloatArray,
-) -> _Target:
-    scale, positions = drift.unit.to_internal, plan.positions[drift.component]
-    place = np.zeros(len(positions)) if drift.degree == 0 else positions
-    G = np.zeros((len(positions), len(names)))
-    by_sensor = np.polynomial.polynomial.polyval(place, drift.coefficients).T
-    G[:, [names.index(sensor) for sensor in drift.sensors]] = by_sensor
-    G /= scale
-    limit = plan.limits[drift.unit.dimension]
-    free, asked = rise * G @ shares * scale, plan.settled.get(drift.component)
-    return _Target(
-        drift=drift,
-        positions=positions,
-        G=G,
-        value=(np.clip(free, -limit, limit) if asked is None else asked) / scale,
-        asked=asked is not None,
-        limited=asked is None and bool((np.abs(free) > limit).any()),
-    )
-
-
-def _nearest(targets: Sequence[_Target], shares: FloatArray, rise: float) -> FloatArray:
-    """The shares nearest to `shares` (s,) that come closest to the targets."""
-    if rise == 0 or not targets:
-        return shares
+    if not targets:
+        return shares, 0.0
     G = np.concatenate([item.G for item in targets])
     value = np.concatenate([item.value for item in targets])
-    moved: FloatArray = shares + np.linalg.pinv(G) @ (value / rise - G @ shares)
-    return moved
+    moved = shares
+    if rise != 0:
+        moved = shares + np.linalg.pinv(G) @ (value / rise - G @ shares)
+    reach = _REACHED * max(1.0, float(np.abs(value).max()))
+    return moved, float(np.abs(rise * G @ moved - value).max()) / reach
 
 
-def _missed(targets: Sequence[_Target], shares: FloatArray, rise: float) -> float:
-    """By how much the shares nearest to `shares` miss the targets, of what counts as reached."""
-    moved = _nearest(targets, shares, rise)
-    reach = _REACHED * max([1.0, *(float(np.abs(item.value).max()) for item in targets)])
-    return max(float(np.abs(rise * item.G @ moved - item.value).max()) for item in targets) / reach
-
-
-def _check_reached(asked: Sequence[_Target], shares: FloatArray, rise: float) -> None:
+def _check_reached(
+    asked: Sequence[_Target], plan: DriftPlan, shares: FloatArray, rise: float
+) -> None:
     """Refuses settled drifts that are asked for and undefined, naming the one missed by most."""
-    if not asked or _missed(asked, shares, rise) <= 1.0:
+    moved, missed = _missed(asked, shares, rise)
+    if missed <= 1.0:
         return
-    moved = _nearest(asked, shares, rise)
-    missed = [np.abs(rise * item.G @ moved - item.value) for item in asked]
-    k = int(np.argmax([each.max() for each in missed]))
-    i, worst = int(np.argmax(missed[k])), asked[k]
-    name, unit = worst.drift.component, worst.drift.unit.name
-    at = "" if np.isnan(worst.positions[i]) else f" at {worst.positions[i]:g} mm"
+    drift, G, value = max(asked, key=lambda x: np.abs(rise * x.G @ moved - x.value).max())
+    found = rise * G @ moved
+    i, unit = int(np.argmax(np.abs(found - value))), drift.unit.name
+    position = plan.positions[drift.component][i]
+    at = "" if np.isnan(position) else f" at {position:g} mm"
     raise error(
         "not-applicable",
         reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC give "
-        f"{name} the settled drift{at}",
-        value=f"{name}: {' '.join(f'{value:g}' for value in worst.value)}",
-        expected=f"instead of {worst.value[i]:g} {unit} about "
-        f"{float(rise * worst.G[i] @ moved):.4g} {unit} (nearest for all that is asked): drifts "
-        "differ only where the gradients of the sensors do",
+        f"{drift.component} the settled drift{at}",
+        value=f"{drift.component}: {' '.join(f'{each:g}' for each in value)}",
+        expected=f"instead of {value[i]:g} {unit} about {found[i]:.4g} {unit} (nearest for all "
+        "that is asked): drifts differ only where the gradients of the sensors do",
     )
 
 

@@ -21,6 +21,8 @@ from mtu_cli.units import UM
 
 NORMAL_DOF = 1e6
 """From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
+COUNTED_TRIALS = 200_000
+"""Trials behind a probability that is counted; its standard error is stated."""
 
 Happens = Callable[[np.random.Generator, int], NDArray[np.bool_]]
 """Random numbers and a count m -> whether each event happens (events, m)."""
@@ -41,8 +43,8 @@ class PointTrials:
     101:2008, 6.4.9), so that the trials and the first-order interval differ by what the
     measurand is not linear in, and by nothing else.
 
-    `first_order` (outputs,) and `gradient` (outputs, rows) are the first-order form of the
-    measurands. It is drawn along and serves as control variate.
+    The first-order form about the values at the mean, `gradient` (outputs, rows), is drawn along
+    and serves as control variate.
     """
 
     smooth = True
@@ -54,31 +56,27 @@ class PointTrials:
         measure: Measure,
         combine: FloatArray,
         owner: IntArray,
-        first_order: FloatArray,
         gradient: FloatArray,
         dof: FloatArray,
         *,
         independent: bool = False,
     ) -> None:
-        self.names = names
-        self.linear_mean = first_order
-        self.measure = measure
-        self.work = Workspace()
+        self.names, self.measure, self.work = names, measure, Workspace()
+        mean = combine @ prediction.mean
+        self.linear_mean = measure(mean[:, None], Workspace())[:, 0].copy()
         # The first-order form is drawn as further rows of the same product.
-        stacked = np.vstack([combine, gradient])
-        self.offset = np.concatenate([combine @ prediction.mean, first_order])[:, None]
+        self.offset = np.concatenate([mean, self.linear_mean])[:, None]
         self.k = len(combine)
         self.owner = np.concatenate([owner, np.arange(len(names))])
-        self.factor = self._factor(stacked, prediction, independent)
+        self.factor = self._factor(np.vstack([combine, gradient]), prediction, independent)
         self.shifted = np.hstack([self.factor, self.offset])
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
-        self.dof = dof
-        self.u_exists = dof > 2
-        dof = np.where(dof < NORMAL_DOF, dof, np.inf)
-        self.linear_dof = dof
-        self.finite = np.flatnonzero(np.isfinite(dof))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            inflation = np.where(np.isinf(dof), 1.0, np.where(dof > 2, dof / (dof - 2), np.nan))
+        self.dof, self.u_exists = dof, dof > 2
+        self.linear_dof = np.where(dof < NORMAL_DOF, dof, np.inf)
+        self.finite = np.flatnonzero(np.isfinite(self.linear_dof))
+        inflation = np.where(self.u_exists, 1.0, np.nan)
+        live = self.u_exists & np.isfinite(self.linear_dof)
+        inflation[live] = dof[live] / (dof[live] - 2)
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
 
     def _factor(self, stacked: FloatArray, prediction: Prediction, independent: bool) -> FloatArray:
@@ -88,18 +86,15 @@ class PointTrials:
         `variance.block_variance`), the covariance is drawn without negative part and all rows
         of the output are scaled alike.
         """
-        gradient = stacked[self.k :]
         if independent:
             return factor_of(stacked * prediction.independent_variance @ stacked.T)
         raw = stacked @ prediction.covariance @ stacked.T
-        wanted = prediction.variance(gradient).total
+        wanted = prediction.variance(stacked[self.k :]).total
         if np.allclose(np.diag(raw)[self.k :], wanted, rtol=1e-9, atol=0.0):
             return factor_of(raw)
         factor = factor_of(stacked @ prediction.drawable @ stacked.T)
-        drawn = np.sum(factor[self.k :] ** 2, axis=1)
-        ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
-        scaled: FloatArray = factor * np.sqrt(ratio)[self.owner, None]
-        return scaled
+        ratio = _ratio(wanted, np.sum(factor[self.k :] ** 2, axis=1))
+        return np.asarray(factor * ratio[self.owner, None])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m)."""
@@ -139,6 +134,11 @@ class PointTrials:
         return total
 
 
+def _ratio(wanted: FloatArray, drawn: FloatArray) -> FloatArray:
+    """By what rows of the variances `drawn` are scaled to those `wanted`; 0 where nothing is."""
+    return np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
+
+
 def factor_of(covariance: FloatArray) -> FloatArray:
     """F (rows, rank) with F F' = covariance, by eigenvalues: it may be singular.
 
@@ -152,14 +152,8 @@ def factor_of(covariance: FloatArray) -> FloatArray:
     wanted = np.clip(np.diag(covariance), 0.0, None)
     factor[wanted == 0] = 0.0
     if values[0] < -1e-9 * abs(values[-1]):
-        drawn = np.sum(factor**2, axis=1)
-        ratio = np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0)
-        factor *= np.sqrt(ratio)[:, None]
+        factor *= _ratio(wanted, np.sum(factor**2, axis=1))[:, None]
     return factor
-
-
-COUNTED_TRIALS = 200_000
-"""Trials behind a probability that is counted; its standard error is stated."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,12 +178,9 @@ def conformance_of(
     low, high = tolerance.low * size, tolerance.high * size
     if u == 0:
         return Conformance(tolerance=tolerance, probability=float(low <= error <= high))
-
-    def below(t: float) -> float:
-        return float(ndtr(t) if np.isinf(dof) else stdtr(dof, t))
-
-    inside = below((high - error) / u) - below((low - error) / u)
-    return Conformance(tolerance=tolerance, probability=inside)
+    ends = np.array([high - error, low - error]) / u
+    below = ndtr(ends) if np.isinf(dof) else stdtr(dof, ends)
+    return Conformance(tolerance=tolerance, probability=float(below[0] - below[1]))
 
 
 class _Counted:
@@ -198,9 +189,7 @@ class _Counted:
     linear_mean = None
 
     def __init__(self, names: tuple[str, ...], happens: Happens) -> None:
-        self.names = names
-        self.u_exists = (True,) * len(names)
-        self.happens = happens
+        self.names, self.happens, self.u_exists = names, happens, (True,) * len(names)
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         return Draws(values=self.happens(rng, m).astype(np.float64))
@@ -311,8 +300,7 @@ def _plane_factor(
         sources[..., 0, 1] = sources[..., 1, 0] = covariance
     values, vectors = np.linalg.eigh(sources)
     factors = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
-    drawn = np.sum(factors**2, axis=(0, 3))
     wanted = np.clip(each.total.reshape(n, a), 0.0, None)
-    ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
-    scaled: FloatArray = (factors * ratio[..., None]).transpose(1, 2, 0, 3).reshape(n * a, -1)
-    return scaled, each.squares.dof
+    ratio = _ratio(wanted, np.sum(factors**2, axis=(0, 3)))
+    scaled = (factors * ratio[..., None]).transpose(1, 2, 0, 3).reshape(n * a, -1)
+    return np.asarray(scaled), each.squares.dof

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.model.estimates import JointPasses, between_passes, from_mean
 from mtu_cli.model.machine_model import MachineModel, Term
@@ -24,7 +22,7 @@ class Block:
     `columns` their coefficients among the k, `repeat_dof` the degrees of freedom of their
     s_repeat. `between` (k, k) is the mean square S between `n_passes` passes that C and D come
     from; None, 0 where they do not come from one. `half_differences` (k, k) is S_h, the part of
-    S that is of runs there and back (`stats.pass_pairs`); None where passes are independent.
+    S that is of runs there and back (`stats.mixed_model`); None where passes are independent.
     """
 
     names: tuple[str, ...]
@@ -73,11 +71,6 @@ class PassSquare(NamedTuple):
         return max(float(np.trace(KS)) ** 2 / square, 1.0) if square > 0 else 1.0
 
 
-def root(variance: float) -> float:
-    """The standard uncertainty of a variance; nan where a difference of mean squares is below 0."""
-    return math.sqrt(variance) if variance >= 0 else math.nan
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shares:
     """What a variance consists of by its nature, 1 in all.
@@ -109,24 +102,11 @@ class Variance:
 
     def shares(self, i: int) -> Shares | None:
         """The shares of measurand i; None where it has no variance."""
+        names = ("coefficients", "passes", "repeatability")
         total = float(self.total[i])
         if not total > 0:
             return None
-        return Shares(
-            coefficients=float(self.coefficients[i]) / total,
-            passes=float(self.passes[i]) / total,
-            repeatability=float(self.repeatability[i]) / total,
-        )
-
-
-def of_rows(block: Block, rows: slice) -> Block:
-    """The block seen from some rows; of more coefficients than rows, only what these can see."""
-    G, noise = block.G[rows], block.noise[rows]
-    if len(block.names) > 1 or block.between is not None or G.shape[1] <= len(G):
-        return replace(block, G=G, noise=noise)
-    Q, R = np.linalg.qr(G.T)
-    C, D = Q.T @ block.C @ Q, Q.T @ block.D @ Q
-    return replace(block, columns=(slice(0, len(R)),), G=R.T, C=C, D=D, noise=noise)
+        return Shares(**{name: float(getattr(self, name)[i]) / total for name in names})
 
 
 def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[FloatArray, MeanSquares]:
@@ -137,10 +117,10 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
     """
     # A zero of G has no sign in a product with I.
     g = block.G + 0.0 if A is None else A @ block.G
-    of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
     visits = [_visits(column, A, axes) for column in block.noise.T]
     if block.between is not None:
         return _of_mean_squares(block, block.between, g, visits)
+    of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
     dof = np.array([block.pass_dof, *block.repeat_dof])
     noise: FloatArray = np.sum(visits, axis=0)
     # A pooled moment estimate of D may be negative where passes hardly differ; what passes
@@ -150,22 +130,19 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
     if block.pass_dof == 0:
         one = MeanSquares(of_mean=of_C[None], of_part=(of_D + noise)[None], dof=dof[1:2])
         return split, one
-    none = [np.zeros_like(own) for own in visits]
-    squares = MeanSquares(
-        of_mean=np.array([of_C, *none]), of_part=np.array([of_D, *visits]), dof=dof
-    )
-    return split, squares
+    of_mean = np.array([of_C, *np.zeros_like(visits)])
+    return split, MeanSquares(of_mean=of_mean, of_part=np.array([of_D, *visits]), dof=dof)
 
 
 def pass_squares(block: Block, A: FloatArray) -> list[PassSquare | None]:
     """What of the mean squares of `block_variance`, in their order, is of passes."""
-    g, repeats = A @ block.G, [None] * len(block.repeat_dof)
-    if block.between is None:
-        return [PassSquare(g, block.D), *repeats] if block.pass_dof > 0 else [None]
-    if block.half_differences is None:
-        return [PassSquare(g, block.between), *repeats]
-    mean = block.between - block.half_differences
-    return [PassSquare(g, mean), PassSquare(g, block.half_differences), *repeats]
+    g, S, halves = A @ block.G, block.between, block.half_differences
+    if S is None and block.pass_dof == 0:
+        return [None]
+    passes = [block.D if S is None else S]
+    if S is not None and halves is not None:
+        passes = [S - halves, halves]
+    return [*(PassSquare(g, each) for each in passes), *[None] * len(block.repeat_dof)]
 
 
 def _visits(column: FloatArray, A: FloatArray | None, axes: int) -> FloatArray:
@@ -189,9 +166,10 @@ def _of_mean_squares(
     w/g'M g) with the degrees of freedom of the passes.
 
     Of runs there and back S is S_m + S_h, two mean squares of the same degrees of freedom, and the
-    mean over n passes has the variance 2 S_m/n.
+    mean over n passes has the variance 2 S_m/n. S of uneven passes is put together from estimates
+    of its own: where S_h is more than S, C is all of the passes.
     """
-    n = block.n_passes
+    n, halves = block.n_passes, block.half_differences
     of_C, of_D, S = (_quadratic(g, matrix) for matrix in (block.C, block.D, between))
     noise: FloatArray = np.sum(visits, axis=0)
     capped = (of_D < 0) & (noise < S - of_D)
@@ -200,52 +178,25 @@ def _of_mean_squares(
     passes = np.where(capped, room * noise, S)
     of_all, of_mean, of_part = between, [S / n], [passes]
     beyond_S = np.zeros(S.shape, bool)
-    if block.half_differences is not None:
-        of_all = 2 * (between - block.half_differences)
-        share, beyond_S = _share(_quadratic(g, block.half_differences), S)
+    if halves is not None:
+        of_all, of_halves = 2 * (between - halves), _quadratic(g, halves)
+        share = np.divide(of_halves, S, out=np.ones_like(S), where=S > 0).clip(0.0, 1.0)
+        beyond_S = of_halves > S
         of_mean = [np.where(beyond_S, of_C, 2 * (1 - share) * S / n), np.zeros_like(S)]
         of_part = [(1 - share) * passes, share * passes]
+    dof = np.array([*[block.pass_dof] * len(of_mean), *block.repeat_dof])
     for columns, own in zip(block.columns, visits, strict=True):
         inside = (columns, columns)
         common = _quadratic(g[:, columns], block.C[inside] - of_all[inside] / n)
         of_mean.append(np.where(beyond_S, 0.0, common))
         beyond = _quadratic(g[:, columns], block.D[inside] - between[inside]) + own
         of_part.append(np.where(capped, 0.0, beyond))
-    dof = np.array([*[block.pass_dof] * (len(of_mean) - len(visits)), *block.repeat_dof])
     return split, MeanSquares(of_mean=np.array(of_mean), of_part=np.array(of_part), dof=dof)
-
-
-def _share(part: FloatArray, whole: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """S_h over S, and where it is more: S of uneven passes is put together from estimates of its
-    own. C is then all of the passes.
-    """
-    found: FloatArray = np.divide(part, whole, out=np.ones_like(whole), where=whole > 0)
-    return found.clip(0.0, 1.0), part > whole
-
-
-def joined(parts: Sequence[MeanSquares]) -> MeanSquares:
-    """The mean squares of several blocks, one below the other."""
-    return MeanSquares(
-        of_mean=np.concatenate([part.of_mean for part in parts]),
-        of_part=np.concatenate([part.of_part for part in parts]),
-        dof=np.concatenate([part.dof for part in parts]),
-    )
 
 
 def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
     """g'M g of every row of g (m, k)."""
     return np.asarray(((g @ matrix) * g).sum(axis=1))
-
-
-def noise_covariance(noise: FloatArray, axes: int) -> FloatArray:
-    """(rows, rows): axes of one point share a visit's error, points do not."""
-    rows = len(noise)
-    per_point = noise.reshape(rows // axes, axes, -1)
-    blocks = np.einsum("pic,pjc->pij", per_point, per_point)
-    total = np.zeros((rows, rows))
-    for p, block in enumerate(blocks):
-        total[p * axes : (p + 1) * axes, p * axes : (p + 1) * axes] = block
-    return total
 
 
 def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
@@ -267,13 +218,13 @@ def normal_block(name: str, F: FloatArray, *, of_part: bool = False) -> Block:
     """
     each = F.ndim == 1
     G = np.zeros((len(F), 1)) if each else F
-    K = G.shape[1]
+    identity = np.eye(G.shape[1])
     return Block(
         names=(name,),
-        columns=(slice(0, K),),
+        columns=(slice(0, len(identity)),),
         G=G,
-        C=np.zeros((K, K)) if of_part else np.eye(K),
-        D=np.eye(K) if of_part else np.zeros((K, K)),
+        C=0 * identity if of_part else identity,
+        D=identity if of_part else 0 * identity,
         noise=F[:, None] if each else np.zeros((len(F), 1)),
         pass_dof=np.inf if of_part else 0.0,
         repeat_dof=(np.inf,),
@@ -287,34 +238,23 @@ def component_blocks(
 
     `J` (rows, K) and `levers` (rows, c) as `design` gives them, `columns` of each term in J.
     """
-    index = {term.estimate.name: t for t, term in enumerate(model.terms)}
-    blocks: list[Block] = []
-    taken: set[str] = set()
+    alone = {
+        term.estimate.name: _own_block(term, J[:, columns[t]], levers[:, t])
+        for t, term in enumerate(model.terms)
+    }
+    blocks = []
     for group in model.joint:
-        kept = [name for name in group.components if name in index]
-        if len(kept) < 2:
-            continue
-        own = [
-            _own_block(model.terms[i], J[:, columns[i]], levers[:, i])
-            for i in (index[name] for name in kept)
-        ]
-        blocks.append(_joint_block(group, positions_in_group(group, kept), own))
-        taken.update(kept)
-    for t, term in enumerate(model.terms):
-        if term.estimate.name not in taken:
-            blocks.append(_own_block(term, J[:, columns[t]], levers[:, t]))
-    return blocks
+        kept = [name for name in group.components if name in alone]
+        if len(kept) >= 2:
+            own = [alone.pop(name) for name in kept]
+            blocks.append(_joint_block(group, positions_in_group(group, kept), own))
+    return [*blocks, *alone.values()]
 
 
 def positions_in_group(group: JointPasses, kept: Sequence[str]) -> list[int]:
     """Rows of the kept components in a group's covariance."""
-    starts = np.concatenate([[0], np.cumsum(group.widths)]).astype(int)
-    return [
-        row
-        for name, start, width in zip(group.components, starts, group.widths, strict=False)
-        if name in kept
-        for row in range(start, start + width)
-    ]
+    owners = np.repeat(np.arange(len(group.components)), group.widths).tolist()
+    return [row for row, owner in enumerate(owners) if group.components[owner] in kept]
 
 
 def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
@@ -336,14 +276,14 @@ def _own_block(term: Term, G: FloatArray, lever: FloatArray) -> Block:
 
 def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]) -> Block:
     """The components of a group as one block; their own blocks lie on its diagonal."""
-    ends = np.cumsum([block.G.shape[1] for block in own])
+    ends = np.cumsum([block.G.shape[1] for block in own]).tolist()
     columns = tuple(
-        slice(int(end) - block.G.shape[1], int(end)) for block, end in zip(own, ends, strict=True)
+        slice(end - block.G.shape[1], end) for block, end in zip(own, ends, strict=True)
     )
-    C = group.covariance[np.ix_(inside, inside)]
-    between, halves = None, group.half_differences
+    rows = np.ix_(inside, inside)
+    C, between, halves = group.covariance[rows], None, group.half_differences
     if halves is not None:
-        halves = halves[np.ix_(inside, inside)]
+        halves = halves[rows]
     if group.n_passes is not None and all(block.between is not None for block in own):
         # Between components C is of their level and slope alone, whatever their degree.
         between = from_mean(C, group.n_passes, halves)
@@ -354,7 +294,7 @@ def _joint_block(group: JointPasses, inside: Sequence[int], own: Sequence[Block]
         columns=columns,
         G=np.column_stack([block.G for block in own]),
         C=C,
-        D=group.pass_covariance[np.ix_(inside, inside)],
+        D=group.pass_covariance[rows],
         noise=np.column_stack([block.noise for block in own]),
         pass_dof=group.pass_dof,
         repeat_dof=tuple(block.repeat_dof[0] for block in own),

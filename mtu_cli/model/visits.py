@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -20,12 +19,8 @@ MOST_TOLD = 10_000
 
 def axes_of(points: Points) -> tuple[int, ...]:
     """The axes (0, 1, 2) along which every point was measured and has a nominal."""
-    return tuple(
-        axis
-        for axis in range(3)
-        if np.isfinite(points.measured[:, axis]).all()
-        and np.isfinite(points.nominal[:, axis]).all()
-    )
+    both = np.isfinite(points.measured).all(axis=0) & np.isfinite(points.nominal).all(axis=0)
+    return tuple(np.flatnonzero(both).tolist())
 
 
 def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
@@ -63,7 +58,11 @@ def visits_of(points: Points) -> Visits:
     _, operation = operations_of(points)
     features, parts = len(points.features), len(points.parts)
     run = operation.astype(np.int64) * parts + points.part
-    repeat = numbered(points.repeat, run * features + points.feature)
+    repeat, unnamed = points.repeat.copy(), points.repeat < 0
+    if unnamed.any():
+        # Counted on from the largest that is given.
+        place = (run * features + points.feature)[unnamed]
+        repeat[unnamed] = max(int(repeat.max()), -1) + 1 + occurrence(place)
     numbers, code = distinct(repeat)
     runs, visit = distinct(run * len(numbers) + code)
     place = visit * features + points.feature
@@ -98,16 +97,7 @@ def distinct(codes: NDArray[Any]) -> tuple[NDArray[Any], IntArray]:
         values, index = np.unique(codes, return_inverse=True)
         return values, index.reshape(-1).astype(np.int64)
     seen = np.bincount(codes) > 0
-    index = np.cumsum(seen) - 1
-    return np.flatnonzero(seen), index[codes]
-
-
-def numbered(repeat: IntArray, place: IntArray) -> IntArray:
-    """Repeats with a number each; where none is given, counted on from the largest given."""
-    unnamed, found = repeat < 0, repeat.copy()
-    if unnamed.any():
-        found[unnamed] = max(int(repeat.max()), -1) + 1 + occurrence(place[unnamed])
-    return found
+    return np.flatnonzero(seen), (np.cumsum(seen) - 1)[codes]
 
 
 def only_features(points: Points, names: Iterable[str]) -> Points:
@@ -118,11 +108,8 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
     code[kept] = np.arange(len(kept))
     feature = code[points.feature]
     rows = np.flatnonzero(feature >= 0)
-    return replace(
-        only_rows(points, rows),
-        features=tuple(points.features[i] for i in kept),
-        feature=feature[rows],
-    )
+    features = tuple(points.features[i] for i in kept)
+    return replace(only_rows(points, rows), features=features, feature=feature[rows])
 
 
 def only_rows(points: Points, rows: NDArray[Any]) -> Points:
@@ -145,28 +132,27 @@ def occurrence(codes: IntArray) -> IntArray:
     order = np.argsort(codes, kind="stable")
     ordered = codes[order]
     starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-    lengths = np.diff(np.r_[starts, len(codes)])
     count = np.empty(len(codes), np.int64)
+    lengths = np.diff(np.r_[starts, len(codes)])
     count[order] = np.arange(len(codes)) - np.repeat(starts, lengths)
     return count
 
 
 def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) -> None:
+    """Raises InputError with every row of the `given` (n,) at a `place` (n,) that stood before."""
     rows = np.flatnonzero(given)
-    rows = rows[occurrence(place[rows]) > 0]
+    what, expected = "the feature in one repeat of one part", "one row a feature and `repeat`"
     raise InputError(
-        [
-            finding(
-                "appears-twice",
-                what="the feature in one repeat of one part",
-                file=points.sources[points.file_index[i]].shown,
-                row=int(points.row[i]),
-                column="feature",
-                value=points.features[points.feature[i]],
-                expected="one row a feature and `repeat`",
-            )
-            for i in rows[:MOST_TOLD]
-        ]
+        finding(
+            "appears-twice",
+            what=what,
+            file=points.sources[points.file_index[i]].shown,
+            row=int(points.row[i]),
+            column="feature",
+            value=points.features[points.feature[i]],
+            expected=expected,
+        )
+        for i in rows[occurrence(place[rows]) > 0][:MOST_TOLD]
     )
 
 
@@ -184,14 +170,11 @@ def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatAr
     features, mm of error a radian.
     """
     n, a = len(places), len(axes)
-    columns = []
-    if datum != "none":
-        columns += [np.tile(np.eye(a)[i], n) for i in range(a)]
-    if datum == "offset,rotation" and 0 in axes and 1 in axes:
+    columns = [] if datum == "none" else list(np.tile(np.eye(a), n))
+    if datum == "offset,rotation" and {0, 1} <= {*axes}:
         centred = places[:, :2] - places[:, :2].mean(axis=0)
         turned = np.zeros((n, a))
-        turned[:, axes.index(0)] = -centred[:, 1]
-        turned[:, axes.index(1)] = centred[:, 0]
+        turned[:, axes.index(0)], turned[:, axes.index(1)] = -centred[:, 1], centred[:, 0]
         columns.append(turned.ravel())
     return np.column_stack(columns) if columns else np.zeros((n * a, 0))
 
@@ -204,8 +187,7 @@ def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray
     if not F.size:
         return F
     U, size, _ = np.linalg.svd(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300), False)
-    found: FloatArray = U[:, size > ROUNDING * size[0]]
-    return found
+    return np.asarray(U[:, size > ROUNDING * size[0]])
 
 
 def incomplete_datum() -> Finding:
@@ -217,7 +199,7 @@ def incomplete_datum() -> Finding:
 
 def without(Q: FloatArray, errors: FloatArray) -> FloatArray:
     """Errors (n * a, ...) less their least-squares rigid motion, e - Q Q'e; rounding is 0."""
-    left: FloatArray = errors - Q @ (Q.T @ errors)
+    left = np.asarray(errors - Q @ (Q.T @ errors))
     size = np.abs(errors).max(axis=0, initial=0.0)
     left[~(np.abs(left) > ROUNDING * size)] = 0.0
     return left
@@ -242,103 +224,14 @@ def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, 
     errors = visits.errors.copy()
     there = np.asarray(np.isfinite(errors[:, :, list(axes)]).all(axis=2))
     patterns, of_visit = np.unique(there, axis=0, return_inverse=True)
-    of_visit = of_visit.reshape(-1)
     for p, present in enumerate(patterns):
         Q = basis(visits.nominal[present], axes, datum)
-        index = np.ix_(of_visit == p, present, list(axes))
+        index = np.ix_(of_visit.reshape(-1) == p, present, list(axes))
         block = errors[index]
         errors[index] = without(Q, block.reshape(len(block), -1).T).T.reshape(block.shape)
-    complete = all(
-        (own == own.any(axis=0)).all()
-        for operation in np.unique(visits.operation)
-        if len(own := there[visits.operation == operation])
-    )
+    complete = True
+    for operation in np.unique(visits.operation):
+        own = there[visits.operation == operation]
+        complete &= bool((own == own.any(axis=0)).all())
     changed = errors[visits.of_point, points.feature]
     return replace(points, measured=points.nominal + changed), complete
-
-
-@dataclass(frozen=True, kw_only=True)
-class Cells:
-    """The cells of `parts` x `columns` that n measurements fall into; `cell` (n,) is
-    part * columns + column.
-
-    `order` (n,) sorts the measurements by cell, `starts` and `count` (m,) are the runs of the m
-    cells that hold any, `there` (m,) their numbers.
-    """
-
-    parts: int
-    columns: int
-    cell: IntArray
-    order: IntArray
-    starts: IntArray
-    count: IntArray
-    there: IntArray
-
-    @cached_property
-    def first(self) -> IntArray:
-        """The first measurement of each of the m cells."""
-        return self.order[self.starts]
-
-    @cached_property
-    def index(self) -> IntArray:
-        """The place (n,) of each measurement's cell among the m."""
-        place = np.zeros(self.parts * self.columns, np.int64)
-        place[self.there] = np.arange(len(self.there))
-        return place[self.cell]
-
-    @property
-    def part(self) -> IntArray:
-        """The part of each measurement."""
-        return self.cell // self.columns
-
-    @property
-    def column(self) -> IntArray:
-        """The column of each measurement."""
-        return self.cell % self.columns
-
-    def means(self, values: FloatArray) -> FloatArray:
-        """Means (m, ...) of values (n, ...); equal values keep their digits."""
-        ordered = values[self.order]
-        origin = ordered[self.starts]
-        if len(self.starts) == len(ordered):
-            return origin
-        away = ordered - np.repeat(origin, self.count, axis=0)
-        weight = self.count.reshape(-1, *(1,) * (values.ndim - 1))
-        found: FloatArray = origin + np.add.reduceat(away, self.starts, axis=0) / weight
-        return found
-
-    def squares(self, values: FloatArray) -> FloatArray:
-        """Sums (...) over all cells of the squares of values (n, ...) about their cell's mean."""
-        left = values - self.means(values)[self.index]
-        found: FloatArray = (left**2).sum(axis=0)
-        return found
-
-    def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
-        """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
-        found = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
-        found[self.there] = means
-        return found.reshape(self.parts, self.columns, *means.shape[1:])
-
-    @cached_property
-    def repeats(self) -> IntArray:
-        """Measurements in every cell, (parts, columns)."""
-        return np.bincount(self.cell, minlength=self.parts * self.columns).reshape(
-            self.parts, self.columns
-        )
-
-
-def cells_of(part: IntArray, column: IntArray, parts: int, columns: int) -> Cells:
-    """Gathers measurements by their codes `part` and `column` (n,)."""
-    cell = part.astype(np.int64) * columns + column
-    order = np.argsort(cell, kind="stable")
-    ordered = cell[order]
-    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-    return Cells(
-        parts=parts,
-        columns=columns,
-        cell=cell,
-        order=order,
-        starts=starts,
-        count=np.diff(np.r_[starts, len(cell)]),
-        there=ordered[starts],
-    )

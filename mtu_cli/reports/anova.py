@@ -9,8 +9,9 @@ parts scatter less than the repeats alone make them in 39 of 40 studies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,127 +21,85 @@ from mtu_cli.analyses.anova.capability import Trend
 from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.findings import listed
+from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, RowOf, count, read, record, root, rows_of
+from mtu_cli.reports.fields import Field, Fields, RowOf, declare, read, record, rows_of
 from mtu_cli.reports.numbers import MISSING
 
 SHOWN = 24
 """Tables of a kind that are listed in full; of more the worst are shown."""
 WORST = 10
-MEAN = "mean of all readings: a part counts by its repeats"
 TITLES = {"feature": "Features", "length": "Lengths", "angle": "Right angles"}
+KINDS = {"feature": "feature", "length": "length", "angle": "orthogonality"}
+PLACE = """
+    operation | stated(LABEL.0) | null: not stated | operation, text
+    NAME | stated(LABEL.1) | its name; null: all together | TITLE, text
+    axis | stated(LABEL.2) | of outliers length or angle, too | axis, text
+"""
+"""What a figure is of, by its label (operation, name, axis)."""
+ENTRY = """
+    parts | int(one_way.parts) | number of parts
+    n | int(one_way.N) | number of readings | n, count
+    mean_error_UNIT | one_way.mean | mean of all readings: a part counts by its repeats \
+        | mean, u=rounding()
+    ms_between_UNIT2 | one_way.ms_between | mean square of parts | MS between, detail
+    ms_within_UNIT2 | one_way.ms_within | mean square of repeats | MS within, detail
+    df_between | int(one_way.df_between) | degrees of freedom | df / between, count, detail
+    df_within | int(one_way.df_within) | degrees of freedom | df / within, count, detail
+    F | one_way.F | ms_between/ms_within | F, detail
+    F_critical_95 | one_way.F_critical_95 | F at 5 % | F 95 %, detail
+    p | one_way.p | p of F: the parts do not differ
+    n0 | one_way.n0 | E ms_between = var_repeat + n0 var_part
+    var_part_UNIT2 | components.part | variance from part to part
+    - | root(components.part) | | s_part, unit=UNIT
+    - | root(both) | | s_part+repeat, unit=UNIT
+    var_part_estimate_UNIT2 | components.part_estimate | the same, not set to 0 where it is below
+    var_repeat_UNIT2 | components.repeat | variance of repeated measurement
+    var_part_interval95_UNIT2 | interval | its 95 % interval | s_part^2 95 %, interval, \
+        u=components.repeat, detail, csv=var_part_{}95_UNIT2
+    method | | of the components: paper, anova or reml
+    s_pooled_UNIT | root(one_way.ms_within) | root of ms_within | s_repeat
+    u_mean_UNIT | u_mean | standard uncertainty of the mean | u, u=u_mean
+    u_future_UNIT | u_future | standard uncertainty of a future part
+    U_future_UNIT | U_future() | k u_future | U future
+    unusual_parts | unusual | outlying parts | outlying / parts, joined()
+    - | tables.labels.1 | name of feature, length or angle | -, csv=id
+    p_familywise | p_parts | p of F, adjusted for all of the kind (Holm) | p (Holm), p
+    var_both_UNIT2 | both | variance of parts and CMM, without repeats
+    var_both_interval95_UNIT2 | both_interval | its 95 % interval \
+        | -, interval, csv=var_both_{}95_UNIT2
+    interval95_future_UNIT | interval_future | interval that holds the error of 95 of 100 future \
+        parts (Student's t) | 95 % future, interval, u=u_future, csv=future_{}95_UNIT
+    dof_mean | | degrees of freedom of u_mean
+    dof_future | | degrees of freedom of u_future
+    p_mean_familywise | p_mean | p of a mean of zero (t test), adjusted for all of the kind (Holm)
+    var_part_limits_below_zero | below_zero() | whether both limits of var_part were below 0: its \
+        interval is then [0, 0]
+"""
 
 
 def place(label: str, name: str = "id") -> Fields:
-    """What a figure is of, by its label (operation, name, axis)."""
-
-    def word(index: int) -> Callable[[Any], str | None]:
-        return lambda item: read(item, label)[index] or None
-
-    title = name.replace("id", "item")
-    return (
-        Field("operation", word(0), "null: not stated", head="operation", show="text"),
-        Field(name, word(1), "its name; null: all together", head=title, show="text"),
-        Field("axis", word(2), "of outliers length or angle, too", head="axis", show="text"),
-    )
+    """The figures that name what others are of."""
+    text = PLACE.replace("LABEL", label).replace("NAME", name)
+    return declare(text.replace("TITLE", name.replace("id", "item")))
 
 
 def entry(kind: Kind) -> Fields:
     """The figures of a feature along an axis, of a length or of a right angle."""
-    unit = "arcsec" if kind == "angle" else "um"
-    all_of, limits = "adjusted for all of the kind (Holm)", "its 95 % interval"
-    return (
-        *place("tables.labels", "feature" if kind == "feature" else "id"),
-        Field("parts", count("one_way.parts"), "number of parts"),
-        Field("n", count("one_way.N"), "number of readings", head="n", show="count"),
-        Field(f"mean_error_{unit}", "one_way.mean", MEAN, head="mean", u=_rounding),
-        *_squares(unit),
-        Field(f"var_part_{unit}2", "components.part", "variance from part to part"),
-        Field("", root("components.part"), head="s_part", unit=unit),
-        Field("", root("both"), head="s_part+repeat", unit=unit),
-        Field(
-            f"var_part_estimate_{unit}2",
-            "components.part_estimate",
-            "the same, not set to 0 where it is below",
-        ),
-        Field(f"var_repeat_{unit}2", "components.repeat", "variance of repeated measurement"),
-        Field(
-            f"var_part_interval95_{unit}2",
-            "interval",
-            limits,
-            csv=f"var_part_{{}}95_{unit}2",
-            head="s_part^2 95 %",
-            show="interval",
-            u="components.repeat",
-            detail=True,
-        ),
-        Field("method", meaning="of the components: paper, anova or reml"),
-        Field(f"s_pooled_{unit}", root("one_way.ms_within"), "root of ms_within", head="s_repeat"),
-        Field(f"u_mean_{unit}", "u_mean", "standard uncertainty of the mean", head="u", u="u_mean"),
-        Field(f"u_future_{unit}", "u_future", "standard uncertainty of a future part"),
-        Field(
-            f"U_future_{unit}",
-            lambda x: x.coverage_factor * x.u_future,
-            "k u_future",
-            head="U future",
-        ),
-        Field("unusual_parts", "unusual", "outlying parts", head="outlying\nparts", show=_names),
-        Field("", lambda item: item.tables.labels[1], "name of feature, length or angle", csv="id"),
-        Field("p_familywise", "p_parts", f"p of F, {all_of}", head="p (Holm)", show="p"),
-        Field(f"var_both_{unit}2", "both", "variance of parts and CMM, without repeats"),
-        Field(
-            f"var_both_interval95_{unit}2",
-            "both_interval",
-            limits,
-            csv=f"var_both_{{}}95_{unit}2",
-            show="interval",
-        ),
-        Field(
-            f"interval95_future_{unit}",
-            "interval_future",
-            "interval that holds the error of 95 of 100 future parts (Student's t)",
-            csv=f"future_{{}}95_{unit}",
-            head="95 % future",
-            show="interval",
-            u="u_future",
-        ),
-        Field("dof_mean", meaning="degrees of freedom of u_mean"),
-        Field("dof_future", meaning="degrees of freedom of u_future"),
-        Field("p_mean_familywise", "p_mean", f"p of a mean of zero (t test), {all_of}"),
-        Field(
-            "var_part_limits_below_zero",
-            _below_zero,
-            "whether both limits of var_part were below 0: its interval is then [0, 0]",
-        ),
+    fields = declare(
+        ENTRY.replace("UNIT", "arcsec" if kind == "angle" else "um"),
+        rounding=_rounding,
+        # Both limits for the part variance were below 0: [0, 0] is no bound on it.
+        below_zero=lambda x: bool(x.one_way.ms_within > 0 and (x.interval == 0).all()),
+        U_future=lambda x: x.coverage_factor * x.u_future,
+        joined=lambda names, u, digits: " ".join(names),
     )
-
-
-def _squares(unit: str) -> Iterator[Field]:
-    """The table of the analysis of variance."""
-    for name, of in (("between", "parts"), ("within", "repeats")):
-        value, head = f"one_way.ms_{name}", f"MS {name}"
-        yield Field(f"ms_{name}_{unit}2", value, f"mean square of {of}", head=head, detail=True)
-    for name in ("df_between", "df_within"):
-        df, head = count(f"one_way.{name}"), name.replace("_", "\n")
-        yield Field(name, df, "degrees of freedom", head=head, show="count", detail=True)
-    yield Field("F", "one_way.F", "ms_between/ms_within", head="F", detail=True)
-    yield Field("F_critical_95", "one_way.F_critical_95", "F at 5 %", head="F 95 %", detail=True)
-    yield Field("p", "one_way.p", "p of F: the parts do not differ")
-    yield Field("n0", "one_way.n0", "E ms_between = var_repeat + n0 var_part")
+    return (*place("tables.labels", "feature" if kind == "feature" else "id"), *fields)
 
 
 def _rounding(item: Any) -> float:
     """What a mean is rounded to: its u, of one part the scatter of its repeats."""
     return float(item.u_mean if item.u_mean > 0 else np.sqrt(item.one_way.ms_within))
-
-
-def _below_zero(item: Any) -> bool:
-    """Whether both limits for the part variance were below 0: [0, 0] is no bound on it."""
-    return bool(item.one_way.ms_within > 0 and (item.interval == 0).all())
-
-
-def _names(names: Sequence[str], u: None, digits: int) -> str:
-    return " ".join(names)
 
 
 def _of_unit(field: Field, unit: str) -> Field:
@@ -152,10 +111,14 @@ def _of_unit(field: Field, unit: str) -> Field:
     )
 
 
-def _in_units(fields: Callable[[str], Iterable[Field]], *units: str) -> Iterator[Field]:
+def _in_units(text: str, *units: str) -> list[Field]:
     """Fields of lengths and of angles, or in these `units`, each of its own items."""
-    for unit in units or ("um", "arcsec"):
-        yield from (_of_unit(field, unit) for field in fields(unit))
+    return [
+        _of_unit(field, unit)
+        for unit in units or ("um", "arcsec")
+        for field in declare(text.replace("UNIT", unit))
+        if isinstance(field, Field)
+    ]
 
 
 def _unit(item: Any) -> str:
@@ -166,14 +129,14 @@ def _unit(item: Any) -> str:
 
 def listing() -> Fields:
     """The CSV: angles in the columns of arcsec and all else in those of um."""
-    kinds = {"feature": "feature", "length": "length", "angle": "orthogonality"}
     um, arcsec = (
         [field for field in entry(kind) if isinstance(field, Field)]
         for kind in ("feature", "angle")
     )
     name = replace(um[1], value=lambda x: x.tables.labels[1] if x.kind == "feature" else None)
+    meaning = "feature, length or orthogonality"
     return (
-        Field("", lambda item: kinds[item.kind], "feature, length or orthogonality", csv="kind"),
+        Field("", lambda item: KINDS[item.kind], meaning, csv="kind"),
         um[0],
         name,
         *(_of_unit(field, "um") for field in um[2:]),
@@ -181,121 +144,86 @@ def listing() -> Fields:
     )
 
 
-def _deviation(unit: str) -> Iterator[Field]:
-    text = "distance from the mean of the others"
-    yield Field(f"deviation_{unit}", "deviation", text, head="deviation", u="typical")
-    yield Field(f"typical_{unit}", "typical", "root mean square of the others", head="others rms")
-
-
-OPERATION = Field(
-    "operation",
-    lambda item: item.operation or None,
-    "null: not stated",
-    head="operation",
-    show="text",
-)
-TOTAL: Fields = (
-    OPERATION,
-    Field("axis", meaning="x, y or z", head="axis", show="text"),
-    Field("features", meaning="number of features", head="features", show="count"),
-    Field("mean_error_um", "mean", "mean of the mean errors", head="mean error", u="rounding"),
-    Field("s_mean_errors_um", "spread", "their standard deviation", head="feature s"),
-    Field("largest_mean_error_um", "largest", "the largest", head="largest", u="rounding"),
-    Field("largest_at", "worst", "of which feature", head="at", show="text"),
-    Field("mean_var_part_um2", "part", "mean variance from part to part"),
-    Field("mean_var_repeat_um2", "repeat", "mean variance of repeated measurement"),
-    Field("mean_var_both_um2", "both", "mean variance of both, without repeats"),
-    Field("", root("part"), head="s_part", unit="um"),
-    Field("", root("both"), head="s_part+repeat", unit="um"),
-    Field("", root("repeat"), head="s_repeat", unit="um"),
-    Field(
-        "repeat_share",
-        meaning="share of the CMM in the variance of one measured point (REML)",
-        head="CMM\n% of s^2",
-        show="percent",
-        detail=True,
-    ),
-    Field("F_above_critical", "significant", "features with F above F_critical_95"),
-    Field("F_tested", "tested", "features with an F"),
-    Field(
-        "parts_differ",
-        "differ",
-        "features in which parts differ, 5 % over all (Holm)",
-        head="parts\ndiffer",
-        u="tested",
-        show=lambda value, u, digits: f"{value} of {u}" if u else "",
-    ),
-    Field("mean_not_zero", "off", "features whose mean is not zero, 5 % over all (Holm)"),
+DEVIATION = """
+    deviation_UNIT | deviation | distance from the mean of the others | deviation, u=typical
+    typical_UNIT | typical | root mean square of the others | others rms
+"""
+TOTAL = declare(
+    """
+    operation | stated(operation) | null: not stated | operation, text
+    axis | | x, y or z | axis, text
+    features | | number of features | features, count
+    mean_error_um | mean | mean of the mean errors | mean error, u=rounding
+    s_mean_errors_um | spread | their standard deviation | feature s
+    largest_mean_error_um | largest | the largest | largest, u=rounding
+    largest_at | worst | of which feature | at, text
+    mean_var_part_um2 | part | mean variance from part to part
+    mean_var_repeat_um2 | repeat | mean variance of repeated measurement
+    mean_var_both_um2 | both | mean variance of both, without repeats
+    - | root(part) | | s_part, unit=um
+    - | root(both) | | s_part+repeat, unit=um
+    - | root(repeat) | | s_repeat, unit=um
+    repeat_share | | share of the CMM in the variance of one measured point (REML) \
+        | CMM / % of s^2, percent, detail
+    F_above_critical | significant | features with F above F_critical_95
+    F_tested | tested | features with an F
+    parts_differ | differ | features in which parts differ, 5 % over all (Holm) \
+        | parts / differ, of_tested(), u=tested
+    mean_not_zero | off | features whose mean is not zero, 5 % over all (Holm)
+    """,
+    of_tested=lambda value, u, digits: f"{value} of {u}" if u else "",
 )
 UNUSUAL_FEATURE: Fields = (
     *place("where"),
-    Field("p_familywise", "p", "p among all features (Grubbs, Bonferroni)", head="p", show="p"),
-    *_deviation("um"),
+    *declare("p_familywise | p | p among all features (Grubbs, Bonferroni) | p, p"),
+    *_in_units(DEVIATION, "um"),
 )
-
-
-def _slope(unit: str) -> Iterator[Field]:
-    text = "change from part to part in the sequence"
-    yield Field(f"slope_{unit}", "slope", text, head="slope", u="u")
-    yield Field(f"u_slope_{unit}", "u", "its standard uncertainty")
-
-
+SLOPE = """
+    slope_UNIT | slope | change from part to part in the sequence | slope, u=u
+    u_slope_UNIT | u | its standard uncertainty
+"""
 TREND: Fields = (
     *place("where"),
-    *_in_units(_slope),
-    Field("p_familywise", "p", "p that the sequence changes nothing", head="p", show="p"),
+    *_in_units(SLOPE),
+    *declare("p_familywise | p | p that the sequence changes nothing | p, p"),
 )
-
-
-def _interval(name: str, meaning: str) -> Field:
-    return Field(
-        f"{name}_interval95", f"{name}_interval", meaning, head="95 %", show="interval", u=name
-    )
-
-
-def _index(name: str, meaning: str) -> Field:
-    def shown(value: float, u: None, digits: int) -> str:
-        return MISSING if np.isnan(value) else f"{value:.2f}"
-
-    return Field(name, meaning=meaning, head=name, show=shown)
-
-
-def _limits(unit: str) -> Iterator[Field]:
-    for name, meaning, head in (
-        ("low", "lower limit", "low"),
-        ("high", "upper limit; of a position half the diameter of its zone", "high"),
-        ("mean", "mean error; of a position the mean radial error", "mean"),
-        ("s", "standard deviation of the parts, repeats averaged", "s"),
-        ("s_moving", "mean moving range over the sequence, over 1.128", ""),
-    ):
-        yield Field(f"{name}_{unit}", name, meaning, head=head)
-
-
-CAPABILITY: Fields = (
-    Field("kind", meaning="position, length or angle", head="of", show="text"),
-    OPERATION,
-    Field("id", meaning="of the feature, length or angle", head="item", show="text"),
-    Field("parts", lambda x: len(x.values), "number of parts", head="parts", show="count"),
-    *_in_units(_limits),
-    _index("pp", "(high - low)/(6 s)"),
-    _interval("pp", "its 95 % interval (chi-squared)"),
-    _index("ppk", "nearer limit less mean over 3 s; of a position high/(99.73 % quantile)"),
-    _interval("ppk", "its 95 % interval (noncentral t)"),
-    _index("cp", "pp with s_moving for s"),
-    _index("cpk", "ppk with s_moving for s"),
+LIMITS = """
+    low_UNIT | low | lower limit | low
+    high_UNIT | high | upper limit; of a position half the diameter of its zone | high
+    mean_UNIT | mean | mean error; of a position the mean radial error | mean
+    s_UNIT | s | standard deviation of the parts, repeats averaged | s
+    s_moving_UNIT | s_moving | mean moving range over the sequence, over 1.128
+"""
+CAPABILITY = declare(
+    """
+    kind | | position, length or angle | of, text
+    operation | stated(operation) | null: not stated | operation, text
+    id | | of the feature, length or angle | item, text
+    parts | len(values) | number of parts | parts, count
+    *limits
+    pp | | (high - low)/(6 s) | pp, index()
+    pp_interval95 | pp_interval | its 95 % interval (chi-squared) | 95 %, interval, u=pp
+    ppk | | nearer limit less mean over 3 s; of a position high/(99.73 % quantile) | ppk, index()
+    ppk_interval95 | ppk_interval | its 95 % interval (noncentral t) | 95 %, interval, u=ppk
+    cp | | pp with s_moving for s | cp, index()
+    cpk | | ppk with s_moving for s | cpk, index()
+    """,
+    limits=_in_units(LIMITS),
+    index=lambda value, u, digits: MISSING if np.isnan(value) else f"{value:.2f}",
 )
 
 
 def unusual_part(*units: str) -> Fields:
     """The figures of an outlying part, with its largest deviation in these units."""
-    return (
-        Field("part", meaning="its name", head="part", show="text"),
-        Group("where", place(""), csv=False),
-        *_in_units(_deviation, *units),
-        Field("p_familywise", "p", "p over all parts and tables", head="p", show="p"),
-        Field("why", meaning="of what: mean or distance (rms) of a group, a single table"),
-        Group("singles", place(""), many=True),
-    )
+    text = """
+        part | | its name | part, text
+        where. | where | *place | json
+        *deviation
+        p_familywise | p | p over all parts and tables | p, p
+        why | | of what: mean or distance (rms) of a group, a single table
+        singles[] | singles | *place
+    """
+    return declare(text, place=place(""), deviation=_in_units(DEVIATION, *units))
 
 
 def _unusual(result: AnovaResult) -> list[dict[str, Any]] | None:
@@ -305,91 +233,72 @@ def _unusual(result: AnovaResult) -> list[dict[str, Any]] | None:
 
 
 def _rows(kind: Kind) -> Callable[[AnovaResult], list[RowOf]]:
-    def rows(result: AnovaResult) -> list[RowOf]:
-        return [
-            row
-            for found in result.kinds
-            if found.kind == kind
-            for row in rows_of(found, len(found.tables.labels))
-        ]
-
-    return rows
+    return lambda result: [
+        row
+        for found in result.kinds
+        if found.kind == kind
+        for row in rows_of(found, len(found.tables.labels))
+    ]
 
 
-UNUSUAL = (
-    "outlying parts: part, where, deviation and typical (rms of the others) in um or arcsec, "
-    "p_familywise, why (mean or distance of a group, or a single table), singles; null: too few"
-)
-RESULTS: Fields = (
-    Field("method", meaning="of the components of variance"),
-    Field("datum", meaning="best-fit alignment removed from each part"),
-    Group("features", entry("feature"), _rows("feature"), many=True),
-    Group("lengths", entry("length"), _rows("length"), many=True),
-    Group("orthogonality", entry("angle"), _rows("angle"), many=True),
-    Group("totals", TOTAL, many=True),
-    Field("unusual_parts", _unusual, UNUSUAL),
-    Group("unusual_features", UNUSUAL_FEATURE, many=True),
-    Field(
-        "family_wise_rate",
-        lambda _: FAMILY_RATE,
-        "false alarm rate of outlying parts, outlying features and trends together",
-    ),
-    Group("trends", TREND, many=True),
-    Group("capability", CAPABILITY, "capabilities", many=True),
+RESULTS = declare(
+    """
+    method | | of the components of variance
+    datum | | best-fit alignment removed from each part
+    features[] | features() | *feature
+    lengths[] | lengths() | *length
+    orthogonality[] | angles() | *angle
+    totals[] | totals | *total
+    unusual_parts | unusual() | outlying parts: part, where, deviation and typical (rms of the \
+        others) in um or arcsec, p_familywise, why (mean or distance of a group, or a single \
+        table), singles; null: too few
+    unusual_features[] | unusual_features | *unusual_feature
+    family_wise_rate | rate() | false alarm rate of outlying parts, outlying features and trends \
+        together
+    trends[] | trends | *trend
+    capability[] | capabilities | *capability
+    """,
+    features=_rows("feature"),
+    lengths=_rows("length"),
+    angles=_rows("angle"),
+    feature=entry("feature"),
+    length=entry("length"),
+    angle=entry("angle"),
+    total=TOTAL,
+    unusual=_unusual,
+    unusual_feature=UNUSUAL_FEATURE,
+    rate=lambda _: FAMILY_RATE,
+    trend=TREND,
+    capability=CAPABILITY,
 )
 ROW = listing()
 
 
 def document(result: AnovaResult, digits: int = 2) -> Document:
     """A row an operation and axis; then outliers, lengths, angles and features."""
-    from mtu_cli.reports import part_figures
-
-    return Document(
-        title="Measured parts",
-        results=(RESULTS, result),
-        tables=list(_tables(result)),
-        figure=lambda: part_figures.anova(result),
-        verdict=_verdict(result),
-        digits=digits,
-    )
+    figure, tables = partial(part_figures.anova, result), list(_tables(result))
+    verdict = _verdict(result)
+    return Document("Measured parts", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def _tables(result: AnovaResult) -> Iterator[Table]:
     rows = {found.kind: _rows(found.kind)(result) for found in result.kinds}
-    yield Table(title="", fields=ROW, items=[row for own in rows.values() for row in own], shown=())
+    yield Table("", ROW, [row for of_kind in rows.values() for row in of_kind], shown=())
     datum = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
-    yield Table(
-        title=f"Features by operation and axis{datum}",
-        fields=TOTAL,
-        items=result.totals,
-        footer="s: standard deviations of the features' mean errors, from part to part, of "
-        "repeated measurement (CMM); parts differ: F test, 5 % over all (Holm)",
+    footer = (
+        "s: standard deviations of the features' mean errors, from part to part, of repeated "
+        "measurement (CMM); parts differ: F test, 5 % over all (Holm)"
     )
-    yield Table(
-        title="Outlying parts",
-        fields=unusual_part("um", "arcsec"),
-        items=result.unusual or (),
-        footer="deviation from the mean of the other parts; false alarms in "
-        f"{100 * FAMILY_RATE:g} % of studies",
-    )
-    yield Table(
-        title="Outlying features",
-        fields=UNUSUAL_FEATURE,
-        items=result.unusual_features,
-        footer="deviation from the mean error of the other features of the operation and axis",
-    )
-    yield Table(
-        title="Trends over the sequence",
-        fields=TREND,
-        items=_significant(result),
-        footer="change from part to part, p over all tables (Holm)",
-    )
-    yield Table(
-        title="Capability",
-        fields=CAPABILITY,
-        items=result.capabilities,
-        footer="pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence",
-    )
+    yield Table(f"Features by operation and axis{datum}", TOTAL, result.totals, footer)
+    parts = unusual_part("um", "arcsec")
+    footer = f"mean of the other parts; false alarms in {100 * FAMILY_RATE:g} % of studies"
+    yield Table("Outlying parts", parts, result.unusual or (), f"deviation from the {footer}")
+    footer = "deviation from the mean error of the other features of the operation and axis"
+    yield Table("Outlying features", UNUSUAL_FEATURE, result.unusual_features, footer)
+    footer = "change from part to part, p over all tables (Holm)"
+    yield Table("Trends over the sequence", TREND, _significant(result), footer)
+    footer = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
+    yield Table("Capability", CAPABILITY, result.capabilities, footer)
     for found in (*result.kinds[1:], result.features):
         yield _listed(found, rows[found.kind])
 
@@ -402,10 +311,9 @@ def _listed(found: Analysed, rows: Sequence[RowOf]) -> Table:
         title += f": the {WORST} of {len(rows)} with the largest errors"
     if found.kind == "feature":
         footer = f"mean and its u; U future = {found.coverage_factor:g} u of a future part"
-        if found.method == "paper":
-            footer += ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
-        footer += "; p of the F test"
-    return Table(title=title, fields=entry(found.kind), items=rows, shown=chosen, footer=footer)
+        papers = ", of the repeats alone (Gilsinn & Ling 2004, eq. (34))"
+        footer += papers * (found.method == "paper") + "; p of the F test"
+    return Table(title, entry(found.kind), rows, footer, shown=chosen)
 
 
 def _verdict(result: AnovaResult) -> str:

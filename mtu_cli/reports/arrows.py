@@ -8,16 +8,17 @@ thicker, with ellipses of k standard uncertainties about the tips where a covari
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import IntArray
 from mtu_cli.reports import figures
-from mtu_cli.reports.labels import clipped, cut, spread
+from mtu_cli.reports.figures import LETTER
+from mtu_cli.reports.labels import cut, spread
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -28,12 +29,10 @@ MOST, FEW = 9, 4
 """Levels on one sheet; of more than the second a level needs three features on average."""
 APART = 1e-3
 """Heights that differ by more of the part's extent are at two levels."""
-NAMED = 80
-"""More features than this are drawn without their names."""
-LETTER, LINE, GAP = 0.066, 0.15, 0.06
-"""Width of a letter and height of a line of names, and the gap before them, inches."""
-SHORTEST, LONGEST = 4, 40
-"""Letters that a name keeps where there is no room for all of it, at least and at most."""
+NAMED, SHORTEST, LONGEST = 80, 4, 40
+"""More features than this are drawn without names; letters of a name, at least and at most."""
+LINE, GAP = 0.15, 0.06
+"""Height of a line of names, and the gap before them, inches."""
 REACH, UPWARDS, RADIUS = 0.95, 0.8, 0.42
 """Of the longest arrow in the plane and across it, and of the largest ellipse, over the distance
 of neighbours."""
@@ -49,7 +48,7 @@ THIN = 0.035
 """Half the width of the ellipses of errors across the plane, inches."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Side:
     """Errors (n, 3) um, nan where not known; ellipses by `covariance` (n, 3, 3) um^2."""
 
@@ -59,7 +58,7 @@ class Side:
     covariance: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Maps:
     """Features at `places` (n, 3) mm with sides that are drawn over one another, group by group.
 
@@ -73,31 +72,47 @@ class Maps:
     k: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Level:
+class Level(NamedTuple):
     """The features `rows` at one height, in words `at`; empty where it is not known."""
 
     at: str
     rows: IntArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Cut:
+class Cut(NamedTuple):
     """The axes of the plane and its `normal`; the levels drawn of `total`."""
 
     plane: tuple[int, int]
     normal: int
-    levels: tuple[Level, ...]
+    levels: list[Level]
     total: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
-    """Arrows of a group at a level, in the plane or `across` it."""
+class Arrows(NamedTuple):
+    """Of a side in a panel: places (m, 2) mm, errors (m, 2) um and k times the root of the
+    covariances, as matrices (m, 2, 2) um^2, of the features whose errors are known.
+    """
 
-    group: int
+    side: Side
+    places: FloatArray
+    errors: FloatArray
+    squares: FloatArray
+
+    @property
+    def radius(self) -> FloatArray:
+        """The longest half axis (m,) of every ellipse, um."""
+        largest = np.linalg.eigvalsh(self.squares)[:, -1]
+        half: FloatArray = np.sqrt(np.clip(largest, 0.0, None))
+        return half
+
+
+class Panel(NamedTuple):
+    """The arrows of a group at a level, in the plane or `across` it."""
+
+    title: str
     level: Level
     across: bool
+    arrows: list[Arrows]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,7 +132,7 @@ class Sheet:
     low: FloatArray
     high: FloatArray
     inch: float
-    scales: tuple[float, float]
+    scales: dict[bool, float]
     spacing: float
     letters: int
 
@@ -126,11 +141,6 @@ class Sheet:
         """Inches on the page."""
         return len(self.rows) * (self.panel + ABOVE) + 0.45
 
-    @property
-    def fine(self) -> float:
-        """Lines and marks of features close together are finer."""
-        return min(1.0, max(0.35, self.spacing / self.inch / 0.6))
-
 
 def cut_of(places: FloatArray, axes: Collection[str]) -> Cut:
     """From above, level by level, unless all features lie in a plane that is seen from the side.
@@ -138,8 +148,8 @@ def cut_of(places: FloatArray, axes: Collection[str]) -> Cut:
     A feature without a height, or errors without one along z, can be seen from above alone.
     """
     sideways = set(AXES) <= set(axes) and not np.isnan(places[:, 2]).any()
-    found = [_levels(places, normal) for normal in ((2, 1, 0) if sideways else (2,))]
-    return next((item for item in found if item.total == 1), found[0])
+    cuts = [_levels(places, normal) for normal in ((2, 1, 0) if sideways else (2,))]
+    return next((item for item in cuts if item.total == 1), cuts[0])
 
 
 def _levels(places: FloatArray, normal: int) -> Cut:
@@ -154,9 +164,8 @@ def _levels(places: FloatArray, normal: int) -> Cut:
     if total > FEW and 3 * total > n:
         level[:] = 0
     rows = [np.flatnonzero(level == i) for i in spread(int(level.max()) + 1, MOST)]
-    plane = [(1, 2), (0, 2), (0, 1)][normal]
-    levels = tuple(Level(at=_height(heights[own], normal), rows=own) for own in rows)
-    return Cut(plane=plane, normal=normal, levels=levels, total=total)
+    levels = [Level(_height(heights[at], normal), at) for at in rows]
+    return Cut([(1, 2), (0, 2), (0, 1)][normal], normal, levels, total)
 
 
 def _height(heights: FloatArray, normal: int) -> str:
@@ -175,128 +184,121 @@ def sheet(maps: Maps, width: float | None = None) -> Sheet:
     The longest arrow is about as long as features are apart, and the ellipses of neighbours about
     touch at the largest u.
     """
-    found = cut_of(maps.places, maps.axes)
-    both = set(AXES) <= set(maps.axes) and _known(maps, found.normal)
-    rows, columns = _rows(maps, found, (False, True) if both else (False,))
+    seen = cut_of(maps.places, maps.axes)
+    sides = [side for _, group in maps.groups for side in group]
+    # Exact zeros along an axis are of a machine without an error there.
+    both = set(AXES) <= set(maps.axes) and any(
+        side.covariance is not None or np.nansum(np.abs(side.errors[:, seen.normal]))
+        for side in sides
+    )
+    rows, columns = _rows(maps, seen, (False, True) if both else (False,))
     room = width or (8.0 if columns == 1 else 12.0)
     tallest = ALONE if columns == 1 else TALLEST
     paper = np.array([(room - 0.9) / columns - 0.2, tallest])
-    flat = maps.places[:, found.plane]
-    spacing = _spacing(flat, found)
-    extent = float(np.ptp(flat, axis=0).max())
+    flat = maps.places[:, seen.plane]
+    spacing, extent = _spacing(flat, seen), float(np.ptp(flat, axis=0).max())
     step = min(spacing, 0.3 * extent) if extent > 0 else spacing
     panels = [panel for row in rows for panel in row]
-    arrows = [(panel.across, *one) for panel in panels for one in _arrows(maps, found, panel)]
-    scales = dict.fromkeys((False, True) if both else (False,), math.inf)
-    for across, _, errors, C in arrows:
-        longest = float(np.linalg.norm(errors, axis=1).max(initial=0.0))
-        radius = maps.k * float(_largest_u(C).max())
-        reach = (UPWARDS if across else REACH) * step / longest if longest > 0 else math.inf
-        touch = RADIUS * step / radius if radius > 0 else math.inf
-        scales[across] = min(scales[across], reach, touch)
-    if max(scales.values()) <= ALIKE * min(scales.values()):
-        scales = dict.fromkeys(scales, min(scales.values()))
-    scales = {across: value if math.isfinite(value) else 1.0 for across, value in scales.items()}
+    scales = _scales(panels, step)
     corners = [flat]
-    for across, places, errors, C in arrows:
-        beyond = maps.k * _largest_u(C)[:, None]
-        corners += [places + scales[across] * (errors + sign * beyond) for sign in (-1, 1)]
+    for panel in panels:
+        for item in panel.arrows:
+            beyond, scale = item.radius[:, None], scales[panel.across]
+            corners += [item.places + scale * (item.errors + sign * beyond) for sign in (-1, 1)]
     ends = np.vstack(corners)
     low, high = ends.min(axis=0) - 0.25 * step, ends.max(axis=0) + 0.25 * step
-    letters = _letters(maps, found, float(((high - low) / paper).max()))
-    beside = np.array([2 * GAP + LETTER * letters, 2 * GAP + LINE]) if letters else np.zeros(2)
+    letters = _letters(maps, seen, float(((high - low) / paper).max()))
+    beside = np.array([2 * GAP + LETTER * letters, 2 * GAP + LINE]) * bool(letters)
     # Names need room beside the features, not beside the tips.
     inch = float((np.ptp(flat, axis=0) / np.maximum(paper - 2 * beside, 0.4 * paper)).max())
     low = np.minimum(low, flat.min(axis=0) - beside * inch)
     high = np.maximum(high, flat.max(axis=0) + beside * inch)
     inch = float(((high - low) / paper).max())
+    wide, tall = ((high - low) / inch).tolist()
     return Sheet(
-        maps=maps, cut=found, rows=rows, columns=columns, room=room, low=low, high=high, inch=inch,
-        width=max(8.0, min(room, columns * (float(high[0] - low[0]) / inch + 0.2) + 0.9)),
-        panel=min(max(float(high[1] - low[1]) / inch, LOWEST), tallest), spacing=spacing,
-        scales=(scales[False], scales[both]), letters=letters,
+        maps=maps, cut=seen, rows=rows, columns=columns, room=room, low=low, high=high, inch=inch,
+        width=max(8.0, min(room, columns * (wide + 0.2) + 0.9)), scales=scales, spacing=spacing,
+        panel=min(max(tall, LOWEST), tallest), letters=letters,
     )  # fmt: skip
 
 
-def _known(maps: Maps, axis: int) -> bool:
-    """Whether there are errors along an axis, and not exact zeros alone beside others."""
-    sides = [side for _, own in maps.groups for side in own]
-    along = np.concatenate([side.errors[:, axis] for side in sides])
-    still = not any(np.nansum(np.abs(side.errors)) for side in sides)
-    if still or any(side.covariance is not None for side in sides):
-        return bool(np.isfinite(along).any())
-    return bool(np.nan_to_num(along).any())
+def _scales(panels: Sequence[Panel], step: float) -> dict[bool, float]:
+    """mm of the figure a um, in the plane and across it."""
+    scales = dict.fromkeys([panel.across for panel in panels], math.inf)
+    for panel in panels:
+        for item in panel.arrows:
+            longest = float(np.linalg.norm(item.errors, axis=1).max(initial=0.0))
+            radius = float(item.radius.max(initial=0.0))
+            reach = UPWARDS if panel.across else REACH
+            for size, share in ((longest, reach), (radius, RADIUS)):
+                if size > 0:
+                    scales[panel.across] = min(scales[panel.across], share * step / size)
+    if max(scales.values()) <= ALIKE * min(scales.values()):
+        scales = dict.fromkeys(scales, min(scales.values()))
+    return {across: value if math.isfinite(value) else 1.0 for across, value in scales.items()}
 
 
-def _rows(maps: Maps, found: Cut, kinds: tuple[bool, ...]) -> tuple[list[list[Panel]], int]:
+def _rows(maps: Maps, seen: Cut, kinds: tuple[bool, ...]) -> tuple[list[list[Panel]], int]:
     """A row a group and direction, a column a level; of one level all in rows one after another."""
     strips = [
-        [Panel(group=g, level=one, across=across) for one in found.levels]
-        for g in range(len(maps.groups))
+        [_panel(maps, seen, group, level, across) for level in seen.levels]
+        for group in maps.groups
         for across in kinds
     ]
-    alone = len(found.levels) == 1
+    alone = len(seen.levels) == 1
     if alone:
         strips = [[panel for strip in strips for panel in strip]]
-    width, height = np.ptp(maps.places[:, found.plane], axis=0)
+    width, height = np.ptp(maps.places[:, seen.plane], axis=0)
     most = 1 if width > 5 * height > 0 else 2 if width > 2.2 * height > 0 else 3
-    columns = figures.columns_of(
-        len(strips[0]), min(most, 2) if alone and len(kinds) == 2 else most
-    )
+    most = min(most, 2) if alone and len(kinds) == 2 else most
+    columns = figures.columns_of(len(strips[0]), most)
     rows = [strip[i : i + columns] for strip in strips for i in range(0, len(strip), columns)]
     return rows, columns
 
 
-def _arrows(
-    maps: Maps, found: Cut, panel: Panel
-) -> Iterator[tuple[FloatArray, FloatArray, FloatArray | None]]:
-    """Places (m, 2) mm, errors (m, 2) um and covariances (m, 2, 2) of the features of a panel whose
-    errors are known, side by side; those across the plane upwards.
-    """
-    chosen = [found.normal] if panel.across else list(found.plane)
-    for side in maps.groups[panel.group][1]:
-        rows = panel.level.rows
-        rows = rows[np.isfinite(side.errors[rows][:, chosen]).all(axis=1)]
-        errors = side.errors[rows][:, chosen]
-        C = None if side.covariance is None else side.covariance[rows][:, chosen][:, :, chosen]
-        if panel.across:
-            errors = np.column_stack([np.zeros(len(rows)), errors])
-            C = None if C is None else np.pad(C, ((0, 0), (1, 0), (1, 0)))
-        yield maps.places[rows][:, found.plane], errors, C
+def _panel(
+    maps: Maps, seen: Cut, group: tuple[str, tuple[Side, ...]], level: Level, across: bool
+) -> Panel:
+    """Errors in the plane; those across it upwards."""
+    chosen = [seen.normal] if across else list(seen.plane)
+    arrows = []
+    for side in group[1]:
+        rows = level.rows[np.isfinite(side.errors[level.rows][:, chosen]).all(axis=1)]
+        errors, squares = np.zeros((len(rows), 2)), np.zeros((len(rows), 2, 2))
+        errors[:, -len(chosen) :] = side.errors[rows][:, chosen]
+        if side.covariance is not None:
+            C = side.covariance[rows][:, chosen][:, :, chosen]
+            squares[:, -len(chosen) :, -len(chosen) :] = maps.k**2 * C
+        arrows.append(Arrows(side, maps.places[rows][:, seen.plane], errors, squares))
+    plane = " and ".join(f"E{AXES[axis]}" for axis in seen.plane)
+    kind = f"E{AXES[seen.normal]} (up is +)" if across else plane
+    title = ", ".join(filter(None, (cut(group[0], 20), kind, level.at)))
+    return Panel(title, level, across, arrows)
 
 
-def _largest_u(C: FloatArray | None) -> FloatArray:
-    """The largest standard uncertainty of every arrow; 0 without a covariance."""
-    if C is None or not len(C):
-        return np.zeros(1)
-    u: FloatArray = np.sqrt(np.clip(np.linalg.eigvalsh(C)[:, -1], 0.0, None))
-    return u
-
-
-def _spacing(flat: FloatArray, found: Cut) -> float:
+def _spacing(flat: FloatArray, seen: Cut) -> float:
     """About the distance of neighbours at a level, as if features were spread evenly."""
     apart = []
-    for level in found.levels:
-        own = np.unique(np.round(flat[level.rows], 6), axis=0)
-        if len(own) > 1:
-            width, height = np.ptp(own, axis=0)
-            even = math.sqrt(width * height) / max(math.sqrt(len(own)) - 1, 1)
-            apart.append(CLOSER * max(even, max(width, height) / (len(own) - 1)))
+    for level in seen.levels:
+        spots = np.unique(np.round(flat[level.rows], 6), axis=0)
+        if len(spots) > 1:
+            width, height = np.ptp(spots, axis=0)
+            even = math.sqrt(width * height) / max(math.sqrt(len(spots)) - 1, 1)
+            apart.append(CLOSER * max(even, max(width, height) / (len(spots) - 1)))
     return min(apart, default=10.0)
 
 
-def _letters(maps: Maps, found: Cut, inch: float) -> int:
+def _letters(maps: Maps, seen: Cut, inch: float) -> int:
     """Letters of a name that have room between features in one line; 0 for no names."""
-    longest = max(map(len, maps.ids))
-    room = float(LONGEST)
-    for level in found.levels:
-        places = maps.places[level.rows][:, found.plane] / inch
+    longest, room = max(map(len, maps.ids)), float(LONGEST)
+    for level in seen.levels:
+        places = maps.places[level.rows][:, seen.plane] / inch
         if len(places) > NAMED:
             return 0
         dx, dy = np.abs(places[:, None] - places[None])[np.triu_indices(len(places), 1)].T
         room = min(room, float(dx[dy < LINE].min(initial=np.inf)) / LETTER - 1.0)
     letters = min(longest, int(room))
-    alike = len({clipped(name, letters) for name in maps.ids}) < len(maps.ids)
+    alike = len({cut(name, letters) for name in maps.ids}) < len(maps.ids)
     return 0 if alike or letters < min(longest, SHORTEST) else letters
 
 
@@ -314,52 +316,47 @@ def draw(page: Figure | SubFigure, drawn: Sheet, title: str) -> None:
 
     shown, total = len(drawn.cut.levels), drawn.cut.total
     figures.title(page, title + (f" ({shown} of {total} levels)" if 1 < shown < total else ""))
-    sides = {side.name: side.colour for _, own in drawn.maps.groups for side in own if side.name}
-    if sides:
-        handles = [Line2D([], [], color=c, linewidth=2.2, label=name) for name, c in sides.items()]
+    sides = {side.name: side.colour for _, group in drawn.maps.groups for side in group}
+    handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
+    if handles:
         page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
     across, up = (AXES[axis] for axis in drawn.cut.plane)
     panels = page.subplots(len(drawn.rows), drawn.columns, squeeze=False)
-    for row, own in zip(drawn.rows, panels, strict=True):
-        for panel in own[len(row) :]:
+    for row, blank in zip(drawn.rows, panels, strict=True):
+        for panel in blank[len(row) :]:
             panel.set_axis_off()
         for c, what in enumerate(row):
-            _draw_panel(own[c], drawn, what)
-            own[c].set_xlabel(f"{across}, mm")
-            if c == 0:
-                own[c].set_ylabel(f"{up}, mm")
+            _draw_panel(blank[c], drawn, what)
+            blank[c].set_xlabel(f"{across}, mm")
+            blank[c].set_ylabel(f"{up}, mm" if c == 0 else "")
             if c == 0 or what.across != row[c - 1].across:
-                _scale_arrow(own[c], drawn, drawn.scales[what.across])
+                _scale_arrow(blank[c], drawn, drawn.scales[what.across])
 
 
 def _draw_panel(panel: Axes, drawn: Sheet, what: Panel) -> None:
-    maps, scale, fine = drawn.maps, drawn.scales[what.across], drawn.fine
-    title, sides = maps.groups[what.group]
-    for i, (side, (places, errors, C)) in enumerate(
-        zip(sides, _arrows(maps, drawn.cut, what), strict=True)
-    ):
-        if C is not None:
-            squares = C * (maps.k * scale) ** 2
-            _ellipses(panel, places + scale * errors, squares, what.across * THIN * drawn.inch)
+    """Lines and marks of features close together are finer."""
+    scale, fine = drawn.scales[what.across], min(1.0, max(0.35, drawn.spacing / drawn.inch / 0.6))
+    for i, item in enumerate(what.arrows):
+        if item.side.covariance is not None:
+            least = what.across * THIN * drawn.inch
+            tips = item.places + scale * item.errors
+            _ellipses(panel, tips, item.squares * scale**2, least)
         # The first is wider, to be seen where both are the same.
-        thick = 2.0 if len(sides) > 1 and i == 0 else 1.0
+        thick = 2.0 if len(what.arrows) > 1 and i == 0 else 1.0
         panel.quiver(
-            *places.T, *scale * errors.T, angles="xy", scale_units="xy", scale=1,
-            color=side.colour, units="inches", width=0.022 * fine * thick,
+            *item.places.T, *scale * item.errors.T, angles="xy", scale_units="xy", scale=1,
+            color=item.side.colour, units="inches", width=0.022 * fine * thick,
             headwidth=4.5 / thick**0.5, headlength=5.5 / thick**0.5, headaxislength=5 / thick**0.5,
             minlength=0.1, zorder=4,
         )  # fmt: skip
-    dots = maps.places[what.level.rows][:, drawn.cut.plane]
+    dots = drawn.maps.places[what.level.rows][:, drawn.cut.plane]
     panel.plot(*dots.T, "o", color=figures.INK, markersize=2.6 * fine, zorder=5)
     panel.set_aspect("equal")
     panel.set_xlim(drawn.low[0], drawn.high[0])
     panel.set_ylim(drawn.low[1], drawn.high[1])
     if drawn.letters:
         _write_names(panel, drawn, what)
-    plane = " and ".join(f"E{AXES[axis]}" for axis in drawn.cut.plane)
-    kind = f"E{AXES[drawn.cut.normal]} (up is +)" if what.across else plane
-    words = (cut(title, 20), kind, what.level.at)
-    panel.set_title(", ".join(filter(None, words)), pad=20, fontsize=9)
+    panel.set_title(what.title, pad=20, fontsize=9)
 
 
 def _ellipses(panel: Axes, tips: FloatArray, squares: FloatArray, least: float) -> None:
@@ -386,13 +383,13 @@ def _write_names(panel: Axes, drawn: Sheet, what: Panel) -> None:
 
     halo = [withStroke(linewidth=2.2, foreground="white")]
     chosen = [drawn.cut.normal] if what.across else list(drawn.cut.plane)
-    total = np.nansum([side.errors for side in drawn.maps.groups[what.group][1]], axis=0)
+    total = np.nansum([item.side.errors for item in what.arrows], axis=0)
     for row in what.level.rows:
         across, up = (0.0, *total[row, chosen])[-2:]
         upright, below = abs(up) >= abs(across), up >= 0.0
         x, y = drawn.maps.places[row, drawn.cut.plane].tolist()
         panel.annotate(
-            clipped(drawn.maps.ids[row], drawn.letters),
+            cut(drawn.maps.ids[row], drawn.letters),
             (x, y), textcoords="offset points",
             xytext=(-72 * GAP, 0) if upright else (0, 72 * GAP * (-1) ** below),
             ha="right" if upright else "center",

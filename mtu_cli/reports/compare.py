@@ -7,88 +7,105 @@ in their Table 10. Ratios are measured over predicted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from functools import partial
 
 from mtu_cli.analyses.compare import CompareResult, Summary
+from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, count, rows_of
+from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
 from mtu_cli.reports.numbers import MISSING, p_value, significant, span
 from mtu_cli.units import UM
 
 SHOWN = 40
 """Features listed one by one; of more the most interesting."""
-HOLM = "adjusted for all tests of the study (Holm)"
-
-
-def _mean(side: str) -> Iterator[Field]:
-    """Mean, u and U of the predicted or the measured side."""
-    yield Field(
-        f"{side}.mean_um",
-        f"{side}.mean",
-        "mean error, actual minus nominal",
-        head=side,
-        u=f"{side}.u",
-        show="plus-minus",
-    )
-    yield Field(f"{side}.u_um", f"{side}.u", "standard uncertainty of one future part")
-    yield Field(f"{side}.U_um", f"{side}.U", "k u", head=f"U\n{side}", detail=True)
-
-
-def _test(name: str, meaning: str) -> Field:
-    text = f"p of the {meaning}, {HOLM}"
-    return Field(f"p_{name}_familywise", f"p_{name}", text, head=f"p\n{name}", show="p")
-
-
-def _ratio(path: str, value: str, meaning: str, head: str = "") -> Field:
-    return Field(path, value, meaning, head=head and f"{head}\nratio", detail=head != "scatter")
-
-
-ROW: Fields = (
-    Field("", lambda x: "feature" if x.labels[2] else "length", "of item", csv="kind"),
-    Field("", lambda x: " ".join(filter(None, x.labels)), head="item", show="text"),
-    Field("", lambda x: x.table.stated(x.index), head="verdict", show="text"),
-    Field("id", "labels.1", "name of the feature or length"),
-    Field("axis", lambda x: x.labels[2] or None, "null: a length"),
-    Field("operation", lambda x: x.labels[0] or None, "null: not stated"),
-    *_mean("predicted"),
-    Field("predicted.independent_u_um", "independent.u", "components and points independent"),
-    Field("predicted.independent_U_um", "independent.U", "k times it"),
-    *_mean("measured"),
-    Field("measured.parts", count("one_way.parts"), "number of parts"),
-    Field("measured.n", count("one_way.N"), "number of readings"),
-    Field("measured.n0", "one_way.n0", "E ms_between = s_repeat^2 + n0 s_part^2"),
-    Field("measured.s_part_um", "s_part", "standard deviation from part to part"),
-    Field("measured.ms_between_um2", "one_way.ms_between", "mean square between parts"),
-    Field("measured.sqrt_ms_between_over_s_part", "ms_share", "the paper's scatter over s_part"),
-    Field("measured.paper_u_um", "measured_paper.u", "u with ms_between as the part variance"),
-    Field(
-        "bias_um",
-        "bias",
-        "measured minus predicted mean",
-        head="bias",
-        u="u_difference",
-        show="plus-minus",
-    ),
-    Field("u_bias_um", "u_difference", "its standard uncertainty"),
-    Field("E_n", meaning="bias/(k u_bias)", head="E_n"),
-    _test("bias", "bias"),
-    _ratio("ratio_u", "ratio_u", "of u of one future part", "u"),
-    _ratio("ratio_scatter", "ratio_scatter", "of scatter from part to part", "scatter"),
-    _ratio("ratio_ms_between", "ratio_ms", "of ms_between and its expectation"),
-    _test("scatter", "scatter from part to part"),
-    Field("range_width_um.predicted", "predicted.width", "2 (|mean| + k u)", unit="um"),
-    Field("range_width_um.measured", "measured.width", "2 (|mean| + k u)", unit="um"),
-    _ratio("ratio_range", "ratio_range", "of the range widths", "range"),
-    Field("paper.range_width_um.predicted", "independent.width", "independent", unit="um"),
-    Field("paper.range_width_um.measured", "measured_paper.width", "by paper_u", unit="um"),
-    _ratio("paper.ratio_range", "paper_ratio_range", "of the paper's range widths"),
-    _ratio("paper.ratio_u", "paper_ratio_u", "of paper_u and independent_u"),
-    Field("biased", meaning="whether the mean is off; null: not tested"),
-    Field("under_predicted", meaning="whether the scatter is larger than predicted"),
-    Field("over_predicted", meaning="whether the scatter is smaller than predicted"),
-    Field("verdict", "verdicts", "the gravest fault, or consistent; null: not tested"),
+ITEM = """
+    - | kind() | of item | -, csv=kind
+    - | words(labels) | | item, text
+    - | outcome() | | verdict, text
+    id | labels.1 | name of the feature or length
+    axis | stated(labels.2) | null: a length
+    operation | stated(labels.0) | null: not stated
+    predicted.mean_um | predicted.mean | mean error, actual minus nominal \
+        | predicted, plus-minus, u=predicted.u
+    predicted.u_um | predicted.u | standard uncertainty of one future part
+    predicted.U_um | predicted.U | k u | U / predicted, detail
+    predicted.independent_u_um | independent.u | components and points independent
+    predicted.independent_U_um | independent.U | k times it
+    measured.mean_um | measured.mean | mean error, actual minus nominal \
+        | measured, plus-minus, u=measured.u
+    measured.u_um | measured.u | standard uncertainty of one future part
+    measured.U_um | measured.U | k u | U / measured, detail
+    measured.parts | int(one_way.parts) | number of parts
+    measured.n | int(one_way.N) | number of readings
+    measured.n0 | one_way.n0 | E ms_between = s_repeat^2 + n0 s_part^2
+    measured.s_part_um | s_part | standard deviation from part to part
+    measured.ms_between_um2 | one_way.ms_between | mean square between parts
+    measured.sqrt_ms_between_over_s_part | ms_share | the paper's scatter over s_part
+    measured.paper_u_um | measured_paper.u | u with ms_between as the part variance
+    bias_um | bias | measured minus predicted mean | bias, plus-minus, u=u_difference
+    u_bias_um | u_difference | its standard uncertainty
+    E_n | | bias/(k u_bias) | E_n
+    p_bias_familywise | p_bias | p of the bias, adjusted for all tests of the study (Holm) \
+        | p / bias, p
+    ratio_u | | of u of one future part | u / ratio, detail
+    ratio_scatter | | of scatter from part to part | scatter / ratio
+    ratio_ms_between | ratio_ms | of ms_between and its expectation
+    p_scatter_familywise | p_scatter | p of the scatter from part to part, adjusted for all tests \
+        of the study (Holm) | p / scatter, p
+    range_width_um.predicted | predicted.width | 2 (|mean| + k u) | -, unit=um
+    range_width_um.measured | measured.width | 2 (|mean| + k u) | -, unit=um
+    ratio_range | | of the range widths | range / ratio, detail
+    paper.range_width_um.predicted | independent.width | independent | -, unit=um
+    paper.range_width_um.measured | measured_paper.width | by paper_u | -, unit=um
+    paper.ratio_range | paper_ratio_range | of the paper's range widths
+    paper.ratio_u | paper_ratio_u | of paper_u and independent_u
+    biased | | whether the mean is off; null: not tested
+    under_predicted | | whether the scatter is larger than predicted
+    over_predicted | | whether the scatter is smaller than predicted
+    verdict | verdicts | the gravest fault, or consistent; null: not tested
+"""
+ROW = declare(
+    ITEM,
+    kind=lambda x: "feature" if x.labels[2] else "length",
+    outcome=lambda x: x.table.stated(x.index),
 )
+SUMMARY = """
+    operation | stated(operation) | null: not stated
+    - | name() | | measured, text
+    verdict_text | verdict() | the verdict in words
+    items | | number of items
+    verdicts | | number of items by gravest fault
+    not_tested | | items that could not be tested
+    tested.bias | bias_tested | items tested for bias
+    tested.scatter | scatter_tested | items tested for scatter
+    - | verdicts.consistent | | con- / sistent, some()
+    biased | | items with that fault | biased, some()
+    under_predicted | | items with that fault | under- / predicted, some()
+    over_predicted | | items with that fault | over- / predicted, some()
+    under_predicted_factor | factors() | least and largest scatter ratio of the under-predicted
+    *pooled
+    ratio_u | ranges.ratio_u.ends | least and largest ratio of u | u ratio, span
+    ratio_scatter | ranges.ratio_scatter.ends | least and largest ratio of scatter from part to \
+        part | scatter ratio, span
+    ratio_range | ranges.ratio_range.ends | least and largest ratio of range widths \
+        | range ratio, span
+    median_ratio_u | ranges.ratio_u.median | median ratio of u
+    median_ratio_range | ranges.ratio_range.median | median ratio of range widths
+    paper_ratio_u | ranges.paper_ratio_u.ends | least and largest ratio of u as in the paper
+    paper_ratio_range | ranges.paper_ratio_range.ends | least and largest ratio of range widths as \
+        in the paper
+    median_bias_um | ranges.bias.median | median bias
+    n0 | ranges.n0.median | median n0
+    sqrt_ms_between_over_s_part | ranges.ms_share.ends | least and largest of the items' figure
+"""
+POOLED = """
+    all_at_once. | pooled
+        items | | items whose scatter is pooled
+        ratio_scatter | ratio | their scatter, measured over predicted
+        p_scatter_familywise | p | p of it, adjusted for all tests of the study (Holm) \
+            | p / pooled, p
+        verdict | verdict() | what the test shows
+"""
 
 
 def verdict_text(item: Summary) -> str:
@@ -125,120 +142,64 @@ def _size(item: Summary, name: str, text: str) -> str:
     return f": {text.format(span(*ends))}"
 
 
-def _ends(name: str, meaning: str, head: str = "") -> Field:
-    return Field(name, f"ranges.{name}.ends", f"least and largest {meaning}", head=head, show=_span)
-
-
-def _span(ends: tuple[float, float], u: None, digits: int) -> str:
-    return span(*(significant(end, digits) for end in ends))
-
-
-def _some(value: int, u: None, digits: int) -> str:
-    return str(value) if value else MISSING
-
-
-def _median(name: str, value: str, meaning: str) -> Field:
-    return Field(name, f"ranges.{value}.median", f"median {meaning}")
-
-
 def summary(kind: str) -> Fields:
     """The figures of an operation; the pooled test is of features."""
-    pooled = Group(
-        "all_at_once",
-        (
-            Field("items", meaning="items whose scatter is pooled"),
-            Field("ratio_scatter", "ratio", "their scatter, measured over predicted"),
-            Field("p_scatter_familywise", "p", f"p of it, {HOLM}", head="p\npooled", show="p"),
-            Field("verdict", lambda x: x.verdict or "consistent", "what the test shows"),
-        ),
-        "pooled",
-    )
-    return (
-        Field("operation", lambda x: x.operation or None, "null: not stated"),
-        Field("", lambda x: f"{x.operation} {x.kind}".strip(), head="measured", show="text"),
-        Field("verdict_text", verdict_text, "the verdict in words"),
-        Field("items", meaning="number of items"),
-        Field("verdicts", meaning="number of items by gravest fault"),
-        Field("not_tested", meaning="items that could not be tested"),
-        Field("tested.bias", "bias_tested", "items tested for bias"),
-        Field("tested.scatter", "scatter_tested", "items tested for scatter"),
-        Field("", lambda x: x.verdicts["consistent"], head="con-\nsistent", show=_some),
-        *(
-            Field(name, meaning="items with that fault", head=name.replace("_", "-\n"), show=_some)
-            for name in ("biased", "under_predicted", "over_predicted")
-        ),
-        Field(
-            "under_predicted_factor",
-            lambda x: x.ranges["under_factor"].ends if "under_factor" in x.ranges else [],
-            "least and largest scatter ratio of the under-predicted",
-        ),
-        *([pooled] if kind == "features" else []),
-        _ends("ratio_u", "ratio of u", "u ratio"),
-        _ends("ratio_scatter", "ratio of scatter from part to part", "scatter ratio"),
-        _ends("ratio_range", "ratio of range widths", "range ratio"),
-        _median("median_ratio_u", "ratio_u", "ratio of u"),
-        _median("median_ratio_range", "ratio_range", "ratio of range widths"),
-        _ends("paper_ratio_u", "ratio of u as in the paper"),
-        _ends("paper_ratio_range", "ratio of range widths as in the paper"),
-        _median("median_bias_um", "bias", "bias"),
-        _median("n0", "n0", "n0"),
-        Field(
-            "sqrt_ms_between_over_s_part",
-            "ranges.ms_share.ends",
-            "least and largest of the items' figure",
-        ),
+    pooled = declare(POOLED, verdict=lambda x: x.verdict or "consistent")
+    return declare(
+        SUMMARY,
+        name=lambda x: f"{x.operation} {x.kind}".strip(),
+        verdict=verdict_text,
+        some=lambda value, u, digits: str(value) if value else MISSING,
+        factors=lambda x: x.ranges["under_factor"].ends if "under_factor" in x.ranges else [],
+        pooled=pooled if kind == "features" else [],
     )
 
 
-def _lengths(result: CompareResult) -> list[Any]:
+def _features(result: CompareResult) -> list[RowOf]:
+    return rows_of(result.features, len(result.features.labels))
+
+
+def _lengths(result: CompareResult) -> list[RowOf]:
     return [] if result.lengths is None else rows_of(result.lengths, len(result.lengths.labels))
 
 
-RESULTS: Fields = (
-    Field("datum", meaning="best-fit alignment removed from each part"),
-    Group("features", ROW, lambda x: rows_of(x.features, len(x.features.labels)), many=True),
-    Group("lengths", ROW, _lengths, many=True),
-    Group("summary.features", summary("features"), "feature_summaries", many=True),
-    Group(
-        "summary.lengths",
-        summary("lengths"),
-        lambda x: None if x.lengths is None else x.length_summaries,
-        many=True,
-    ),
+RESULTS = declare(
+    """
+    datum | | best-fit alignment removed from each part
+    features[] | features() | *row
+    lengths[] | lengths() | *row
+    summary.features[] | feature_summaries | *of_features
+    summary.lengths[] | length_summaries() | *of_lengths
+    """,
+    features=_features,
+    lengths=_lengths,
+    row=ROW,
+    of_features=summary("features"),
+    of_lengths=summary("lengths"),
+    length_summaries=lambda x: None if x.lengths is None else x.length_summaries,
 )
 
 
 def document(result: CompareResult, digits: int = 2) -> Document:
     """A row an operation and kind, then a row an item, lengths first."""
-    from mtu_cli.reports import part_figures
-
-    features = rows_of(result.features, len(result.features.labels))
-    lengths, chosen, title = _lengths(result), features, "Lengths and features"
+    features, lengths = _features(result), _lengths(result)
+    chosen, title = features, "Lengths and features" if lengths else "Features"
     if len(features) > SHOWN:
         chosen = [features[i] for i in result.features.by_interest()[:SHOWN]]
         title += f": faults first, {SHOWN} of {len(features)} features"
     summaries = [*result.feature_summaries, *result.length_summaries]
-    return Document(
-        title="Predicted against measured",
-        results=(RESULTS, result),
-        tables=[
-            Table(title="", fields=ROW, items=[*features, *lengths], shown=()),
-            Table(
-                title="Verdicts and ratios",
-                fields=summary("features"),
-                items=summaries,
-                footer="items with each fault (5 % over the study); ratios: measured over "
-                "predicted, least to largest",
-            ),
-            Table(
-                title=title if lengths else title.replace("Lengths and f", "F"),
-                fields=ROW,
-                items=[*lengths, *chosen],
-                footer="± u, of mean errors that of one future part; E_n = bias/"
-                f"({result.coverage_factor:g} u); p: of all items together (Holm)",
-            ),
-        ],
-        figure=lambda: part_figures.compare(result),
-        verdict="\n".join(f"{verdict_text(item)}." for item in summaries),
-        digits=digits,
+    faults = (
+        "items with each fault (5 % over the study); ratios: measured over predicted, least to "
+        "largest"
     )
+    means = "± u, of mean errors that of one future part"
+    footer = f"{means}; E_n = bias/({result.coverage_factor:g} u); p: of all items together (Holm)"
+    tables = [
+        Table("", ROW, [*features, *lengths], shown=()),
+        Table("Verdicts and ratios", summary("features"), summaries, faults),
+        Table(title, ROW, [*lengths, *chosen], footer),
+    ]
+    figure = partial(part_figures.compare, result)
+    verdict = "\n".join(f"{verdict_text(item)}." for item in summaries)
+    title = "Predicted against measured"
+    return Document(title, (RESULTS, result), tables, figure, verdict, digits)

@@ -12,15 +12,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
 
-from mtu_cli.analyses.correct.result import CorrectResult, SizeErrors
+from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, RowOf, rows_of
-from mtu_cli.reports.numbers import degrees_of_freedom, fixed, significant
+from mtu_cli.reports import part_figures
+from mtu_cli.reports.document import KIND, Document, Table
+from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
+from mtu_cli.reports.numbers import degrees_of_freedom, significant
 from mtu_cli.units import UM
 
 SHOWN = 40
@@ -28,184 +28,151 @@ SHOWN = 40
 ROUNDING_UM = 1e-4
 """A form error below a tenth of a nanometre is rounding."""
 KINDS: dict[Kind, str] = {"circle": "circles", "sphere": "spheres", "length": "lengths"}
-
-
-def _of_axes(name: str, value: str, meaning: str, unit: str = "") -> Iterator[Field]:
-    """A figure of each axis, beside the others of its kind; without a unit not in the CSV."""
-    path = f"{name}_{unit}" if unit else name
-    for k, a in enumerate(AXES):
-        csv = f"{name}_{a}_{unit}" if unit else ""
-        yield Field(f"{path}.{a}", f"{value}.{k}", meaning, csv=csv, unit=unit)
-
-
-ROW: Fields = (
-    Field("part", meaning="name of the part", head="part", show="text"),
-    Field("feature", meaning="name of the feature", head="feature", show="text"),
-    Field("repeat", meaning="its repeat", head="repeat", show="count", names=True),
-    Field("operation", meaning="its operation", head="operation", show="text"),
-    *(Field(f"measured.{a}_mm", f"points.measured.{k}", "measured") for k, a in enumerate(AXES)),
-    *(
-        each
-        for k, a in enumerate(AXES)
-        for each in (
-            Field(
-                f"correction_um.{a}",
-                f"correction.{k}",
-                "minus the modelled error",
-                csv=f"correction_{a}_um",
-                unit="um",
-                head=f"correction {a}",
-                u=f"u.{k}",
-                show="plus-minus",
-            ),
-            Field(
-                f"u_correction_um.{a}",
-                f"u.{k}",
-                "its standard uncertainty",
-                csv=f"u_correction_{a}_um",
-                unit="um",
-            ),
-        )
-    ),
-    *_of_axes("dof_effective", "dof", "of the correction; null: infinite"),
-    *(
-        Field(
-            f"corrected.{a}_mm",
-            f"corrected.{k}",
-            "measured plus correction",
-            head=f"corrected {a}",
-            u=f"u_corrected.{k}",
-        )
-        for k, a in enumerate(AXES)
-    ),
-    *_of_axes("u_corrected", "u_corrected", "standard uncertainty of corrected", "um"),
-    *_of_axes("dof_corrected", "dof_corrected", "of it; null: infinite"),
+POINT = """
+    part | | name of the part | part, text
+    feature | | name of the feature | feature, text
+    repeat | | its repeat | repeat, count, names
+    operation | | its operation | operation, text
+    *of_axes
+"""
+OF_AXES = (
+    "measured.A_mm | points.measured.K | measured",
+    """
+    correction_um.A | correction.K | minus the modelled error \
+        | correction A, plus-minus, u=u.K, unit=um, csv=correction_A_um
+    u_correction_um.A | u.K | its standard uncertainty | -, unit=um, csv=u_correction_A_um
+    """,
+    "dof_effective.A | dof.K | of the correction; null: infinite | -, json, unit=",
+    "corrected.A_mm | corrected.K | measured plus correction | corrected A, u=u_corrected.K",
+    """
+    u_corrected_um.A | u_corrected.K | standard uncertainty of corrected \
+        | -, unit=um, csv=u_corrected_A_um
+    """,
+    "dof_corrected.A | dof_corrected.K | of it; null: infinite | -, json, unit=",
 )
-
-
-def _sides(path: str, value: str, of: str, before: Any, after: Any) -> tuple[Field, Field]:
-    """A figure before and after the correction, with what tables need of each."""
-    unit = path.rpartition("_")[2]
-    return (
-        Field(f"{path}.before", f"{value}.0", f"{of} before the correction", unit=unit, **before),
-        Field(f"{path}.after", f"{value}.1", f"{of} after the correction", unit=unit, **after),
-    )
+"""Each of every axis before the next."""
+ROW = declare(
+    POINT,
+    of_axes=[
+        field
+        for text in OF_AXES
+        for k, axis in enumerate(AXES)
+        for field in declare(text.replace("A", axis).replace("K", str(k)))
+    ],
+)
+SIZE = """
+    id | | its name | id, text
+    part | | name of the part | part, text
+    operation | stated(operation) | its operation | operation, text
+    n_repeats | len(repeats) | number of repeats
+    *temperature
+    *size
+    *reference
+    *error
+    reduction_percent | | 100 (1 - |after|/|before|)
+    u_um | u | standard uncertainty of the corrected size
+    U_um | U | expanded uncertainty k u
+    dof_effective | dof | degrees of freedom of u; null: infinite
+    interval95_mm | interval95 | 95 % interval of the corrected size
+    u_error_um | u_error | standard uncertainty of the error after
+    interval95_um | error_interval95 | 95 % interval of the error after \
+        | 95 % interval, interval, u=u_error
+    - | reduction_shown | | reduction / %, fix1
+    E_n | | error after over its expanded uncertainty (ISO 13528) | E_n, detail
+    s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
+    *form
+    *calibration
+    repeats[] | | *repeat
+"""
+REPEAT = """
+    repeat | | number of the repeat
+    *temperature
+    *size
+    *of_ring
+    *error
+    u_um | u | standard uncertainty of the corrected size
+    *form
+"""
+TEMPERATURE = "temperature_degC | temperature | of the ring | T, fix1, names"
+BEFORE_AFTER = """
+    NAME.before | size.0 | mean over the repeats before the correction | -, unit=mm
+    NAME.after | size.1 | mean over the repeats after the correction \
+        | corrected, plus-minus, u=u, unit=mm
+"""
+ERROR = """
+    error_um.before | error.0 | measured minus reference before the correction \
+        | error before, u=u_error, unit=um
+    error_um.after | error.1 | measured minus reference after the correction \
+        | after, plus-minus, u=u_error, unit=um
+"""
+FORM = """
+    form_um.before | form.0 | range of radial residuals before the correction \
+        | form before, form(), detail, unit=um
+    form_um.after | form.1 | range of radial residuals after the correction \
+        | form after, form(), detail, unit=um
+"""
 
 
 def _form(value: float, u: None, digits: int) -> str:
     return "0" if value < ROUNDING_UM else significant(value)
 
 
-TEMPERATURE = Field(
-    "temperature_degC", "temperature", "of the ring", head="T", names=True,
-    show=lambda value, u, digits: fixed(value, 1),
-)  # fmt: skip
-ERROR = _sides(
-    "error_um",
-    "error",
-    "measured minus reference",
-    {"head": "error before", "u": "u_error"},
-    {"head": "after", "u": "u_error", "show": "plus-minus"},
-)
-U_SIZE = Field("u_um", "u", "standard uncertainty of the corrected size")
-FORM = _sides(
-    "form_um",
-    "form",
-    "range of radial residuals",
-    {"head": "form before", "show": _form, "detail": True},
-    {"head": "form after", "show": _form, "detail": True},
-)
-
-
 def size(kind: Kind) -> Fields:
     """The figures of a diameter or length of a part."""
     ring = kind != "length"
-    reference = "calibrated_mm" if ring else "nominal_mm"
-    known = Field(
-        reference, "reference", "reference", head=reference.removesuffix("_mm"),
-        show=lambda value, u, digits: fixed(value, 4),
-    )  # fmt: skip
-    sizes = _sides(
-        "diameter_mm" if ring else "length_mm",
-        "size",
-        "mean over the repeats",
-        {},
-        {"head": "corrected", "u": "u", "show": "plus-minus"},
+    reference = "calibrated" if ring else "nominal"
+    calibration = "U_calibrated_um | U_reference | of the calibration (k = 2)"
+    known = declare(f"{reference}_mm | reference | reference | {reference}, fix4")
+    shared = {
+        "temperature": declare(TEMPERATURE) if ring else [],
+        "size": declare(BEFORE_AFTER.replace("NAME", "diameter_mm" if ring else "length_mm")),
+        "error": declare(ERROR),
+        "form": declare(FORM, form=_form) if ring else [],
+    }
+    return declare(
+        SIZE,
+        **shared,
+        reference=known,
+        calibration=declare(calibration) if ring else [],
+        repeat=declare(REPEAT, **shared, of_ring=known if ring else []),
     )
-    repeat = Field("repeat", meaning="number of the repeat")
-    repeats = (
-        (repeat, TEMPERATURE, *sizes, known, *ERROR, U_SIZE, *FORM)
-        if ring
-        else (repeat, *sizes, *ERROR, U_SIZE)
-    )
-    return (
-        Field("id", meaning="its name", head="id", show="text"),
-        Field("part", meaning="name of the part", head="part", show="text"),
-        Field("operation", lambda x: x.operation or None, "its operation", head="operation",
-              show="text"),
-        Field("n_repeats", lambda x: len(x.repeats), "number of repeats"),
-        *((TEMPERATURE,) if ring else ()),
-        *sizes,
-        known,
-        *ERROR,
-        Field("reduction_percent", meaning="100 (1 - |after|/|before|)"),
-        U_SIZE,
-        Field("U_um", "U", "expanded uncertainty k u"),
-        Field("dof_effective", "dof", "degrees of freedom of u; null: infinite"),
-        Field("interval95_mm", "interval95", "95 % interval of the corrected size"),
-        Field("u_error_um", "u_error", "standard uncertainty of the error after"),
-        Field("interval95_um", "error_interval95", "95 % interval of the error after",
-              head="95 % interval", show="interval", u="u_error"),
-        Field("", "reduction_shown", head="reduction\n%", show=lambda x, u, d: fixed(x, 1)),
-        Field("E_n", meaning="error after over its expanded uncertainty (ISO 13528)",
-              head="E_n", detail=True),
-        Field("s_repeats_um", "s_repeats", "standard deviation of the repeats", head="s repeats",
-              detail=True),
-        *((*FORM, Field("U_calibrated_um", "U_reference", "of the calibration (k = 2)"))
-          if ring else ()),
-        Group("repeats", repeats, many=True),
-    )  # fmt: skip
 
 
-def _least_rms(item: SizeErrors) -> float:
-    """What means and root mean squares are rounded to."""
-    return min(item.rms)
-
-
-def _over_parts(path: str, value: str, of: str, head: str) -> tuple[Field, Field]:
-    before, after = ({"head": f"{head} {x}", "u": _least_rms} for x in ("before", "after"))
-    return _sides(path, value, of, before, after)
-
-
-SUMMARY: Fields = (
-    Field("kind", meaning="circle, sphere or length"),
-    Field("id", meaning="its name", head="id", show="text"),
-    Field("n_parts", "parts", "number of parts", head="parts", show="count"),
-    *_over_parts("mean_error_um", "mean", "mean error", "mean"),
-    *_over_parts("rms_error_um", "rms", "root mean square error", "rms"),
+SUMMARY = declare(
+    """
+    kind | | circle, sphere or length
+    id | | its name | id, text
+    n_parts | parts | number of parts | parts, count
+    mean_error_um.before | mean.0 | mean error before the correction \
+        | mean before, u=least(rms), unit=um
+    mean_error_um.after | mean.1 | mean error after the correction \
+        | mean after, u=least(rms), unit=um
+    rms_error_um.before | rms.0 | root mean square error before the correction \
+        | rms before, u=least(rms), unit=um
+    rms_error_um.after | rms.1 | root mean square error after the correction \
+        | rms after, u=least(rms), unit=um
+    """,
+    least=min,
 )
-FORM_LEFT: Fields = (
-    Field("kind", meaning="circle or sphere"),
-    Field("id", meaning="its name", head="id", show="text"),
-    Field("operation", lambda form: form.operation or None, "its operation", head="operation",
-          show="text"),
-    Field("visits", meaning="in how many visits it was measured", head="visits", show="count"),
-    Field("rms_um", "rms", "rms of its mean radial residuals", head="rms"),
-    Field("explained_um", "explained", "rms by the model's uncertainty and the points' scatter",
-          head="explained"),
-    Field("F", meaning="ratio of the two mean squares", head="F",
-          show=lambda value, u, digits: significant(value, 3)),
-    Field("p", meaning="p that nothing else is left", head="p", show="p"),
-)  # fmt: skip
-AXIS: Fields = (
-    Field("", "axis", head="axis", show="text"),
-    Field("", "points", head="points", show="count"),
-    *(Field("", name, head=name, unit="um", u="u_mean") for name in ("least", "mean", "largest")),
-    Field("", "u_mean", head="u mean", unit="um"),
-    Field("", "u_largest", head="u largest", unit="um"),
-)
-
-
+FORM_LEFT = declare("""
+    kind | | circle or sphere
+    id | | its name | id, text
+    operation | stated(operation) | its operation | operation, text
+    visits | | in how many visits it was measured | visits, count
+    rms_um | rms | rms of its mean radial residuals | rms
+    explained_um | explained | rms by the model's uncertainty and the points' scatter | explained
+    F | | ratio of the two mean squares | F, sig3
+    p | | p that nothing else is left | p, p
+""")
+AXIS = declare("""
+    - | axis | | axis, text
+    - | points | | points, count
+    - | least | | least, u=u_mean, unit=um
+    - | mean | | mean, u=u_mean, unit=um
+    - | largest | | largest, u=u_mean, unit=um
+    - | u_mean | | u mean, unit=um
+    - | u_largest | | u largest, unit=um
+""")
 SIZES = {kind: size(kind) for kind in KINDS}
 
 
@@ -213,72 +180,52 @@ def _points(result: CorrectResult) -> list[RowOf]:
     return rows_of(result, len(result.points))
 
 
-RESULTS: Fields = (
-    Field("axes", meaning="axes that were corrected"),
-    Field("point_scatter.s_um", "scatter.s", "scatter of the points beyond the model"),
-    Field("point_scatter.dof", "scatter.dof", "its degrees of freedom"),
-    Field("point_scatter.from", "scatter.origin", "repeats, or form of the rings"),
-    Group("points", ROW, _points, many=True),
-    *(
-        Group(name, SIZES[each], partial(CorrectResult.of_kind, kind=each), many=True)
-        for each, name in KINDS.items()
-    ),
-    Group("summary", SUMMARY, CorrectResult.by_size, many=True),
-    Group("form_left", FORM_LEFT, "forms", many=True),
+RESULTS = declare(
+    """
+    axes | | axes that were corrected
+    point_scatter.s_um | scatter.s | scatter of the points beyond the model
+    point_scatter.dof | scatter.dof | its degrees of freedom
+    point_scatter.from | scatter.origin | repeats, or form of the rings
+    points[] | points() | *point
+    circles[] | circle() | *circles
+    spheres[] | sphere() | *spheres
+    lengths[] | length() | *lengths
+    summary[] | by_size() | *sizes
+    form_left[] | forms | *form_left
+    """,
+    points=_points,
+    point=ROW,
+    by_size=CorrectResult.by_size,
+    sizes=SUMMARY,
+    form_left=FORM_LEFT,
+    **{name: SIZES[kind] for kind, name in KINDS.items()},
+    **{str(kind): partial(CorrectResult.of_kind, kind=kind) for kind in KINDS},
 )
 
 
 def document(result: CorrectResult, digits: int = 2) -> Document:
     """One row a measured point; before them the sizes, over all parts and one by one."""
-    from mtu_cli.reports import part_figures
-
-    points = _points(result)
-    summary = result.by_size()
-    several = any(item.parts > 1 for item in summary)
-    many = len(points) > SHOWN
-    kind = "components and points independent" if result.independent else "covariance included"
-    footer = f"corrected = measured + correction, minus the modelled error; {kind}"
+    points, summary = _points(result), result.by_size()
+    several, many = any(item.parts > 1 for item in summary), len(points) > SHOWN
+    footer = "corrected = measured + correction, minus the modelled error; "
+    footer += KIND[result.independent]
+    means = "errors (measured minus reference): mean and root mean square"
     tables = [
-        Table(title="Points", fields=ROW, items=points, footer=f"{footer}; ± u", detail=many),
-        Table(
-            title="Before and after, all parts",
-            fields=SUMMARY,
-            items=summary if several else [],
-            footer="errors (measured minus reference): mean and root mean square",
-        ),
-        *(
-            Table(
-                title=f"{name.capitalize()} before and after",
-                fields=SIZES[each],
-                items=result.of_kind(each),
-                footer="error: measured minus reference, ± u with that of the calibration",
-                notes=list(_notes(result)),
-                detail=several and len(result.of_kind(each)) > SHOWN,
-            )
-            for each, name in KINDS.items()
-        ),
-        Table(
-            title="Form left",
-            fields=FORM_LEFT,
-            items=result.forms,
-            footer="mean form over the visits; explained: u of the model and scatter of the points",
-            detail=True,
-        ),
-        Table(
-            title="Corrections of the points",
-            fields=AXIS,
-            items=result.by_axis() if many else [],
-            footer=footer,
-        ),
+        Table("Points", ROW, points, f"{footer}; ± u", detail=many),
+        Table("Before and after, all parts", SUMMARY, summary if several else [], means),
     ]
-    return Document(
-        title="Corrected points",
-        results=(RESULTS, result),
-        tables=tables,
-        figure=lambda: part_figures.correct(result),
-        verdict=_verdict(result),
-        digits=digits,
-    )
+    errors = "error: measured minus reference, ± u with that of the calibration"
+    for kind, name in KINDS.items():
+        sizes = result.of_kind(kind)
+        title, detail = f"{name.capitalize()} before and after", several and len(sizes) > SHOWN
+        notes = list(_notes(result))
+        tables.append(Table(title, SIZES[kind], sizes, errors, notes, detail=detail))
+    form = "mean form over the visits; explained: u of the model and scatter of the points"
+    tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
+    by_axis = result.by_axis() if many else []
+    tables.append(Table("Corrections of the points", AXIS, by_axis, footer))
+    figure, verdict = partial(part_figures.correct, result), _verdict(result)
+    return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def _notes(result: CorrectResult) -> Iterator[str]:
@@ -305,14 +252,10 @@ def _verdict(result: CorrectResult) -> str:
     left = f"; the mean error of {listed(off)} exceeds its uncertainty" if off else ""
     kinds: dict[str, tuple[Kind, ...]] = {"diameters": ("circle", "sphere"), "lengths": ("length",)}
     for name, each in kinds.items():
-        rms = result.rms(each)
-        if rms is not None:
+        if rms := result.rms(each):
             before, after = (significant(value / UM) for value in rms)
             changes = "reduces" if rms[1] <= rms[0] else "increases"
-            return (
-                f"Correction {changes} the rms error of {name} from {before} to {after} um{left}."
-            )
-    by_axis = result.by_axis()
-    largest = {x.axis: max(abs(x.least), abs(x.largest)) for x in by_axis}
-    axis = max(largest, key=largest.__getitem__)
-    return f"The largest correction is {significant(largest[axis] / UM, 3)} um, along {axis}."
+            of = f"the rms error of {name} from {before} to {after} um"
+            return f"Correction {changes} {of}{left}."
+    largest, axis = max((max(-x.least, x.largest), x.axis) for x in result.by_axis())
+    return f"The largest correction is {significant(largest / UM, 3)} um, along {axis}."

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,12 @@ if TYPE_CHECKING:
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 """Its meaning, for a footer."""
+OF_SHARES = (
+    "shares of u^2: coefficients are the same for all parts, passes common to the points of one "
+    "part, repeatability of each visit"
+)
+KIND = {True: "components and points independent", False: "covariance included"}
+"""Of correlation, by whether it was asked to be independent."""
 
 
 def MARK(item: Any) -> str:
@@ -38,7 +44,7 @@ def MARK(item: Any) -> str:
     return DAGGER if item.outside else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Table:
     """Fields of items under a title. Below it the `footer` in one line, and with ``--detail`` the
     `notes`; with `detail` the whole table needs ``--detail``. `shown` and `shown_fields` are the
@@ -48,10 +54,11 @@ class Table:
     title: str
     fields: Fields
     items: Sequence[Any]
-    shown: Sequence[Any] | None = None
-    shown_fields: Fields | None = None
     footer: str = ""
     notes: Sequence[str] = ()
+    _: KW_ONLY
+    shown: Sequence[Any] | None = None
+    shown_fields: Fields | None = None
     detail: bool = False
 
     def sheet(self, digits: int, *, detail: bool) -> Sheet:
@@ -70,13 +77,12 @@ class Table:
                 column = [text.removesuffix(".000") for text in column]
             cells.append(column)
             text = field.show == "text"
-            head: dict[str, Any] = {
-                "title": field.title,
-                "text": text,
-                "folds": text,
-                "meaning": field.meaning,
-            }
-            columns.append(Column(**head, names=field.names, begins=field.begins))
+            columns.append(
+                Column(
+                    title=field.title, text=text, folds=text, names=field.names,
+                    begins=field.begins, meaning=field.meaning,
+                )
+            )  # fmt: skip
         if all(column.title.endswith("\n") for column in columns):
             columns = [replace(column, title=column.title.rstrip("\n")) for column in columns]
         notes = [self.footer] if self.footer else []
@@ -88,7 +94,7 @@ class Table:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Document:
     """A report: `results` are the fields of the JSON document and what they are read from, `also`
     those that are read from something else. The first of `tables` is the main one, of which
@@ -166,27 +172,24 @@ def finite(value: float | None) -> float | None:
 
 
 REPORTS = {
-    "fit-components": ("fit_components", "RESULTS", "ROW"),
-    "predict-points": ("predict_points", "RESULTS", "ROW"),
-    "lengths": ("lengths", "RESULTS", "ROW"),
-    "orthogonality": ("orthogonality", "RESULTS", "ROW"),
-    "anova": ("anova", "RESULTS", "ROW"),
-    "compare": ("compare", "RESULTS", "ROW"),
-    "thermal-fit": ("thermal_fit", "RESULTS", "ROW"),
-    "correct": ("correct", "RESULTS", "ROW"),
-    "budget": ("budget", "RESULTS", "ROW"),
-    "graph check": ("graph", "CHECK", "STEP"),
-    "graph simulate": ("graph", "SIMULATION", "COORDINATE_ROW"),
-    "graph sweep": ("graph", "SWEEP", "GRID_ROW"),
-}
-"""By command: its module, the fields of `results`, those of a row of --csv. Where they depend on
-the input (axes, coefficients, units, what is varied), these are of the usual one."""
+    **dict.fromkeys(
+        ("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare",
+         "thermal-fit", "correct", "budget"),
+        ("RESULTS", "ROW"),
+    ),
+    "graph check": ("CHECK", "STEP"),
+    "graph simulate": ("SIMULATION", "COORDINATE_ROW"),
+    "graph sweep": ("SWEEP", "GRID_ROW"),
+}  # fmt: skip
+"""By command, in the module of its first word: the fields of `results`, those of a row of --csv.
+Where they depend on the input (axes, coefficients, units, what is varied), these are of the usual
+one."""
 
 
 def declared(command: str) -> tuple[Fields, Fields]:
     """The fields of `results` and of a row of --csv."""
-    name, results, row = REPORTS[command]
-    module = import_module(f"mtu_cli.reports.{name}")
+    results, row = REPORTS[command]
+    module = import_module(f"mtu_cli.reports.{command.split()[0].replace('-', '_')}")
     return getattr(module, results), getattr(module, row)
 
 
@@ -213,19 +216,14 @@ def help_text(command: str) -> str:
     """Markdown: what each key of the report and each column of --csv means; of all commands that
     begin with this name.
     """
-    known = [name for name in REPORTS if name == command or name.startswith(f"{command} ")]
-    return "".join(f"{line}\n" for name in known for line in _lines(name))
-
-
-def _lines(command: str) -> Iterator[str]:
-    results, row = declared(command)
-    yield from ("", f"## Report of {command}: `results` of --out", "")
-    yield from _listed("key", described(results))
-    yield from ("", f"## Columns of --csv of {command}", "")
-    yield from _listed("column", described_columns(row))
-
-
-def _listed(title: str, entries: Iterator[tuple[str, str]]) -> Iterator[str]:
-    yield from (f"| {title} | meaning |", "|---|---|")
-    for name, meaning in entries:
-        yield f"| `{name}` | {meaning.replace('|', chr(92) + '|')} |"
+    lines = []
+    for name in REPORTS:
+        if name == command or name.startswith(f"{command} "):
+            results, row = declared(name)
+            for title, kind, entries in (
+                (f"Report of {name}: `results` of --out", "key", described(results)),
+                (f"Columns of --csv of {name}", "column", described_columns(row)),
+            ):
+                lines += ["", f"## {title}", "", f"| {kind} | meaning |", "|---|---|"]
+                lines += [f"| `{x}` | {text.replace('|', chr(92) + '|')} |" for x, text in entries]
+    return "".join(f"{line}\n" for line in lines)

@@ -1,37 +1,33 @@
 """One declaration for every figure of a report: JSON, CSV, tables, HTML and help come from it.
 
-How a command is declared (`lengths.py` is the model):
+The analysis returns a frozen Result: labels and arrays in mm, rad, mm^2; a report calculates
+nothing. `reports/COMMAND.py` declares its figures as a table (`lengths.py` is the model) and has a
+function ``document(result, digits)`` that returns a `Document`. A line of the table is a `Field`,
+its four columns being JSON path, value, meaning and cell::
 
-1. The analysis returns a frozen Result: labels and arrays in mm, rad, mm^2; no formatting, no
-   sentence, and every quantity that the report states. A report calculates nothing.
-2. `reports/COMMAND.py` holds tuples of `Field` and `Group` and a function ``document(result,
-   digits)`` that returns a `Document`: title, verdict, ``results=(fields, result)``, tables of
-   fields and items, the figure. The first table is the one of ``--csv``.
-3. A `Field` is a figure::
+    error_um | error | actual minus nominal length | error, u=u
 
-       Field("error_um", "error", "actual minus nominal length", head="error", u="u")
+- Path: dots nest; ``-`` for a figure of tables or CSV alone. **The unit is the ending of the
+  name**: um, um2, arcsec divide by their size, any other name leaves the value alone.
+- Value: an attribute (``run.mean.0``: dots reach deeper, None on the way is None); ``.`` the item
+  itself; ``name()`` a function of the item, given to `declare` by its name; ``name(attribute)`` a
+  function of the attribute, of those given or of `OF_ATTRIBUTE`. Without it: as the path.
+- Meaning: one clause in plain English, for ``mtu help`` and the HTML report.
+- Cell: the heading of the column, where a table has one (``-``: none; `` / `` begins its second
+  line, which without it is the unit), then how it is shown: a key of `SHOWN` or ``name()``, a
+  function of (value, u, digits); ``u=`` what the value is rounded to (JCGM 100, 7.2.6); ``mark=``
+  what follows, such as a dagger; ``detail``: with ``--detail`` only; ``begins``: where a table
+  too wide rather goes on below; ``names``: stands again there; ``unit=`` of the heading; ``size=``
+  of items of different units; ``csv=`` its column where that is not the path with ``_`` (an
+  interval makes two, ``_low`` and ``_high`` before the unit or in place of ``{}``); ``json``: no
+  column.
 
-   - `path`: the JSON key; dots nest. Without one the figure stands in tables or CSV alone. **The
-     unit is the ending of the name**: um, um2, arcsec divide by their size, any other name leaves
-     the value alone. `size` is for items of different units, `unit` for headings.
-   - `value`: an attribute (``run.mean.0``: dots reach deeper, None on the way is None), or a
-     function of the item; without it the attribute that `path` names, ``""`` the item itself.
-   - `meaning`: one clause in plain English, for ``mtu help`` and the HTML report.
-   - `csv`: the column's name where it is not the path with ``_``; ``""`` for no column. An
-     interval makes two columns, ``_low`` and ``_high`` before the unit or in place of ``{}``.
-   - `head`: the column's heading in a table, where it has one; the unit goes below it. A column
-     without any value in it is not shown, one of `detail` only with ``--detail``.
-   - `u`: what the value is rounded to (JCGM 100, 7.2.6); `show`: a key of `SHOWN` or a function
-     of (value, u, digits); `mark`: what follows the cell, such as ``*`` or a dagger.
-   - `begins`: a table too wide for its columns rather goes on below from here, where the columns
-     that are text or `names` the row stand again.
-4. A `Group` is a document within one: of one part of the item (null where it is None), or with
-   `many` of each of a list (a mapping makes a JSON object by name; of lists of lists `many` is
-   2). CSV names begin with its path.
-5. Results that are arrays: ``rows_of(found, count)`` gives items whose attributes are the
-   elements ``i`` of the arrays of `found`, so that ``"predicted.mean"`` is a figure of item i.
+A path that ends in ``.`` is a `Group`, a document within one of the figures in the lines indented
+below it; ``[]`` of each of a list, ``{}`` of a mapping by name. CSV names begin with its path.
+``*name`` stands for fields that are given to `declare`: as a line, or as the meaning of a group.
 
-None, nan and infinity are null in JSON, empty in CSV, ``-`` in a table.
+Results that are arrays: ``rows_of(result, count)`` gives items whose attributes are the elements
+``i`` of its arrays. None, nan and infinity are null in JSON, empty in CSV, ``-`` in a table.
 """
 
 from __future__ import annotations
@@ -39,9 +35,10 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -56,8 +53,6 @@ SIZES = {"mm": 1.0, "um": UM, "um2": UM**2, "arcsec": ARCSEC, "arcsec2": ARCSEC*
 """Endings of names that are units, and their size in mm and rad."""
 UNITS = {**{name: name for name in SIZES}, "percent": "%", "degC": "degC"}
 
-VERDICTS = {True: "yes", False: "no*", None: "undecided"}
-
 SHOWN: dict[str, Show] = {
     "number": lambda value, u, digits: (
         numbers.significant(value, digits) if u is None else numbers.with_u(value, u, digits)[0]
@@ -65,14 +60,32 @@ SHOWN: dict[str, Show] = {
     "plus-minus": numbers.plus_minus,
     "interval": lambda ends, u, digits: numbers.interval(ends[0], ends[1], u, digits),
     "exact": lambda value, u, digits: numbers.significant(value, numbers.PLAIN_DIGITS),
+    "sig3": lambda value, u, digits: numbers.significant(value, 3),
+    "sig4": lambda value, u, digits: numbers.significant(value, 4),
+    "fix1": lambda value, u, digits: numbers.fixed(value, 1),
+    "fix4": lambda value, u, digits: numbers.fixed(value, 4),
     "mm": lambda value, u, digits: numbers.fixed(value, 3),
     "p": lambda value, u, digits: numbers.p_value(value),
     "percent": lambda value, u, digits: numbers.percent(value),
+    "percent1": lambda value, u, digits: numbers.fixed(100 * value, 1),
     "dof": lambda value, u, digits: numbers.degrees_of_freedom(value),
+    "span": lambda ends, u, digits: numbers.span(*(numbers.significant(x, digits) for x in ends)),
+    "plain": lambda value, u, digits: f"{value:g}",
     "count": lambda value, u, digits: str(value),
     "text": lambda value, u, digits: str(value),
 }
 """How a value of a table is written; text stands left and may break over lines."""
+COLUMN = re.compile(r"\s\|(?=\s|$)")
+"""Between the columns of a declaration."""
+OF_ATTRIBUTE: dict[str, Callable[[Any], Any]] = {
+    "as_stated": lambda item: 1.0,
+    "root": np.sqrt,
+    "int": int,
+    "len": len,
+    "stated": lambda value: value or None,
+    "words": lambda values: " ".join(filter(None, values)),
+}
+"""Functions that need not be given to `declare`; `as_stated`: a size, of values in their unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,10 +118,10 @@ class Field:
         """As a heading has it: `unit`, or the ending of the name."""
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit
 
-    def of(self, item: Any, value: Value | None) -> Any:
-        """A quantity of the item in the unit of the field."""
-        size = SIZES.get(self.unit_name, 1.0) if self.size is None else read(item, self.size)
-        return _divided(read(item, value), size)
+    def of(self, part: Any, value: Value | None) -> Any:
+        """A quantity of a part of the item in the unit of the field."""
+        size = SIZES.get(self.unit_name, 1.0) if self.size is None else read(part, self.size)
+        return _divided(read(part, value), size)
 
     def part(self, item: Any) -> Any:
         """What the figure is of: the item, or the part of it that the groups around it name."""
@@ -130,13 +143,13 @@ class Field:
     def cell(self, item: Any, digits: int) -> str:
         """The value as a table shows it."""
         part = self.part(item)
-        value = None if part is None else self.of(part, self.source)
-        mark = None if part is None else read(part, self.mark)
-        text = numbers.MISSING
+        if part is None:
+            return numbers.MISSING
+        value, text = self.of(part, self.source), numbers.MISSING
         if value is not None:
             show = SHOWN[self.show] if isinstance(self.show, str) else self.show
-            text = show(value, None if self.u is None else self.of(part, self.u), digits)
-        return f"{text}{mark or ''}"
+            text = show(value, self.of(part, self.u), digits)
+        return f"{text}{read(part, self.mark) or ''}"
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -144,19 +157,17 @@ class Field:
         name = self.path.replace(".", "_") if self.csv is None else self.csv
         if not name or self.show != "interval":
             return (name,) if name else ()
-        if "{}" in name:
-            return name.format("low"), name.format("high")
-        front, _, last = name.rpartition("_")
-        unit = f"_{last}" if last in UNITS else ""
-        front = front if unit else name
-        return f"{front}_low{unit}", f"{front}_high{unit}"
+        if "{}" not in name:
+            front, _, last = name.rpartition("_")
+            name = f"{front}_{{}}_{last}" if last in UNITS else f"{name}_{{}}"
+        return name.format("low"), name.format("high")
 
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """Figures of a part of the item under one key, or of `many` parts; `fields` may be a function
-    of the part, where names depend on it: of None for their meaning. Parts that are `named` are
-    an object, others a list.
+    """Figures of a part of the item under one key, or of `many` parts (2: lists of lists); `fields`
+    may be a function of the part, where names depend on it: of None for their meaning. Parts that
+    are `named` are an object, others a list.
     """
 
     path: str
@@ -192,6 +203,71 @@ class Group:
 
 
 Fields = Sequence[Field | Group]
+
+
+def declare(text: str, **known: Any) -> list[Field | Group]:
+    """The figures of a table as above; `known` are its functions and fields by name.
+
+    >>> [field.head for field in declare("error_um | error | actual minus nominal | error")]
+    ['error']
+    """
+    return list(_declared([line for line in text.splitlines() if line.strip()], known))
+
+
+def _declared(lines: list[str], known: Mapping[str, Any]) -> Iterator[Field | Group]:
+    """Those of lines of one level, each followed by the lines within it."""
+    while lines:
+        first, *lines = lines
+        depth = len(first) - len(first.lstrip())
+        end = next((i for i, x in enumerate(lines) if x[: depth + 1].strip()), len(lines))
+        inner, lines = lines[:end], lines[end:]
+        if first.strip().startswith("*"):
+            yield from known[first.strip()[1:]]
+            continue
+        cells = [" ".join(each.split()) for each in COLUMN.split(first)]
+        path, value, meaning, cell = [*cells, "", "", ""][:4]
+        of = _value(value, known) if value else None
+        name = path.rstrip(".[]{}")
+        if name == path:
+            path = "" if path == "-" else path
+            yield Field(path, of, meaning, **dict(_cell(cell, known)))
+            continue
+        named = path.count("{}")
+        fields = known[meaning[1:]] if meaning else list(_declared(inner, known))
+        many = path.count("[]") + named
+        yield Group(name, fields, of, many=many, named=bool(named), csv=cell != "json")
+
+
+def _value(text: str, known: Mapping[str, Any]) -> Value:
+    """An attribute, or a function of the item or of an attribute."""
+    name, bracket, attribute = text.removesuffix(")").partition("(")
+    if not bracket:
+        return "" if text == "." else text
+    function = known[name] if name in known else OF_ATTRIBUTE[name]
+    return partial(_applied, function, attribute) if attribute else function
+
+
+def _applied(function: Callable[[Any], Any], attribute: str, item: Any) -> Any:
+    value = read(item, attribute)
+    return None if value is None else function(value)
+
+
+def _cell(text: str, known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """How the figure stands in tables and CSV, as arguments of its field."""
+    head, *options = text.split(", ")
+    yield "head", "" if head == "-" else re.sub(" ?/( |$)", "\n", head)
+    for option in options:
+        name, equals, value = option.partition("=")
+        if name in ("csv", "unit"):
+            yield name, value
+        elif equals:
+            yield name, _value(value, known)
+        elif name in ("detail", "begins", "names"):
+            yield name, True
+        elif name == "json":
+            yield "csv", ""
+        else:
+            yield "show", name if name in SHOWN else known[name.removesuffix("()")]
 
 
 def fields_of(fields: Fields | Callable[[Any], Fields], part: Any = None) -> Fields:
@@ -232,16 +308,6 @@ def _getter(path: str) -> Callable[[Any], Any]:
     return found
 
 
-def count(path: str) -> Callable[[Any], int]:
-    """A whole number that an array holds as a float."""
-    return lambda item: int(read(item, path))
-
-
-def root(path: str) -> Callable[[Any], Any]:
-    """The standard deviation of a variance, or those of several."""
-    return lambda item: np.sqrt(read(item, path))
-
-
 def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any]:
     """The item as JSON holds it, keys in the order of the declaration."""
     found: dict[str, Any] = {}
@@ -258,8 +324,6 @@ def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any
 
 def _divided(value: Any, size: Any) -> Any:
     """A value, or those of a sequence or mapping, in units of `size`."""
-    if isinstance(value, float) and isinstance(size, float):
-        return value / size
     if value is None or isinstance(value, str | bool) or (isinstance(size, float) and size == 1.0):
         return value
     if isinstance(value, Mapping):
@@ -345,58 +409,21 @@ def validation(unit: str, *, csv: str = "") -> Group:
     `csv` names its column.
     """
     ending = f"_{unit}" if unit else ""
-    return Group(
-        "validation",
-        (
-            Field(
-                "passed",
-                meaning="whether the first-order interval agrees with the Monte Carlo (JCGM 101, "
-                "clause 8); null: the Monte Carlo cannot decide",
-                csv=csv,
-            ),
-            Field(
-                "",
-                lambda found: VERDICTS[found.passed],
-                head="first order\nvalid",
-                show="text",
-                detail=True,
-            ),
-            Field(f"d_low{ending}", "d_low", "difference of the lower ends", csv=""),
-            Field(f"d_high{ending}", "d_high", "difference of the upper ends", csv=""),
-            Field(f"tolerance{ending}", "tolerance", "largest difference allowed", csv=""),
-        ),
-    )
+    verdicts = {True: "yes", False: "no*", None: "undecided"}
+    text = f"""
+        passed | | whether the first-order interval agrees with the Monte Carlo (JCGM 101, \
+            clause 8); null: the Monte Carlo cannot decide | -, csv={csv}
+        - | verdict() | | first order / valid, text, detail
+        d_low{ending} | d_low | difference of the lower ends | -, json
+        d_high{ending} | d_high | difference of the upper ends | -, json
+        tolerance{ending} | tolerance | largest difference allowed | -, json
+    """
+    return Group("validation", declare(text, verdict=lambda found: verdicts[found.passed]))
 
 
 def conformance(unit: str) -> Group:
     """The probability that an error of a future part is within its tolerance, in `unit`."""
-    return Group(
-        "conformance",
-        (
-            Field(
-                f"tolerance_{unit}",
-                "tolerance.stated",
-                "errors allowed: plus and minus this, or [low, high]; conformance is null without",
-                csv=f"tolerance_{unit}",
-                head="tolerance",
-                # As the part file has it, in its unit.
-                size=lambda _: 1.0,
-                show=_tolerance,
-            ),
-            conforming(),
-        ),
-    )
-
-
-def conforming() -> Field:
-    """The probability of conformance."""
-    return Field(
-        "probability",
-        meaning="probability that a future part is within the tolerance",
-        csv="conformance_probability",
-        head="conforming\n%",
-        show="percent",
-    )
+    return Group("conformance", declare(CONFORMANCE.replace("UNIT", unit), **CONFORMING))
 
 
 def _tolerance(stated: float | tuple[float, float], u: None, digits: int) -> str:
@@ -405,23 +432,31 @@ def _tolerance(stated: float | tuple[float, float], u: None, digits: int) -> str
     return f"±{stated:g}"
 
 
+CONFORMING: dict[str, Any] = {
+    "conforming": declare("""
+        probability | | probability that a future part is within the tolerance \
+            | conforming / %, percent, csv=conformance_probability
+    """),
+    "tolerance": _tolerance,
+}
+CONFORMANCE = """
+    tolerance_UNIT | tolerance.stated | errors allowed: plus and minus this, or [low, high]; \
+        conformance is null without | tolerance, tolerance(), csv=tolerance_UNIT, size=as_stated()
+    *conforming
+"""
+SHARES = """
+    coefficients | | share of u^2 of the coefficients, the same for all parts \
+        | coefficients / % of u^2, share(), detail
+    passes | | share of the drift between passes, common to the points of one part; negative: \
+        a covariance that reduces u | passes / % of u^2, share(), detail
+    repeatability | | share of the repeatability of every visit \
+        | repeatability / % of u^2, share(), detail
+"""
+
+
 def shares(path: str = "shares", value: Value | None = None) -> Group:
     """What a variance consists of; null under independence and where u is 0."""
-    meanings = {
-        "coefficients": "share of u^2 of the coefficients, the same for all parts",
-        "passes": "share of the drift between passes, common to the points of one part; "
-        "negative: a covariance that reduces u",
-        "repeatability": "share of the repeatability of every visit",
-    }
-    return Group(
-        path,
-        [
-            Field(name, name, text, head=f"{name}\n% of u^2", show=_share, detail=True)
-            for name, text in meanings.items()
-        ],
-        value,
-        csv=False,
-    )
+    return Group(path, declare(SHARES, share=_share), value, csv=False)
 
 
 def _share(value: float, u: None, digits: int) -> str:

@@ -10,7 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
@@ -35,9 +35,10 @@ RED = "#b3261e"
 GREEN = "#3d8b57"
 PALE = "#c9dcf0"
 
+LETTER, TICKS = 0.066, 12
+"""Width of a letter of a name, inches; groups of lengths that are named."""
 FEW_ROWS = 24
 """More rows of intervals than this stand closer together."""
-TICKS = 12
 
 _STYLE: dict[str, Any] = {
     "font.family": "DejaVu Sans",
@@ -127,7 +128,7 @@ def figure_bytes(figure: Figure, suffix: str) -> bytes:
     return out.getvalue()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Intervals:
     """Values (n,), one a row, with intervals or without, `shift` of a row below its middle."""
 
@@ -174,14 +175,11 @@ def over_length(
     (n,) on the axis.
     """
     groups, of, counts = np.unique(np.round(nominal, 3), return_inverse=True, return_counts=True)
-    place = nominal
-    if 2 * len(groups) <= len(nominal):
-        order = np.argsort(of, kind="stable")
-        rank = np.empty(len(nominal))
-        rank[order] = (
-            np.concatenate([np.arange(count) + 0.5 for count in counts]) / counts[of[order]]
-        )
-        place = of + 0.7 * (rank - 0.5)
+    place, equal = nominal, 2 * len(groups) <= len(nominal)
+    if equal:
+        rank = np.zeros(len(nominal))
+        rank[np.argsort(of, kind="stable")] = np.concatenate([np.arange(n) + 0.5 for n in counts])
+        place = of + 0.7 * (rank / counts[of] - 0.5)
         ticks = spread(len(groups), TICKS)
         panel.set_xticks(ticks, [f"{groups[i]:g}" for i in ticks])
     panel.axhline(0.0, color=GREY, linewidth=0.9)
@@ -190,12 +188,51 @@ def over_length(
             place, item.value, yerr=item.half, fmt="o", color=item.colour, alpha=0.7,
             elinewidth=0.7 * item.width, capsize=2.0, markersize=3.5, label=item.label,
         )  # fmt: skip
-    panel.set_xlabel(
-        "nominal length, mm" + (", equal ones side by side" if place is not nominal else "")
-    )
+    panel.set_xlabel("nominal length, mm" + ", equal ones side by side" * equal)
     panel.set_ylabel(label)
     panel.grid(axis="x", visible=False)
     return place
+
+
+def listing(
+    text: str,
+    names: Sequence[str],
+    shown: Sequence[Intervals],
+    label: str,
+    *,
+    nominal: FloatArray | None = None,
+    limits: Sequence[FloatArray] = (),
+    beside: Sequence[str] = (),
+    most: int = 10**6,
+) -> Figure:
+    """A page of intervals row by row, of many the first; those of more than a few `nominal` lengths
+    over these. `limits` (n,) in red, nan where there are none.
+    """
+    many = nominal is not None and len(names) > FEW_ROWS
+    count = len(names) if many else min(len(names), most)
+    page = blank(8.0, 5.0 if many else rows_height(count) + 0.8)
+    title(page, text + (f" (first {count} of {len(names)})" if count < len(names) else ""))
+    panel = page.subplots()
+    mark: Any = panel.vlines
+    ends: tuple[Any, Any]
+    if nominal is not None and many:
+        at = over_length(panel, shown, nominal, label)
+        reach = 0.006 * (float(np.ptp(at)) or 1.0)
+        mark, ends = panel.hlines, (at - reach, at + reach)
+    else:
+        cut = [
+            replace(x, value=x.value[:count], half=None if x.half is None else x.half[:count])
+            for x in shown
+        ]
+        intervals(panel, names[:count], cut, beside)
+        panel.set_xlabel(label)
+        ends = (np.arange(count) - 0.3, np.arange(count) + 0.4)
+    for limit in limits:
+        known = np.isfinite(limit)
+        if known.any():
+            low, high = (end[known] for end in ends)
+            mark(limit[known], low, high, color=RED, linewidth=2.0, label="tolerance")
+    return page
 
 
 def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:

@@ -7,12 +7,13 @@ neighbours, and rows follow their neighbours as near as they may without touchin
 
 from __future__ import annotations
 
-import itertools
 import math
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from graphlib import TopologicalSorter
-from typing import TYPE_CHECKING, Any
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Arcs = Sequence[Sequence[int]]
+Arcs = Sequence[tuple[int, int]]
 
 COLOURS = {
     "coordinate": "#bcd7f0",
@@ -41,14 +42,14 @@ RADIUS, BAR = 0.14, (0.07, 0.30)
 """Of a circle, and width and height of a bar, inches."""
 INSIDE = 3
 """Signs of a name that fit into a circle; longer ones stand below it."""
-FONT, LETTER, BOLD = 7.0, 0.066, 1.15
-"""Points of a label, width of its letters in inches, and of bold ones beside others."""
+FONT, LETTER = 7.0, 0.066
+"""Points of a label, and width of its letters in inches."""
 MARGIN, HEAD, FOOT, KEY, TITLE = 0.6, 0.35, 0.5, 0.95, 0.105
 """Room about the picture, for its title and its key; widths of an entry of the key and of a letter
 of the title, inches."""
 SWEEPS, PASSES = 9, 80
-WEIGHTS = (1.0, 2.0, 8.0)
-"""Of arcs between nodes, between a node and a bend, between bends: long arcs run straight."""
+LEVEL, FINE = 0.02, 100
+"""Inches that an arc is level at its ends, and points of it that are drawn."""
 NOISE = 1e-9
 """Percent by which rounding may move a share."""
 SHOWN_SHARES, LEAST_SHARE = 3, 0.005
@@ -111,6 +112,15 @@ class Net:
     shares: Mapping[int, float] = field(default_factory=dict)
 
 
+class Layout(NamedTuple):
+    """`places` (nodes, 2) x to the right, y downwards; `routes`: points (n, 2) of every arc."""
+
+    width: float
+    height: float
+    places: FloatArray
+    routes: list[FloatArray]
+
+
 def share_percent(share: float, decimals: int = 1) -> str:
     """A share in percent, halves up: equal shares differ by rounding noise, and read the same."""
     text = f"{100 * share + NOISE:.{decimals}f}"
@@ -141,41 +151,22 @@ def net_of(
     shares: Mapping[str, float] | None = None,
 ) -> Net:
     """The net of a graph; `shares` by place are those of the variance of `of`."""
+    at = {name: i for i, name in enumerate(graph.places)}
     nodes = [
         Node(
-            name=name,
-            label=name,
-            kind=item.kind,
-            place=True,
-            marked=item.marked,
+            name=name, label=name, kind=item.kind, place=True, marked=item.marked,
             reported=name in reported,
         )
         for name, item in graph.places.items()
-    ]
-    at = {node.name: i for i, node in enumerate(nodes)}
+    ]  # fmt: skip
     arcs = []
-    for number, item in enumerate(graph.transitions):
+    for number, item in enumerate(graph.transitions, 1):
         # A place that is an input twice has one arc.
         arcs += [(at[name], len(nodes)) for name in dict.fromkeys(item.in_)]
         arcs += [(len(nodes), at[name]) for name in item.out]
-        nodes.append(Node(name=f"t{number + 1}", label=item.do, kind=item.do, place=False))
-    return Net(
-        title=graph.name,
-        nodes=tuple(nodes),
-        arcs=tuple(arcs),
-        of=of,
-        shares={at[name]: share for name, share in (shares or {}).items()},
-    )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
-    """`places` (nodes, 2) x to the right, y downwards; `routes`: points (n, 2) of every arc."""
-
-    width: float
-    height: float
-    places: FloatArray
-    routes: list[FloatArray]
+        nodes.append(Node(name=f"t{number}", label=item.do, kind=item.do, place=False))
+    known = {at[name]: share for name, share in (shares or {}).items()}
+    return Net(title=graph.name, nodes=tuple(nodes), arcs=tuple(arcs), of=of, shares=known)
 
 
 def lay_out(net: Net) -> Layout:
@@ -183,21 +174,19 @@ def lay_out(net: Net) -> Layout:
     rank = _ranks(len(net.nodes), net.arcs)
     paths = []
     for a, b in net.arcs:
-        crossed = range(rank[a] + 1, rank[b])
-        paths.append([a, *range(len(rank), len(rank) + len(crossed)), b])
-        rank += crossed
-    layers = _ordered(rank, [pair for path in paths for pair in itertools.pairwise(path)])
-    x, y = _columns(net.nodes, layers), _rows(net.nodes, layers, paths)
-    places = np.array([[x[i], y[i]] for i in range(len(net.nodes))])
-    routes = [np.array([[x[node], y[node]] for node in path]) for path in paths]
-    width, height = (max(values.values(), default=0.0) for values in (x, y))
-    return Layout(width=width, height=height, places=places, routes=routes)
+        bends = range(rank[a] + 1, rank[b])
+        paths.append([a, *range(len(rank), len(rank) + len(bends)), b])
+        rank += bends
+    steps = [pair for path in paths for pair in pairwise(path)]
+    layers = _ordered(rank, steps)
+    spots = np.column_stack([_columns(net.nodes, layers), _rows(net.nodes, layers, steps)])
+    width, height = spots.max(axis=0, initial=0.0)
+    return Layout(width, height, spots[: len(net.nodes)], [spots[path] for path in paths])
 
 
-def _adjacent(count: int, arcs: Arcs) -> tuple[list[list[int]], list[list[int]]]:
+def _adjacent(arcs: Arcs) -> tuple[dict[int, list[int]], dict[int, list[int]]]:
     """The nodes before and after each node."""
-    before: list[list[int]] = [[] for _ in range(count)]
-    after: list[list[int]] = [[] for _ in range(count)]
+    before, after = defaultdict(list), defaultdict(list)
     for a, b in arcs:
         before[b].append(a)
         after[a].append(b)
@@ -206,8 +195,8 @@ def _adjacent(count: int, arcs: Arcs) -> tuple[list[list[int]], list[list[int]]]
 
 def _ranks(count: int, arcs: Arcs) -> list[int]:
     """Layers by longest path; then every node moves to where its arcs are shortest."""
-    before, after = _adjacent(count, arcs)
-    order = list(TopologicalSorter(dict(enumerate(before))).static_order())
+    before, after = _adjacent(arcs)
+    order = list(TopologicalSorter({i: before[i] for i in range(count)}).static_order())
     rank = [0] * count
     for node in order:
         rank[node] = max((rank[other] + 1 for other in before[node]), default=0)
@@ -224,7 +213,7 @@ def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
     """The nodes of every layer from top to bottom: at first as they are met on the way back from
     the ends, then by the mean position of their neighbours, to and fro; the last sweep is forward.
     """
-    before, after = _adjacent(len(rank), arcs)
+    before, after = _adjacent(arcs)
     layers: list[list[int]] = [[] for _ in range(max(rank, default=0) + 1)]
     waiting = [node for node in reversed(range(len(rank))) if not after[node]]
     seen = set()
@@ -236,66 +225,57 @@ def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
             waiting.extend(reversed(before[node]))
     for sweep in range(SWEEPS):
         near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
-        for fixed, layer in itertools.pairwise(pairs):
+        for fixed, layer in pairwise(pairs):
             at = {node: i for i, node in enumerate(fixed)}
             wanted = {node: i * len(fixed) / len(layer) for i, node in enumerate(layer)}
-            for node in layer:
-                if near[node]:
-                    wanted[node] = sum(at[other] for other in near[node]) / len(near[node])
+            for node in filter(near.__getitem__, layer):
+                wanted[node] = sum(at[other] for other in near[node]) / len(near[node])
             layer.sort(key=wanted.__getitem__)
     return layers
 
 
-def _columns(nodes: Sequence[Node], layers: list[list[int]]) -> dict[int, float]:
+def _columns(nodes: Sequence[Node], layers: list[list[int]]) -> FloatArray:
     """Layers beside one another, as wide as their widest label."""
-    x: dict[int, float] = {}
-    at, half = 0.0, 0.0
+    x = np.zeros(sum(map(len, layers)))
+    at = half = 0.0
     for number, layer in enumerate(layers):
-        own = max((nodes[i].width for i in layer if i < len(nodes)), default=0.1) / 2
-        at += (half + own + (0.42 if len(layer) > 12 else 0.3)) if number else 0.0
-        half = own
-        x.update(dict.fromkeys(layer, at))
+        wide = max((nodes[i].width for i in layer if i < len(nodes)), default=0.1) / 2
+        at += (half + wide + (0.42 if len(layer) > 12 else 0.3)) if number else 0.0
+        half = wide
+        x[layer] = at
     return x
 
 
-def _rows(nodes: Sequence[Node], layers: list[list[int]], paths: Arcs) -> dict[int, float]:
-    """Rows by turns: every layer at the mean rows of its neighbours, at least its gaps apart."""
-    near: dict[int, list[tuple[int, float]]] = {}
-    for a, b in (pair for path in paths for pair in itertools.pairwise(path)):
-        weight = WEIGHTS[(a >= len(nodes)) + (b >= len(nodes))]
-        near.setdefault(a, []).append((b, weight))
-        near.setdefault(b, []).append((a, weight))
-    y: dict[int, float] = {}
+def _rows(nodes: Sequence[Node], layers: list[list[int]], arcs: Arcs) -> FloatArray:
+    """Rows by turns: every layer at the mean rows of its neighbours, at least its gaps apart, by
+    weighted least squares. Long arcs run straight.
+    """
+    from scipy.optimize import isotonic_regression
+    from scipy.sparse import csr_array
+
+    count, ends = sum(map(len, layers)), np.reshape(np.array(arcs, np.int64), (-1, 2)).T
+    # Between nodes, between a node and a bend, between bends.
+    weights = np.array([1.0, 2.0, 8.0])[(ends >= len(nodes)).sum(axis=0)]
+    pull = csr_array((weights, (ends[0], ends[1])), shape=(count, count))
+    pull = (pull + pull.T).tocsr()
+    total = pull.sum(axis=1)
+    y: FloatArray = np.zeros(count)
     offsets = []
     for layer in layers:
         rooms = [nodes[i].room if i < len(nodes) else (0.1, 0.1) for i in layer]
-        gaps = [below + above for (_, below), (above, _) in itertools.pairwise(rooms)]
-        offset = np.concatenate([[0.0], np.cumsum(gaps)])
-        offsets.append(offset)
-        y.update(zip(layer, (offset - offset.mean()).tolist(), strict=True))
+        gaps = [below + above for (_, below), (above, _) in pairwise(rooms)]
+        offsets.append(np.cumsum([0.0, *gaps]))
+        y[layer] = offsets[-1] - offsets[-1].mean()
     for turn in range(PASSES):
         for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
-            wanted, pull = [], []
-            for node in layers[index]:
-                total = sum(weight for _, weight in near.get(node, []))
-                mean = sum(weight * y[other] for other, weight in near.get(node, []))
-                wanted.append(mean / total if total else y[node])
-                pull.append(max(total, 0.1))
-            rows = offsets[index] + _monotone(np.array(wanted) - offsets[index], pull)
-            y.update(zip(layers[index], rows.tolist(), strict=True))
-    top = min(y.values(), default=0.0)
-    return {node: value - top for node, value in y.items()}
-
-
-def _monotone(values: FloatArray, weights: Sequence[float]) -> FloatArray:
-    """The nearest values that do not fall, weighted least squares: pool adjacent violators."""
-    pools: list[tuple[float, float, int]] = []
-    for value, weight in zip(values.tolist(), weights, strict=True):
-        pools.append((value, weight, 1))
-        while len(pools) > 1 and pools[-2][0] > pools[-1][0]:
-            (v2, w2, n2), (v1, w1, n1) = pools.pop(), pools.pop()
-            pools.append(((v1 * w1 + v2 * w2) / (w1 + w2), w1 + w2, n1 + n2))
-    return np.repeat([value for value, _, _ in pools], [n for _, _, n in pools])
+            layer, offset = layers[index], offsets[index]
+            weight = total[layer]
+            mean = pull[layer] @ y / np.maximum(weight, 0.1)
+            wanted = np.where(weight > 0, mean, y[layer])
+            fitted = isotonic_regression(wanted - offset, weights=np.maximum(weight, 0.1))
+            y[layer] = offset + fitted.x
+    top: FloatArray = y - y.min(initial=np.inf)
+    return top
 
 
 @figures.styled
@@ -305,12 +285,11 @@ def drawing(net: Net) -> Figure:
     from matplotlib.figure import Figure
 
     layout = lay_out(net)
-    reach = [MARGIN]
-    for node, (x, _) in zip(net.nodes, layout.places, strict=False):
-        half = (BOLD if node.reported else 1.0) * node.width / 2 + 0.1
-        reach += [half - float(x), half + float(x) - layout.width]
+    halves = np.array([(1.15 if x.reported else 1.0) * x.width / 2 + 0.1 for x in net.nodes])
+    middles = layout.places[:, 0]
+    reach = max(MARGIN, *(halves - middles), *(halves + middles - layout.width))
     kinds = [kind for kind in COLOURS if any(n.place and n.kind == kind for n in net.nodes)]
-    width = max(layout.width + 2 * max(reach), KEY * (len(kinds) + 3))
+    width = max(layout.width + 2 * reach, KEY * (len(kinds) + 3))
     page = Figure(figsize=(width, layout.height + HEAD + FOOT + 2 * MARGIN))
     FigureCanvasAgg(page)
     panel = page.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -318,96 +297,87 @@ def drawing(net: Net) -> Figure:
     panel.set_xlim(-left, width - left)
     panel.set_ylim(layout.height + MARGIN + FOOT, -MARGIN - HEAD)
     panel.axis("off")
-    for arc, route in zip(net.arcs, layout.routes, strict=True):
-        _draw_arc(panel, net, arc, route)
+    for (a, b), route in zip(net.arcs, layout.routes, strict=True):
+        share = max(net.shares.get(a, 0.0), net.shares.get(b, 0.0))
+        _draw_arc(panel, _reach(net.nodes[a]), _reach(net.nodes[b]), route, share)
     for number, node in enumerate(net.nodes):
         x, y = layout.places[number].tolist()
-        (_draw_place if node.place else _draw_bar)(panel, node, x, y)
-        share = net.shares.get(number, 0.0)
-        if share >= LEAST_SHARE:
-            panel.text(
-                x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
-                fontsize=FONT, color=figures.RED, ha="right", va="bottom",
-            )  # fmt: skip
-    _explain(page, net, kinds, width)
+        _draw_node(panel, node, x, y, net.shares.get(number, 0.0))
+    of = "" if net.of is None else f": where the variance of {net.of} is from"
+    top = 1.0 - 0.25 / page.get_figheight()
+    title = cut(net.title + of, int(width / TITLE))
+    page.text(0.3 / width, top, title, fontsize=10.5, fontweight="bold", va="center")
+    _key(page, net, kinds)
     return page
 
 
-def _draw_arc(panel: Axes, net: Net, arc: tuple[int, int], route: FloatArray) -> None:
+def _reach(node: Node) -> float:
+    """From its middle to where arcs begin and end."""
+    return RADIUS if node.place else BAR[0] / 2
+
+
+def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share: float) -> None:
     """A smooth curve, level at both ends, that turns only where its points do (Fritsch & Butland
     1984); the head at the rim of its node.
     """
     from matplotlib.patches import FancyArrowPatch
     from matplotlib.path import Path
+    from scipy.interpolate import PchipInterpolator
 
-    start, end = (net.nodes[number] for number in arc)
-    points = route.copy()
-    points[0, 0] += RADIUS if start.place else BAR[0] / 2
-    points[-1, 0] -= RADIUS if end.place else BAR[0] / 2
-    chord = np.diff(points[:, 1]) / np.diff(points[:, 0])
-    before, after = chord[:-1], chord[1:]
-    same = before * after > 0
-    mean = np.divide(2 * before * after, before + after, out=np.zeros(len(same)), where=same)
-    slopes = itertools.pairwise([0.0, *mean.tolist(), 0.0])
-    vertices, codes = [points[0]], [Path.MOVETO]
-    for (a, b), (first, last) in zip(itertools.pairwise(points), slopes, strict=True):
-        third = (b[0] - a[0]) / (2 if first == last == 0 else 3)
-        vertices += [a + third * np.array([1, first]), b - third * np.array([1, last]), b]
-        codes += [Path.CURVE4] * 3
-    share = max((net.shares.get(number, 0.0) for number in arc), default=0.0)
+    (x0, y0), *bends, (x1, y1) = route.tolist()
+    x0, x1 = x0 + before, x1 - after
+    points = np.array([(x0, y0), (x0 + LEVEL, y0), *bends, (x1 - LEVEL, y1), (x1, y1)])
+    along = np.linspace(x0, x1, FINE)
+    curve = Path(np.column_stack([along, PchipInterpolator(*points.T)(along)]))
     panel.add_patch(
         FancyArrowPatch(
-            path=Path(vertices, codes), arrowstyle="-|>,head_length=3.0,head_width=1.5",
-            lw=0.8 + 3.0 * share, color="#4d5661", shrinkA=0.0, shrinkB=0.0, zorder=1,
+            path=curve, arrowstyle="-|>,head_length=3.0,head_width=1.5", lw=0.8 + 3.0 * share,
+            color="#4d5661", shrinkA=0.0, shrinkB=0.0, zorder=1,
         )
     )  # fmt: skip
 
 
-def _draw_place(panel: Axes, node: Node, x: float, y: float) -> None:
-    """A circle with its name in it or below, and a marker that stands from the start."""
-    from matplotlib.patches import Circle
+def _draw_node(panel: Axes, node: Node, x: float, y: float, share: float) -> None:
+    """A circle with its name in it or below, and a marker that stands from the start; or a bar with
+    what it does above it, of a measurement to its left. A share to the left.
+    """
+    from matplotlib.patches import Circle, Rectangle
 
-    look: dict[str, Any] = {"facecolor": COLOURS[node.kind], "edgecolor": figures.INK}
-    panel.add_patch(Circle((x, y), RADIUS, lw=2.0 if node.reported else 0.9, zorder=3, **look))
-    if node.marked:
-        spot = y + 0.085 if node.inside else y
-        panel.add_patch(Circle((x, spot), 0.03, color=figures.INK, zorder=4))
-    at = (y - 0.03 * node.marked) if node.inside else y + RADIUS + 0.03
-    panel.text(
-        x, at, node.label, ha="center", va="center" if node.inside else "top", fontsize=FONT,
-        fontweight="bold" if node.reported else "normal", zorder=5,
-    )  # fmt: skip
-
-
-def _draw_bar(panel: Axes, node: Node, x: float, y: float) -> None:
-    """A bar with what it does above it, or to the left of a measurement."""
-    from matplotlib.patches import Rectangle
-
-    wide, high = BAR[0], BAR[1] * (0.7 if node.measures else 1.0)
-    corner = (x - wide / 2, y - high / 2)
-    panel.add_patch(Rectangle(corner, wide, high, facecolor=figures.INK, lw=0, zorder=3))
-    if node.measures:
-        panel.text(x - wide, y, node.label, ha="right", va="center", fontsize=FONT, zorder=5)
+    style: dict[str, Any] = {"fontsize": FONT, "ha": "center", "va": "center", "zorder": 5}
+    if node.place:
+        look: dict[str, Any] = {"facecolor": COLOURS[node.kind], "edgecolor": figures.INK}
+        panel.add_patch(Circle((x, y), RADIUS, lw=2.0 if node.reported else 0.9, zorder=3, **look))
+        if node.marked:
+            spot = y + 0.085 * node.inside
+            panel.add_patch(Circle((x, spot), 0.03, color=figures.INK, zorder=4))
+        at = (x, y - 0.03 * node.marked) if node.inside else (x, y + RADIUS + 0.03)
+        style |= {"fontweight": "bold" if node.reported else "normal"}
+        style |= {} if node.inside else {"va": "top"}
     else:
-        above = y - high / 2 - 0.02
-        panel.text(x, above, node.label, ha="center", va="bottom", fontsize=FONT, zorder=5)
+        wide, high = BAR[0], BAR[1] * (0.7 if node.measures else 1.0)
+        corner = (x - wide / 2, y - high / 2)
+        panel.add_patch(Rectangle(corner, wide, high, facecolor=figures.INK, lw=0, zorder=3))
+        at = (x - wide, y) if node.measures else (x, y - high / 2 - 0.02)
+        style |= {"ha": "right"} if node.measures else {"va": "bottom"}
+    panel.text(*at, node.label, **style)
+    if share >= LEAST_SHARE:
+        panel.text(
+            x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
+            fontsize=FONT, color=figures.RED, ha="right", va="bottom",
+        )  # fmt: skip
 
 
-def _explain(page: Figure, net: Net, kinds: list[str], width: float) -> None:
-    """Title above; below it what is drawn, each kind once."""
+def _key(page: Figure, net: Net, kinds: list[str]) -> None:
+    """What is drawn, each kind once."""
     from matplotlib.lines import Line2D
 
-    of = "" if net.of is None else f": where the variance of {net.of} is from"
-    title = cut(net.title + of, int(width / TITLE))
-    top = 1.0 - 0.25 / page.get_figheight()
-    page.text(0.3 / width, top, title, fontsize=10.5, fontweight="bold", va="center")
     signs = [("o", kind, COLOURS[kind], 0.8, 11.0) for kind in kinds]
-    if any(not node.place for node in net.nodes):
-        signs.append(("|", "transition", figures.INK, 3.5, 13.0))
-    if any(node.marked for node in net.nodes):
-        signs.append(("o", "marker", figures.INK, 0.0, 4.0))
-    if any(node.reported for node in net.nodes):
-        signs.append(("o", "reported", "white", 2.0, 11.0))
+    for sign, drawn in (
+        (("|", "transition", figures.INK, 3.5, 13.0), not all(node.place for node in net.nodes)),
+        (("o", "marker", figures.INK, 0.0, 4.0), any(node.marked for node in net.nodes)),
+        (("o", "reported", "white", 2.0, 11.0), any(node.reported for node in net.nodes)),
+    ):
+        signs += [sign] * drawn
     handles = [
         Line2D(
             [], [], linestyle="none", marker=marker, label=name, markersize=size,

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    pass
 
 WIDTH = 34
 """Characters of a line of a name beside a panel."""
 
 
+def words(*parts: str | None) -> str:
+    """Those that there are, with blanks between."""
+    return " ".join(filter(None, parts))
+
+
 def cut(name: str, length: int) -> str:
     """A name without its middle where it is long: numbered names differ at the end."""
-    if len(name) <= length:
-        return name
-    end = (length - 3) // 2
-    return f"{name[: length - 3 - end]}...{name[-end:]}"
-
-
-def clipped(name: str, length: int) -> str:
-    """The same with one sign for what is left out, where there is little room."""
     if len(name) <= length:
         return name
     end = (length - 1) // 2

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,16 +47,13 @@ def components(
 
     The band is k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     shown = estimates.components
     columns = figures.columns_of(len(shown))
     titles = [_title(name, (says or {}).get(name, "")) for name in shown]
     tall = 0.16 * any("\n" in title for title in titles)
     page = figures.blank(3.4 * max(columns, 2), (2.15 + tall) * -(-len(shown) // columns) + 0.6)
     figures.title(page, f"Components: readings, fit and one future reading ± {coverage_factor:g} u")
-    instruments = [item for found in fit.components.values() for item in found.instruments]
+    instruments = [item for x in fit.components.values() for item in x.instruments]
     numbers = sorted({1, *(number for item in instruments for number in _passes(item))})
     colours = dict(zip(numbers, _shades(len(numbers)), strict=True))
     # By role, whatever it read: one instrument has the same marks in every panel.
@@ -75,21 +71,27 @@ def components(
     drawn = {(item.role, key[-1]) for item in instruments for key in item.keys_read or ((0, 1, 0),)}
     marks = [
         (marker, WORDS[sign] if len(roles) == 1 else f"{role}, {WORDS[sign]}", figures.GREY)
-        for role, own in markers.items()
-        for sign, marker in own.items()
+        for role, by_direction in markers.items()
+        for sign, marker in by_direction.items()
         if (role, sign) in drawn
     ]
     if len(colours) > 1:
         marks += [("o", f"pass {n}", colours[n]) for n in (numbers[0], numbers[-1])]
+    _key(page, marks, f"one future reading, ± {coverage_factor:g} u", 8 if columns == 3 else 4)
+    return page
+
+
+def _key(page: Figure, marks: list[tuple[str, str, Any]], band: str, columns: int) -> None:
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
     handles: list[Any] = [
         Line2D([], [], marker=marker, linestyle="", color=colour, label=label)
         for marker, label, colour in marks
     ]
     handles.append(Line2D([], [], color=figures.INK, label="fit"))
-    band = f"one future reading, ± {coverage_factor:g} u"
     handles.append(Patch(color=figures.PALE, label=band))
-    page.legend(handles=handles, loc="outside lower center", ncols=8 if columns == 3 else 4)
-    return page
+    page.legend(handles=handles, loc="outside lower center", ncols=columns)
 
 
 def _title(name: str, says: str) -> str:
@@ -209,42 +211,36 @@ def _curves(panel: Axes, item: ComponentDrift, *, along: bool) -> None:
     for curve in item.curves:
         length = float(np.ptp(curve.time)) if len(curve.time) else 0.0
         lengths[curve.cycle] = max(lengths.get(curve.cycle, 0.0), length)
-    starts = np.concatenate([[0.0], np.cumsum(list(lengths.values()))]).tolist()
-    cycles = dict(zip(lengths, pairwise(starts), strict=True))
+    ends = np.cumsum(list(lengths.values())).tolist()
+    starts = dict(zip(lengths, [0.0, *ends], strict=False))
     for curve in item.curves:
-        if curve.position not in colours or not len(curve.time):
-            continue
-        time = curve.time - curve.time.min() + cycles[curve.cycle][0]
-        colour = colours[curve.position]
-        panel.plot(time, curve.measured / size, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
-        panel.plot(time, curve.modelled / size, color=colour, linewidth=1.0)
+        if curve.position in colours and len(curve.time):
+            time, colour = (
+                curve.time - curve.time.min() + starts[curve.cycle],
+                colours[curve.position],
+            )
+            panel.plot(time, curve.measured / size, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
+            panel.plot(time, curve.modelled / size, color=colour, linewidth=1.0)
+    for end in ends[:-1]:
+        panel.axvline(end, color=figures.GREY, linewidth=0.7, linestyle="--")
+    # The names of the cycles below them, numbers of many.
+    names, kept = list(lengths), spread(len(lengths), CYCLES)
+    fits = sum(len(name) + 2 for name in names) <= 62
+    middles = [starts[names[i]] + lengths[names[i]] / 2 for i in kept]
+    panel.set_xticks(middles, [names[i] if fits else str(i + 1) for i in kept], minor=True)
+    panel.tick_params(axis="x", which="minor", length=0, pad=17, labelsize=8.0)
+    panel.set_xlabel("min, and the cycles one after the other")
     panel.set_ylabel(f"drift, {unit}")
-    _name_cycles(panel, cycles)
-    found = item.held_out
-    before, after = (
-        (item.rms_before, item.rms_after) if found is None else (found.before, found.after)
-    )
-    kind = "rms of the fit (nothing held out)" if found is None else "rms of held-out cycles"
-    change = f"{significant(before / size, 3)} → {significant(after / size, 3)} {unit}"
-    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change}")
+    panel.grid(axis="x", visible=False)
+    panel.margins(x=0.01)
+    held = item.held_out
+    kind = "rms of held-out cycles" if held else "rms of the fit (nothing held out)"
+    rms = (held.before, held.after) if held else (item.rms_before, item.rms_after)
+    change = " → ".join(significant(x / size, 3) for x in rms)
+    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {unit}")
     if drawn:
         some = f"{len(drawn)} of {len(positions)}\npositions" if len(drawn) < len(positions) else ""
         _beside(panel, [(colours[x], f"{x:g} mm") for x in reversed(drawn)], some)
-
-
-def _name_cycles(panel: Axes, cycles: dict[str, tuple[float, float]]) -> None:
-    """Lines between cycles and their names, numbers of many."""
-    for start, _ in list(cycles.values())[1:]:
-        panel.axvline(start, color=figures.GREY, linewidth=0.7, linestyle="--")
-    names = list(cycles)
-    kept = spread(len(names), CYCLES)
-    fits = sum(len(name) + 2 for name in names) <= 62
-    texts = [names[i] if fits else str(i + 1) for i in kept]
-    panel.set_xticks([sum(cycles[names[i]]) / 2 for i in kept], texts, minor=True)
-    panel.tick_params(axis="x", which="minor", length=0, pad=17, labelsize=8.0)
-    panel.set_xlabel("min, and the cycles one after the other")
-    panel.grid(axis="x", visible=False)
-    panel.margins(x=0.01)
 
 
 def _beside(panel: Axes, entries: list[tuple[Any, str]], title: str = "") -> None:

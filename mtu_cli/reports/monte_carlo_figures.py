@@ -12,7 +12,7 @@ from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.labels import cut, folded, spread
-from mtu_cli.reports.numbers import chance, interval, significant, with_u
+from mtu_cli.reports.numbers import MISSING, chance, interval, significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mtu_cli.analyses.budget import BudgetResult
     from mtu_cli.analyses.budget.result import OutputBudget
-    from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
+    from mtu_cli.analyses.graph.simulate import GraphSimulation
     from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
     from mtu_cli.analyses.orthogonality import OrthogonalityResult
 
@@ -47,13 +47,13 @@ LINES, CURVE, HEADROOM = 14, 200, 1.08
 def histogram(
     panel: Axes,
     samples: FloatArray,
-    ends: tuple[float, float],
+    ends: Sequence[float],
     first: tuple[float, float, float],
-    first_ends: tuple[float, float],
+    first_ends: Sequence[float],
     percent: str = "95 %",
 ) -> None:
     """The density of the trials with the `ends` of their interval, and the curve of first order
-    (value, u, dof) with its own; u 0: none.
+    (value, u, dof) with its ends; u 0: none.
     """
     value, u, dof = first
     known = [*ends, *first_ends] if u > 0.0 else [*ends]
@@ -66,12 +66,10 @@ def histogram(
         grid = np.linspace(left, right, 400)
         curve = np.exp(log_density((grid - value) / u, dof)) / u
         panel.plot(grid, curve, color=figures.INK, label="first order")
+        style: dict[str, Any] = {"color": figures.INK, "lw": 1.0, "linestyle": (0, (4, 3))}
         for end in first_ends:
-            panel.axvline(
-                end, color=figures.INK, linewidth=1.0, linestyle=(0, (4, 3)),
-                label=f"{percent}, first order",
-            )  # fmt: skip
-    panel.axvspan(*ends, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
+            panel.axvline(end, label=f"{percent}, first order", **style)
+    panel.axvspan(ends[0], ends[1], ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
     panel.set_xlim(left, right)
     panel.set_ylim(0.0, None)
     panel.set_yticks([])
@@ -90,9 +88,10 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
     for panel, item in zip(figures.panels_of(page, len(shown), columns), shown, strict=False):
         run, first, scale = item.run, item.first_order, item.scale / ARCSEC
         ends = float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)
-        low, high = (end / ARCSEC for end in first.interval95)
         curve = first.mean / ARCSEC, first.u / ARCSEC, first.dof
-        histogram(panel, run.samples[0] / ARCSEC, ends, curve, (low, high))
+        histogram(
+            panel, run.samples[0] / ARCSEC, ends, curve, [x / ARCSEC for x in first.interval95]
+        )
         mean, u = with_u(run.mean[0] / ARCSEC, scale)[0], significant(run.u[0] / ARCSEC)
         text = f"mean {mean}, u {u} arcsec, 95 % {interval(*ends, scale)}"
         gap = "\n" if len(item.id) + len(text) > TITLE else " "
@@ -105,27 +104,24 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
 @figures.styled
 def budget(result: BudgetResult) -> Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
-    shown = result.outputs[:OUTPUTS]
+    shown, percent = result.outputs[:OUTPUTS], f"{100 * result.probability:.4g} %"
     seen = [int(np.sum(np.abs(100.0 * output.first.share) >= LEAST)) for output in shown]
-    bars = 1 + min(SHARES, max(seen))
-    page = figures.blank(10.0, 0.9 + len(shown) * max(2.4, 0.26 * bars + 1.2))
-    panels = page.subplots(len(shown), 2, squeeze=False)
-    percent = f"{100 * result.probability:.4g} %"
-    for i, output in enumerate(shown):
-        _shares(panels[i][0], result, output)
-        run, first, panel = result.run, output.first, panels[i][1]
-        ends, (low, high) = (float(run.low[i]), float(run.high[i])), output.interval
-        curve = first.value, first.u, first.dof
-        histogram(panel, run.samples[i], ends, curve, (float(low), float(high)), percent)
-        unit = f" {output.unit}" if output.unit else ""
-        panel.set_xlabel(cut(first.name, NAME) + unit.replace(" ", ", ", 1))
-        text = f"{cut(first.name, NAME)} = {with_u(first.value, first.u or None)[0]}{unit}"
-        if math.isfinite(first.u):
-            text += f", u = {significant(first.u)}{unit}"
-        u = float(run.u[i])
-        known = math.isfinite(u)
-        text += f", by Monte Carlo {significant(u)}{unit}" if known else ", none by Monte Carlo"
-        panel.set_title(text if len(text) <= TITLE else text.replace(", ", "\n", 1))
+    height = 0.26 * (1 + min(SHARES, max(seen))) + 1.2
+    page = figures.blank(10.0, 0.9 + len(shown) * max(2.4, height))
+    for (left, right), output in zip(
+        page.subplots(len(shown), 2, squeeze=False), shown, strict=True
+    ):
+        _shares(left, result, output)
+        run, first, i = result.run, output.first, output.index
+        ends, curve = (float(run.low[i]), float(run.high[i])), (first.value, first.u, first.dof)
+        histogram(right, run.samples[i], ends, curve, [float(x) for x in output.interval], percent)
+        unit, name = f" {output.unit}" if output.unit else "", cut(first.name, NAME)
+        right.set_xlabel(name + unit.replace(" ", ", ", 1))
+        text = f"{name} = {with_u(first.value, first.u or None)[0]}{unit}"
+        text += f", u = {significant(first.u)}{unit}" if math.isfinite(first.u) else ""
+        u = significant(float(run.u[i]))
+        text += ", none by Monte Carlo" if u == MISSING else f", by Monte Carlo {u}{unit}"
+        right.set_title(text if len(text) <= TITLE else text.replace(", ", "\n", 1))
     figures.legend(page)
     return page
 
@@ -140,59 +136,53 @@ def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
         return
     order = [int(i) for i in np.argsort(-np.abs(shares), kind="stable") if result.inputs[i].u > 0]
     drawn = [i for i in order[:SHARES] if abs(shares[i]) >= LEAST]
-    names = [folded(result.inputs[i].name, NAME) for i in drawn]
-    values = [float(shares[i]) for i in drawn]
-    rest, others = order[len(drawn) :], float(shares[order[len(drawn) :]].sum())
-    if abs(others) >= LEAST:
-        names.append("1 other" if len(rest) == 1 else f"{len(rest)} others")
-        values.append(others)
-    figures.bars(panel, names, values, [f"{value:.1f}" for value in values])
+    bars = {folded(result.inputs[i].name, NAME): float(shares[i]) for i in drawn}
+    rest = order[len(drawn) :]
+    if abs(others := float(shares[rest].sum())) >= LEAST:
+        bars["1 other" if len(rest) == 1 else f"{len(rest)} others"] = others
+    figures.bars(panel, list(bars), list(bars.values()), [f"{x:.1f}" for x in bars.values()])
     panel.set_xlabel("share of u², %")
 
 
 @figures.styled
 def simulated(result: GraphSimulation) -> Figure:
-    """Histogram of the trials of every coordinate about its nominal, interval, first order."""
+    """Histogram of the trials of every coordinate about its nominal, interval, first order; of a
+    chance how often it is 0, and how often 1.
+    """
     varying = [item for item in result.coordinates if not item.fixed]
     largest: dict[str, float] = {}
     for item in varying:
         largest[item.output.unit] = max(largest.get(item.output.unit, 0.0), item.u)
     seen = [x for x in varying if x.chance or x.u >= SEEN * largest[x.output.unit]][:COORDINATES]
     columns = figures.columns_of(len(seen))
-    page = figures.blank(
-        max(6.0, 3.6 * columns), 1.1 + 2.6 * max(1, math.ceil(len(seen) / columns))
-    )
+    rows = max(1, math.ceil(len(seen) / columns))
+    page = figures.blank(max(6.0, 3.6 * columns), 1.1 + 2.6 * rows)
     panels = figures.panels_of(page, max(1, len(seen)), columns)
     for panel, item in zip(panels, seen, strict=False):
-        (_chance if item.chance else _coordinate)(panel, item)
+        name = cut(str(item.output), NAME)
+        if item.chance:
+            shares = [1 - item.mean, item.mean]
+            figures.bars(panel, ["0", "1"], shares, [f"{share:.3g}" for share in shares])
+            panel.set_xlim(0.0, 1.2)
+            panel.set_xlabel("share of the trials with this value")
+            panel.set_title(f"{name}: chance of 1 {chance(item.mean, item.se_mean)} %")
+            continue
+        factor, unit = small_unit(item.output.unit)
+        ends, u = (
+            [(end - item.nominal) * factor for end in item.interval],
+            item.first_order_u * factor,
+        )
+        half = coverage_factor(0.95) * u
+        samples = (item.samples - item.nominal) * factor
+        histogram(panel, samples, ends, (0.0, u, math.inf), (-half, half))
+        of = shares_text(item.shares)
+        panel.set_xlabel(f"from nominal, {unit}" + ("" if of == "-" else f"\n{of} % of u²"))
+        panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
     figures.legend(page, 4 if columns > 1 else 2)
     rest = [str(item.output) for item in varying if item not in seen]
     without = f" (not drawn: {listed(rest, 4)})" if rest else ""
     figures.title(page, f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{without}")
     return page
-
-
-def _chance(panel: Axes, item: SimulatedCoordinate) -> None:
-    """How often a place is 0, and how often 1."""
-    shares = [1 - item.mean, item.mean]
-    figures.bars(panel, ["0", "1"], shares, [f"{share:.3g}" for share in shares])
-    panel.set_xlim(0.0, 1.2)
-    panel.set_xlabel("share of the trials with this value")
-    panel.set_title(
-        f"{cut(str(item.output), NAME)}: chance of 1 {chance(item.mean, item.se_mean)} %"
-    )
-
-
-def _coordinate(panel: Axes, item: SimulatedCoordinate) -> None:
-    factor, unit = small_unit(item.output.unit)
-    low, high = ((end - item.nominal) * factor for end in item.interval)
-    u = item.first_order_u * factor
-    half = coverage_factor(0.95) * u
-    samples = (item.samples - item.nominal) * factor
-    histogram(panel, samples, (low, high), (0.0, u, math.inf), (-half, half))
-    shares = shares_text(item.shares)
-    panel.set_xlabel(f"from nominal, {unit}" + ("" if shares == "-" else f"\n{shares} % of u²"))
-    panel.set_title(f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}")
 
 
 @figures.styled
@@ -209,9 +199,8 @@ def swept(result: Sweep) -> Figure:
         lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel = page.subplots()
-    for shade, (label, points) in zip(
-        np.linspace(0.35, 0.95, len(lines)), lines.items(), strict=True
-    ):
+    shades = np.linspace(0.35, 0.95, len(lines))
+    for shade, (label, points) in zip(shades, lines.items(), strict=True):
         colour = colormaps["Blues"](shade) if len(lines) > 1 else figures.BLUE
         _line(panel, result, points, first, colour, label)
     panel.set_xlabel(first)

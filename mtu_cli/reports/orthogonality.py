@@ -2,164 +2,100 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from mtu_cli.analyses.orthogonality import Orthogonality, OrthogonalityResult
 from mtu_cli.findings import listed
+from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
-from mtu_cli.reports.fields import Field, Fields, Group, conformance, shares, validation
-from mtu_cli.reports.numbers import interval, significant, with_u
+from mtu_cli.reports.fields import conformance, declare, shares, validation
+from mtu_cli.reports.numbers import interval, with_u
 from mtu_cli.units import ARCSEC
 
-ROW: Fields = (
-    Field("id", meaning="name of the angle", head="angle", show="text", mark=MARK),
-    Field("row", meaning="features of the row", csv=""),
-    Field("column", meaning="features of the column", csv=""),
-    Field("mean_arcsec", "run.mean.0", "angle minus 90 degrees", head="mean", u="scale"),
-    Field(
-        "u_arcsec",
-        "run.u.0",
-        "standard uncertainty; null where a source has two degrees of freedom or fewer",
-        head="u",
-        u="run.u.0",
-    ),
-    Field(
-        "U_arcsec",
-        lambda x: x.k * x.run.u[0],
-        "expanded uncertainty k u",
-        head="U",
-        u="run.u.0",
-    ),
-    Field("k", meaning="coverage factor", csv=""),
-    Field(
-        "u_eq28_arcsec",
-        "u_of_next_trial",
-        "uncertainty of one more trial about the mean of all (Gilsinn & Ling 2004, eq. (28))",
-    ),
-    Field("trials", "run.trials", "Monte Carlo trials", head="trials", show="count", detail=True),
-    Field("converged", "run.converged", "whether they reached the digits asked for"),
-    Field(
-        "interval95_arcsec",
-        lambda item: (item.run.low[0], item.run.high[0]),
-        "interval that holds 95 of 100 trials, as many beyond either end",
-        head="95 % interval",
-        show="interval",
-        u="scale",
-    ),
-    Field(
-        "shortest95_arcsec",
-        lambda item: (item.run.shortest_low[0], item.run.shortest_high[0]),
-        "shortest interval that holds 95 of 100 trials",
-        show="interval",
-    ),
-    Field(
-        "first_order.mean_arcsec",
-        "first_order.mean",
-        "the angle of the mean errors of the features",
-    ),
-    Field(
-        "first_order.u_arcsec",
-        "first_order.u",
-        "standard uncertainty of first order",
-        head="first order u",
-        detail=True,
-    ),
-    Field(
-        "first_order.dof_effective",
-        "first_order.dof",
-        "effective degrees of freedom (Welch-Satterthwaite); null: infinite",
-        csv="dof_effective",
-    ),
-    Field(
-        "first_order.interval95_arcsec",
-        "first_order.interval95",
-        "mean -+ t u of first order",
-        csv="",
-    ),
-    conformance("arcsec"),
-    validation("arcsec", csv="validation_passed"),
-    Field("independent.mean_arcsec", "independent.mean.0", "mean with all features independent"),
-    Field(
-        "independent.u_arcsec",
-        "independent.u.0",
-        "standard uncertainty with all features independent (Gilsinn & Ling 2004)",
-        head="u indep.",
-        detail=True,
-    ),
-    Field(
-        "independent.interval95_arcsec",
-        lambda item: (item.independent.low[0], item.independent.high[0]),
-        "interval with all features independent",
-        csv="",
-    ),
-    shares("first_order.shares", "shares"),
-    Field("independent.trials", meaning="trials of the independent features", csv=""),
-    Field(
-        "independent.first_order_u_arcsec",
-        "independent_u",
-        "standard uncertainty of first order with all features independent",
-        csv="",
-    ),
-    *(
-        Field(
-            f"monte_carlo.se_{name}_arcsec", f"run.se_{name}.0", f"standard error of {what}", csv=""
-        )
-        for name, what in (
-            ("mean", "the mean"),
-            ("u", "u"),
-            ("low", "the lower end of the interval"),
-            ("high", "the upper end of the interval"),
-        )
-    ),
-    Field(
-        "monte_carlo.gain",
-        lambda item: {name: values[0] for name, values in item.run.gain._asdict().items()},
-        "how many times fewer trials the control variate needs, by statistic",
-        csv="",
-    ),
+ANGLE = """
+    id | | name of the angle | angle, text, mark=outside()
+    row | | features of the row | -, json
+    column | | features of the column | -, json
+    mean_arcsec | run.mean.0 | angle minus 90 degrees | mean, u=scale
+    u_arcsec | run.u.0 | standard uncertainty; null where a source has two degrees of freedom \
+        or fewer | u, u=run.u.0
+    U_arcsec | U() | expanded uncertainty k u | U, u=run.u.0
+    k | | coverage factor | -, json
+    u_eq28_arcsec | u_of_next_trial | uncertainty of one more trial about the mean of all \
+        (Gilsinn & Ling 2004, eq. (28))
+    trials | run.trials | Monte Carlo trials | trials, count, detail
+    converged | run.converged | whether they reached the digits asked for
+    interval95_arcsec | ends() | interval that holds 95 of 100 trials, as many beyond either end \
+        | 95 % interval, interval, u=scale
+    shortest95_arcsec | shortest() | shortest interval that holds 95 of 100 trials | -, interval
+    first_order.mean_arcsec | first_order.mean | the angle of the mean errors of the features
+    first_order.u_arcsec | first_order.u | standard uncertainty of first order \
+        | first order u, detail
+    first_order.dof_effective | first_order.dof | effective degrees of freedom \
+        (Welch-Satterthwaite); null: infinite | -, csv=dof_effective
+    first_order.interval95_arcsec | first_order.interval95 | mean -+ t u of first order | -, json
+    *conformance
+    *validation
+    independent.mean_arcsec | independent.mean.0 | mean with all features independent
+    independent.u_arcsec | independent.u.0 | standard uncertainty with all features independent \
+        (Gilsinn & Ling 2004) | u indep., detail
+    independent.interval95_arcsec | independent_ends() | interval with all features independent \
+        | -, json
+    *shares
+    independent.trials | | trials of the independent features | -, json
+    independent.first_order_u_arcsec | independent_u | standard uncertainty of first order with \
+        all features independent | -, json
+    monte_carlo.se_mean_arcsec | run.se_mean.0 | standard error of the mean | -, json
+    monte_carlo.se_u_arcsec | run.se_u.0 | standard error of u | -, json
+    monte_carlo.se_low_arcsec | run.se_low.0 | standard error of the lower end of the interval \
+        | -, json
+    monte_carlo.se_high_arcsec | run.se_high.0 | standard error of the upper end of the interval \
+        | -, json
+    monte_carlo.gain | gain() | how many times fewer trials the control variate needs, by \
+        statistic | -, json
+"""
+ROW = declare(
+    ANGLE,
+    outside=MARK,
+    U=lambda x: x.k * x.run.u[0],
+    ends=lambda x: (x.run.low[0], x.run.high[0]),
+    shortest=lambda x: (x.run.shortest_low[0], x.run.shortest_high[0]),
+    independent_ends=lambda x: (x.independent.low[0], x.independent.high[0]),
+    gain=lambda x: {name: values[0] for name, values in x.run.gain._asdict().items()},
+    conformance=[conformance("arcsec")],
+    validation=[validation("arcsec", csv="validation_passed")],
+    shares=[shares("first_order.shares", "shares")],
 )
-RESULTS: Fields = (Group("orthogonality", ROW, "angles", many=True),)
+RESULTS = declare("orthogonality[] | angles | *angle", angle=ROW)
 
 
 def document(result: OrthogonalityResult, digits: int = 2) -> Document:
     """One row an angle; an angle with a feature beyond a measured range is marked."""
-    from mtu_cli.reports import monte_carlo_figures
-
-    outside = any(item.outside for item in result.angles)
-    k = result.angles[0].k
-    table = Table(
-        title="Orthogonality",
-        fields=ROW,
-        items=result.angles,
-        footer=f"U = {k:g} u; angle from +x of the row to +y of the column, minus 90 degrees"
-        f"{OUTSIDE * outside}",
-        notes=[
-            "u indep.: all features independent (Gilsinn & Ling 2004); first order valid: JCGM "
-            "101, clause 8; no*: use the interval of the Monte Carlo",
-        ],
+    angles = result.angles
+    outside = OUTSIDE * any(item.outside for item in angles)
+    of = "angle from +x of the row to +y of the column, minus 90 degrees"
+    note = (
+        "u indep.: all features independent (Gilsinn & Ling 2004); first order valid: JCGM 101, "
+        "clause 8; no*: use the interval of the Monte Carlo"
     )
-    return Document(
-        title="Orthogonality",
-        results=(RESULTS, result),
-        tables=[table],
-        figure=lambda: monte_carlo_figures.orthogonality(result),
-        verdict=_verdict(result.angles, digits),
-        digits=digits,
-    )
+    title = "Orthogonality"
+    table = Table(title, ROW, angles, f"U = {angles[0].k:g} u; {of}{outside}", [note])
+    figure = partial(monte_carlo_figures.orthogonality, result)
+    return Document(title, (RESULTS, result), [table], figure, _verdict(angles, digits), digits)
 
 
 def _verdict(angles: tuple[Orthogonality, ...], digits: int) -> str:
-    """What the intervals say of the right angle."""
+    """What the intervals say of the right angle; of a single one with its figures."""
     out = [item.id for item in angles if not item.run.low[0] <= 0.0 <= item.run.high[0]]
-    if len(angles) == 1:
-        (item,) = angles
-        mean, scale = item.run.mean[0] / ARCSEC, item.scale / ARCSEC
-        ends = interval(item.run.low[0] / ARCSEC, item.run.high[0] / ARCSEC, scale, digits)
-        holds = "does not contain" if out else "contains"
-        return (
-            f"{item.id} is predicted {with_u(mean, scale, digits)[0]} arcsec from a right angle; "
-            f"its 95 % interval {ends} {holds} 0."
-        )
-    if out:
-        return f"The 95 % interval does not contain 0 for {listed(out)}."
-    widest = max(angles, key=lambda item: item.run.high[0] - item.run.low[0])
-    width = significant((widest.run.high[0] - widest.run.low[0]) / ARCSEC, digits)
-    return f"All 95 % intervals contain 0; the widest is {width} arcsec wide, of {widest.id}."
+    if len(angles) > 1:
+        if out:
+            return f"The 95 % interval does not contain 0 for {listed(out)}."
+        return "All 95 % intervals contain 0."
+    (item,) = angles
+    mean, low, high = (x[0] / ARCSEC for x in (item.run.mean, item.run.low, item.run.high))
+    scale = item.scale / ARCSEC
+    return (
+        f"{item.id} is predicted {with_u(mean, scale, digits)[0]} arcsec from a right angle; its "
+        f"95 % interval {interval(low, high, scale, digits)} "
+        f"{'does not contain' if out else 'contains'} 0."
+    )

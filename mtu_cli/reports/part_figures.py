@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Side, draw, page_of, sheet
 from mtu_cli.reports.figures import Intervals
-from mtu_cli.reports.labels import cut
+from mtu_cli.reports.labels import cut, words
 from mtu_cli.reports.numbers import percent
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
@@ -33,10 +33,8 @@ OPERATIONS, SCATTERS = 5, 16
 """Operations drawn as arrows; operations by axes whose scatter is drawn."""
 WIDTH, ROW = 8.0, 1.45
 """Of a page and of a row of panels, inches."""
-LETTER, LINE, PART = 0.06, 0.11, 14
-"""Width of a letter and height of a line of a part's name, inches; its characters."""
-MANY = 300
-"""Of more parts the CMM's scatter is not drawn."""
+PART, MANY = 14, 300
+"""Characters of a part's name; of more parts the CMM's scatter is not drawn."""
 ITEMS, SIZES = 24, 40
 """Items that are compared, and sizes that are corrected, drawn with their intervals."""
 APART = 24
@@ -49,111 +47,46 @@ CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 @figures.styled
 def anova(result: AnovaResult) -> Figure:
-    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above the scatter by its source; of a
-    single part a map of its errors.
+    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above the scatter by its source and run
+    charts; of a single part a map of its errors.
     """
     if len(result.features.tables.parts) == 1 and result.maps:
         return _single(result)
     rows = _rows(result)
     axes = sorted({axis for row in rows for axis in row})
     known = [item for item in result.totals[:SCATTERS] if np.isfinite(item.repeat_share)]
-    runs = _runs_of(result)[: RUNS * len(axes)]
+    runs = list(_runs(result))[: RUNS * len(axes)]
     heights = [ROW] * len(rows) + [figures.rows_height(len(known))] * bool(known)
     charts = len(heights)
     heights += [1.4 * ROW] * math.ceil(len(runs) / len(axes))
     page = figures.blank(WIDTH, sum(heights) + 1.2)
     grid = page.add_gridspec(len(heights), len(axes), height_ratios=heights)
     for r, row in enumerate(rows):
-        for c, axis in enumerate(axes):
-            panel = page.add_subplot(grid[r, c])
-            if axis in row:
-                _parts(panel, result, row[axis], WIDTH / len(axes) - 0.8)
-            else:
-                panel.set_axis_off()
-            if c == 0:
+        for axis, i in row.items():
+            panel = page.add_subplot(grid[r, axes.index(axis)])
+            _parts(panel, result, i, WIDTH / len(axes) - 0.8)
+            if axis == axes[0]:
                 panel.set_ylabel("actual minus\nnominal, um", fontsize=7.5)
-            last = r == len(rows) - 1
-            panel.tick_params(labelbottom=last)
-            panel.set_xlabel("part" if last else "")
+            panel.tick_params(labelbottom=r == len(rows) - 1)
+            panel.set_xlabel("part" if r == len(rows) - 1 else "")
     if known:
-        panel = page.add_subplot(grid[len(rows), :])
-        shown = [
-            Intervals(
-                label="", colour=colour, value=np.sqrt([getattr(x, name) for x in known]) / UM
-            )
-            for name, colour in (("part", figures.BLUE), ("repeat", figures.ORANGE))
-        ]
-        names = [" ".join(filter(None, (x.operation, x.axis))) for x in known]
-        beside = [f"{percent(x.repeat_share)} %" for x in known]
-        figures.intervals(panel, names, shown, beside)
-        panel.set_xlim(left=0.0)
-        panel.set_xlabel("standard deviation of one point, um; right: share of repeats in variance")
-        more = f" (first {SCATTERS} of {len(result.totals)})"
-        some = more if len(result.totals) > SCATTERS else ""
-        panel.set_title(f"Scatter{some}: s_part (blue), s_repeat (orange)")
-    for k, run in enumerate(runs):
-        _run_chart(page.add_subplot(grid[charts + k // len(axes), k % len(axes)]), run)
+        _scatter(page.add_subplot(grid[len(rows), :]), result, known)
+    for k, (title, unit, sequence, values, limits) in enumerate(runs):
+        panel = page.add_subplot(grid[charts + k // len(axes), k % len(axes)])
+        order = np.argsort(sequence, kind="stable")
+        panel.plot(sequence[order], values[order], "o-", color=figures.INK, ms=3.0, lw=0.7)
+        panel.axhline(float(np.nanmean(values)), color=figures.BLUE, linewidth=1.0)
+        for limit in limits:
+            panel.axhline(limit, color=figures.GREEN, linewidth=1.2, label="tolerance")
+        panel.set_title(cut(title, 44))
+        panel.set_xlabel("sequence")
+        panel.locator_params(axis="x", integer=True)
+        panel.set_ylabel(unit, fontsize=7.5)
     figures.legend(page, 2)
     total = len(result.shown)
     some = f": {len(rows)} of {total} features, outliers and the largest first"
     figures.title(page, f"Mean errors by part and feature{some if len(rows) < total else ''}")
     return page
-
-
-class Run(NamedTuple):
-    """Values over the sequence of manufacture, in `unit`, with limits; nan where there are none."""
-
-    title: str
-    unit: str
-    sequence: FloatArray
-    values: FloatArray
-    limits: tuple[float, float]
-
-
-def _runs_of(result: AnovaResult) -> list[Run]:
-    """What has a tolerance, then the clearest trends of other tables."""
-    found: dict[tuple[str, str, str], Run] = {}
-    for item in sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf])):
-        unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
-        words = " ".join(filter(None, (item.operation, item.id)))
-        indices = (("ppk", item.ppk), ("cpk", item.cpk))
-        index = ", ".join(f"{name} {value:.2f}" for name, value in indices if np.isfinite(value))
-        low = math.nan if item.kind == "position" else item.low / size
-        found[item.kind, item.operation, item.id] = Run(
-            f"{words} {item.kind}: {index}",
-            unit,
-            item.sequence,
-            item.values / size,
-            (low, item.high / size),
-        )
-    kinds = {label: (kind, i) for kind in result.kinds for i, label in enumerate(kind.labels)}
-    for trend in sorted(result.trends, key=lambda item: item.p):
-        operation, name, axis = trend.where
-        if trend.p <= FAMILY_RATE and (axis, operation, name) not in found:
-            kind, i = kinds[trend.where]
-            unit, size = ("arcsec", ARCSEC) if axis == "angle" else ("um", UM)
-            words = " ".join(filter(None, trend.where))
-            title = f"{words}: {trend.slope / size:.2g} {unit} a part"
-            values, _ = kind.part_means(i)
-            found[axis, operation, name] = Run(
-                title, unit, result.sequence[operation], values / size, (math.nan, math.nan)
-            )
-    return list(found.values())
-
-
-def _run_chart(panel: Axes, run: Run) -> None:
-    """A run chart: values, their mean and the limits."""
-    order = np.argsort(run.sequence, kind="stable")
-    x, y = run.sequence[order], run.values[order]
-    panel.plot(x, y, "o-", color=figures.INK, markersize=3.0, linewidth=0.7)
-    panel.axhline(float(np.nanmean(y)), color=figures.BLUE, linewidth=1.0)
-    for limit in run.limits:
-        if np.isfinite(limit):
-            panel.axhline(limit, color=figures.GREEN, linewidth=1.2, label="tolerance")
-    panel.set_title(cut(run.title, 44))
-    panel.set_xlabel("sequence")
-    panel.locator_params(axis="x", integer=True)
-    panel.set_ylabel(run.unit, fontsize=7.5)
 
 
 def _rows(result: AnovaResult) -> list[dict[str, int]]:
@@ -167,6 +100,43 @@ def _rows(result: AnovaResult) -> list[dict[str, int]]:
     return [rows[key] for keys in chosen for key in keys]
 
 
+def _scatter(panel: Axes, result: AnovaResult, known: Sequence[Any]) -> None:
+    """Standard deviations by their source, an operation and axis a row."""
+    shown = [
+        Intervals("", colour, np.sqrt([getattr(x, name) for x in known]) / UM)
+        for name, colour in (("part", figures.BLUE), ("repeat", figures.ORANGE))
+    ]
+    names = [words(x.operation, x.axis) for x in known]
+    figures.intervals(panel, names, shown, [f"{percent(x.repeat_share)} %" for x in known])
+    panel.set_xlim(left=0.0)
+    panel.set_xlabel("standard deviation of one point, um; right: share of repeats in variance")
+    more = f" (first {SCATTERS} of {len(result.totals)})"
+    some = more if len(result.totals) > SCATTERS else ""
+    panel.set_title(f"Scatter{some}: s_part (blue), s_repeat (orange)")
+
+
+def _runs(result: AnovaResult) -> Iterator[tuple[str, str, FloatArray, FloatArray, list[float]]]:
+    """Title, unit, sequence of manufacture, values and limits: of what has a tolerance, then of the
+    clearest trends of other tables.
+    """
+    drawn = set()
+    for item in sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf])):
+        unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
+        indices = (("ppk", item.ppk), ("cpk", item.cpk))
+        index = ", ".join(f"{name} {value:.2f}" for name, value in indices if np.isfinite(value))
+        limits = [item.high] if item.kind == "position" else [item.low, item.high]
+        title = f"{words(item.operation, item.id)} {item.kind}: {index}"
+        drawn.add((item.operation, item.id, item.kind))
+        yield title, unit, item.sequence, item.values / size, [x / size for x in limits]
+    kinds = {label: (kind, i) for kind in result.kinds for i, label in enumerate(kind.labels)}
+    for trend in sorted(result.trends, key=lambda item: item.p):
+        if trend.p <= FAMILY_RATE and trend.where not in drawn:
+            kind, i = kinds[trend.where]
+            unit, size = ("arcsec", ARCSEC) if trend.where[2] == "angle" else ("um", UM)
+            title = f"{words(*trend.where)}: {trend.slope / size:.2g} {unit} a part"
+            yield title, unit, result.sequence[trend.where[0]], kind.part_means(i)[0] / size, []
+
+
 def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
     """The mean of every part with the CMM's scatter, outliers among them, and their limits."""
     found, parts = result.features, result.features.tables.parts
@@ -175,12 +145,10 @@ def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
     at = np.arange(count) + 1.0
     overall = found.one_way.mean[i] / UM
     panel.axhline(overall, color=figures.BLUE, linewidth=1.0, label="mean of all readings")
+    limits = "limits of an outlier (over all parts and features)"
     for limit in result.limits(i) / UM:
         if np.isfinite(limit).any():
-            panel.step(
-                at, limit, where="mid", color=figures.RED, lw=1.0, ls="--",
-                label="limits of an outlier (over all parts and features)",
-            )  # fmt: skip
+            panel.step(at, limit, where="mid", color=figures.RED, lw=1.0, ls="--", label=limits)
     bars = count <= MANY and np.nanmax(half) > 0
     size = min(4.0, max(0.7, 160.0 / count))
     out = np.array([part in found.unusual[i] for part in parts], dtype=bool)
@@ -195,11 +163,12 @@ def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
                 color=colour, markersize=size + 1.5 * (form == "D"), markeredgewidth=0,
                 elinewidth=1.0, label=name,
             )  # fmt: skip
-    panel.set_title(cut(" ".join(filter(None, found.tables.labels[i])), int(width / 0.085)))
+    panel.set_title(cut(words(*found.tables.labels[i]), int(width / 0.085)))
     names = [cut(name, PART) for name in parts]
-    beside = LETTER * (max(map(len, names)) + 0.8) * count / width
-    # Every second one at least, or upright.
-    every, turn = (math.ceil(beside), 0) if beside <= 2 else (math.ceil(LINE * count / width), 90)
+    # Every second one at least in a line, or upright.
+    every, turn = math.ceil(figures.LETTER * (max(map(len, names)) + 0.8) * count / width), 0
+    if every > 2:
+        every, turn = math.ceil(0.11 * count / width), 90
     panel.set_xticks(at[::every], names[::every], fontsize=7, rotation=turn)
     panel.set_xlim(0.7 - 0.03 * count, 1.03 * count + 0.3)
     panel.grid(axis="x", visible=False)
@@ -211,14 +180,12 @@ def _single(result: AnovaResult) -> Figure:
     places = {name: at for item in shown for name, at in zip(item.ids, item.places, strict=True)}
     groups = []
     for item in shown:
-        own = dict(zip(item.ids, item.errors / UM, strict=True))
-        drawn = np.array([own.get(name, np.full(3, np.nan)) for name in places])
-        groups.append((item.operation, (Side(name="", colour=figures.BLUE, errors=drawn),)))
-    errors = np.vstack([item.errors for item in shown]).T
-    maps = Maps(
-        ids=tuple(places), places=np.array(list(places.values())), groups=tuple(groups),
-        axes=tuple(a for a, along in zip(AXES, errors, strict=True) if np.isfinite(along).any()),
-    )  # fmt: skip
+        errors = np.full((len(places), 3), np.nan)
+        errors[[list(places).index(name) for name in item.ids]] = item.errors / UM
+        groups.append((item.operation, (Side("", figures.BLUE, errors),)))
+    every = np.vstack([item.errors for item in shown])
+    axes = tuple(a for a, along in zip(AXES, every.T, strict=True) if np.isfinite(along).any())
+    maps = Maps(tuple(places), np.array([*places.values()]), axes, tuple(groups))
     less = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
     part = result.features.tables.parts[0]
     title = f"Part {part}: errors of {len(places)} features, actual minus nominal{less}"
@@ -281,9 +248,8 @@ def _compared(result: CompareResult) -> Maps | None:
     groups = []
     for operation, means in zip(operations, errors, strict=True):
         sides = zip(shown, means, strict=True)
-        named = tuple(Side(name=name, colour=colour, errors=e) for (name, colour), e in sides)
-        groups.append((operation, named))
-    return Maps(ids=result.ids, places=result.places, axes=axes, groups=tuple(groups))
+        groups.append((operation, tuple(Side(*names, errors=e) for names, e in sides)))
+    return Maps(result.ids, result.places, axes, tuple(groups))
 
 
 def _differences(panel: Axes, found: Compared, most: int, k: float) -> str:
@@ -299,8 +265,8 @@ def _differences(panel: Axes, found: Compared, most: int, k: float) -> str:
         (-0.14, 0.14), (found.predicted, found.measured), COMPARED, strict=True
     ):
         value, half = (side.mean[items] - zero) / UM, k * np.nan_to_num(side.u[items]) / UM
-        shown.append(Intervals(label=name, colour=colour, value=value, half=half, shift=shift))
-    names = [" ".join(filter(None, found.labels[i])) for i in items]
+        shown.append(Intervals(name, colour, value, half, shift))
+    names = [words(*found.labels[i]) for i in items]
     figures.intervals(panel, names, shown, [found.stated(i) for i in items])
     panel.set_xlabel("minus the predicted mean, um")
     colours = {None: figures.GREY, "consistent": figures.GREY, "over-predicted": figures.BLUE}
@@ -318,79 +284,60 @@ def correct(result: CorrectResult) -> Figure:
     the mean errors of the features as arrows, or row by row where they are not in a plane.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
-    for kind, items, label in (
-        ("diameters", rounds, "measured minus calibrated diameter, um"),
-        ("lengths", result.of_kind("length"), "measured minus nominal length, um"),
+    for kind, items, of in (
+        ("diameters", rounds, "calibrated diameter"),
+        ("lengths", result.of_kind("length"), "nominal length"),
     ):
         known = [item for item in items if not np.isnan(item.reference)]
         if known:
-            return _sizes(kind, known, label)
+            return _sizes(kind, known, f"measured minus {of}, um")
     found = result.by_feature()
     pair = (found.before / UM, found.after / UM)
     title = "Mean errors of the features, measured minus nominal"
     if {"x", "y"} <= set(result.axes) and np.isfinite(pair[0][:, :2]).all():
-        sides = tuple(
-            Side(name=name, colour=colour, errors=errors)
-            for (name, colour), errors in zip(CORRECTED, pair, strict=True)
-        )
+        sides = tuple(Side(*names, errors=e) for names, e in zip(CORRECTED, pair, strict=True))
         axes = tuple(a for a in result.axes if np.isfinite(pair[1][:, AXES.index(a)]).any())
-        maps = Maps(ids=found.features, places=found.places, axes=axes, groups=(("", sides),))
-        return page_of(maps, title)
+        return page_of(Maps(found.features, found.places, axes, (("", sides),)), title)
     at = [AXES.index(axis) for axis in result.axes]
     names = [f"{name} {axis}" for name in found.features for axis in result.axes]
     shown = [
-        Intervals(label=side, colour=colour, value=errors[:, at].ravel()[:SIZES])
-        for (side, colour), errors in zip(CORRECTED, pair, strict=True)
+        Intervals(*names, errors[:, at].ravel())
+        for names, errors in zip(CORRECTED, pair, strict=True)
     ]
-    page, _ = _listing(title, names, shown, "measured minus nominal, um")
+    page = figures.listing(title, names, shown, "measured minus nominal, um", most=SIZES)
     figures.legend(page)
     return page
-
-
-def _listing(
-    title: str, names: Sequence[str], shown: Sequence[Intervals], label: str
-) -> tuple[Figure, Axes]:
-    """A page of rows, the first of many."""
-    count = min(len(names), SIZES)
-    page = figures.blank(WIDTH, figures.rows_height(count) + 0.8)
-    more = f" (first {count} of {len(names)})" if count < len(names) else ""
-    figures.title(page, title + more)
-    panel = page.subplots()
-    figures.intervals(panel, names[:count], shown)
-    panel.set_xlabel(label)
-    return page, panel
 
 
 def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
     """A row a size; of many a row for all parts of a circle or length, each part a dot beside the
     mean, whose interval is that of one part. Many lengths stand over the nominal length.
     """
-    together = len(items) > APART
+    pooled = len(items) > APART
     rows: dict[str, list[Size]] = {}
     for item in items:
-        rows.setdefault(_size_name(item, together), []).append(item)
+        rows.setdefault(_size_name(item, pooled), []).append(item)
+    grouped = list(rows.values())
+    half = np.array([np.ptp(same[0].error_interval95) for same in grouped]) / (2 * UM)
+    by_row = kind == "diameters" or len(rows) <= figures.FEW_ROWS
+    of = ", mean of the parts" * pooled + " (dots: each)" * (pooled and by_row)
+    means = []
+    for i, (side, colour) in enumerate(CORRECTED):
+        label, shift = side + of + " ± 95 %" * i, (2 * i - 1) * 0.12 * pooled
+        errors = np.array([np.mean([x.error[i] for x in same]) for same in grouped]) / UM
+        means.append(Intervals(label, colour, errors, half if i else None, shift))
+    nominal = np.array([same[0].reference for same in grouped]) if kind == "lengths" else None
     title = f"Errors of the {kind} before and after the correction"
-    if kind == "lengths" and len(rows) > APART:
-        page = figures.blank(WIDTH, 5.0)
-        nominal = np.array([own[0].reference for own in rows.values()])
-        means = _before_after(list(rows.values()), ", mean of the parts", 0.0)
-        figures.over_length(page.subplots(), means, nominal, label)
-        figures.title(page, title)
-        figures.legend(page)
-        return page
-    drawn = list(rows.values())[:SIZES]
-    of = ", mean of the parts (dots: each)" if together else ""
-    means = _before_after(drawn, of, 0.12 * together)
-    page, panel = _listing(title, list(rows), means, label)
-    if not together:
-        panel.hlines(range(len(drawn)), means[0].value, means[1].value, color=figures.GREY, lw=0.8)
-    for row, own in enumerate(drawn):
-        for i, mean in enumerate(means if together else ()):
-            every = [item.error[i] / UM for item in own]
-            place = [row + 2.4 * mean.shift] * len(every)
+    page = figures.listing(title, list(rows), means, label, nominal=nominal, most=SIZES)
+    panel = page.axes[0]
+    for row, same in enumerate(grouped[:SIZES] if by_row else ()):
+        if not pooled:
+            panel.plot(np.array(same[0].error) / UM, [row, row], color=figures.GREY, lw=0.8)
+        for i, mean in enumerate(means if pooled else ()):
+            place = [row + 2.4 * mean.shift] * len(same)
+            every = [item.error[i] / UM for item in same]
             panel.plot(every, place, ".", color=mean.colour, alpha=0.5, ms=5, mew=0)
-        U = own[0].U_reference / UM
-        if np.isfinite(U):
+        if np.isfinite(U := same[0].U_reference / UM):
             panel.fill_betweenx(
                 [row - 0.32, row + 0.32], -U, U, color=figures.PALE, linewidth=0, zorder=0,
                 label="± U of the calibration",
@@ -399,24 +346,7 @@ def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
     return page
 
 
-def _before_after(shown: Sequence[list[Size]], of: str, shift: float) -> list[Intervals]:
-    """Means of each row before and after, with the interval of one part after."""
-    half = np.array([np.ptp(own[0].error_interval95) for own in shown]) / (2 * UM)
-    return [
-        Intervals(
-            label=side + of + (" ± 95 %" if i else ""),
-            colour=colour,
-            value=np.array([np.mean([item.error[i] for item in own]) for own in shown]) / UM,
-            half=half if i else None,
-            shift=(2 * i - 1) * shift,
-        )
-        for i, (side, colour) in enumerate(CORRECTED)
-    ]
-
-
-def _size_name(item: Size, together: bool) -> str:
-    if together:
-        return ", ".join(filter(None, (item.id, item.operation)))
-    made = " ".join(filter(None, (item.operation, f"part {item.part}")))
-    warm = f"{item.temperature:.1f} °C" if np.isfinite(item.temperature) else ""
+def _size_name(item: Size, pooled: bool) -> str:
+    made = item.operation if pooled else words(item.operation, f"part {item.part}")
+    warm = "" if pooled or np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
     return ", ".join(filter(None, (item.id, made, warm)))

@@ -37,44 +37,32 @@ def lengths(result: LengthsResult, digits: int = 2) -> Figure:
     over the nominal length.
     """
     k, value, nominal = result.coverage_factor, result.error / UM, result.nominal
-    u = np.sqrt(result.variance) / UM
-    kinds = (
-        ("with shared covariance", figures.BLUE, k * u, 0.0, 2.0),
-        ("independent ends and components", figures.ORANGE,
-         k * np.sqrt(result.independent_variance) / UM, 0.28, 1.0),
-    )  # fmt: skip
+    u, apart = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
     shown = [
-        Intervals(label=label, colour=colour, value=value, half=half, shift=shift, width=width)
-        for label, colour, half, shift, width in kinds
+        Intervals("with shared covariance", figures.BLUE, value, k * u),
+        Intervals(
+            "independent ends and components", figures.ORANGE, value, k * apart, 0.28, width=1.0
+        ),
     ]
-    known = [i for i, each in enumerate(result.conformance) if each is not None]
-    limits = [x.tolerance for x in result.conformance if x is not None]
-    label = "actual minus nominal length, um"
+    tolerances = [None if each is None else each.tolerance for each in result.conformance]
+    limits = np.array([(math.nan,) * 2 if x is None else (x.low, x.high) for x in tolerances])
+    # "-3.5 ± 14.0 um": error and k u, to the last place of u.
+    beside = [
+        " ± ".join(with_u(x, one, digits)[0] for x in (v, k * one)) + " um"
+        for v, one in zip(value, u, strict=True)
+    ]
     many = len(value) > figures.FEW_ROWS
-    page = figures.blank(8.0, 5.0 if many else figures.rows_height(len(value)) + 0.8)
-    panel = page.subplots()
-    marks: Any
-    if many:
-        at = figures.over_length(panel, shown[::-1], nominal, label)
-        reach = 0.006 * (np.ptp(at) or 1.0)
-        marks, ends = panel.hlines, (at[known] - reach, at[known] + reach)
-    else:
-        names = [f"{x}, {mm:.2f} mm" for x, mm in zip(result.ids, nominal, strict=True)]
-        triples = zip(value, k * u, u, strict=True)
-        figures.intervals(panel, names, shown, [_plus_minus(*row, digits) for row in triples])
-        panel.set_xlabel(label)
-        marks, ends = panel.vlines, (np.array(known) - 0.3, np.array(known) + 0.4)
-    for limit in ([x.low for x in limits], [x.high for x in limits]) if known else ():
-        marks(limit, *ends, color=figures.RED, linewidth=2.0, label="tolerance")
-    figures.title(page, f"Predicted errors of the lengths ± {k:g} u")
+    page = figures.listing(
+        f"Predicted errors of the lengths ± {k:g} u",
+        [f"{x}, {mm:.2f} mm" for x, mm in zip(result.ids, nominal, strict=True)],
+        shown[::-1] if many else shown,
+        "actual minus nominal length, um",
+        nominal=nominal,
+        limits=list(limits.T),
+        beside=beside,
+    )
     figures.legend(page)
     return page
-
-
-def _plus_minus(value: float, U: float, u: float, digits: int) -> str:
-    """Such as "-3.5 ± 14.0 um": error and k u, to the last place of u."""
-    shown, expanded = (with_u(each, u, digits)[0] for each in (value, U))
-    return f"{shown} ± {expanded} um"
 
 
 @figures.styled
@@ -89,8 +77,8 @@ def points(result: PointsResult) -> Figure:
         errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         errors[:, at] = result.prediction.mean.reshape(n, a) / UM
         covariance[np.ix_(range(n), at, at)] = result.own_covariances / UM**2
-        side = Side(name="", colour=figures.BLUE, errors=errors, covariance=covariance)
-        maps = Maps(ids=ids, places=result.points, axes=axes, groups=(("", (side,)),), k=k)
+        side = Side("", figures.BLUE, errors, covariance)
+        maps = Maps(ids, result.points, axes, (("", (side,)),), k)
         inside = 100 * (1 - math.exp(-(k**2) / 2))
         title = f"Predicted errors of {n} features, actual minus nominal"
         return page_of(maps, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
@@ -99,7 +87,7 @@ def points(result: PointsResult) -> Figure:
     for panel, axis in zip(figures.panels_of(page, a, a), axes, strict=True):
         value = result.of_axis(result.prediction.mean, axis)[rows] / UM
         half = k * np.sqrt(result.of_axis(result.variance, axis)[rows]) / UM
-        bars = Intervals(label="", colour=figures.BLUE, value=value, half=half)
+        bars = Intervals("", figures.BLUE, value, half)
         figures.intervals(panel, [ids[i] for i in rows], [bars])
         panel.set_xlabel(f"E{axis}, um")
     some = f" ({len(rows)} of {n} features)" if len(rows) < n else ""

@@ -29,6 +29,11 @@ ENOUGH_BLOCKS = 30
 """Blocks whose scatter is known well enough to make them longer instead of more."""
 FIRST_LOOK = 20
 """Blocks before an adaptive count is first judged: the decision needs a surer scatter."""
+WITH_STENCIL = 8
+"""First rank with a stencil: one on the very first values would multiply what scatters most."""
+QUANTILES = 65
+"""Quantiles kept at either end, an odd number: the shortest interval lies between two of them, by
+a parabola, to 1e-5 u."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,87 +137,69 @@ class BlockPlan:
     def first_trial(self, block: int) -> int:
         return self.size * block + min(block, self.longer)
 
-    @property
-    def end_probability(self) -> float:
-        """(1 - p)/2, the probability beyond either end of the symmetric interval."""
-        return 0.5 * (1.0 - self.probability)
+    @cached_property
+    def shares(self) -> FloatArray:
+        """Probabilities (n,), rising, of the quantiles that are kept at either end of a block.
+
+        From that of the second ordered value, denser towards both ends, and alike about the middle
+        one, (1 - p)/2: the partner of a in an interval of probability p is 1 - p - a.
+        """
+        end = 0.5 * (1.0 - self.probability)
+        first = min(2.0 / (self.size + 1), end)
+        return end + (end - first) * np.sin(np.linspace(-np.pi / 2, np.pi / 2, QUANTILES))
+
+    def weights(self, m: int) -> FloatArray:
+        """Weights (tail, n) of the ordered values of a block of `m` that estimate Q at `shares`."""
+        if m not in self._weights:
+            tail = min(m, math.ceil(1.5 * (1.0 - self.probability) * (m + 1)) + 2)
+            columns = [_of_rank(share * (m + 1), m, tail) for share in self.shares]
+            self._weights[m] = np.column_stack(columns)
+        return self._weights[m]
 
     @cached_property
-    def tail(self) -> int:
-        """Ordered values kept at either end: 1 - p of the block and half as many again.
+    def _weights(self) -> dict[int, FloatArray]:
+        return {}
 
-        The lower end of the shortest interval lies within the first share (JCGM 101:2008,
-        7.7.2); the rest lets a second difference reach beyond it.
-        """
-        return min(self.size, math.ceil(1.5 * (1.0 - self.probability) * (self.size + 1)) + 2)
 
-    @cached_property
-    def end_weights(self) -> FloatArray:
-        """Weights (tail,) of the ordered values that give the end of the symmetric interval."""
-        return self.weights_at(self.end_probability * (self.size + 1))
+def _of_rank(rank: float, m: int, tail: int) -> FloatArray:
+    """Weights (tail,) of the first ordered values of m that estimate Q(a), a = rank/(m + 1).
 
-    def weights_at(self, rank: float) -> FloatArray:
-        """Weights (tail,) of the ordered values that estimate Q(a), a = rank/(m + 1).
+    E y_(j) = Q(a) + a (1 - a) Q''(a) / (2 (m + 2)) + O(1/m^2) (David & Johnson 1954). The
+    second term, 8e-4 u at an end of a normal output and m = 8192, would not average out over
+    blocks. It is taken off, with Q'' from the ordered values by the central difference of
+    fourth order, which is right to 2 % where the quantile runs as a logarithm.
+    """
 
-        E y_(j) = Q(a) + a (1 - a) Q''(a) / (2 (m + 2)) + O(1/m^2) (David & Johnson 1954). The
-        second term, 8e-4 u at an end of a normal output and m = 8192, would not average out over
-        blocks. It is taken off, with Q'' from the ordered values by the central difference of
-        fourth order, which is right to 2 % where the quantile runs as a logarithm.
-        """
-        at = self._interpolation
-        m = self.size
-        step = 0.25 * min(rank, m + 1 - rank)
-        if rank - 2.0 * step < 1.0 or rank + 2.0 * step > self.tail:
-            return at(rank)
-        a, h = rank / (m + 1), step / (m + 1)
-        near, far = at(rank - step) + at(rank + step), at(rank - 2 * step) + at(rank + 2 * step)
-        second_derivative = (16.0 * near - far - 30.0 * at(rank)) / (12.0 * h * h)
-        bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
-        return at(rank) - bias
-
-    def expected_ordered(self, quantiles: Quantiles) -> FloatArray:
-        """E y_(j) (outputs, tail) of a distribution of known `quantiles`, to the second order of
-        `weights_at`; of a known function a near difference gives Q'' to a part in 1e3.
-        """
-        m = self.size
-        a = np.arange(1, self.tail + 1) / (m + 1)
-        h = np.minimum(a, 1.0 - a) / 16.0
-        q = quantiles(a)
-        second_derivative = (quantiles(a - h) - 2.0 * q + quantiles(a + h)) / (h * h)
-        return q + a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
-
-    def on_grid(self, ordered: FloatArray, m: int) -> FloatArray:
-        """Ordered values (outputs, tail) of a block of `m` at the probabilities j/(size + 1)."""
-        if m == self.size:
-            return ordered[:, : self.tail]
-        share = np.arange(1, self.tail + 1) / (self.size + 1)
-        return ordered[:, : self.tail] + share * np.diff(ordered[:, : self.tail + 1], axis=1)
-
-    def _interpolation(self, rank: float) -> FloatArray:
-        weights = np.zeros(self.tail)
-        j = min(max(1, math.floor(rank)), self.tail - 1)
+    def at(rank: float) -> FloatArray:
+        weights = np.zeros(tail)
+        j = min(max(1, math.floor(rank)), tail - 1)
         weights[j - 1], weights[j] = 1.0 - (rank - j), rank - j
         return weights
 
+    step = 0.25 * min(rank, m + 1 - rank)
+    if rank < WITH_STENCIL or rank + 2.0 * step > tail:
+        return at(rank)
+    a, h = rank / (m + 1), step / (m + 1)
+    near, far = at(rank - step) + at(rank + step), at(rank - 2 * step) + at(rank + 2 * step)
+    second_derivative = (16.0 * near - far - 30.0 * at(rank)) / (12.0 * h * h)
+    bias: FloatArray = a * (1.0 - a) / (2.0 * (m + 2)) * second_derivative
+    return at(rank) - bias
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, slots=True)
 class BlockSummary:
     """All that is kept of a block of `count` trials.
 
-    `statistics` (4, outputs): mean, variance, low end, high end of the block. `controls`
-    (4, outputs): the same statistics of the first-order form minus their exact expectation,
-    so of mean zero; 0 where that is unknown. `squares` (outputs, outputs): sums of products about
-    the block's mean. `tails` (2, outputs, tail): ordered values from the lowest up and from the
-    highest down, on the plan's grid; `linear_tails` the same of the first-order form minus their
-    expectation, 0 where that is unknown.
+    `statistics` (2 + 2 n, outputs): mean, variance, and the quantiles at the plan's n shares from
+    below and from above. `controls`: the same statistics of the first-order form minus their exact
+    values; 0 where these are unknown. `squares` (outputs, outputs): sums of products about the
+    block's mean.
     """
 
     count: int
     statistics: FloatArray
     controls: FloatArray
     squares: FloatArray
-    tails: FloatArray
-    linear_tails: FloatArray
 
 
 class BlockSummariser:
@@ -220,66 +207,42 @@ class BlockSummariser:
 
     def __init__(self, model: TrialModel, plan: BlockPlan) -> None:
         self.plan = plan
-        self.linear_mean = model.linear_mean
-        unknown = np.full(len(model.names), np.nan)
-        self.linear_variance: FloatArray = getattr(model, "linear_variance", unknown)
-        quantiles: Quantiles | None = getattr(model, "linear_quantiles", None)
-        self._knows_ends = quantiles is not None and self.linear_mean is not None
-        if self._knows_ends and quantiles is not None:
-            self._end = quantiles(np.array([plan.end_probability]))[:, 0]
-            self._expected = plan.expected_ordered(quantiles)
+        outputs, n = len(model.names), QUANTILES
+        self._exact = np.full((2 + 2 * n, outputs), np.nan)
+        if (mean := model.linear_mean) is not None:
+            self._exact[0] = mean
+            self._exact[1] = getattr(model, "linear_variance", np.nan)
+            quantiles: Quantiles | None = getattr(model, "linear_quantiles", None)
+            if quantiles is not None:
+                away = quantiles(plan.shares).T
+                self._exact[2 : 2 + n], self._exact[2 + n :] = mean + away, mean - away
         self._work = Workspace()
 
     def summarise(self, draws: Draws) -> BlockSummary:
         """Summary of one block of finite values."""
-        values = draws.values
+        statistics, centred = self._statistics(draws.values)
+        squares = centred @ centred.T
+        statistics[1] = np.diagonal(squares) / (draws.values.shape[1] - 1)
+        controls = np.zeros_like(statistics)
+        if draws.linear is not None and not np.isnan(self._exact[0]).all():
+            controls = np.nan_to_num(self._statistics(draws.linear)[0] - self._exact)
+        return BlockSummary(draws.values.shape[1], statistics, controls, squares)
+
+    def _statistics(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Those of a block (outputs, m), and its values less their mean."""
         m = values.shape[1]
         mean = values.mean(axis=1)
         centred = self._work.array("centred", values.shape)
         np.subtract(values, mean[:, np.newaxis], out=centred)
-        squares = centred @ centred.T
-        lower, upper = self._tails(values)
-        weights = self.plan.end_weights
-        ends = lower @ weights, upper @ weights
-        controls, linear_tails = self._control(draws)
-        return BlockSummary(
-            count=m,
-            statistics=np.array([mean, np.diagonal(squares) / (m - 1), *ends]),
-            controls=controls,
-            squares=squares,
-            tails=np.array([lower, upper]),
-            linear_tails=linear_tails,
-        )
-
-    def _tails(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Ordered values of a block (outputs, tail), from the lowest up and the highest down."""
-        m = values.shape[1]
-        n = min(self.plan.tail + 1, m)
+        variance = np.einsum("ij,ij->i", centred, centred) / (m - 1)
+        weights = self.plan.weights(m)
+        n = len(weights)
         if 2 * n < m:
             parted = np.partition(values, (n - 1, m - n), axis=1)
             lower, upper = np.sort(parted[:, :n], axis=1), np.sort(parted[:, m - n :], axis=1)
         else:
             ordered = np.sort(values, axis=1)
             lower, upper = ordered[:, :n], ordered[:, m - n :]
-        upper = np.ascontiguousarray(upper[:, ::-1])
-        return self.plan.on_grid(lower, m), self.plan.on_grid(upper, m)
-
-    def _control(self, draws: Draws) -> tuple[FloatArray, FloatArray]:
-        linear, mean, outputs = draws.linear, self.linear_mean, len(draws.values)
-        controls = np.zeros((4, outputs))
-        if linear is None or mean is None:
-            return controls, np.zeros((2, outputs, self.plan.tail))
-        average = linear.mean(axis=1)
-        centred = self._work.array("centred", linear.shape)
-        np.subtract(linear, average[:, np.newaxis], out=centred)
-        variance = np.einsum("ij,ij->i", centred, centred) / (linear.shape[1] - 1)
-        controls[0] = average - mean
-        controls[1] = variance - self.linear_variance
-        if not self._knows_ends:
-            return np.nan_to_num(controls), np.zeros((2, outputs, self.plan.tail))
-        lower, upper = self._tails(linear)
-        weights, column = self.plan.end_weights, mean[:, np.newaxis]
-        controls[2] = lower @ weights - (mean + self._end)
-        controls[3] = upper @ weights - (mean - self._end)
-        tails = np.array([lower - (column + self._expected), upper - (column - self._expected)])
-        return np.nan_to_num(controls), np.nan_to_num(tails)
+        return np.vstack(
+            [mean, variance, (lower @ weights).T, (upper[:, ::-1] @ weights).T]
+        ), centred

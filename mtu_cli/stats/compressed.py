@@ -8,14 +8,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
 
 from mtu_cli.stats.least_squares import FloatArray, triangle
-
-_DEPENDENT = 1e-9
-"""Ratio of a factor's diagonal below which its inverse is mostly rounding."""
-_ALIKE = 1e-6
-"""Ratio of squares below which earlier rows are no guide to new ones: digits would be lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,59 +37,19 @@ class Compressed:
         )
 
 
-def compress(Z: FloatArray, like: Compressed | None = None) -> Compressed:
-    """Rows Z (n, k) compressed; n may be any number above 0.
-
-    `like` are earlier rows of the same columns: their factor R0 makes W = Z R0^-1 nearly
-    orthogonal, whose W'W loses nothing, so that R = chol(W'W) R0 costs a third of rotations.
-    """
-    factor = None if like is None else _by_earlier(Z, like.factor)
-    return Compressed(
-        factor=_triangle(Z) if factor is None else factor,
-        n=len(Z),
-        lag=Z[:-1].T @ Z[1:],
-        pairs=len(Z) - 1,
-    )
+def compress(Z: FloatArray) -> Compressed:
+    """Rows Z (n, k) compressed; n may be any number above 0."""
+    return Compressed(factor=triangle(Z), n=len(Z), lag=Z[:-1].T @ Z[1:], pairs=len(Z) - 1)
 
 
 def together(items: Sequence[Compressed]) -> Compressed:
     """All rows of several pieces; no pair of consecutive rows spans two of them."""
     return Compressed(
-        factor=_triangle(np.vstack([item.factor for item in items])),
+        factor=triangle(np.vstack([item.factor for item in items])),
         n=sum(item.n for item in items),
         lag=np.sum([item.lag for item in items], axis=0),
         pairs=sum(item.pairs for item in items),
     )
-
-
-def _by_earlier(Z: FloatArray, earlier: FloatArray) -> FloatArray | None:
-    """The triangular factor of Z through that of earlier rows; None where they differ too much."""
-    k = Z.shape[1]
-    diagonal = np.abs(np.diag(earlier))
-    if earlier.shape != (k, k) or len(Z) < k or not diagonal.min() > _DEPENDENT * diagonal.max():
-        return None
-    inverse, info = dtrtri(earlier)
-    if info != 0:
-        return None
-    W = Z @ inverse
-    gram = W.T @ W
-    scale = np.diag(gram).min()
-    if not scale > _ALIKE * np.diag(gram).max():
-        return None
-    try:
-        own = np.linalg.cholesky(gram).T
-    except np.linalg.LinAlgError:
-        return None
-    if not np.abs(np.diag(own)).min() > np.sqrt(_ALIKE) * np.abs(np.diag(own)).max():
-        return None
-    return np.asarray(own @ earlier, np.float64)
-
-
-def _triangle(Z: FloatArray) -> FloatArray:
-    # As many rows as columns are a factor, but none that `_by_earlier` may invert as a triangle.
-    if len(Z) < Z.shape[1]:
-        return Z.astype(np.float64)
-    return triangle(Z)
 
 
 _ROUNDING = 1e-24

@@ -47,7 +47,8 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     Measured in units of `metric`, which is positive definite (None: the identity), S has the
     eigenvalues l; D keeps max(l - less, 0) on the same eigenvectors. With a metric that scales
     as S does, the result does not depend on the units of the q quantities. S may be a
-    between-pass mean square and `less` * `metric` what repeatability alone gives of it.
+    between-pass mean square and `less` * `metric` what repeatability alone gives of it (Amemiya,
+    Am. Stat. 39 (1985) 112).
     """
     L = _root(np.eye(len(S)) if metric is None else metric)
     white = np.linalg.solve(L, np.linalg.solve(L, S).T)

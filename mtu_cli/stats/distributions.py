@@ -10,7 +10,6 @@ normal Z has every marginal distribution as stated. The correlation of the Z is 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -24,6 +23,8 @@ FloatArray = NDArray[np.float64]
 Kind = Literal[
     "normal", "t", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine"
 ]
+TOPS = {"rectangular": 1.0, "curvilinear-trapezoidal": 1.0, "triangular": 0.0}
+"""Share of the base that the top takes: these shapes are trapezoids."""
 NORMAL_DOF = 1e6
 """From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
 TERMS = 60
@@ -108,8 +109,9 @@ class Distribution:
 
     @property
     def top_share(self) -> float:
-        """beta = top/half_width, of a trapezoid."""
-        return self.top / self.half_width if self.half_width > 0.0 else 0.0
+        """beta, the half-width of the flat top over that of the base."""
+        share = self.top / self.half_width if self.half_width > 0.0 else 0.0
+        return TOPS.get(self.kind, share)
 
     def draw(self, rng: np.random.Generator, out: FloatArray, work: Workspace) -> None:
         """Fills `out` (m,) with deviations."""
@@ -119,7 +121,20 @@ class Distribution:
             if self.dof < NORMAL_DOF:
                 out *= t_scales(self.dof, rng, work.array("scale", out.shape))
             return
-        _SHAPES[self.kind](self, rng, out, work)
+        rng.random(out=out)
+        if self.kind == "arcsine":
+            out *= 2.0 * math.pi
+            np.sin(out, out=out)
+        else:
+            # The sum of rectangles of half-widths h1 and h2: base h1 + h2, top |h1 - h2|.
+            first = 0.5 * (1.0 + self.top_share)
+            out *= 2.0 * first
+            if first < 1.0:
+                second = work.array("second", out.shape)
+                rng.random(out=second)
+                second *= 2.0 * (1.0 - first)
+                out += second
+            out -= 1.0
         out *= self.half_width
         if self.inexact > 0.0:
             width = work.array("width", out.shape)
@@ -140,18 +155,14 @@ def t_scales(dof: float, rng: np.random.Generator, out: FloatArray) -> FloatArra
 def shape_moments(kind: str, top: float = 0.0) -> tuple[float, float]:
     """Second and fourth moment about 0 of a bounded shape of half-width 1.
 
-    Rectangle 1/3, 1/5; triangle 1/6, 1/15; arcsine 1/2, 3/8; trapezoid with a top of half-width
-    beta (1 + beta^2)/6, (1 + beta^2 + beta^4)/15. (JCGM 100:2008, 4.3.7 and 4.3.9; JCGM
-    101:2008, 6.4.2, 6.4.4, 6.4.5, 6.4.6.)
+    Arcsine 1/2, 3/8; trapezoid with a top of half-width beta (1 + beta^2)/6,
+    (1 + beta^2 + beta^4)/15, of which the rectangle has beta = 1, the triangle 0. (JCGM 100:2008,
+    4.3.7 and 4.3.9; JCGM 101:2008, 6.4.2, 6.4.4, 6.4.5, 6.4.6.)
     """
-    match kind:
-        case "rectangular" | "curvilinear-trapezoidal":
-            return 1.0 / 3.0, 1.0 / 5.0
-        case "arcsine":
-            return 0.5, 0.375
-        case "triangular":
-            return 1.0 / 6.0, 1.0 / 15.0
-    return (1.0 + top**2) / 6.0, (1.0 + top**2 + top**4) / 15.0
+    if kind == "arcsine":
+        return 0.5, 0.375
+    square = TOPS.get(kind, top) ** 2
+    return (1.0 + square) / 6.0, (1.0 + square + square**2) / 15.0
 
 
 def inexact_of(dof: float) -> float:
@@ -166,56 +177,6 @@ def inexact_of(dof: float) -> float:
 def dof_of_inexact(inexact: float) -> float:
     """nu = (Delta u/u)^-2 / 2 with Delta u/u = d/a, GUM (JCGM 100:2008) eq. (G.3)."""
     return math.inf if inexact == 0.0 else 0.5 / inexact**2
-
-
-def _rectangle(
-    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
-) -> None:
-    rng.random(out=out)
-    out *= 2.0
-    out -= 1.0
-
-
-def _two_rectangles(
-    first: float, rng: np.random.Generator, out: FloatArray, work: Workspace
-) -> None:
-    # The sum of rectangles of half-widths h1 and h2: base h1 + h2, top |h1 - h2|.
-    second = work.array("second", out.shape)
-    rng.random(out=out)
-    rng.random(out=second)
-    out *= 2.0 * first
-    second *= 2.0 * (1.0 - first)
-    out += second
-    out -= 1.0
-
-
-def _trapezoid(
-    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
-) -> None:
-    _two_rectangles(0.5 * (1.0 + item.top_share), rng, out, work)
-
-
-def _triangle(
-    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
-) -> None:
-    _two_rectangles(0.5, rng, out, work)
-
-
-def _arcsine(
-    item: Distribution, rng: np.random.Generator, out: FloatArray, work: Workspace
-) -> None:
-    rng.random(out=out)
-    out *= 2.0 * math.pi
-    np.sin(out, out=out)
-
-
-_SHAPES: dict[str, Callable[[Distribution, np.random.Generator, FloatArray, Workspace], None]] = {
-    "rectangular": _rectangle,
-    "curvilinear-trapezoidal": _rectangle,
-    "triangular": _triangle,
-    "trapezoidal": _trapezoid,
-    "arcsine": _arcsine,
-}
 
 
 def log_density(t: FloatArray, dof: float) -> FloatArray:
@@ -237,8 +198,6 @@ def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
     if not item.bounded:
         raise ValueError(f"no closed quantile: {item.kind}")
     p = np.asarray(probability, dtype=np.float64)
-    if item.kind in ("rectangular", "curvilinear-trapezoidal"):
-        return item.half_width * (2.0 * p - 1.0)
     if item.kind == "arcsine":
         return item.half_width * np.sin(np.pi * (p - 0.5))
     # Trapezoid with top b: slopes of probability (1 - b)/(2 (1 + b)) at either side.
@@ -292,7 +251,8 @@ def largest_covariance(first: Marginal, second: Marginal) -> float:
     if not (a.bounded or b.bounded):
         return a.u * b.u
     # Shares of equal shapes may differ by the rounding of their widths.
-    if _family(a) == _family(b) and abs(a.top_share - b.top_share) <= ROUNDING:
+    same = (a.kind == "arcsine") == (b.kind == "arcsine")
+    if a.bounded and b.bounded and same and abs(a.top_share - b.top_share) <= ROUNDING:
         return a.half_width * b.half_width * shape_moments(a.kind, a.top_share)[0]
     return float(first.at @ (second.at * _nodes()[1]))
 
@@ -300,7 +260,7 @@ def largest_covariance(first: Marginal, second: Marginal) -> float:
 def normal_correlation(first: Marginal, second: Marginal, covariance: float) -> float | None:
     """rho of the normals for which the inputs have this `covariance`; None where none gives it.
 
-    covariance = sum a_k b_k rho^k over odd k (Mehler), rising in rho; solved by bisection. What
+    covariance = sum a_k b_k rho^k over odd k (Mehler), rising in rho. What
     the series leaves out goes to its last term, so that at rho = +-1, and where the covariance
     is within rounding of that, it is exact.
     """
@@ -312,20 +272,14 @@ def normal_correlation(first: Marginal, second: Marginal, covariance: float) -> 
         return None
     if abs(covariance) >= most * (1.0 - ROUNDING):
         return math.copysign(1.0, covariance)
-    low, high = -1.0, 1.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        if float(np.polyval(terms[::-1], middle)) < covariance:
-            low = middle
-        else:
-            high = middle
-    return 0.5 * (low + high)
+    from scipy.optimize import brentq
+
+    def excess(rho: float) -> float:
+        return float(np.polyval(terms[::-1], rho)) - covariance
+
+    return float(brentq(excess, -1.0, 1.0, xtol=ROUNDING))
 
 
 def _nodes() -> tuple[FloatArray, FloatArray]:
     z = np.linspace(-REACH, REACH, NODES)
     return z, np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))
-
-
-def _family(item: Distribution) -> str:
-    return "rectangular" if item.kind == "curvilinear-trapezoidal" else item.kind

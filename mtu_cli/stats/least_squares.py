@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -107,28 +106,15 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     """Minimises |y - X b|^2 of m small problems at once; X is (k, n, m), y is (n, m), k <= n.
 
     Returns b (k, m) and the sum of squares (m,) that X explains, |y|^2 - |y - X b|^2, by
-    `_orthogonalised`. Where a problem does not determine its b (to `RANK_TOLERANCE` of a column's
+    `gram_schmidt`. Where a problem does not determine its b (to `RANK_TOLERANCE` of a column's
     length) both are nan.
     """
-    R, z, _ = _orthogonalised(X, y, RANK_TOLERANCE * _length(X), np.nan)
+    R, z, _ = gram_schmidt(X, y, RANK_TOLERANCE * _length(X), np.nan)
     k, m = z.shape
     b = np.empty((k, m))
     for j in reversed(range(k)):
         b[j] = (z[j] - np.einsum("cm,cm->m", R[j, j + 1 :], b[j + 1 :])) / R[j, j]
     return b, np.einsum("km,km->m", z, z)
-
-
-def batched_squares_left(X: FloatArray, y: FloatArray, least: float) -> FloatArray:
-    """min over b of |y - X b|^2, (m,), of m small problems at once; X is (k, n, m), y (n, m) or
-    (n, 1) for all of them.
-
-    A column of which no more than the length `least` is left beside those before it explains
-    nothing: what is rounding alone takes nothing from the others either.
-    """
-    given = np.broadcast_to(y, X.shape[1:])
-    _, _, rest = _orthogonalised(X, given, np.full(1, least), np.inf)
-    found: FloatArray = np.einsum("nm,nm->m", rest, rest)
-    return found
 
 
 def beside(rows: FloatArray, first: int) -> FloatArray:
@@ -138,7 +124,7 @@ def beside(rows: FloatArray, first: int) -> FloatArray:
     return triangle(rows)[first:, first:]
 
 
-def _orthogonalised(
+def gram_schmidt(
     X: FloatArray, y: FloatArray, least: FloatArray, undetermined: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """X = Q R with R (k, k, m), z = Q'y (k, m) and what X leaves of y (n, m).
@@ -174,19 +160,9 @@ def polynomial(position: FloatArray, degree: int) -> FloatArray:
     return np.vander(position, degree + 1, increasing=True)
 
 
-_BLOCK = 32
-"""Columns that LAPACK works on at once, as np.linalg.qr lets it: bytes depend on it."""
-
-
 def triangle(Z: FloatArray) -> FloatArray:
     """R (min(n, k), k) upper triangular with R'R = Z'Z, Z (n, k)."""
-    if not Z.size:
-        # LAPACK has no room to work in of none, and says so on standard output.
-        return np.zeros((min(Z.shape), Z.shape[1]))
-    from scipy.linalg.lapack import dgeqrf
-
-    reflected = dgeqrf(Z, lwork=_BLOCK * Z.shape[1])[0]
-    return _upper(reflected[: Z.shape[1]])
+    return np.asarray(np.linalg.qr(Z, mode="r"))
 
 
 def shortened(rows: FloatArray) -> FloatArray:
@@ -194,24 +170,3 @@ def shortened(rows: FloatArray) -> FloatArray:
     if len(rows) <= rows.shape[1]:
         return rows
     return triangle(rows)
-
-
-def orthonormal(Z: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Q (n, k) with Q'Q = I and R (k, k), upper triangular, of Z = Q R (n, k), n >= k > 0."""
-    from scipy.linalg.lapack import dgeqrf, dorgqr
-
-    k = Z.shape[1]
-    reflected, tau, _, _ = dgeqrf(Z, lwork=_BLOCK * k)
-    R = _upper(reflected[:k])
-    Q: FloatArray = dorgqr(reflected, tau, lwork=_BLOCK * k, overwrite_a=True)[0]
-    return Q, R
-
-
-def _upper(factor: FloatArray) -> FloatArray:
-    R = np.ascontiguousarray(factor)
-    return np.where(_below(*R.shape), 0.0, R)
-
-
-@cache
-def _below(n: int, k: int) -> NDArray[np.bool_]:
-    return np.tri(n, k, -1, dtype=bool)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from typing import Self
@@ -24,7 +23,7 @@ from mtu_cli.stats.blocks import (
     block_generator,
 )
 from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
-from mtu_cli.stats.pooling import Estimates, Gain, Pool, single_block_estimates, with_atoms
+from mtu_cli.stats.pooling import Estimates, Pool, single_block_estimates, with_atoms
 from mtu_cli.stats.threads import available_threads, one_blas_thread
 
 FloatArray = NDArray[np.float64]
@@ -32,13 +31,11 @@ Progress = Callable[[int, int | None], None]
 
 LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
-AHEAD = 4
-"""Blocks submitted ahead for each thread: bounds what waits to be pooled."""
 _Done = tuple[int, NDArray[np.int64], BlockSummary | None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MonteCarloResult:
+class MonteCarloResult(Estimates):
     """Result of a Monte Carlo, each array (outputs,) in the unit of the output unless said.
 
     `mean`, `u`: estimate and standard uncertainty (JCGM 101:2008, 7.6); u and `covariance`
@@ -56,18 +53,6 @@ class MonteCarloResult:
     blocks: int
     converged: bool
     probability: float
-    mean: FloatArray
-    u: FloatArray
-    low: FloatArray
-    high: FloatArray
-    shortest_low: FloatArray
-    shortest_high: FloatArray
-    covariance: FloatArray
-    se_mean: FloatArray
-    se_u: FloatArray
-    se_low: FloatArray
-    se_high: FloatArray
-    gain: Gain
     samples: FloatArray
 
 
@@ -135,7 +120,7 @@ def _estimates(run: _Runner, criterion: _Criterion, most: int) -> Estimates:
     if plan.blocks == 1:
         estimates = single_block_estimates(run.only_block(), plan.probability, exists)
         return with_atoms(estimates, run.samples(), plan.probability)
-    pool = Pool(plan, exists)
+    pool = Pool(exists)
     largest = plan.blocks or most // plan.size
     goal = plan.blocks or FIRST_LOOK
     while True:
@@ -190,7 +175,8 @@ class _Runner:
 
     def run_to(self, goal: int, pool: Pool) -> None:
         """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order."""
-        for count, not_finite, summary in self._done(self.blocks, goal):
+        each = map if self._executor is None else self._executor.map
+        for count, not_finite, summary in each(self._block, range(self.blocks, goal)):
             self._count(count, not_finite)
             if summary is not None:
                 pool.add(summary)
@@ -221,18 +207,6 @@ class _Runner:
         if room > 0:
             part = values[:, :room]
             self._samples[:, start : start + part.shape[1]] = part
-
-    def _done(self, start: int, stop: int) -> Iterator[_Done]:
-        if self._executor is None:
-            yield from map(self._block, range(start, stop))
-            return
-        waiting: deque[Future[_Done]] = deque()
-        for block in range(start, stop):
-            if len(waiting) >= AHEAD * self._threads:
-                yield waiting.popleft().result()
-            waiting.append(self._executor.submit(self._block, block))
-        while waiting:
-            yield waiting.popleft().result()
 
     def _count(self, trials: int, not_finite: NDArray[np.int64]) -> None:
         self.blocks += 1

@@ -41,7 +41,9 @@ class Shift:
 
 
 def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | None:
-    """Of two independent mean squares; None without degrees of freedom or scatter to compare."""
+    """Of two independent mean squares (Draper & Smith, Applied Regression Analysis, 1998); None
+    without degrees of freedom or scatter to compare.
+    """
     from scipy.special import fdtrc
 
     if df1 < 1 or df2 < 1 or denominator <= 0:

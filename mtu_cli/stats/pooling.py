@@ -5,13 +5,14 @@ JCGM 101:2008 to the letter; of outputs that take few values.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.stats.blocks import LEAST_BLOCKS, BlockPlan, BlockSummary
+from mtu_cli.stats.blocks import LEAST_BLOCKS, QUANTILES, BlockSummary
 
 FloatArray = NDArray[np.float64]
 
@@ -61,6 +62,11 @@ class Estimates:
     gain: Gain
 
 
+MIDDLE = QUANTILES // 2
+ENDS = np.array([0, 1, 2 + MIDDLE, 2 + QUANTILES + MIDDLE])
+"""Mean, variance and the ends of the symmetric interval among a block's statistics."""
+
+
 class _Controlled(NamedTuple):
     value: FloatArray
     variance: FloatArray
@@ -78,29 +84,27 @@ class Pool:
     _origin: FloatArray
     _mean: FloatArray
     _squares: FloatArray
-    _count: NDArray[np.int64]
     _sums: FloatArray
-    _tails: TailSums
+    _groups: FloatArray
 
-    def __init__(self, plan: BlockPlan, u_exists: NDArray[np.bool_]) -> None:
-        self.plan = plan
+    def __init__(self, u_exists: NDArray[np.bool_]) -> None:
         self.u_exists = u_exists
         self.blocks = 0
         self.trials = 0
 
     def add(self, block: BlockSummary) -> None:
         """Takes in the next block."""
+        mean = block.statistics[0]
         if self.blocks == 0:
-            self._mean = block.statistics[0]
+            self._origin, self._mean = block.statistics, mean
             self._squares = block.squares.copy()
-            self._tails = TailSums(block.tails)
-            self._origin = block.statistics
             self._count = np.zeros(GROUPS, dtype=np.int64)
-            self._sums = np.zeros((5, GROUPS, *block.statistics.shape))
+            self._groups = np.zeros((5, GROUPS, len(ENDS), len(mean)))
+            self._sums = np.zeros((4, *block.statistics.shape))
         else:
             # Chan, Golub & LeVeque 1983: sums of products of two samples into one.
             total = self.trials + block.count
-            apart = block.statistics[0] - self._mean
+            apart = mean - self._mean
             self._squares += block.squares
             self._squares += np.outer(apart, apart) * (self.trials * block.count / total)
             self._mean = self._mean + apart * (block.count / total)
@@ -108,9 +112,10 @@ class Pool:
         self.trials += block.count
         self.blocks += 1
         away, c = block.statistics - self._origin, block.controls
+        self._sums += np.array([away, c, c * c, away * c])
+        away, c = away[ENDS], c[ENDS]
         self._count[group] += 1
-        self._sums[:, group] += np.array([away, away * away, c, c * c, away * c])
-        self._tails.add(block.tails, block.linear_tails)
+        self._groups[:, group] += np.array([away, away * away, c, c * c, away * c])
 
     def estimates(self) -> Estimates:
         """Estimates and their standard errors from all blocks so far (at least two).
@@ -155,7 +160,7 @@ class Pool:
         h, count = self.blocks, self._count
         groups = np.flatnonzero(count)
         n = count[groups][:, np.newaxis, np.newaxis]
-        s, ss, c, cc, sc = (sums[groups] for sums in self._sums)
+        s, ss, c, cc, sc = (sums[groups] for sums in self._groups)
         total_s, total_c = s.sum(axis=0), c.sum(axis=0)
         plain = np.maximum(ss.sum(axis=0) - total_s**2 / h, 0.0) / (h * (h - 1))
         rest_c, rest_s, rest = total_c - c, total_s - s, h - n
@@ -169,7 +174,7 @@ class Pool:
         scatter = ((adjusted - n * value) ** 2).sum(axis=0) / h**2
         variance = scatter * (len(groups) / max(len(groups) - 1, 1))
         better = usable & (variance < plain)
-        value = self._origin + np.where(better, value, total_s / h)
+        value = self._origin[ENDS] + np.where(better, value, total_s / h)
         # Rounding leaves no less of the scatter than this, whatever the difference says.
         least = np.finfo(np.float64).eps ** 2 * plain
         least[2:] = np.maximum(least[2:], (KNOWN * (value[3] - value[2])) ** 2)
@@ -178,70 +183,35 @@ class Pool:
         return _Controlled(value, variance, gain, np.where(better, slope.mean(axis=0), 0.0))
 
     def _shortest(self) -> tuple[FloatArray, FloatArray]:
-        """Shortest interval from the block averages of the ordered values.
+        """Shortest interval (JCGM 101:2008, 7.7.2) from the block averages of the quantiles, the
+        width being a parabola of the place between those at the plan's shares.
 
-        JCGM 101:2008, 7.7.2: among the intervals from y_(r) to y_(r+q) the one of least width.
-        Averages of ordered values stand for y_(r), and p (m + 1) for q, between ranks.
+        A quantile takes the slope of its own, S_sc/S_cc over the blocks: where an output runs as an
+        exponential that of another one is worse than none.
         """
-        lower, upper = self._tails.averages(self.blocks)
-        low, high = np.empty(len(lower)), np.empty(len(upper))
-        for i in range(len(lower)):
-            rank, partner = _shortest_ranks(lower[i], upper[i], self.plan)
-            low[i] = lower[i] @ self.plan.weights_at(rank)
-            high[i] = upper[i] @ self.plan.weights_at(partner)
+        s, c, cc, sc = self._sums
+        spread = cc - c**2 / self.blocks
+        usable = (spread > 0.0) & (self.blocks >= LEAST_BLOCKS)
+        slope = np.divide(sc - s * c / self.blocks, spread, out=np.zeros_like(s), where=usable)
+        averages = self._origin + (s - slope * c) / self.blocks
+        lower, upper = averages[2 : 2 + QUANTILES], averages[: 1 + QUANTILES : -1]
+        width = upper - lower
+        best = np.argmin(width, axis=0)
+        near = [np.clip(best + d, 0, len(width) - 1) for d in (-1, 0, 1)]
+        each = np.arange(len(best))
+        before, least, after = (width[place, each] for place in near)
+        bend = before - 2.0 * least + after
+        inner = (near[0] < best) & (best < near[2]) & (bend > 0.0)
+        step = np.where(inner, 0.5 * (before - after) / np.where(inner, bend, 1.0), 0.0)
+        low, high = (_between([end[place, each] for place in near], step) for end in (lower, upper))
         return low, high
 
 
-class TailSums:
-    """Running sums over blocks of the ordered values at both ends, from the outermost inwards.
-
-    `control`: the ordered values of the first-order form less their expectation. A rank takes
-    the slope of its own: where an output runs as an exponential, a tenth of the slope that its
-    97.5 % quantile has is that of another rank, and the wrong slope is worse than none.
-    """
-
-    def __init__(self, values: FloatArray) -> None:
-        # Values about those of the first block, lest squares cancel.
-        self._origin = values
-        self._sums = np.zeros((4, *values.shape))
-
-    def add(self, values: FloatArray, control: FloatArray) -> None:
-        """One block's ordered values and control, both of one shape."""
-        away = values - self._origin
-        for total, more in zip(
-            self._sums, (away, control, control * control, away * control), strict=True
-        ):
-            total += more
-
-    def averages(self, blocks: int) -> FloatArray:
-        """Averages over `blocks`, less the slope times the control's average.
-
-        The slope is that of least squares over the blocks, S_vc/S_cc; 0 with fewer than
-        `LEAST_BLOCKS`.
-        """
-        value, control, control_squared, product = self._sums
-        spread = control_squared - control**2 / blocks
-        usable = (spread > 0.0) & (blocks >= LEAST_BLOCKS)
-        slope = np.divide(
-            product - value * control / blocks, spread, out=np.zeros_like(value), where=usable
-        )
-        return np.asarray(self._origin + (value - slope * control) / blocks)
-
-
-def _shortest_ranks(lower: FloatArray, upper: FloatArray, plan: BlockPlan) -> tuple[float, float]:
-    """Ranks of the ends of the shortest interval, from below and from above."""
-    ranks = np.arange(1, plan.tail + 1, dtype=np.float64)
-    outside = (1.0 - plan.probability) * (plan.size + 1)
-    inside = ranks <= outside - 1.0
-    widths = np.interp(outside - ranks[inside], ranks, upper) - lower[inside]
-    best = int(np.argmin(widths))
-    rank = ranks[best]
-    if 0 < best < len(widths) - 1:
-        before, least, after = widths[best - 1 : best + 2]
-        bend = before - 2.0 * least + after
-        # The least of a smooth width lies between ranks; a parabola finds it to a tenth of one.
-        rank += 0.5 * (before - after) / bend if bend > 0.0 else 0.0
-    return float(rank), float(outside - rank)
+def _between(values: Sequence[FloatArray], step: FloatArray) -> FloatArray:
+    """The parabola through values at -1, 0, 1, at `step`."""
+    before, middle, after = values
+    bend = before - 2.0 * middle + after
+    return middle + 0.5 * step * (after - before + step * bend)
 
 
 def _rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:

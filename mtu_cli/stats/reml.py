@@ -13,10 +13,8 @@ GRID = np.concatenate([[0.0], 10.0 ** np.arange(-5.0, 9.01, 0.25)])
 """Ratios r = s_part^2/s_repeat^2 at which the likelihood is looked at first. Beyond the last one
 the limit of large r holds to a relative 1e-9.
 """
-GRID_VALUES = 1_000_000
-"""Values of the likelihood, over the grid and all tables, that are looked at together."""
-STEPS, SECTIONS = 13, 16
-"""16^13 = 2^52: a bracket is halved 52 times, four halvings at a look."""
+HALVINGS = 52
+"""Of a bracket: to the last bit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,9 +49,7 @@ def reml(cells: Cells) -> Components:
     """
     levels = _levels(cells)
     a = levels.count.sum(axis=1)
-    pieces = np.array_split(GRID, 1 + GRID.size * levels.count.size // GRID_VALUES)
-    values = [_criterion(levels, np.tile(piece[:, None], len(a))) for piece in pieces]
-    best = np.argmin(np.concatenate(values), axis=0)
+    best = np.argmin([_criterion(levels, np.full(len(a), r)) for r in GRID], axis=0)
     low = GRID[np.maximum(best - 1, 0)]
     high = GRID[np.minimum(best + 1, len(GRID) - 1)]
     r = _stationary(levels, low, high)
@@ -125,22 +121,21 @@ def _slope(levels: _Levels, r: FloatArray) -> FloatArray:
 def _stationary(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArray:
     """The ratio (tables,) at which the slope changes sign, 0 where it rises from the start.
 
-    Bisected in log r, in r itself where the bracket starts at 0, `SECTIONS` parts at a time.
+    Bisected in log r, in r itself where the bracket starts at 0.
     """
     from_zero = low == 0
     rising = from_zero & (_slope(levels, np.zeros_like(low)) >= 0)
-    share = np.linspace(0.0, 1.0, SECTIONS + 1)[:, None]
-    tables = np.arange(len(low))
     # In log r, with the end that stands for 0 in r itself.
     a, b = (np.where(from_zero, r, np.log(np.where(from_zero, 1.0, r))) for r in (low, high))
-    for _ in range(STEPS):
-        ends = a + share * (b - a)
-        ends[-1] = b
-        r = np.where(from_zero, ends, np.exp(np.where(from_zero, 0.0, ends)))
-        first = np.argmax(np.vstack([_slope(levels, r[1:-1]) > 0, np.ones(len(a), bool)]), axis=0)
-        a, b = ends[first, tables], ends[first + 1, tables]
-    r = np.where(from_zero, (a + b) / 2, np.exp(np.where(from_zero, 0.0, (a + b) / 2)))
-    return np.where(rising, 0.0, r)
+
+    def ratio(at: FloatArray) -> FloatArray:
+        return np.where(from_zero, at, np.exp(np.where(from_zero, 0.0, at)))
+
+    for _ in range(HALVINGS):
+        middle = (a + b) / 2
+        above = _slope(levels, ratio(middle)) > 0
+        a, b = np.where(above, a, middle), np.where(above, middle, b)
+    return np.where(rising, 0.0, ratio((a + b) / 2))
 
 
 def _variance_of_means(levels: _Levels, repeat: FloatArray) -> FloatArray:

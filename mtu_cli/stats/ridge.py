@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
-from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray, orthonormal
+from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +43,7 @@ def ridge(
     singular values of X freed of F. Penalty 0 is ordinary least squares, of least norm where
     columns depend on each other.
     """
-    Q, R = orthonormal(free)
+    Q, R = np.linalg.qr(free)
     inside, of_y = Q.T @ X, Q.T @ y
     rest, target = X - Q @ inside, y - Q @ of_y
     scale = np.linalg.norm(rest, axis=0) / np.sqrt(n)

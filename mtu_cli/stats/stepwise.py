@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg.lapack import dtrtri
 from scipy.special import fdtrc
 
 from mtu_cli.stats.compressed import Compressed, autocorrelation, effective_number
@@ -16,8 +15,6 @@ ENTER = 0.05
 REMOVE = 0.10
 _NOTHING_LEFT = 1e-12
 """Share of a column, or of the sum of squares, below which only rounding is left."""
-_WELL_CONDITIONED = 1e5
-"""Condition number below which a step needs no refined solution: p keeps ten digits."""
 
 
 def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> tuple[int, ...]:
@@ -98,29 +95,8 @@ def _worst(rows: Compressed, chosen: Sequence[int], number: float, limit: float)
 
 def _losses(rows: Compressed, chosen: Sequence[int]) -> tuple[FloatArray, float]:
     """What leaving out each of the chosen adds to the sum of squares, b_j^2/C_jj, and that sum."""
-    p = len(chosen) + 1
-    R = _factor(rows, chosen, ())
-    found = _screened(R, p) if len(R) >= p else None
-    if found is not None:
-        return found
     fit = least_squares(rows.factor[:, [0, *chosen]], rows.factor[:, -1])
     return fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:], fit.rss
-
-
-def _screened(R: FloatArray, p: int) -> tuple[FloatArray, float] | None:
-    """`_losses` by the triangle alone; None where only the refined solution is to be trusted.
-
-    The condition number of the scaled columns is at most |R| |R^-1| in the Frobenius norm.
-    """
-    scale = np.linalg.norm(R[:, :p], axis=0)
-    if not scale.min() > 0:
-        return None
-    inverse, info = dtrtri(R[:p, :p] / scale)
-    if info != 0 or not np.sqrt(p) * np.linalg.norm(inverse) < _WELL_CONDITIONED:
-        return None
-    b = inverse @ R[:p, -1]
-    loss = b[1:] ** 2 / np.sum(inverse[1:] ** 2, axis=1)
-    return loss, float(np.sum(R[p:, -1] ** 2))
 
 
 def _partial_p(rows: Compressed, dof: float, gain: float, before: float) -> float:

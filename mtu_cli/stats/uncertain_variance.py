@@ -15,14 +15,11 @@ from dataclasses import dataclass
 from functools import cache, lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.stats.coverage import effective_dof
 from mtu_cli.stats.least_squares import FloatArray
 
 NODES = 64
-PAIRS = NODES * NODES
-"""A power of two: see `_gathered`."""
 AT_ONCE = 8
 """Sums that are gathered at once: their pairs stay in the processor's cache."""
 REACH = 6.0
@@ -183,35 +180,20 @@ def _sum(
 
 def _gathered(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """All pairs (m, NODES, NODES) in the order of their sum; what lies between two quantiles of
-    the normal scale becomes one node at its geometric mean. The memory of `sums` is used.
+    the normal scale becomes one node at its geometric mean.
     """
     m = len(sums)
-    # Of numbers > 0 the bits have their order, and the last of them place for the pair's number:
-    # sorted in one go, at a price of 2**-40 of the sums.
-    keys = sums.reshape(m, PAIRS).view(np.int64)
-    keys &= -PAIRS
-    keys |= np.arange(PAIRS)
-    # Rows of sums that rise already are merged, in a third of the time.
-    keys.sort(axis=1, kind="stable")
-    order = keys & (PAIRS - 1)
-    keys &= -PAIRS
-    w = np.take_along_axis(weights.reshape(m, PAIRS), order, 1)
+    pairs, w = sums.reshape(m, -1), weights.reshape(m, -1)
+    order = np.argsort(pairs, axis=1, kind="stable")
+    pairs, w = (np.take_along_axis(each, order, 1) for each in (pairs, w))
     middle = np.cumsum(w, axis=1) - w / 2
-    first = np.array([np.searchsorted(own, _edges(), side="right") for own in middle])
-    total, logs = _between(w, first), _between(w * np.log(keys.view(np.float64)), first)
+    node = np.searchsorted(_edges(), middle) + NODES * np.arange(m)[:, None]
+    total, logs = (
+        np.bincount(node.ravel(), each.ravel(), NODES * m).reshape(m, NODES).astype(np.float64)
+        for each in (w, w * np.log(pairs))
+    )
     mean: FloatArray = np.exp(np.divide(logs, total, out=np.zeros_like(logs), where=total > 0))
     return mean, total
-
-
-def _between(values: FloatArray, first: NDArray[np.int64]) -> FloatArray:
-    """Sums (m, k + 1) of `values` (m, n) from each of the places `first` (m, k) to the next."""
-    m, n = values.shape
-    ends = np.concatenate([np.zeros((m, 1), np.int64), first, np.full((m, 1), n)], axis=1)
-    start = (ends[:, :-1] + n * np.arange(m)[:, None]).ravel()
-    padded = np.append(values.ravel(), 0.0)
-    found: FloatArray = np.add.reduceat(padded, start).reshape(m, -1)
-    # Of an empty stretch reduceat gives its first value.
-    return np.where(ends[:, 1:] > ends[:, :-1], found, 0.0)
 
 
 def sum_tails(sizes: FloatArray, dof: float, x: FloatArray) -> tuple[FloatArray, FloatArray]:

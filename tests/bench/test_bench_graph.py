@@ -12,7 +12,7 @@ import pytest
 from graph_examples import shipped
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # no stubs published
 
-from mtu_cli.model.graph.trials import GraphTrials, evaluation, first_order
+from mtu_cli.model.graph.propagation import GraphTrials
 from mtu_cli.stats.monte_carlo import monte_carlo
 
 TRIALS = 1_000_000
@@ -24,8 +24,7 @@ FLAT_MB = 5.0
 
 def model() -> GraphTrials:
     graph = shipped("axes-a-and-c")
-    part = evaluation(graph, graph.outputs(["d_AC"]))
-    return GraphTrials(part, first_order(part))
+    return GraphTrials(graph, graph.outputs(["d_AC"]))
 
 
 def seconds_drawing(inputs: int) -> float:
@@ -44,7 +43,7 @@ def test_distance_of_axes(threads: int) -> None:
     ratios = []
     for _ in range(ROUNDS):
         with threadpool_limits(1):
-            reference = seconds_drawing(trials.evaluation.inputs.k)
+            reference = seconds_drawing(trials.inputs.k)
         start = time.perf_counter()
         monte_carlo(trials, seed=1, trials=TRIALS, threads=threads)
         ratios.append((time.perf_counter() - start) / reference)

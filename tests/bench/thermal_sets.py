@@ -120,7 +120,7 @@ def zeroed(readings: Readings) -> Readings:
 
 def fitted(readings: Readings) -> ThermalFit:
     """As the command fits it."""
-    return thermal_fit([readings], {"d": (None, "um")}, reference=20.0)
+    return thermal_fit(readings, {"d": (None, "um")}, reference=20.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,9 +147,9 @@ def seen(rng: np.random.Generator, kind: Kind) -> Seen:
     own = item.at_positions[0]
     by_name = dict(zip(NAMES, 1e-3 * truth, strict=True))
     covered, common = [], []
-    for sensor, gradient in own.known.items():
-        if own.separable(sensor) and gradient.interval is not None:
-            low, high = gradient.interval
+    for sensor, interval in own.intervals.items():
+        if own.separable(sensor) and interval is not None:
+            low, high = interval
             covered.append(bool(low <= by_name[sensor] <= high))
     singles: dict[str, float] = {}
     for each in item.candidates:

@@ -1,18 +1,14 @@
 """Damage done to sound readings, drift and temperatures: what a tired person or a logger does.
 
 Kinds and sizes are drawn by a fixed seed from the shipped studies, the drift from that of the
-ring gauge. `python damage.py MTU` prints how often an installed `mtu` finds each kind.
-"""
+ring gauge."""
 
 from __future__ import annotations
 
 import re
 import subprocess
-import sys
-from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -206,35 +202,3 @@ def verdict(kind: str, sound: set[str], found: list[tuple[str, str]]) -> str:
     new = [message for code, message in found if code not in sound]
     named = any(re.search(DAMAGES[kind].words, message) for message in new)
     return "found" if named else "wrong name" if new else "missed"
-
-
-def judged(mtu: str, study: str, of: str, frame: Frame, folder: Path) -> list[tuple[str, str]]:
-    """(code, message) of what a command says about a file."""
-    command = "thermal-fit" if of == "drift" else "fit-components"
-    path = folder / "damaged.csv"
-    frame.to_csv(path, index=False)
-    machine = CONFIGS / study / "machine.yaml"
-    done = subprocess.run([mtu, command, "-m", machine, f"--{of}", path, "-q"],
-                          capture_output=True, text=True, check=False)  # fmt: skip
-    lines = done.stderr.splitlines()
-    codes = [(re.search(r"\[([\w-]+)\]$", line), line) for line in lines]
-    return [(code[1] if code else f"exit {done.returncode}", line) for code, line in codes]
-
-
-def table(mtu: str) -> dict[str, Counter[str]]:
-    """Found, missed and wrongly named of every kind, by an installed command."""
-    counts: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
-    known: dict[int, set[str]] = {}
-    with TemporaryDirectory() as name:
-        for kind, study, sound, frame in draws(mtu, Path(name)):
-            of = DAMAGES[kind].of
-            if id(sound) not in known:
-                known[id(sound)] = {code for code, _ in judged(mtu, study, of, sound, Path(name))}
-            found = judged(mtu, study, of, frame, Path(name))
-            counts[kind][verdict(kind, known[id(sound)], found)] += 1
-    return counts
-
-
-if __name__ == "__main__":
-    for kind, count in table(sys.argv[1]).items():
-        print(f'    "{kind}": ({count["found"]}, {count["missed"]}, {count["wrong name"]}),')

@@ -1,19 +1,15 @@
 """Damage done to sound points, parts and machines: what is mistyped, exported or pasted wrongly.
 
 Kinds and sizes are drawn by a fixed seed from simulated parts of the shipped studies.
-`python damage_points.py MTU` prints how often an installed `mtu` finds each kind.
 """
 
 from __future__ import annotations
 
 import re
 import subprocess
-import sys
-from collections import Counter
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -328,35 +324,3 @@ def verdict(kind: str, sound: set[str], found: list[tuple[str, str]]) -> str:
     new = [message for code, message in found if code not in sound]
     named = any(re.search(DAMAGES[kind].words, each.replace(NO_NAME, "")) for each in new)
     return "found" if named else "wrong name" if new else "missed"
-
-
-def judged(mtu: str, case: Case, folder: Path) -> list[tuple[str, str]]:
-    """(code, message) of what `anova` says about points, and predictions about the rest."""
-    points, part, machine = written(case, folder)
-    calls = [["anova", "-p", part, "--cmm", points]]
-    if "T_01_degC" not in case.points:
-        calls += [[name, "-m", machine, "-p", part] for name in ("predict-points", "lengths")]
-    found = []
-    for call in calls:
-        done = subprocess.run([mtu, *call, "-q"], capture_output=True, text=True, check=False)
-        for line in done.stderr.replace(str(folder), "").splitlines():
-            code = re.search(r"\[([\w-]+)\]$", line)
-            found.append((code[1] if code else f"exit {done.returncode}", line))
-    return found
-
-
-def table(mtu: str) -> dict[str, Counter[str]]:
-    """Found, missed and wrongly named of every kind, by an installed command."""
-    counts: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
-    known: dict[int, set[str]] = {}
-    with TemporaryDirectory() as name:
-        for kind, sound, case in draws(mtu, Path(name)):
-            if id(sound) not in known:
-                known[id(sound)] = {code for code, _ in judged(mtu, sound, Path(name))}
-            counts[kind][verdict(kind, known[id(sound)], judged(mtu, case, Path(name)))] += 1
-    return counts
-
-
-if __name__ == "__main__":
-    for kind, count in table(sys.argv[1]).items():
-        print(f'    "{kind}": ({count["found"]}, {count["missed"]}, {count["wrong name"]}),')

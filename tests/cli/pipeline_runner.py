@@ -27,10 +27,17 @@ def placed(study: Path, more: str = "") -> None:
 
 
 def quick(folder: Path) -> str:
-    """In place of mtu, what makes its files and does nothing else: of a test that asks for make."""
-    script = 'for word; do case "$last" in -o|--csv|--plot) : > "$word";; esac; last=$word; done'
+    """In place of mtu, what makes its files, and fails where the study's `fails` names the command
+    or its readings have gone: of a test that asks for make.
+    """
     path = folder / "quick-mtu"
-    path.write_text(f"#!/bin/sh\n{script}\n", "utf-8")
+    path.write_text(
+        "#!/bin/sh\n"
+        'grep -q "$1" "$2/fails" 2>/dev/null && exit 3\n'
+        'grep -q bar.csv "$2/mtu.yaml" && [ ! -f "$2/bar.csv" ] && exit 2\n'
+        'for word; do case "$last" in -o|--csv|--plot) : > "$word";; esac; last=$word; done\n',
+        "utf-8",
+    )
     path.chmod(0o755)
     return f"MTU={path}"
 

@@ -53,15 +53,6 @@ def test_tables_show_the_digits_of_u_that_are_asked_for(call: list[Any], shown: 
         assert len(figures) == 3 or ("." not in u and len(figures) > 3), u
 
 
-def test_the_other_ends_of_the_ranges(work: Path) -> None:
-    values = {"--k": "inf", "--digits": "0", "--trials": "9" * 20, "--threads": "1025"}
-    call = [word for pair in values.items() for word in pair]
-    found = refused(work, "orthogonality", *call, *OUTPUTS).splitlines()
-    assert {line.removeprefix("mtu: ").split(": out")[0] for line in found} == set(values)
-    message = refused(work, "lengths", "--k", "0", "--seed", "9" * 5000)
-    assert "--seed" in message
-
-
 def test_a_factor_that_looks_like_a_percentage_is_asked_about(work: Path) -> None:
     meant = "so U is 95 u: it is a factor and no probability; expected 2 for about 95 %"
     told = done(mtu("fit-components", "--k", "95", "-q", cwd=work)).stderr
@@ -84,30 +75,12 @@ def test_a_factor_that_looks_like_a_probability_is_asked_about(work: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "call",
-    [
-        ["--seed", "1.5"],
-        ["--threads"],
-        ["--thread", "1"],
-        ["study.yaml", "another.yaml"],
-    ],
-    ids=" ".join,
-)
-def test_values_of_the_wrong_kind(call: list[str], work: Path) -> None:
-    message = refused(work, "lengths", *OUTPUTS, *call)
-    assert call[0] in message or "another.yaml" in message
-
-
-@pytest.mark.parametrize(
     ("call", "words"),
     [
         (["--k", "2,5"], "invalid value for '--k': Input should be a valid number"),
         (["--trials", "1e4"], "invalid value for '--trials': Input should be a valid integer"),
-        (["--seed", ""], "invalid value for '--seed'"),
         (["-p", ""], "invalid value for '-p' / '--part': it names no file"),
-        (["--lbb", "lbb.csv", "--lbb", ""], "invalid value for '--lbb': it names no file"),
         (["-o", "new/"], "invalid value for '-o' / '--out': it names no file"),
-        (["--plot", "new/a.png/"], "invalid value for '--plot': it names no file"),
     ],
 )
 def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path) -> None:
@@ -120,7 +93,12 @@ def test_numbers_and_names_that_are_none(call: list[str], words: str, work: Path
         (["lengths", "--outptu", "a"], "no such option: --outptu (Possible options: --out"),
         (["--at", "T=1"], "no such option: --at"),
         (["graph", "draw", "--to"], "option '--to' requires an argument"),
-        (["close-loop", "--fail-if", ""], "unknown gate: ''; expected suspicious or found or"),
+        (
+            ["close-loop", "--fail-if", "found,drifts"],
+            "unknown gate: 'drifts'; expected suspicious",
+        ),
+        (["schema", "machin"], "unknown schema: 'machin'; did you mean 'machine'?"),
+        (["lengths", "--threads"], "option '--threads' requires an argument"),
         (["lengths", "--out", "-q"], "-q: -o does not write a file without an ending; expected"),
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["schema"], "missing argument 'KIND'"),
@@ -137,10 +115,6 @@ def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, w
     message = refused(work, *call, env={"COLUMNS": "30"})
     assert message.startswith(f"mtu: {words}")
     assert len(message.splitlines()) == 1
-
-
-def test_help_is_shown_beside_arguments_too_many(work: Path) -> None:
-    assert "Usage: mtu lengths" in done(mtu("lengths", "a", "b", "--help", cwd=work)).stdout
 
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
@@ -180,6 +154,7 @@ SHARE = "a probability from 0 to below 1, such as 0.01 for 1 %"
         ("lengths", "drift", "suspicious or nonconforming=0.01"),
         ("anova", "nonconforming=0.1", "suspicious or unusual"),
         ("fit-components", "drifts", "suspicious or drift"),
+        ("compare", "", "suspicious or biased or under-predicted"),
     ],
 )
 def test_unknown_gates(command: str, gate: str, expected: str, work: Path) -> None:
@@ -187,7 +162,7 @@ def test_unknown_gates(command: str, gate: str, expected: str, work: Path) -> No
     assert message == f"mtu: unknown gate: '{gate}'; expected {expected}\n"
 
 
-@pytest.mark.parametrize("share", ["1.5", "1", "nan", "ab", "0,01", "1_0", ""])
+@pytest.mark.parametrize("share", ["1", "nan", "0,01", ""])
 def test_a_gate_with_no_share(share: str, work: Path) -> None:
     message = refused(work, "lengths", "--fail-if", f"nonconforming={share}", *OUTPUTS)
     if share == "0,01":
@@ -198,40 +173,10 @@ def test_a_gate_with_no_share(share: str, work: Path) -> None:
     assert message == f"mtu: {told}; expected {SHARE}\n"
 
 
-@pytest.mark.parametrize(
-    ("command", "known"),
-    [
-        ("lengths", "nonconforming=0.01"),
-        ("fit-components", "drift"),
-        ("anova", "unusual"),
-        ("compare", "biased"),
-        ("close-loop", "found"),
-    ],
-)
-def test_of_several_gates_the_unknown_one_is_told(command: str, known: str, work: Path) -> None:
-    message = refused(work, command, "--fail-if", f"{known},drifts", *OUTPUTS)
-    assert message.startswith("mtu: unknown gate: 'drifts'; expected ")
-    assert len(message.splitlines()) == 1
-
-
-@pytest.mark.parametrize("gates", [",", "found,"])
-@pytest.mark.parametrize("command", ["lengths", "anova", "compare", "close-loop"])
-def test_a_gate_without_a_name_is_refused(command: str, gates: str, work: Path) -> None:
-    """Of a script's variable that is not set: the command would run without its gate."""
-    assert "unknown gate: ''; expected " in refused(work, command, "--fail-if", gates, *OUTPUTS)
-
-
 def test_two_limits_of_nonconforming_parts_are_refused(work: Path) -> None:
     gates = "nonconforming=0.01,nonconforming=0.05"
     message = refused(work, "lengths", "--fail-if", gates, *OUTPUTS)
     assert message.startswith("mtu: --fail-if nonconforming appears twice")
-
-
-def test_unknown_schema_and_command(work: Path) -> None:
-    message = refused(work, "schema", "machin")
-    assert message.startswith("mtu: unknown schema: 'machin'; did you mean 'machine'?")
-    message = refused(work, "lenghts")
-    assert message == "mtu: no such command 'lenghts'. Did you mean 'lengths' (see mtu --help)\n"
 
 
 @pytest.fixture(scope="module")
@@ -286,24 +231,13 @@ def test_a_components_report_of_another_machine(work: Path) -> None:
     assert shown.startswith("mtu: fit.json: not overwritten, as it is an input")
 
 
-def test_options_that_may_be_repeated_still_may(work: Path) -> None:
-    done(mtu("lengths", work, "--at", "T_a_degC=1", "--at", "T_b_degC=2", "-q"))
-
-
-def test_pictures_do_not_ask_what_a_notebook_set(tmp_path: Path) -> None:
-    env = {"MPLBACKEND": "module://no_such_package.backend"}
-    done(mtu("lengths", SMALL, "--plot", tmp_path / "a.png", env=env))
-    assert (tmp_path / "a.png").stat().st_size > 0
-
-
-@pytest.mark.parametrize("command", ["lengths", "predict-points"])
-def test_names_with_dollars_are_drawn_as_they_are(command: str, work: Path) -> None:
+def test_names_with_dollars_are_drawn_as_they_are(work: Path) -> None:
     part = work / "part.yaml"
     text = part.read_text("utf-8")
     renamed = re.sub(r"\bA\b", "'$A_{$'", text)
     assert renamed != text
     part.write_text(renamed, "utf-8")
-    done(mtu(command, work, "--plot", work / "a.png"))
+    done(mtu("lengths", work, "--plot", work / "a.png"))
 
 
 def test_an_equation_that_grows_beyond_numbers_is_told(work: Path) -> None:
@@ -330,12 +264,6 @@ def test_a_name_that_no_system_takes_is_told_and_cut(
     message = refused(work, *call)
     assert len(message) < 300
     assert message.endswith(f"a...: {what}: file name too long\n")
-
-
-def test_a_study_beside_a_machine_of_its_own_is_told_of(work: Path) -> None:
-    message = refused(work, "predict-points", "-m", "machine.yaml", "-p", "part.yaml")
-    assert "an estimate of" in message
-    assert "mtu.yaml is not read where -m is given without a study" in message
 
 
 @pytest.mark.parametrize("study", [SMALL, SIMULATED], ids=["small", "simulated"])

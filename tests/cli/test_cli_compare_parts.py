@@ -7,11 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from cli_runner import SMALL, done, mtu, prepared, refused, report
+from cli_runner import SMALL, done, mtu, prepared, report
 from csv_examples import Rows, rows_of, write
 from report_numbers import numbers
-
-OUTPUTS = ("-o", "out.json", "--csv", "out.csv", "--plot", "out.png")
 
 
 @pytest.fixture(scope="module")
@@ -35,33 +33,6 @@ def well_known(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def moved(rows: Rows, shift_mm: Callable[[dict[str, str]], float]) -> Rows:
     return [row | {"x_mm": repr(float(row["x_mm"]) + shift_mm(row))} for row in rows]
-
-
-@pytest.mark.parametrize(
-    ("wrong", "met"),
-    [
-        (lambda row: 0.05 * (row["feature"] == "B"), {"compare": "biased", "close-loop": "found"}),
-        (
-            lambda row: 0.05 * (row["feature"] == "B" and row["part"] == "3"),
-            {"compare": "under-predicted", "anova": "unusual"},
-        ),
-    ],
-)
-def test_what_each_gate_sees_of_one_wrong_feature(
-    parts: Rows, well_known: Path, tmp_path: Path, wrong: Callable[[dict[str, str]], float],
-    met: dict[str, str],
-) -> None:  # fmt: skip
-    """On every part it is no unusual part; on one part it is no effect of the machine."""
-    path = write(tmp_path / "cmm.csv", moved(parts, wrong))
-    for command, gates in (
-        ("anova", "unusual"),
-        ("compare", met["compare"]),
-        ("close-loop", "found,unexplained"),
-    ):
-        found = mtu(command, well_known, "--cmm", path, "-q", "--fail-if", gates)
-        assert found.returncode == (3 if command in met else 0), found.stderr
-    if "anova" in met:
-        assert "set aside" in found.stderr
 
 
 GATED: dict[str, Callable[[dict[str, str]], float]] = {
@@ -111,14 +82,6 @@ def test_numbered_repeats_beside_others_in_either_order(parts: Rows, tmp_path: P
         assert (one["measured"]["parts"], one["measured"]["n"]) == (8, 32)
 
 
-def test_parts_without_z_are_turned_without_a_murmur(
-    parts: Rows, well_known: Path, tmp_path: Path
-) -> None:
-    path = write(tmp_path / "cmm.csv", parts)
-    call = ("compare", well_known, "--cmm", path, "--datum", "offset,rotation", "-q")
-    assert done(mtu(*call)).stderr == ""
-
-
 @pytest.mark.parametrize("kind", ["one part", "one feature", "one axis"])
 def test_what_cannot_be_had_is_null_with_a_warning(parts: Rows, kind: str, tmp_path: Path) -> None:
     """No length without its features, no scatter of one part, no prediction of Y without Ey."""
@@ -159,15 +122,6 @@ def test_scatter_where_none_is_predicted_is_not_allowed_for(parts: Rows, tmp_pat
     assert along_y["verdict"] != "consistent"
 
 
-def test_nothing_in_common_with_the_machine_is_refused(parts: Rows, tmp_path: Path) -> None:
-    """Points in x and y say nothing about a machine of which only Ez is known."""
-    work = prepared(tmp_path / "work")
-    text = (work / "machine.yaml").read_text()
-    (work / "machine.yaml").write_text(text[: text.index("equations:")] + "equations: {Ez: dx_x}\n")
-    write(work / "cmm.csv", parts)
-    assert "z_mm" in refused(work, "compare", "--cmm", "cmm.csv", *OUTPUTS)
-
-
 def test_one_part_is_judged_and_meets_both_gates_where_it_is_off(
     parts: Rows, well_known: Path, tmp_path: Path
 ) -> None:
@@ -198,20 +152,6 @@ def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path:
     assert {item["verdict"] for item in found["results"]["features"]} == {None}
     assert "not-tested" in {item["code"] for item in found["warnings"]}
     assert found["results"]["summary"]["features"][0]["verdict_text"] == "features: not tested"
-
-
-def test_names_in_any_script_are_drawn_in_silence(
-    parts: Rows, well_known: Path, tmp_path: Path
-) -> None:
-    work = prepared(tmp_path / "work", well_known)
-    text = (work / "part.yaml").read_text()
-    for old, new in (("A: {", "\u7a74: {"), ("[A,", "[\u7a74,"), ("from: A,", "from: \u7a74,")):
-        text = text.replace(old, new)
-    (work / "part.yaml").write_text(text, encoding="utf-8")
-    named = [row | {"feature": row["feature"].replace("A", "\u7a74")} for row in parts]
-    write(work / "cmm.csv", named)
-    result = done(mtu("compare", "--cmm", "cmm.csv", "--plot", "out.png", "-q", cwd=work))
-    assert result.stderr == ""
 
 
 def test_one_slip_is_named_and_meets_the_gate(

@@ -23,7 +23,7 @@ SURROUNDINGS = [
         },
     ),
 ]
-KINDS = {"predict-points": "png", "lengths": "pdf", "orthogonality": "svg"}
+KINDS = {"lengths": "pdf", "orthogonality": "svg"}
 
 
 def outcome(folder: Path, command: str, threads: int, env: dict[str, str]) -> Listing:

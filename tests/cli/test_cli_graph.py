@@ -89,11 +89,8 @@ def test_how_many_probings() -> None:
     ("vary", "told"),
     [
         ("axis_um=1,1", "appears twice"),
-        ("axis_um=2:2:3", "appears twice"),
-        ("axis_um=1_0", "--vary axis_um: not a number: '1_0'; expected a number"),
         ("axis_um=0:1_0:2", "--vary axis_um: not a number: '1_0'; expected a number"),
         ("axis_um=0:1:2.5", "--vary axis_um: not a whole number: '2.5'"),
-        ("axis_um=1,nan", "--vary axis_um: not a finite number: 'nan'"),
         ("axis_um=1,,2", "--vary axis_um: not a number: ''"),
     ],
 )
@@ -101,12 +98,6 @@ def test_slips_in_vary(vary: str, told: str) -> None:
     with pytest.raises(InputError) as caught:
         varied([vary], PARAMETERS)
     assert told in str(caught.value)
-
-
-def test_small_values_are_varied_as_they_are() -> None:
-    call = ("graph", "sweep", BALL, "--vary", "axis_um=1e-13:3e-13:3", "--of", "P1.x")
-    results = report(*call, "--trials", "1000")["results"]
-    assert results["varied"] == {"axis_um": [1e-13, 2e-13, 3e-13]}
 
 
 def test_sweep_has_not_converged_where_its_grid_has_not() -> None:
@@ -138,7 +129,6 @@ def test_the_same_bytes_everywhere(tmp_path: Path) -> None:
         graph = GRAPHS / "work-coordinates.yaml"
         files = ("-o", "a.json", "--csv", "a.csv", "--plot", "a.svg")
         done(mtu("graph", "simulate", graph, "--threads", threads, *files, cwd=folder, env=env))
-        done(mtu("graph", "draw", graph, "--to", "b.svg", cwd=folder, env=env))
         found.append(listing(folder))
     assert found[0] == found[1]
 

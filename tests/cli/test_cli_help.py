@@ -11,7 +11,7 @@ import typer
 from cli_runner import done, mtu
 
 from mtu_cli import __version__
-from mtu_cli.cli.commands import app, command_of
+from mtu_cli.cli.commands import app
 
 COMMANDS = typer.main.get_command(app).commands  # type: ignore[attr-defined]  # a group has them
 
@@ -25,8 +25,11 @@ def help_of(*words: str) -> str:
 
 
 def parameters(words: tuple[str, ...]) -> list[Any]:
-    found: list[Any] = command_of(" ".join(words)).params
-    return found
+    found: Any = COMMANDS[words[0]]
+    for word in words[1:]:
+        found = found.commands[word]
+    known: list[Any] = found.params
+    return known
 
 
 @pytest.mark.parametrize("words", [(), *((name,) for name in COMMANDS), *GRAPH], ids=" ".join)

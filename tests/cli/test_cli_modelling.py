@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 from cli_runner import mtu, prepared
 
+from mtu_cli.cli.analyse import fit_components as fitting
 from mtu_cli.cli.emit import execute
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.cli.readings import fit_components as fitting
 from mtu_cli.findings import InputError
 
 

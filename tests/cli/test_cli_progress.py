@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 from cli_runner import done, mtu, prepared
 
+from mtu_cli.cli import emit
 from mtu_cli.cli.commands import app
-from mtu_cli.cli.emit import LateBar
+from mtu_cli.cli.emit import late_bar
 from mtu_cli.close_loop_sealed.stats import side_by_side
 
 
@@ -32,11 +33,11 @@ def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
 
 def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    monkeypatch.setattr(LateBar, "delay_s", 0.0)
-    monkeypatch.setattr(LateBar, "every_s", 0.0)
+    monkeypatch.setattr(emit, "DELAY_S", 0.0)
+    monkeypatch.setattr(emit, "EVERY_S", 0.0)
     # Libraries that a test before loaded may have threads of their own.
     before = threading.active_count()
-    with LateBar("close-loop") as bar:
+    with late_bar("close-loop") as bar:
         bar(3, 10)
         assert threading.active_count() == before
         assert "30%" in terminal.getvalue()
@@ -49,9 +50,9 @@ def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch)
 
 def test_it_does_not_draw_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    monkeypatch.setattr(LateBar, "delay_s", 0.0)
-    monkeypatch.setattr(LateBar, "every_s", 3600.0)
-    with LateBar("close-loop") as bar:
+    monkeypatch.setattr(emit, "DELAY_S", 0.0)
+    monkeypatch.setattr(emit, "EVERY_S", 3600.0)
+    with late_bar("close-loop") as bar:
         bar(1, 10)
         before = terminal.getvalue()
         bar(2, 10)
@@ -60,18 +61,9 @@ def test_it_does_not_draw_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_what_is_done_at_once_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = terminal_of(monkeypatch)
-    with LateBar("budget") as bar:
+    with late_bar("budget") as bar:
         bar(1, 2)
     assert terminal.getvalue() == ""
-
-
-def test_nothing_is_written_where_no_one_looks(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(LateBar, "delay_s", 0.0)
-    pipe = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", pipe)
-    with LateBar("budget") as bar:
-        bar(1, 2)
-    assert pipe.getvalue() == ""
 
 
 def closed(folder: Path, threads: int, monkeypatch: pytest.MonkeyPatch) -> bytes:
@@ -87,8 +79,8 @@ def closed(folder: Path, threads: int, monkeypatch: pytest.MonkeyPatch) -> bytes
 def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Whether folds are searched in a second process or not, and with the same report."""
     done(mtu("simulate", "--parts", "5", "--write-cmm", "cmm.csv", cwd=prepared(tmp_path)))
-    monkeypatch.setattr(LateBar, "delay_s", 0.0)
-    monkeypatch.setattr(LateBar, "every_s", 0.0)
+    monkeypatch.setattr(emit, "DELAY_S", 0.0)
+    monkeypatch.setattr(emit, "EVERY_S", 0.0)
     reports = set()
     for threads in (1, 2):
         terminal = terminal_of(monkeypatch)

@@ -57,19 +57,6 @@ def test_names_are_text_and_a_date_is_given(tmp_path: Path) -> None:
     assert "1 May 2030" in text
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (["-o", "a.html"], "-o does not write .html; expected a name that ends in .json"),
-        (["--report", "a.txt"], "--report does not write .txt; expected a name that ends in .html"),
-        (["--csv", "a.html"], "--csv does not write .html"),
-    ],
-)
-def test_wrong_endings_are_refused(options: list[str], words: str, tmp_path: Path) -> None:
-    assert words in done(mtu("lengths", UNDECLARED, *options, cwd=tmp_path), 2).stderr
-    assert list(tmp_path.iterdir()) == []
-
-
 @pytest.mark.skipif(importlib.util.find_spec("weasyprint") is not None, reason="it is installed")
 def test_a_pdf_names_the_extra_that_it_needs(tmp_path: Path) -> None:
     found = done(mtu("lengths", UNDECLARED, "-q", "--report", "a.pdf", cwd=tmp_path), 2)

@@ -150,35 +150,22 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
     [
         (("--room", "26:20"), "--room: out of range: '26:20'; expected LOW below HIGH"),
         (("--room", "warm"), "--room: not LOW:HIGH: 'warm'; expected 20:26, say"),
-        (("--room", "20:warm"), "--room: not a number: 'warm'; expected a number"),
-        (("--room", "20:"), "--room: not LOW:HIGH: '20:'; expected 20:26, say"),
         (("--sensor-lag-min", "-1:5"), "--sensor-lag-min: out of range: '-1 min'; expected from 0"),
         (("--interval-min", "0"), "invalid value for '--interval-min'"),
-        (("--cycle-minutes", "inf"), "invalid value for '--cycle-minutes'"),
         (("--interval-min", "1e-6"), "--cycles, --interval-min: out of range"),
         (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
         (
             ("--settled-drift", "a: 3 4"),
             "--settled-drift a: 2 values; expected one at each of 1 positions",
         ),
-        (("--settled-drift", "a: 3 x"), "--settled-drift a: not a number: 'x'; expected a num"),
-        (("--settled-drift", "a:"), "--settled-drift: not NAME: NUMBERS"),
         (
             ("--settled-drift", "a: 1", "--settled-drift", "a: 2"),
             "--settled-drift a appears twice",
         ),
         (("--twin", "T_c_degC: T_q_degC"), "--twin: unknown sensor"),
         (("--twin", "T_b_degC: T_a_degC"), "--twin: the name is taken"),
-        (("--room", "20:1e300"), "--room: out of range"),
         (("--room", "-51:20"), "from -50 to 200 degC"),
         (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "invalid value for '--cmm-room'"),
-        (("--cmm-room", "20"), "expected --write-cmm FILE"),
-        (("--sensor-noise-degC", "1e300"), "invalid value for '--sensor-noise-degC'"),
-        (
-            ("--interval-min", "nan"),
-            "invalid value for '--interval-min'",
-        ),
-        (("--reading-noise-um", "nan"), "invalid value for '--reading-noise-um'"),
         (
             ("--passes", "0"),
             "invalid value for '--passes': Input should be greater than or equal to 1",
@@ -186,14 +173,6 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
         (
             ("--cycles", "1001"),
             "invalid value for '--cycles': Input should be less than or equal to 1000",
-        ),
-        (
-            ("--minutes", "-0.1", "--parts", "0"),
-            "invalid value for '--minutes'",
-        ),
-        (
-            ("--cmm-u-um", "inf"),
-            "invalid value for '--cmm-u-um'",
         ),
         (("--seed", "-1"), "--seed: out of range: '-1'; expected a number of at least 0"),
         (
@@ -205,10 +184,6 @@ def test_temperatures_that_nobody_gives(folder: Path) -> None:
             "a: out of range: '301 mm of y'",
         ),
         (("--drift-positions", "a: 0 50 0"), "a position of --drift-positions a appears twice"),
-        (
-            ("--drift-positions", "a: 0 300", "--settled-drift", "a: 3 4"),
-            "give a the settled drift at",
-        ),
     ],
 )
 def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: str) -> None:
@@ -315,18 +290,15 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
     [
         (["--positions", "0:140"], "--positions: not LOW:HIGH:COUNT: '0:140'"),
         (["--positions", "0:inf:8"], "--positions: not a finite number: 'inf'"),
-        (["--positions", "x=0:ab:8"], "--positions: not a number: 'ab'; expected a number"),
         (
             ["--positions", "0:9:8.0"],
             "--positions: not a whole number: '8.0'",
         ),
-        (["--positions", "0::8"], "--positions: not LOW:HIGH:COUNT: '0::8'"),
         (
             ["--positions", "0:1:2:3"],
             "--positions: not LOW:HIGH:COUNT: '0:1:2:3'; expected 0:140",
         ),
         (["--positions", "100:0:3"], "--positions: out of range: '100:0:3'; expected LOW below"),
-        (["--positions", "x=5:5:3"], "--positions: out of range: '5:5:3'; expected LOW below"),
         (["--positions", "0:100:1"], "'0:100:1'; expected a COUNT from 2 to 10000"),
         (["--effect", "0.004*dir_x"], "--effect: not NAME: EQUATION: '0.004*dir_x'"),
         (
@@ -349,8 +321,6 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
             "--effect Ex: this term is mm*K, not a length (mm) at column 5: 'x*(T_a_degC - 20)'; "
             "expected a number before it",
         ),
-        (["--effect", "Ex: exp(-time_min)"], "--effect Ex: the argument of exp is a time (min)"),
-        (["--scatter", "Ex: x*y"], "--scatter Ex: this term is mm^2, not a length"),
         (
             ["--covariate", "T_a_degC: 20 + time_min"],
             "--covariate T_a_degC: this term is a time (min), not a temperature "
@@ -361,25 +331,12 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
             ["--covariate", "x_mm: 1"],
             "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
         ),
-        (
-            ["--covariate", "dir_x: 1"],
-            "--covariate: the name is taken",
-        ),
-        (["--covariate", "T_a_degC: 20 + t"], "unknown name at column 16: 't'"),
         (["--covariate", "a: 1", "--covariate", "a: 2"], "a column of the points: 'a: 2'"),
-        (["--minutes", "inf"], "'--minutes': Input should be less than or equal to 1000000"),
-        (["--parts", "1000000000"], "'--parts': Input should be less than or equal to 10000"),
         (["--passes", "1000000000"], "'--passes': Input should be less than or equal to 10000"),
-        (["--cmm-u-um", "nan"], "invalid value for '--cmm-u-um'"),
         (
             ["--operation", ""],
             "--operation: not a name: ''; expected a text on one line",
         ),
-        (
-            ["--operation", " "],
-            "--operation: not a name: ' '; expected a text on one line",
-        ),
-        (["--operation", "a\nb"], "--operation: not a name: 'a"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

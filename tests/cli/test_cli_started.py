@@ -9,17 +9,11 @@ from cli_runner import done, listing, mtu, prepared, started
 from support import CONFIGS
 
 BUDGET = CONFIGS / "budgets" / "gum-h2-impedance.yaml"
-GRAPH = CONFIGS / "graphs" / "axes-a-and-c.yaml"
 CALLS = {
     "lengths --plot out.svg -o out.json --csv out.csv": 0,
-    "simulate --parts 3 --write-cmm out.csv": 0,
     f"budget {BUDGET} --trials 20000 --plot out.pdf": 0,
-    f"graph draw {GRAPH} --to out.png": 0,
-    "fit-components -o -": 0,
     "anova --cmm lbb.csv": 2,
     "lenghts": 2,
-    "help budgt": 2,
-    "": 2,
 }
 """With how each ends, in a folder of its own; a picture of every kind of file."""
 

@@ -88,8 +88,6 @@ def test_quiet(tmp_path: Path) -> None:
     [
         ("fit-components", "out.svg"),
         ("predict-points", "out.pdf"),
-        ("lengths", "out.PNG"),
-        ("orthogonality", "out.png"),
     ],
 )
 def test_pictures(command: str, name: str, tmp_path: Path) -> None:
@@ -142,12 +140,6 @@ def test_correlation_is_the_papers_where_it_is_asked_for() -> None:
     alone = report("lengths", SMALL, "--correlation", "independent")["results"]["lengths"]
     for first, second in zip(shared, alone, strict=True):
         assert second["u_um"] == first["independent"]["u_um"] != first["u_um"]
-
-
-def test_a_covariate_that_nothing_needs_is_a_warning() -> None:
-    found = report("lengths", SMALL, "--at", "T_air_degC=21")
-    assert found["settings"]["at"] == {"T_air_degC": 21.0}
-    assert "option-not-used" in [item["code"] for item in found["warnings"]]
 
 
 @pytest.mark.parametrize("command", PREDICTIONS)

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import gzip
 import warnings
-from contextlib import suppress
 from pathlib import Path
 from random import Random
 
 import pytest
-from cli_runner import listing
 from fuzz import readers
 from fuzz.bytes_damage import DAMAGES as BYTES
-from fuzz.calls import OLD, PATTERNS, Call, drawn_call, sound_call
+from fuzz.calls import PATTERNS, Call, drawn_call, sound_call
 from fuzz.cases import Case, drawn_case
 from fuzz.commands import Ended, failure_of, judged_call, whole
 from fuzz.messages import unclean, warned
-from fuzz.readers import Hang, judged, within_time
+from fuzz.readers import judged
 from fuzz.samples import KINDS, Sample, prepared_folder, samples_of
 from fuzz.tally import Tally
 
@@ -42,7 +39,7 @@ def test_sound_samples_are_read(prepared: Path) -> None:
 def test_a_small_run_of_the_readers(prepared: Path, tmp_path: Path) -> None:
     samples = samples_of(prepared)
     tally = Tally("readers", SEED, tmp_path)
-    for number in range(150):
+    for number in range(80):
         case = drawn_case(samples, SEED, number)
         assert drawn_case(samples, SEED, number).content == case.content
         tally.add(number, case.sample.kind, case.content, "damaged", judged(case))
@@ -51,7 +48,7 @@ def test_a_small_run_of_the_readers(prepared: Path, tmp_path: Path) -> None:
     kinds, outcomes = zip(*tally.outcomes, strict=True)
     assert set(outcomes) == {"read", "refused"}
     assert len(set(kinds)) > len(KINDS) // 2
-    assert len(tally.contents) > 140
+    assert len(tally.contents) > 70
 
 
 def test_a_call_on_sound_files_comes_to_its_end(prepared: Path, tmp_path: Path) -> None:
@@ -60,18 +57,6 @@ def test_a_call_on_sound_files_comes_to_its_end(prepared: Path, tmp_path: Path) 
     call = sound_call(pattern, prepared, tmp_path / "w" / "work")
     verdict = judged_call(call, tmp_path / "w" / "work")
     assert (verdict.outcome, verdict.failure) == ("done", None), verdict
-
-
-def test_samples_have_few_sensors_and_the_same_rows(prepared: Path) -> None:
-    header, *rows = [
-        line.split(",")
-        for line in (prepared / "data/valdes-ring/drift.csv").read_text("utf-8").splitlines()
-        if not line.startswith("#")
-    ]
-    assert [name for name in header if name.startswith("T_")] == [
-        f"T_0{k}_degC" for k in range(1, 7)
-    ]
-    assert {len(row) for row in rows} == {len(header)}
 
 
 def test_a_small_run_of_the_commands(prepared: Path, tmp_path: Path) -> None:
@@ -122,12 +107,6 @@ def test_failing_readers_are_noticed_and_kept(
     assert "failures: 1" in "\n".join(tally.lines())
 
 
-def test_no_except_clause_of_a_reader_holds_a_hang(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(readers, "LIMIT_S", 0.05)
-    with pytest.raises(Hang), within_time(), suppress(Exception):
-        failing("hang")
-
-
 @pytest.mark.parametrize(
     ("message", "wrong"),
     [
@@ -155,21 +134,21 @@ REPORT = b'{"schema": "mtu/lengths/1"}\n'
     ("code", "error", "output", "after", "wrong"),
     [
         (0, "", "table", {"out.json": REPORT}, None),
-        (3, "mtu: gate", "table", {"out.json": REPORT}, None),
+
         (2, "mtu: a.csv: fault\n", "", {}, None),
         (2, "Usage: mtu lengths\n", "", {}, "without words of its own"),
         (1, "Traceback (most recent call last)", "", {}, "exit code 1"),
-        (-9, "", "", {}, "exit code -9"),
-        (0, "Traceback (most", "", {"out.json": REPORT}, "a traceback"),
+
+
         (0, "x: RuntimeWarning: y", "", {"out.json": REPORT}, "a warning"),
         (2, "mtu: a.csv: fault\n", "table", {}, "with output"),
-        (2, "mtu: a.csv: fault\n", "", {"out.json": REPORT}, "files changed: ['out.json']"),
+
         (2, "mtu: a.csv: fault\n", "", {".out.tmp": b""}, "files changed: ['.out.tmp']"),
-        (2, "KeyError: 'a'\n", "", {}, "without words of its own"),
+
         (0, "", "table", {}, "without out.json"),
         (0, "", "table", {"out.json": REPORT[:9]}, "cannot be read"),
         (0, "", "table", {"out.json": b'{"schema": "mtu/a/1", "b": NaN}'}, "NaN in a report"),
-        (0, "", "table", {"out.json": OLD}, "cannot be read"),
+
         (0, "", "table", {"out.json": REPORT, ".out.tmp": b""}, "that are no outputs"),
     ],
 )  # fmt: skip
@@ -188,26 +167,14 @@ def test_calls_that_end_badly(
     ("name", "content", "sound"),
     [
         ("a.csv", b"# a\nb,c\n1,2\n", True),
-        ("a.csv", b"b,c\n1,2\n3", False),
         ("a.csv", b"b,c\n1,2", False),
         ("a.csv", b'b,c\n1,"2\n', False),
-        ("a.svg", b"<svg></svg>\n", True),
-        ("a.svg", b"<svg>", False),
-        ("a.dot", b"digraph {\n}\n", True),
         ("a.dot", b"digraph {\n", False),
-        ("a.mmd", b"", False),
         ("a.yaml", b"\xff", False),
     ],
 )
 def test_halves_are_told_from_wholes(name: str, content: bytes, sound: bool) -> None:
     assert (whole(name, content) is None) == sound
-
-
-def test_a_slow_or_swollen_call_is_a_failure() -> None:
-    call = Call(number=1, arguments=["lengths"], outputs=(), damaged="part.yaml")
-    for seconds, kilobytes in ((11.0, 1), (1.0, 3_000_000)):
-        ended = Ended(code=0, output="", error="", seconds=seconds, kilobytes=kilobytes)
-        assert failure_of(ended, {}, {}, call) is not None
 
 
 @pytest.mark.parametrize("damage", BYTES, ids=lambda item: item.__name__)
@@ -218,10 +185,3 @@ def test_damages_of_bytes_repeat_themselves(damage: object) -> None:
         found = [damage(start, Random(number)) for number in range(20)]
         assert found == [damage(start, Random(number)) for number in range(20)]
         assert start != content or any(item != content for item in found)
-
-
-def test_a_packed_file_is_given_its_name(tmp_path: Path) -> None:
-    sample = Sample(kind="points", path=tmp_path / "a.csv", content=b"")
-    assert readers.written(sample, gzip.compress(b"a")).name == "damaged.csv.gz"
-    assert readers.written(sample, b"a").name == "damaged.csv"
-    assert set(listing(tmp_path)) == {"damaged.csv", "damaged.csv.gz"}

@@ -1,7 +1,16 @@
-"""The bench of close-loop: how often simulated shop days are diagnosed right, against its bar.
+"""The bench of close-loop: how often simulated sets are diagnosed right by the command itself.
 
-python -m loop_bench [--tuning] prints the table; LOOP_SCALE=0.1 draws a tenth of the data sets.
-What was drawn is kept in pieces, so that a run that was stopped goes on where it was.
+python -m loop_bench OUT.jsonl [--judging]     draws what is missing in the file, prints the table
+python -m loop_bench.compare OLD NEW           two runs of the same sets, paired
+
+`records.jsonl.gz` beside this file is what 61d6796 says of the sets of tuning days. Any tree that
+is installed in some environment can be judged: PYTHONPATH=tests, and that environment's python.
 """
 
 from __future__ import annotations
+
+import os
+
+# As in the command, before anything imports numpy.
+for library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")

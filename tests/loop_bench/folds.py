@@ -1,4 +1,4 @@
-"""All folds of a table one after the other: prepared once for every table of the same design."""
+"""All folds of a table one after the other: for the sealed loop's tests, and to go with it."""
 
 from __future__ import annotations
 

@@ -1,124 +1,194 @@
-"""What the engine says of one data set."""
+"""What one record says: which of its names are right, what is claimed, what its intervals hold."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
 
-import numpy as np
-from shop_day.day import Floats
-
-from loop_bench.days import UM, BenchDay
-from loop_bench.folds import LIBRARY
-from mtu_cli.close_loop_sealed.analyses.loop.added import added
-from mtu_cli.close_loop_sealed.analyses.loop.describe import (
-    Described,
-    candidate_name,
-    found_effects,
-)
-from mtu_cli.close_loop_sealed.analyses.loop.gross import set_aside
-from mtu_cli.close_loop_sealed.analyses.loop.held_out import Fold, of_fold
-from mtu_cli.close_loop_sealed.analyses.loop.one_table import verdict_of
-from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
-from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, Verdict
-from mtu_cli.close_loop_sealed.analyses.loop.search import Search, search
-from mtu_cli.close_loop_sealed.analyses.loop.shown import verdict_on
-from mtu_cli.close_loop_sealed.analyses.loop.twofold import twofold
-
-ALPHA = 0.05
-MOST = 4
+Record = dict[str, Any]
+NAMELESS = re.compile("unnamed|nameless|walk|field")
+"""Members of a class without a cause of the library; a smooth field is both name and nameless."""
+ALIKE = {
+    "misshapen": [
+        (r"curvature-(.)", r"profile-\1"), (r"straightness-.", r"profile-.|field-xy"),
+    ],
+    "outside": [(r"smooth-field", r"field-xy|.*field.*")],
+    "reversal": [(r"backlash", r"backlash.*|lost-motion.*|reversal.*")],
+}  # fmt: skip
+"""By the start of a kind: names of a truth, and other names that are as right."""
+OF_COVARIATE = {"thermal-drift", "thermal-growth", "trend", "wear-approach"}
+"""Families whose size is that of one column of the data."""
+SINGLE = {"feature-outlier", "part-outlier", "operation", "rotation-scatter", "operation-scatter"}
+"""Families of single features, parts and operations: at other places they say nothing."""
+BOTH_SCALES = {"scale-x", "scale-y"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Diagnosis:
-    """`names` of the effects in the order found, with their `classes`; the checks that `fired`;
-    `nameless`: a drift or field without a name explained more than any name; `ranked_first`
-    without regard to the gate.
+def effects(record: Record) -> list[Record]:
+    """Without offsets, as true effects have no mean here, and without the drift of a growth that
+    is counted from another place than the middle.
     """
-
-    names: tuple[str, ...]
-    classes: tuple[tuple[str, ...], ...]
-    fired: tuple[str, ...]
-    nameless: bool
-    ranked_first: str
-    gross: int
-    seconds: float
-    prepared: Prepared
-    found: Search
-
-    @property
-    def unexplained(self) -> bool:
-        return bool(self.fired) or self.nameless
-
-    @property
-    def written(self) -> bool:
-        """Whether a machine gets an equation."""
-        return any(step.index < self.prepared.scan.tested for step in self.found.steps)
-
-    def lone(self) -> bool:
-        """Whether the first effect is reported as the only cause that the data allow."""
-        if self.unexplained or not self.names or len(self.classes[0]) > 1:
-            return False
-        return not self._effects(self._told())[0].aliases
-
-    def verdict(self) -> Verdict:
-        """As the command gives it, but for other pitches of a wave that fit as well."""
-        told = self._told()
-        fired = (*self.fired, *twofold(told))
-        return verdict_of(self.found, self._effects(told), fired)
-
-    def standing(self) -> tuple[str, ...]:
-        """Names that stand though something without a name is there."""
-        if not self.unexplained:
-            return ()
-        told = self._told()
-        fired = (*self.fired, *twofold(told))
-        return tuple(
-            effect.name
-            for effect in self._effects(told)
-            if verdict_on(effect, fired, without_name=self.nameless) == "named"
-        )
-
-    def _told(self) -> Described:
-        effects = added(self.prepared, self.found)
-        return Described(prepared=self.prepared, found=self.found, effects=effects, chosen=())
-
-    def _effects(self, told: Described) -> tuple[FoundEffect, ...]:
-        return found_effects(told, [None] * len(self.found.steps))
+    grows = record["kind"] == "hidden-scale"
+    left = ("offset", "thermal-drift") if grows else "offset"
+    return [effect for effect in record["report"]["effects"] if not effect["name"].startswith(left)]
 
 
-def diagnosed(bench: BenchDay, errors: Floats) -> Diagnosis:
-    """The diagnosis of errors (P, H, 2) um, timed."""
-    given = bench.measured(errors)
-    start = time.perf_counter()
-    table, gross = set_aside(given)
-    prepared = bench.prepared.with_table(table)
-    found = search(prepared, bench.gate, alpha=ALPHA, most=MOST)
-    seconds = time.perf_counter() - start
-    return Diagnosis(
-        names=tuple(prepared.candidates[step.index].name for step in found.steps),
-        classes=tuple(
-            tuple(candidate_name(prepared, i) for i in step.credible) for step in found.steps
-        ),
-        fired=found.fired(ALPHA),
-        nameless=found.without_name,
-        ranked_first=prepared.candidates[int(np.argmax(found.log_bayes))].name,
-        gross=len(gross),
-        seconds=seconds,
-        prepared=prepared,
-        found=found,
+def names(record: Record) -> list[str]:
+    return [effect["name"] for effect in effects(record)]
+
+
+def right(record: Record, name: str, truth: int) -> bool:
+    """Whether a name is that of a truth, or of what is the same on this data."""
+    true = record["truth"]
+    called = true["names"][truth] or true["families"][truth]
+    if name in (called, *true["aliases"][truth]):
+        return True
+    if called == "scale" and name in BOTH_SCALES:
+        return {*names(record)} == BOTH_SCALES
+    kind = record["kind"].split("-")[0]
+    return any(
+        (match := re.fullmatch(of, called)) and re.fullmatch(match.expand(also), name)
+        for of, also in ALIKE.get(kind, [])
     )
 
 
-def held_out_after(bench: BenchDay, errors: Floats, folds: Sequence[Fold]) -> float:
-    """Mean square, um^2, of held-out parts' errors less what is foretold without them, as the
-    command scores it but against the training parts' mean: as the oracle counts.
+def any_right(record: Record, name: str) -> bool:
+    return any(right(record, name, i) for i in range(len(record["truth"]["names"])))
+
+
+def detected(record: Record) -> bool:
+    return bool(names(record))
+
+
+def right_first(record: Record) -> bool:
+    return detected(record) and any_right(record, names(record)[0])
+
+
+def first_class(record: Record) -> list[str]:
+    for effect in effects(record)[:1]:
+        return list(effect.get("class") or [effect["name"]]) + list(effect.get("aliases") or [])
+    return []
+
+
+def class_holds(record: Record) -> bool:
+    return any(any_right(record, name) for name in first_class(record))
+
+
+def flagged(record: Record) -> bool:
+    """Whether it is said that something without a name is there, or may be."""
+    report = record["report"]
+    stated = [*names(record), *first_class(record)]
+    return unexplained(record) or report["unexplained"] or any(map(NAMELESS.match, stated))
+
+
+def unexplained(record: Record) -> bool:
+    return bool(record["report"]["verdict"] == "unexplained")
+
+
+def alarm(record: Record) -> bool:
+    """Whether more is said than is there; a noisy operation may be named."""
+    also = "operation-scatter" if record["noise"] == "noisy-operation" else ""
+    return unexplained(record) or not all(
+        name == also or any_right(record, name) for name in names(record)
+    )
+
+
+def lone_wrong(record: Record) -> bool:
+    """One cause is claimed, and it is another one."""
+    claimed = record["report"]["verdict"] == "named" and len(first_class(record)) == 1
+    return claimed and not right_first(record)
+
+
+def named_wrong(record: Record) -> bool:
+    """All that is reported is claimed, and some of it is not there."""
+    return record["report"]["verdict"] == "named" and not all(
+        any_right(record, name) for name in names(record)
+    )
+
+
+def exact(record: Record) -> bool:
+    """Each truth named once, and nothing else."""
+    stated, left = names(record), list(range(len(record["truth"]["names"])))
+    if {*stated} == BOTH_SCALES and record["truth"]["names"] == ["scale"]:
+        return True
+    for name in stated:
+        match = [i for i in left if right(record, name, i)]
+        if not match:
+            return False
+        left.remove(match[0])
+    return not left
+
+
+def tellable(record: Record, least: float = 4.0) -> bool:
+    d = record["truth"]["d"]
+    return bool(d) and all(value is not None and value >= least for value in d)
+
+
+def sizes_hold(record: Record) -> Iterator[bool]:
+    """Of each right name's parameters that mean what the truth's do: its 95 % interval."""
+    true = record["truth"]
+    for effect in record["report"]["effects"]:
+        for parameter, value in (true["sizes"].get(effect["name"]) or {}).items():
+            stated = effect["parameters"].get(parameter)
+            if stated is None or len(stated) < 4 or not _same(record, effect):
+                continue
+            # Which of two operations carries the shift is a matter of sign.
+            signs = (1, -1) if effect["family"] == "operation" else (1,)
+            yield any(stated[2] <= sign * value <= stated[3] for sign in signs)
+
+
+def _same(record: Record, effect: Record) -> bool:
+    true = record["truth"]
+    if effect["family"] in ("step", "backlash-step"):
+        return bool(effect["searched"]["at"][0] == true["searched"].get("at"))
+    if effect["family"] == "feature-outlier":
+        return str(effect.get("chosen")) == str(int(true["searched"].get("feature", -2)) + 1)
+    if effect["family"] not in OF_COVARIATE or true["covariate"] is None:
+        return True
+    return bool(effect.get("covariate") == true["covariate"])
+
+
+def searched_hold(record: Record) -> Iterator[bool]:
+    """Of each right name's searched parameters: its 95 % set, one interval or several."""
+    for effect in record["report"]["effects"]:
+        for name, value in record["truth"]["searched"].items():
+            stated = (effect["searched"].get(name) or [None, None])[1]
+            if stated and effect["name"] in record["truth"]["names"]:
+                several = stated if isinstance(stated[0], list) else [stated]
+                yield any(low <= value <= high for low, high in several)
+
+
+def classes(record: Record) -> list[set[str]]:
+    """Of each effect its name, and all that it might be instead."""
+    return [{effect["name"], *(effect.get("class") or [])} for effect in effects(record)]
+
+
+def held(record: Record, truth: int = 0) -> bool:
+    """Whether a truth is among the names or their rivals."""
+    members = {name for group in classes(record) for name in group}
+    return any(right(record, name, truth) for name in members)
+
+
+def beside(record: Record) -> bool:
+    """Whether an effect is reported that is not there, nor any of its class."""
+    also = "operation-scatter" if record["noise"] == "noisy-operation" else ""
+    return not all(
+        any(name == also or any_right(record, name) for name in group) for group in classes(record)
+    )
+
+
+def of_family(family: str) -> Callable[[Record], bool]:
+    """Whether one of the truths was asked for by this name."""
+    return lambda record: family in record["truth"]["families"]
+
+
+def foretold(record: Record, *, inside: bool) -> Iterator[list[float]]:
+    """Rows (value, u, low, high, mean, future, half width if all were known) of the written
+    machine, of axes that the truth or the machine moves, where an equation was written.
     """
-    table = bench.measured(errors)
-    total = 0.0
-    for fold in folds:
-        rest = errors - of_fold(table, fold, LIBRARY, alpha=ALPHA, most=MOST).foretold / UM
-        rest = rest[~fold.split.kept] - rest[fold.split.kept].mean(axis=(0, 1))
-        total += float(np.sum(rest**2))
-    return total / errors.size
+    report, single = record["report"], {*record["truth"]["families"]} & SINGLE
+    if (single and not inside) or not any(effect["equations"] for effect in report["effects"]):
+        return
+    for ask in report.get("predicted", []):
+        if ask.get("inside") is inside:
+            yield from (row for row in ask["rows"] if row[0] or row[1] or row[4])

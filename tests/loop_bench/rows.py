@@ -1,217 +1,220 @@
-"""The table: measures in the order of the bar, each on designs A and B."""
+"""The table of rates: each line is a measure of some kinds of sets, with its bar."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
-from shop_day import NOISES, OUTSIDE
-from shop_day.day import Kind
+from shop_day import NOISES
 
-from loop_bench.cells import Record
-from loop_bench.figures import (
-    Figure,
-    class_holds,
-    class_size,
-    detected,
-    exact_pair,
-    flagged,
-    lone_wrong,
-    median,
-    oracle_share,
-    right_first,
-    share,
-    tellable,
-    where,
-)
+from loop_bench import judge
+from loop_bench.figures import Figure, Limits, mean, median, ratio, share
+from loop_bench.judge import Record
 
-Drawn = Mapping[tuple[Kind, str], Sequence[Record]]
-ALL = (0.35, 0.5, 1.0, 2.0)
-GAINS = {0.5: (0.75, 0.87), 1.0: (0.90, 0.95), 2.0: (0.97, 0.99)}
-"""Shares of the oracle's gain to reach, and beyond."""
+Records = Sequence[Record]
+Test = Callable[[Record], bool]
+AMPLITUDES = (0.5, 1.0, 2.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Row:
-    """One measure on one design."""
+    """`kinds`: how the names of the sets' kinds start."""
 
-    measure: str
-    kind: Kind
-    figure: Figure
+    label: str
+    kinds: str | tuple[str, ...]
+    figure: Callable[[Records], Figure]
+    hold: Limits | None = None
+    beyond: Limits | None = None
 
-
-def rows(drawn: Drawn, kind: Kind) -> Iterator[Row]:
-    """All measures of a design; those of cells that were not drawn have no data sets."""
-
-    def of(*cells: str) -> list[Record]:
-        return [record for cell in cells for record in drawn.get((kind, cell), ())]
-
-    def row(measure: str, figure: Figure) -> Row:
-        return Row(measure=measure, kind=kind, figure=figure)
-
-    for noise in NOISES:
-        alarms = [record["alarm"] for record in of(f"null-{noise}")]
-        yield row(f"false alarms, {noise}", share(alarms, (0.03, 0.07), (0.04, 0.06)))
-    library = {a: of(f"library-{a:g}") for a in ALL}
-    yield from (row(*item) for item in _names(library))
-    misshapen = {a: of(f"misshapen-{a:g}") for a in ALL[1:]}
-    yield from (row(*item) for item in _wrong(library, misshapen))
-    for a, (reach, beyond) in GAINS.items():
-        limits = (reach, np.inf), (beyond, np.inf)
-        blocks = oracle_share(library[a], *limits, "_blocks", reported=True)
-        yield row(f"share of the oracle's held-out gain, {a:g} sigma", blocks)
-        unseen = oracle_share(library[a], of="_blocks")
-        yield row("  whether the whole data name it or not", unseen)
-        best = oracle_share(library[a], of="_blocks", oracle="best", reported=True)
-        yield row("  of what can be had (posterior mean)", best)
-        always = oracle_share(library[a], of="_blocks", oracle="always", reported=True)
-        yield row("  of an oracle that fits it in every fold", always)
-        between = oracle_share(library[a], *limits)
-        yield row(f"  every third part held out, {a:g} sigma", between)
-    outside = {name: of(f"outside-{name}-1") for name in OUTSIDE}
-    yield from (row(*item) for item in _outside(outside))
-    judged = [r["covers"] for a in ALL for r in library[a] if r["covers"] is not None]
-    yield row("95 % intervals cover", share(judged, (0.93, 0.97), (0.94, 0.96)))
-    pairs = of("pairs-1")
-    exact = share((exact_pair(r) for r in pairs), (0.75, 1.0), (0.90, 1.0))
-    yield row("two effects at once, exact pair, 1 sigma", exact)
-    quiet = share(exact_pair(r) and not flagged(r) for r in pairs)
-    yield row("  and no check fired", quiet)
-    beside = [r for r in pairs if r["standing"]]
-    yield row("  of `unexplained`, a name that stands is right", share(map(_right, beside)))
-    times = [r["ms"] for r in of("null-normal") if not r["gross"]]
-    yield row("ms a diagnosis after calibration (median, 5-95 %)", median(times))
-    yield from (row(*item) for item in _of_readings(of("laser-clean"), of("laser-1")))
-    commands = of("command-1")
-    right = share(right_first(r) for r in detected(commands))
-    yield row("by the command: right name first, 1 sigma", right)
-    times = [r["seconds"] for r in commands]
-    limits = ((0.0, 5.0), (0.0, 1.0))
-    yield row("s a command on 21 x 24 x 5 (median, 5-95 %)", median(times, *limits))
+    def of(self, records: Records) -> Figure:
+        some = [r for r in records if r["kind"].startswith(self.kinds) and not r["report"]["code"]]
+        return self.figure(some)
 
 
-def _names(library: Mapping[float, Sequence[Record]]) -> Iterator[tuple[str, Figure]]:
-    every = [record for a in ALL for record in library[a]]
-    told = where(every, tellable)
-    reach, beyond = (0.95, 1.0), (0.98, 1.0)
-    yield (
-        "right name first where d >= 4, given detection",
-        share((right_first(r) for r in detected(told)), reach, beyond),
-    )
-    yield (
-        "  and ranked first, detected or not",
-        share(r["ranked_first"] in (*r["truths"], *r["aliases"][0]) for r in told),
-    )
-    yield "  detected where d >= 4", share(bool(r["names"]) for r in told)
-    found = detected(library[0.5])
-    yield (
-        "class holds the truth, 0.5 sigma, given detection",
-        share((class_holds(r) for r in found), (0.95, 1.0), (0.97, 1.0)),
-    )
-    yield (
-        "class size, 1 sigma, mean over families",
-        class_size(library[1.0], (1.0, 2.0), (1.0, 1.4)),
-    )
-    for a in ALL:
-        yield f"  detected, {a:g} sigma", share(bool(r["names"]) for r in library[a])
-        yield f"  check fired or nameless, {a:g} sigma", share(flagged(r) for r in library[a])
+def among(test: Test, given: Test | None = None) -> Callable[[Records], Figure]:
+    """The share of those that pass `given`."""
+    return lambda records: share(test(r) for r in records if given is None or given(r))
 
 
-def _wrong(
-    library: Mapping[float, Sequence[Record]], misshapen: Mapping[float, Sequence[Record]]
-) -> Iterator[tuple[str, Figure]]:
-    every = [record for a in ALL for record in library[a]]
-    yield (
-        "wrong single name, effect in the library",
-        share((lone_wrong(r) for r in every), (0.0, 0.01), (0.0, 0.005)),
-    )
-    for a in ALL:
-        yield f"  {a:g} sigma", share(lone_wrong(r) for r in library[a])
-    bent = [record for own in misshapen.values() for record in own]
-    limits = ((0.0, 0.10), (0.0, 0.03))
-    yield "wrong single name, effect of another shape", share(map(lone_wrong, bent), *limits)
-    for a, own in misshapen.items():
-        yield f"  {a:g} sigma", share((lone_wrong(r) for r in own), *limits)
-    yield (
-        "more than one name, one effect in the library",
-        share(len(r["names"]) > 1 for r in detected(every)),
-    )
+def every(test: Callable[[Record], Iterator[bool]]) -> Callable[[Records], Figure]:
+    return lambda records: share(chain.from_iterable(map(test, records)))
 
 
-def _outside(outside: Mapping[str, Sequence[Record]]) -> Iterator[tuple[str, Figure]]:
-    every = [record for own in outside.values() for record in own]
-    limits = ((0.90, 1.0), (0.98, 1.0))
-    yield "outside the library flagged, 1 sigma", share((flagged(r) for r in every), *limits)
-    for name, own in outside.items():
-        yield f"  {name}", share((flagged(r) for r in own), *limits)
-    yield (
-        "outside the library, a lone name, 1 sigma",
-        share((bool(r["lone"]) for r in every), None, (0.0, 0.0)),
-    )
-    for name, own in outside.items():
-        yield f"  {name}", share((bool(r["lone"]) for r in own), None, (0.0, 0.0))
-    yield "outside the library, `named`, 1 sigma", share(map(_as_named, every))
-    yield "  with one name", share(_as_named(r) and len(r["names"]) == 1 for r in every)
-    yield "  a name that stands beside `unexplained`", share(bool(r["standing"]) for r in every)
+def told_apart(record: Record) -> bool:
+    return judge.detected(record) and judge.tellable(record)
 
 
-def _of_readings(
-    clean: Sequence[Record], planted: Sequence[Record]
-) -> Iterator[tuple[str, Figure]]:
-    alarms = share((r["alarm"] for r in clean), (0.03, 0.07), (0.04, 0.06))
-    yield "false alarms, laser runs of one axis", alarms
-    found = detected(planted)
-    yield "laser runs: detected, 1 sigma", share(bool(r["names"]) for r in planted)
-    holds = share((class_holds(r) for r in found), (0.95, 1.0), (0.97, 1.0))
-    yield "  class holds the truth, given detection", holds
-    wrong = share((lone_wrong(r) for r in planted), (0.0, 0.01), (0.0, 0.005))
-    yield "  wrong single name", wrong
-    yield "  right name first, given detection", share(map(right_first, found))
-    judged = [r["covers"] for r in planted if r["covers"] is not None]
-    yield "  95 % intervals cover", share(judged, (0.93, 0.97), (0.94, 0.96))
+def gains(records: Records) -> Figure:
+    """Of the command's held-out gain over that of an oracle that knows shape and noise."""
+    pairs = []
+    for record in records:
+        report, oracle = record["report"], record["truth"]["oracle"]
+        if oracle and "before" in report and "after" in report:
+            before, after = (report[key]["rms_um"] ** 2 for key in ("before", "after"))
+            pairs.append((before - after, oracle[0] - oracle[1]))
+    return ratio(pairs)
 
 
-def _right(record: Record) -> bool:
-    """Whether all names that stand are true."""
-    true = {name for own in (record["truths"], *record["aliases"]) for name in own}
-    return true.issuperset(record["standing"])
+def class_size(records: Records) -> Figure:
+    return mean(len(judge.first_class(r)) for r in records if judge.detected(r))
 
 
-def _as_named(record: Record) -> bool:
-    return bool(record["verdict"] == "named")
+def mean_inside(record: Record) -> Iterator[bool]:
+    """Within 2 u of the written machine, at places and times not measured."""
+    for value, u, _, _, true, *_ in judge.foretold(record, inside=True):
+        yield abs(value - true) <= 2 * u
 
 
-def in_words(found: Sequence[Row]) -> Iterator[str]:
-    """The table as text."""
-    yield (
-        f"{'measure':52s} {'':1s} {'sets':>5s} {'measured':>9s} {'95 % interval':>16s} "
-        f"{'to reach':>10s} {'beyond':>10s}  holds"
-    )
-    for row in found:
-        f = row.figure
-        yield (
-            f"{row.measure:52s} {row.kind} {f.count:5d} {_number(f.value, f):>9s} "
-            f"{_number(f.low, f) + ' - ' + _number(f.high, f):>16s} {_limit(f.reach, f):>10s} "
-            f"{_limit(f.beyond, f):>10s}  {f.holds()}"
-        )
+def mean_measured(record: Record) -> Iterator[bool]:
+    for value, u, _, _, true, *_ in judge.foretold(record, inside=False):
+        yield abs(value - true) <= 2 * u
 
 
-def _number(value: float, figure: Figure) -> str:
-    if np.isnan(value):
-        return "-"
-    return f"{100 * value:.1f} %" if figure.percent else f"{value:.3g}"
+def future_inside(record: Record) -> Iterator[bool]:
+    for _, _, low, high, _, future, _ in judge.foretold(record, inside=True):
+        if future is not None:
+            yield low <= future <= high
 
 
-def _limit(limits: tuple[float, float] | None, figure: Figure) -> str:
-    if limits is None:
+def width_inside(records: Records) -> Figure:
+    """Of the intervals of future readings, over those of who knows all variances."""
+    rows = chain.from_iterable(judge.foretold(r, inside=True) for r in records)
+    return ratio((0.5 * (row[3] - row[2]), row[6]) for row in rows if row[6] is not None)
+
+
+def before_the_step(record: Record) -> Iterator[bool]:
+    """Whether the level before a step is held by 2 u."""
+    if any(effect["equations"] for effect in record["report"]["effects"]):
+        first = record["report"]["predicted"][0]
+        moved = [row for row in first.get("rows", []) if row[4]]
+        yield all(abs(row[0] - row[4]) <= 2 * row[1] for row in moved)
+
+
+def named_cyclic(record: Record) -> bool:
+    return any(name.startswith("cyclic") for name in judge.names(record))
+
+
+def refused(record: Record) -> bool:
+    return any("code" in ask for ask in record["report"].get("predicted", []))
+
+
+def seconds(records: Records) -> Figure:
+    return median([r["report"]["seconds"] for r in records])
+
+
+ALARMS, FIVE, CLOSE = among(judge.alarm), (0.03, 0.07), (0.04, 0.06)
+FIRST = among(judge.right_first, judge.detected)
+HOLDS = among(judge.class_holds, judge.detected)
+DETECTED, UNEXPLAINED = among(judge.detected), among(judge.unexplained)
+LONE_WRONG, NAMED_WRONG = among(judge.lone_wrong), among(judge.named_wrong)
+LASERS = tuple(f"laser-{a:g}" for a in AMPLITUDES)
+INSIDE = ("profile-", "offset-step", "hidden-scale")
+MORE = {
+    "missing-1": "8 % of cells missing, 1 sigma",
+    "six-drift": "six parts with drift",
+    "six-other": "six parts, other effects",
+    "hidden-scale": "parts at 24-28 degC",
+    "offset-step": "a step beside an offset",
+    "equal-scale": "equal scale of all axes",
+    "reversal": "reversal without an axis",
+}
+
+
+def _alarms() -> Iterator[Row]:
+    kinds = {f"null-{noise}": noise for noise in NOISES} | {
+        "null-": "six kinds of noise",
+        "missing-null": "8 % of cells missing",
+        "six-null": "six parts",
+        "laser-clean": "laser runs of one axis",
+        "straight": "straight axes, beside lost motion",
+    }
+    for kind, label in kinds.items():
+        yield Row(f"false alarms, {label}", kind, ALARMS, FIVE, CLOSE)
+
+
+def _names() -> Iterator[Row]:
+    first = among(judge.right_first, told_apart)
+    yield Row("right name first where d >= 4, of detected", "library", first, (0.98, 1), (0.995, 1))
+    yield Row("class holds the truth, 0.5 sigma", "library-0.5", HOLDS, (0.97, 1), (0.98, 1))
+    yield Row("class size, 1 sigma", "library-1", class_size, (1, 1.5), (1, 1.3))
+    for a in AMPLITUDES:
+        yield Row(f"  detected, {a:g} sigma", f"library-{a:g}", DETECTED)
+        yield Row(f"  called unexplained, {a:g} sigma", f"library-{a:g}", UNEXPLAINED)
+    yield Row("wrong lone name, of the library", "library", LONE_WRONG, (0, 0.006), (0, 0.002))
+    yield Row("  verdict `named`, any name wrong", "library", NAMED_WRONG)
+    yield Row("wrong lone name, of another shape", "misshapen", LONE_WRONG, (0, 0.04), (0, 0.02))
+    flagged = among(judge.flagged)
+    yield Row("outside the library flagged, 1 sigma", "outside", flagged, (0.92, 1), (0.97, 1))
+    yield Row("  called unexplained", "outside", UNEXPLAINED)
+    yield Row("  verdict `named`, a name wrong", "outside", NAMED_WRONG, (0, 0.001), (0, 0))
+    exact = among(judge.exact)
+    yield Row("two effects at once, exact pair, 1 sigma", "pairs", exact, (0.88, 1), (0.92, 1))
+
+
+def _sizes() -> Iterator[Row]:
+    for a, least, more in ((0.5, 0.84, 0.87), (1.0, 0.94, 0.95), (2.0, 0.986, 0.99)):
+        label = f"share of the oracle's held-out gain, {a:g} sigma"
+        yield Row(label, f"library-{a:g}", gains, (least, np.inf), (more, np.inf))
+    kinds, sizes = ("library", "missing-1"), every(judge.sizes_hold)
+    yield Row("95 % intervals cover, sizes", kinds, sizes, (0.94, 0.96), (0.945, 0.955))
+    yield Row("  searched parameters", kinds, every(judge.searched_hold))
+    yield Row("written machine within 2 u, measured cells", "library", every(mean_measured))
+    label = "future readings inside cover: smooth, wave, step, growth"
+    yield Row(label, INSIDE, every(future_inside), (0.93, 1), (0.95, 1))
+    yield Row("  mean width over that with known variances", INSIDE, width_inside, (0, 1.25))
+    for kind in INSIDE:
+        yield Row(f"  {kind}: future readings", kind, every(future_inside))
+        yield Row(f"  {kind}: mean within 2 u", kind, every(mean_inside))
+    yield Row("  offset-step: before the step", "offset-step", every(before_the_step))
+    yield Row("  predictions refused", INSIDE, among(refused), (0, 0))
+
+
+def _others() -> Iterator[Row]:
+    for a in AMPLITUDES:
+        yield Row(f"laser runs, {a:g} sigma: detected", f"laser-{a:g}", DETECTED)
+    yield Row("  class holds the truth, of detected", LASERS, HOLDS, (0.98, 1))
+    yield Row("  95 % intervals cover", LASERS, every(judge.sizes_hold), (0.93, 1))
+    yield Row("  wrong lone name", LASERS, LONE_WRONG)
+    bend, wave = judge.of_family("bend"), judge.of_family("wave")
+    for u in (4, 10, 30):
+        kind = f"profile-{u}"
+        yield Row(f"smooth bends of {u} u: in a class", kind, among(judge.held, bend))
+        yield Row("  named cyclic", kind, among(named_cyclic, bend))
+        yield Row("  exactly the truth", kind, among(judge.exact, bend))
+        yield Row(f"waves of {u} u: in a class", kind, among(judge.held, wave))
+        yield Row("  exactly the truth", kind, among(judge.exact, wave))
+    for kind, label in MORE.items():
+        yield Row(f"{label}: detected", kind, DETECTED)
+        yield Row("  right name first, of detected", kind, FIRST)
+        yield Row("  class holds the truth, of detected", kind, HOLDS)
+        yield Row("  exactly the truth", kind, among(judge.exact))
+        yield Row("  called unexplained", kind, UNEXPLAINED)
+        yield Row("  verdict `named`, a name wrong", kind, NAMED_WRONG)
+    yield Row("s of processor, a shop day", ("null-", "library"), seconds)
+
+
+ROWS = (*_alarms(), *_names(), *_sizes(), *_others())
+
+
+def table(records: Records) -> Iterator[str]:
+    """As text."""
+    yield f"{'measure':56s} {'measured (95 % interval) of sets':32s} {'to hold':>10s}"
+    for row in ROWS:
+        figure = row.of(records)
+        if figure.count:
+            words = f"{row.label:56s} {figure.words():32s} {limits(row.hold, figure):>10s}"
+            yield f"{words}  {figure.holds(row.hold, row.beyond)}".rstrip()
+    refusals = sum(bool(record["report"]["code"]) for record in records)
+    yield f"{len(records)} sets, {refusals} refused by the command"
+
+
+def limits(bar: Limits | None, figure: Figure) -> str:
+    if bar is None:
         return ""
-    times, unit = (100, " %") if figure.percent else (1, "")
-    low, high = (f"{times * value:g}" for value in limits)
-    if limits[0] == limits[1]:
-        return f"{low}{unit}"
-    if limits[0] <= 0 or (not figure.percent and limits[0] == 1.0):
-        return f"<= {high}{unit}"
-    if limits[1] >= 1 and (figure.percent or np.isinf(limits[1])):
-        return f">= {low}{unit}"
-    return f"{low}-{high}{unit}"
+    low, high = (f"{(100 if figure.percent else 1) * value:g}" for value in bar)
+    if bar[0] <= 0:
+        return f"<= {high}"
+    top = figure.percent and bar[1] >= 1
+    return f">= {low}" if top or np.isinf(bar[1]) else f"{low}-{high}"

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mtu_cli.model.geometry import fit_circle, fit_sphere
-from mtu_cli.model.graph.transitions import TRANSITIONS, Computed, Step, Use
+from mtu_cli.model.graph.transitions import TRANSITIONS, Step, Use
 
 Floats = NDArray[np.float64]
 BOUND = {"ball", "hole", "meas", "compute"}
@@ -22,8 +22,8 @@ CASES = [
     (do, use, count)
     for do, uses in TRANSITIONS.items()
     for use in uses
-    if do not in BOUND and "coordinate" not in use.signature
-    for count in (MORE[do] if "*" in use.signature.split("->")[0] else (0,))
+    if do not in BOUND and "coordinate" not in use.takes
+    for count in (MORE[do] if "more" in use.takes else (0,))
 ]
 TRIALS = 5
 
@@ -76,29 +76,28 @@ def made(step: Step, nominal: list[Floats], places: list[Floats]) -> tuple[Float
     """The outputs of a step whose fits start from `nominal`."""
     values = dict(zip(step.inputs, places, strict=True))
     start = dict(zip(step.inputs, nominal, strict=True))
-    Computed.ready(step, start).run(values)
+    step.ready(start)
+    step.run(values)
     return tuple(values[name] for name in step.outputs)
 
 
-def kinds_of(side: str) -> list[list[str]]:
-    """The kinds of every slot of one side of a signature."""
-    return [slot.partition("*")[0].split("|") for slot in side.split()]
+def kinds_of(side: str) -> list[str]:
+    """The kind of every place of one side of a use."""
+    return [slot.rpartition(" ")[2] for slot in side.split(", ")]
 
 
-@pytest.mark.parametrize(
-    ("do", "use", "count"), CASES, ids=lambda x: getattr(x, "signature", str(x))
-)
+@pytest.mark.parametrize(("do", "use", "count"), CASES, ids=lambda x: getattr(x, "takes", str(x)))
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_turned_and_moved(do: str, use: Use, count: int, seed: int) -> None:
     rng = np.random.default_rng(seed)
-    taken, given = map(kinds_of, use.signature.split("->"))
+    taken, given = kinds_of(use.takes), kinds_of(use.makes)
     if count:
         inputs = round_points(count, do != "sphere", rng)
-        inputs += [place(kinds[0], rng) * 0 + 20 for kinds in taken[1:]]
-        kinds = ["point"] * count + [own[0] for own in taken[1:]]
+        inputs += [place(kind, rng) * 0 + 20 for kind in taken[1:]]
+        kinds = ["point"] * count + taken[1:]
     else:
-        kinds = [own[int(rng.integers(len(own)))] for own in taken]
+        kinds = taken
         inputs = [place(kind, rng) for kind in kinds]
     R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     R *= np.linalg.det(R)
@@ -109,12 +108,12 @@ def test_turned_and_moved(do: str, use: Use, count: int, seed: int) -> None:
     step = Step(index=0, do=do, use=use, inputs=names, outputs=out)
     outputs = made(step, [item[..., :1] for item in inputs], inputs)
     others = made(step, [item[..., :1] for item in turned], turned)
-    for made_kinds, before, after in zip(given, outputs, others, strict=False):
+    for kind, before, after in zip(given, outputs, others, strict=False):
         if do == "transform":
             # What is seen from a frame that moves along does not move.
             assert after == pytest.approx(before, rel=1e-7, abs=1e-7)
             continue
-        wanted = moved(made_kinds[0], before, R, t)
+        wanted = moved(kind, before, R, t)
         scale = max(1.0, float(np.abs(wanted).max()))
         assert after == pytest.approx(wanted, rel=1e-7, abs=1e-9 * scale)
 

@@ -105,7 +105,7 @@ def drift_test(rng: np.random.Generator) -> Readings:
 def held(rng: np.random.Generator, known: LoadedMachine) -> tuple[bool, ...]:
     """Whether the intervals of Ex and Ey at the first point, and of x2 - x1, hold the true ones."""
     fit = thermal_fit(
-        [drift_test(rng)], {"px": ("x", "um"), "py": ("y", "um")}, reference=20, method="ridge"
+        drift_test(rng), {"px": ("x", "um"), "py": ("y", "um")}, reference=20, method="ridge"
     )
     thermal = {name: item.estimate for name, item in fit.components.items()}
     model = build_model(known, replace(estimates_from_fit(known, None), thermal=thermal))

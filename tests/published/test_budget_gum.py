@@ -120,7 +120,8 @@ def test_h2_impedance() -> None:
 def test_h2_second_approach() -> None:
     """H.2.4: the outputs of each of the five sets have the mean's u as their s/sqrt(5)."""
     result = shipped("gum-h2-impedance")
-    voltage, current, phi = (np.array(item.readings) for item in result.inputs)
+    inputs = load_budget(BUDGETS / "gum-h2-impedance.yaml").budget.inputs
+    voltage, current, phi = (np.array(item.readings) for item in inputs.values())
     Z = 1000 * voltage / current
     sets = np.array([Z * np.cos(phi), Z * np.sin(phi), Z])
     for output, five in zip(result.outputs, sets, strict=True):

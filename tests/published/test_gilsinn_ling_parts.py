@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from compare_trials import predicted
 
 from mtu_cli.analyses.compare.evidence import (
-    Evidence,
-    PredictedItems,
-    evidence,
+    Compared,
+    compared,
+    judged,
     paper_length_variance,
+    summarised,
 )
-from mtu_cli.analyses.compare.verdicts import judged, summarised
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import cells_of
 
@@ -38,7 +39,7 @@ def length_variance(name: str, holes: dict[str, tuple[float, float]]) -> float:
     unit = np.subtract(PLACES[end], PLACES[start])
     unit = unit / np.linalg.norm(unit)
     gradient = np.concatenate([-unit, unit])
-    return paper_length_variance(gradient, np.array([*holes[start], *holes[end]]), N)
+    return float(paper_length_variance(gradient, np.array([*holes[start], *holes[end]]), N))
 
 
 @pytest.mark.parametrize("name", TABLE_8)
@@ -58,7 +59,7 @@ N_PARTS = 21
 LENGTHS = tuple(TABLE_8)
 
 
-def table_10(kind: str) -> Evidence:
+def table_10(kind: str) -> Compared:
     """The printed means and standard uncertainties of `kind` beside the printed prediction.
 
     A table of 21 parts, one value each, has any grand mean and any MS_between; u of a future
@@ -75,13 +76,8 @@ def table_10(kind: str) -> Evidence:
         cells=cells_of(values.ravel(), cell, len(LENGTHS), N_PARTS),
     )
     own_mean, own_u = np.array([TABLE_10["predicted"][name][:2] for name in LENGTHS]).T
-    zero = np.zeros(len(LENGTHS))
-    predicted = PredictedItems(
-        mean=own_mean, total=own_u**2, coefficients=zero, scatter=own_u**2,
-        independent=own_u**2, holes=np.full(len(LENGTHS), np.nan), of_mean=zero[None],
-        of_part=own_u[None] ** 2, dof=np.array([np.inf]), joint={},
-    )  # fmt: skip
-    return evidence(tables, predicted, 2.0)
+    known = predicted(own_mean, np.zeros(len(LENGTHS)), own_u**2, own_u**2, (np.inf, np.inf))
+    return compared(tables, known, np.eye(len(LENGTHS)), 2.0)
 
 
 @pytest.mark.parametrize("kind", ["drilled", "milled"])

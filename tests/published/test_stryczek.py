@@ -11,8 +11,7 @@ from graph_examples import graph_of, shipped
 from scipy.special import chdtrc
 
 from mtu_cli.analyses.graph.simulate import simulate_graph
-from mtu_cli.analyses.graph.surface import Formula, fit_formula
-from mtu_cli.analyses.graph.sweep import Sweep, sweep_graph
+from mtu_cli.analyses.graph.sweep import Formula, Sweep, fit_formula, sweep_graph
 from mtu_cli.model.settings import Settings
 
 FIVE = (0.5, 1.0, 1.5, 2.0, 2.5)

@@ -23,7 +23,16 @@ from shop_day.noise import (
     measure_repeats,
     named_by_noise,
 )
-from shop_day.oracle import HeldOut, Rivals, Signal, blocks, interleaved, oracle_held_out, whitened
+from shop_day.oracle import (
+    HeldOut,
+    Rivals,
+    Signal,
+    blocks,
+    interleaved,
+    oracle_gain,
+    oracle_held_out,
+    whitened,
+)
 from shop_day.outside import MISSHAPEN, OUTSIDE, misshapen_effect, outside_effect
 from shop_day.truth import Truth
 
@@ -31,6 +40,6 @@ __all__ = [
     "FAMILIES", "MISSHAPEN", "NOISES", "ONE_AXIS", "OUTSIDE", "REPEATS", "SIGMA", "HeldOut",
     "Noise", "Rivals", "ShopDay", "Signal", "Truth", "blocks", "effect", "geometric_errors",
     "interleaved", "measure", "measure_repeats", "misshapen_effect", "named_by_noise",
-    "oracle_held_out",
+    "oracle_gain", "oracle_held_out",
     "outside_effect", "predicted_errors", "whitened", "write_csv", "write_machine", "write_part",
 ]  # fmt: skip

@@ -217,3 +217,25 @@ def effect(day: ShopDay, family: str, rng: np.random.Generator, amplitude: float
         factor = np.where(day.operation == 1, np.sqrt(1 + 2 * amplitude**2), 1.0)
         return scatter_only(day, family, factor)
     return made(SHAPES, day, family, rng, amplitude)
+
+
+ARCSEC_URAD = 4.84813681109536
+
+
+def parameters(truth: Truth) -> dict[str, float]:
+    """By the library's names and units, of families where they mean one thing."""
+    if not len(truth.coefficients) or not truth.exact:
+        return {}
+    size = float(truth.coefficients[0])
+    named = {
+        "backlash": "lost_motion", "scale": "scale", "thermal-drift": "drift", "trend": "slope",
+        "thermal-growth": "growth", "wear-approach": "wear", "step": "jump", "operation": "shift",
+        "backlash-step": "lost_motion", "radial": "radius",
+    }  # fmt: skip
+    if truth.family in named:
+        return {named[truth.family]: size}
+    if truth.family == "abbe":
+        return {"tilt": size / ARCSEC_URAD}
+    if truth.family == "feature-outlier":
+        return {f"shift_{axis}": float(c) for axis, c in zip("xy", truth.coefficients, strict=True)}
+    return {}

@@ -49,10 +49,32 @@ equations: {Ex: dx, Ey: dy}
 """
 
 
-def write_machine(path: Path, *, known: bool = False) -> Path:
-    """The machine file; see `geometric_errors` for what belongs into the data with it."""
-    path.write_text(_known_machine() if known else ZERO_MACHINE)
+def write_machine(
+    path: Path, *, known: bool = False, scatter: float | None = None, repeat: float = 0.0
+) -> Path:
+    """The machine file; see `geometric_errors` for what belongs into the data of a known one.
+
+    `scatter`: one without errors whose passes scatter by so many um, with 10 degrees of freedom;
+    `repeat` likewise of single readings, with many.
+    """
+    text = _known_machine() if known else ZERO_MACHINE
+    if scatter is not None:
+        text = _scattering_machine(scatter, repeat)
+    path.write_text(text)
     return path
+
+
+def _scattering_machine(scatter: float, repeat: float) -> str:
+    many = ", repeat_dof: 300" if repeat else ""
+    return f"""\
+schema: mtu/machine/1
+name: a machine whose passes scatter
+components:
+  dx: &scatter {{unit: um, coefficients: [0], covariance: [[0]], pass_dof: 10,
+    pass_covariance: [[{scatter**2}]], s_repeat: {repeat:g}{many}}}
+  dy: *scatter
+equations: {{Ex: dx, Ey: dy}}
+"""
 
 
 def write_part(day: ShopDay, path: Path) -> Path:

@@ -14,11 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from shop_day.day import Floats, Ints, ShopDay
+from shop_day.effects import FAMILIES, effect
 from shop_day.noise import SIG_HOLE, SIG_PART, SIGMA
-from shop_day.rivals import REFERENCE_DEGC, rival_columns
+from shop_day.rivals import REFERENCE_DEGC, margin_columns, rival_columns, rival_margins
 from shop_day.truth import Truth
 
 FOLDS = 3
+SCATTERS = ("rotation-scatter", "operation-scatter")
+"""Families that say nothing of the mean."""
+TELLABLE = 4.0
+"""Least separation d of an effect that should be named."""
 DEPENDENT = 1e-6
 """Columns whose part apart from the others is smaller than this are left out."""
 
@@ -62,12 +67,21 @@ class Rivals:
     """Orthonormal whitened columns of every family on one day.
 
     Growth and squareness with temperature vanish at `zero` degC, None for the day's mean.
+    `margins`: the lower-order terms of products are fitted beside them and count for nothing, in
+    rivals as in the effect itself.
     """
 
-    def __init__(self, day: ShopDay, zero: float | None = REFERENCE_DEGC) -> None:
+    def __init__(
+        self, day: ShopDay, zero: float | None = REFERENCE_DEGC, *, margins: bool = False
+    ) -> None:
+        self.day, self._margins = day, margins
         self._bases: dict[str, list[Floats]] = {}
+        free = rival_margins(day) if margins else {}
         for name, members in rival_columns(day, zero).items():
-            self._bases[name] = [_bases(whitened(stack)) for stack in members]
+            own = [whitened(stack) for stack in members]
+            if name in free:
+                own = [_beside(own[0], _bases(whitened(free[name])))]
+            self._bases[name] = [_bases(stack) for stack in own]
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,7 +89,9 @@ class Rivals:
 
     def r2(self, field: Floats) -> dict[str, float]:
         """Largest R^2 of a field (P, H, 2) with a member of each family."""
-        y = whitened(field)
+        return self._r2(whitened(field))
+
+    def _r2(self, y: Floats) -> dict[str, float]:
         total = float(y @ y)
         return {
             name: max(float(((basis @ y) ** 2).sum(axis=1).max()) for basis in bases) / total
@@ -85,10 +101,12 @@ class Rivals:
     def signal(self, truth: Truth) -> Signal | None:
         """None where the effect moves no mean."""
         y = whitened(truth.errors)
+        if self._margins and (free := margins_of(self.day, truth)):
+            y = _beside(y[None, None], _bases(whitened(np.concatenate(free)[None])))[0, 0]
         z = float(np.linalg.norm(y))
         if z == 0:
             return None
-        found = self.r2(truth.errors)
+        found = self._r2(y)
         others = {name: r2 for name, r2 in found.items() if name != truth.name}
         rival = max(others, key=others.__getitem__)
         return Signal(
@@ -98,6 +116,28 @@ class Rivals:
             own_r2=found.get(truth.name or ""),
             aliases=tuple(name for name, r2 in others.items() if r2 > 0.999),
         )
+
+
+def margins_of(day: ShopDay, truth: Truth) -> list[Floats]:
+    """Columns of the lower-order terms of an effect of the library that is a product."""
+    a = truth.axes[0] if truth.axes else 0
+    if truth.name is None:
+        return []
+    if truth.family == "backlash-step":
+        over = np.where(day.full("sequence") > truth.searched["at"], 1.0, 0.0)
+    elif truth.covariate is None:
+        return []
+    else:
+        over = day.full(truth.covariate)
+    return margin_columns(day, truth.name, a, over)
+
+
+def _beside(columns: Floats, free: Floats) -> Floats:
+    """Columns (members, k, N) less their parts along orthonormal ones (members, m, N)."""
+    along = np.einsum("ikn,imn->ikm", columns, free)
+    left: Floats = columns - np.einsum("ikm,imn->ikn", along, free)
+    size, before = (np.linalg.norm(item, axis=-1, keepdims=True) for item in (left, columns))
+    return np.where(size > DEPENDENT * before, left, 0.0)
 
 
 def _bases(columns: Floats) -> Floats:
@@ -208,3 +248,31 @@ class _Fit:
             costs.append(float(noise - np.sum(right**2)))
         worst = int(np.argmax(costs))
         return self.truths[worst] if costs[worst] >= 0 else None
+
+
+def oracle_gain(errors: Floats, truth: Truth, folds: int) -> tuple[float, float]:
+    """Mean squares of held-out errors before and after, um^2, as the command counts: nothing is
+    taken out before; after, the effect and along its axes the level of the training parts.
+    """
+    still = [a for a in range(2) if a not in truth.axes]
+    with_levels = oracle_held_out(errors, [truth], blocks(len(errors), folds))
+    less_level = sum(
+        float(np.sum((errors[held] - errors[train].mean(axis=(0, 1)))[..., still] ** 2))
+        for train, held in blocks(len(errors), folds)
+    )
+    as_is = float(np.sum(errors[..., still] ** 2))
+    after = with_levels.after + (as_is - less_level) / errors.size
+    return float(np.mean(errors**2)), after
+
+
+def tellable_pair(
+    rivals: Rivals, rng: np.random.Generator, amplitude: float
+) -> tuple[Truth, Truth]:
+    """Two families at random, of those that move a mean; drawn until either could be named."""
+    families = [family for family in FAMILIES if family not in SCATTERS]
+    while True:
+        a, b = (str(family) for family in rng.choice(families, 2, replace=False))
+        one, two = (effect(rivals.day, family, rng, amplitude) for family in (a, b))
+        signals = [rivals.signal(truth) for truth in (one, two)]
+        if all(signal and signal.d >= TELLABLE for signal in signals):
+            return one, two

@@ -32,6 +32,49 @@ def rival_columns(day: ShopDay, zero: float | None = REFERENCE_DEGC) -> dict[str
     return {name: kept for name, stacks in found.items() if (kept := _changing(stacks))}
 
 
+def margin_columns(day: ShopDay, family: str, a: int, over: Floats) -> list[Floats]:
+    """The lower-order terms of a product, which are fitted free beside it: columns (1, P, H, 2).
+
+    `over`: its temperature, count or step over the table; `a`: the axis of families of one axis.
+    """
+    at = [from_centre(day, i) for i in (0, 1)]
+    both_ways = [column(day, i, over) for i in (0, 1)]
+    if family == "thermal-growth":
+        return [*(column(day, i, at[i]) for i in (0, 1)), *both_ways]
+    if family == "thermal-squareness-xy":
+        return [*(column(day, i, at[1 - i]) for i in (0, 1)), *both_ways]
+    factor = {
+        "thermal-growth-": at[a],
+        "wear-approach-": day.full(f"dir_{AXES[a]}"),
+        "backlash-step-": day.full(f"dir_{AXES[a]}"),
+    }.get(family[:-1])
+    return [] if factor is None else [column(day, a, factor), column(day, a, over)]
+
+
+def rival_margins(day: ShopDay) -> dict[str, Floats]:
+    """Margins of the members of families that are products, (members, m, P, H, 2)."""
+    counts = [day.full(c) for c in (*COUNTS, *COUNTS)]
+    sensors, steps = _warmth(day, None), list(_steps(day))
+    members = {
+        "thermal-growth": sensors,
+        "thermal-squareness-xy": [t for t in sensors for _ in "xyz"],
+    }
+    for axis in AXES:
+        members |= {f"thermal-growth-{axis}": sensors, f"wear-approach-{axis}": counts,
+                    f"backlash-step-{axis}": steps}  # fmt: skip
+    found = {}
+    for name, values in members.items():
+        a = AXES.find(name[-1]) if name[-2] == "-" else 0
+        own = [np.concatenate(margin_columns(day, name, a, over)) for over in values]
+        found[name] = np.stack(own)
+    return found
+
+
+def _steps(day: ShopDay) -> Floats:
+    after = day.covariates["sequence"] - np.arange(2.5, day.P - 1)[:, None, None]
+    return np.asarray((after > 0) * np.ones((day.P, day.H)))
+
+
 def _changing(stacks: list[Floats]) -> list[Floats]:
     kept = []
     for stack in stacks:
@@ -52,8 +95,7 @@ def _of_axis(day: ShopDay, a: int, zero: float | None) -> dict[str, list[Floats]
     sensors = _warmth(day, zero)
     counts = [day.full(c) - day.full(c).mean() for c in COUNTS]
     since = [day.full(c) - day.full(c).min() for c in COUNTS]
-    after = day.covariates["sequence"] - np.arange(2.5, day.P - 1)[:, None, None]
-    steps = (after > 0) * np.ones((day.P, day.H))
+    steps = _steps(day)
     time = day.full("time_min")
     second = {"curvature": orders(day, a), "straightness": orders(day, 1 - a)}
     found = {

@@ -136,7 +136,7 @@ def analyse_variance(
         unusual_features=outside,
         sequence=sequence,
         trends=trends(kinds, sequence),
-        capabilities=capabilities(kinds, part, sequence),
+        capabilities=tuple(filter(None, capabilities(kinds, part, sequence))),
         totals=totals(features, rows),
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
         maps=planes,

@@ -16,7 +16,6 @@ from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.resolution import hidden
 from mtu_cli.units import ARCSEC, UM
 
 if TYPE_CHECKING:
@@ -56,14 +55,14 @@ class Capability:
     sequence: FloatArray
     values: FloatArray
     mean: float
-    s: float
-    s_moving: float
-    pp: float
-    pp_interval: Interval
+    s: float = nan
+    s_moving: float = nan
+    pp: float = nan
+    pp_interval: Interval = OPEN
     ppk: float
-    ppk_interval: Interval
-    cp: float
-    cpk: float
+    ppk_interval: Interval = OPEN
+    cp: float = nan
+    cpk: float = nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,9 +104,10 @@ def trends(kinds: Sequence[Analysed], sequence: dict[str, FloatArray]) -> tuple[
         spread, dof = np.where(known, spread, 1.0), np.where(known, n - 2.0, 1.0)
         slope = (x * y).sum(axis=1) / spread
         s2 = ((y - slope[:, None] * x) ** 2).sum(axis=1) / dof
-        u = np.sqrt((s2 + hidden(s2, kind.tables.rounding)) / spread)
-        known &= u > 0
-        t = np.divide(np.abs(slope), u, out=np.zeros_like(u), where=known)
+        u = np.sqrt((s2 + kind.rounding) / spread)
+        # Values that are all equal have no trend, those on a line have one beyond doubt.
+        known &= (u > 0) | (slope != 0)
+        t = np.divide(np.abs(slope), u, out=np.full_like(u, np.inf), where=u > 0)
         p_values.append(np.where(known, 2 * stdtr(dof, -t), np.nan))
         found += zip(kind.labels, slope.tolist(), u.tolist(), strict=True)
     p = np.minimum(holm(np.concatenate(p_values)) / TRENDS, 1.0).tolist()
@@ -127,23 +127,16 @@ def _centred(values: FloatArray, there: np.ndarray) -> FloatArray:
 
 def capabilities(
     kinds: Sequence[Analysed], part: LoadedPart | None, sequence: dict[str, FloatArray]
-) -> tuple[Capability, ...]:
-    """Of everything in the part file that has a tolerance and was measured on two parts or more."""
-    found = [] if part is None else list(_capabilities(kinds, part, sequence))
-    return tuple(item for item in found if item is not None)
-
-
-def _capabilities(
-    kinds: Sequence[Analysed], part: LoadedPart, sequence: dict[str, FloatArray]
 ) -> Iterator[Capability | None]:
-    limits = _limits(part)
+    """Of everything in the part file that has a tolerance; None where one part was measured."""
+    limits = {} if part is None else _limits(part)
     for kind in kinds:
         rows = {label: i for i, label in enumerate(kind.labels)}
         for (operation, name, axis), i in rows.items():
             of: Of = "position" if kind.kind == "feature" else kind.kind
             if (of, name) not in limits:
                 continue
-            (low, high), r = limits[of, name], float(kind.tables.rounding[i])
+            (low, high), r = limits[of, name], float(kind.rounding[i])
             values, _ = kind.part_means(i)
             if of != "position":
                 label = (of, operation, name)
@@ -178,7 +171,7 @@ def _capability(
     sequence: FloatArray,
     r: float,
 ) -> Capability | None:
-    """Of a length or angle; `r` is the variance of a value by its last digit."""
+    """Of a length or angle; `r` is the variance of a value that its last digit hides."""
     from scipy.special import chdtri, nctdtrinc
 
     order = _order(values, sequence)
@@ -186,9 +179,9 @@ def _capability(
     n = len(values)
     if n < 2:
         return None
-    mean, s = float(values.mean()), _floored(float(values.var(ddof=1)), r)
+    mean, s = float(values.mean()), float(np.sqrt(values.var(ddof=1) + r))
     ranges = np.abs(np.diff(values))
-    s_moving = _floored((float(ranges.mean()) / MOVING_RANGE) ** 2, r)
+    s_moving = float(np.sqrt((ranges.mean() / MOVING_RANGE) ** 2 + r))
     nearer = min(high - mean, mean - low)
     tail, scale = (1 - PROBABILITY) / 2, 3 * np.sqrt(n)
     pp, ppk = _ratio(high - low, 6 * s), _ratio(nearer, 3 * s)
@@ -222,8 +215,7 @@ def _position(
     errors, sequence = errors[order], sequence[order]
     if len(errors) < 2:
         return None
-    C = np.cov(errors.T)
-    C = C + np.eye(2) * hidden(float(np.trace(C)) / 2, r)
+    C = np.cov(errors.T) + r * np.eye(2)
     radial = np.hypot(*errors.T)
     return Capability(
         kind="position",
@@ -234,14 +226,7 @@ def _position(
         sequence=sequence,
         values=radial,
         mean=float(radial.mean()),
-        s=nan,
-        s_moving=nan,
-        pp=nan,
-        pp_interval=OPEN,
         ppk=_ratio(high, radial_quantile(errors.mean(axis=0), C, WITHIN)) if C.any() else nan,
-        ppk_interval=OPEN,
-        cp=nan,
-        cpk=nan,
     )
 
 
@@ -254,10 +239,6 @@ def _order(values: FloatArray, sequence: FloatArray) -> np.ndarray:
     """The parts that have a value, in the order of the sequence."""
     order = np.argsort(sequence, kind="stable")
     return np.asarray(order[np.isfinite(values[order])])
-
-
-def _floored(s2: float, r: float) -> float:
-    return float(np.sqrt(s2 + hidden(s2, r)))
 
 
 def radial_quantile(mean: FloatArray, C: FloatArray, probability: float) -> float:

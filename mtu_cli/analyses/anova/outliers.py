@@ -66,8 +66,9 @@ class PartsTable:
     """All tables of a study side by side: deviations of the part means (parts, tables).
 
     `raw` in the tables' unit, `scaled` = raw/`scale` to equal variance for unequal repeats; nan
-    where a part is missing. `rounding` (tables,) is the variance of a value by the last digit, in
-    the tables' unit, squared. Tables of equal operation and axis are looked at together.
+    where a part is missing. `rounding` (tables,) is the variance of a value that the last
+    digit hides, in the tables' unit, squared. Tables of equal operation and axis are looked at
+    together.
     """
 
     labels: tuple[Label, ...]
@@ -114,7 +115,7 @@ def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
         raw=raw,
         scale=scale,
         scaled=raw / scale,
-        rounding=np.concatenate([found.tables.rounding for found in kinds]),
+        rounding=np.concatenate([found.rounding for found in kinds]),
     )
 
 
@@ -213,7 +214,7 @@ def unusual_features(
         if n < FEWEST_FEATURES or not away.any():
             continue
         s2 = float((away**2).sum()) / (n - 1)
-        s = np.sqrt(s2 + hidden(s2, features.tables.rounding[members].mean()))
+        s = np.sqrt(s2 + features.rounding[members].mean())
         p = deviation_p(away / s, np.full(n, float(n))) * len(features.labels) / FEATURES
         for j in np.flatnonzero(p <= FAMILY_RATE).tolist():
             others = np.delete(mean, j)

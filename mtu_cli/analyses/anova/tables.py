@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
+from mtu_cli.stats.anova import Cells, Components, OneWay, moments, one_way, paper, part_interval
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
@@ -27,13 +27,14 @@ class Analysed:
     """Tables of one kind with their analysis; arrays (tables,) in mm or rad, squared.
 
     `labels` are those of the tables, of which the axis of a length is "length" and that of a
-    right angle "angle". `components` by the chosen method, `reml` those that scale the part
-    means; `interval` (tables, 2) for the part variance, nan by the paper's method, which has
-    none. `both` is MS_between, and `both_interval` (tables, 2) its interval, where without
-    repeats it holds the part's and the CMM's variance together, else nan. `u_mean` of the grand
-    mean, in which every reading counts alike, and `u_future` of a future part, with `dof_mean`
-    and `dof_future`; `interval_future` (tables, 2): see `_half_width`. `p_parts` of F and
-    `p_mean` of a mean of zero (t test) are adjusted for all tables of the kind (Holm). `order`
+    right angle "angle". `rounding` (tables,) is the variance of a mean that the last digit hides
+    from the readings (`stats.resolution`). `components` by the chosen method, `reml` those that
+    scale the part means; `interval` (tables, 2) for the part variance, nan by the paper's method,
+    which has none. `both` is MS_between, and `both_interval` (tables, 2) its interval, where
+    without repeats it holds the part's and the CMM's variance together, else nan. `u_mean` of the
+    grand mean, in which every reading counts alike, and `u_future` of a future part, with
+    `dof_mean` and `dof_future`; `interval_future` (tables, 2): see `_half_width`. `p_parts` of F
+    and `p_mean` of a mean of zero (t test) are adjusted for all tables of the kind (Holm). `order`
     of the tables is that of |mean| + k u_future, the largest first; `unusual` are the outlying
     parts of each table by itself.
     """
@@ -43,6 +44,7 @@ class Analysed:
     coverage_factor: float
     tables: MeasuredTables
     labels: tuple[Label, ...]
+    rounding: FloatArray
     one_way: OneWay
     components: Components
     reml: Components
@@ -77,9 +79,14 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
     table, by_reml = one_way(tables.cells, tables.rounding), reml(tables.cells)
     methods = {"paper": paper, "anova": moments}
     components = methods[method](table) if method in methods else by_reml
-    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(table, tables, components, method)
+    # Without repeats MS_between is the scatter of the readings.
+    scatter = np.where(np.isfinite(by_reml.part), by_reml.part + by_reml.repeat, table.ms_between)
+    rounding = hidden(scatter, tables.rounding)
+    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(
+        table, tables.cells, rounding, components, method
+    )
     tail = (1 - PROBABILITY) / 2
-    half = _half_width(table, tables, u_future, dof_future, method)
+    half = _half_width(table, tables.cells, rounding, u_future, dof_future, method)
     known = (u_mean > 0) & np.isfinite(dof_mean)
     t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=known)
     p_zero = np.where(known, 2 * stdtr(np.where(known, dof_mean, 1.0), -t), np.nan)
@@ -94,6 +101,7 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         coverage_factor=k,
         tables=tables,
         labels=tuple((operation, name, axis or kind) for operation, name, axis in tables.labels),
+        rounding=rounding,
         one_way=table,
         components=components,
         reml=by_reml,
@@ -113,7 +121,8 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
 
 def _half_width(
     table: OneWay,
-    tables: MeasuredTables,
+    cells: Cells,
+    rounding: FloatArray,
     u_future: FloatArray,
     dof_future: FloatArray,
     method: Method,
@@ -132,9 +141,8 @@ def _half_width(
         quantile = stdtrit(np.where(known, dof, 1.0), (1 + PROBABILITY) / 2)
         return np.where(known, quantile, np.nan)
 
-    share = (tables.cells.n**2).sum(axis=1) / table.N**2
+    share = (cells.n**2).sum(axis=1) / table.N**2
     between = (1 + share) * table.ms_between / table.n0
-    rounding = hidden(between, tables.rounding)
     bound = t(table.df_between) * np.sqrt(between + rounding)
     half = t(dof_future) * u_future
     # The paper's method has no variance of parts to bound.
@@ -146,26 +154,27 @@ WithDof = tuple[FloatArray, FloatArray]
 
 
 def _uncertainties(
-    table: OneWay, tables: MeasuredTables, components: Components, method: Method
+    table: OneWay,
+    cells: Cells,
+    rounding: FloatArray,
+    components: Components,
+    method: Method,
 ) -> tuple[WithDof, WithDof]:
     """(u, degrees of freedom) of the grand mean and of a future part, (tables,) each.
 
     u^2(mean) = s_part^2 sum n_i^2/N^2 + s_repeat^2/N: that of the mean of all readings, in which
     a part counts by its repeats. A future part adds s_part^2. Without repeats MS_between, the
     sum of both components, serves for both. By the paper's method eqs. (32)-(33), which have
-    the repeat scatter alone. Where the readings scatter less than the last digit hides, that is
-    added to both.
+    the repeat scatter alone. What the last digit hides (`rounding`) is added to both.
     """
-    r, n = tables.rounding, tables.cells.n
     if method == "paper":
         s2, dof = table.ms_within, np.where(table.df_within > 0, table.df_within, np.nan)
-        of_mean, of_one = (s2 * share + hidden(s2, r) for share in (1 / table.N, 1 + 1 / table.N))
+        of_mean, of_one = (s2 * share + rounding for share in (1 / table.N, 1 + 1 / table.N))
         return (np.sqrt(of_mean), dof), (np.sqrt(of_one), dof)
     df_both = np.where(table.df_between > 0, table.df_between, np.nan)
     both = np.where(table.df_between > 0, table.ms_between, np.nan)
     separable = np.isfinite(components.part)
-    share = (n**2).sum(axis=1) / table.N**2
-    rounding = hidden(np.where(separable, components.part + components.repeat, both), r)
+    share = (cells.n**2).sum(axis=1) / table.N**2
     found = []
     for weight, of_both in ((share, 1 / table.N), (1 + share, 1 + 1 / table.N)):
         u2 = components.part * weight + components.repeat / table.N

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
-from mtu_cli.analyses.budget.inputs import InputQuantity, inputs_of
-from mtu_cli.analyses.budget.result import BudgetResult, OutputBudget, budget_warnings
+from mtu_cli.analyses.budget.inputs import inputs_of
+from mtu_cli.analyses.budget.result import BudgetResult, OutputBudget
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import Finding, InputError, error
+from mtu_cli.findings import InputError, error
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.blocks import is_one_block
-from mtu_cli.stats.covariance import correlation_of
-from mtu_cli.stats.coverage import coverage_factor, numerical_tolerance
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.coverage import coverage_factor as quantile_factor
+from mtu_cli.stats.coverage import numerical_tolerance
 from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
 
@@ -36,6 +34,10 @@ def evaluate_budget(
 ) -> BudgetResult:
     """Evaluates a budget; `coverage_factor` wins over the file's coverage.
 
+    The Monte Carlo goes on until the digits asked for are sure (JCGM 101:2008, 7.9.4) and, where
+    clause 8 is not settled by that, to a fifth of its tolerance (8.2): an equation that first order
+    plainly fails needs no more trials to say so.
+
     Raises InputError for correlations that no inputs can have, an equation without a finite
     value at the estimates or in some trials, a factor so small that it covers nothing.
     """
@@ -45,31 +47,43 @@ def evaluate_budget(
     probability = _probability(loaded, k, coverage_factor is not None)
     controlled = not is_one_block(settings.trials, probability)
     trials = BudgetTrials(loaded.trees, inputs, first, controlled)
-    judge = _Judge(first, inputs.quantities, loaded.units, k, probability, settings.digits)
-    run, converged = _run(loaded, trials, judge, settings)
-    outputs = judge.outputs(run, converged)
-    joint = _joint(first, inputs.covariance)
-    result = BudgetResult(
+    factors = [
+        math.nan if math.isnan(x.dof) else quantile_factor(probability, x.dof) for x in first
+    ]
+    run = _run(loaded, trials, settings, probability, 1.0)
+    reached = run.converged
+    verdicts = _judged(first, factors, run, settings.digits)
+    unsettled = any(not v.settled and x.u > 0.0 for v, x in zip(verdicts, first, strict=True))
+    if settings.trials is None and reached and unsettled:
+        fraction = CONVERGED_TO * _tolerance_ratio(first, run, settings.digits)
+        run = _run(loaded, trials, settings, probability, fraction)
+        verdicts = _judged(first, factors, run, settings.digits)
+    # Nothing but a standard error can say that a statistic has converged.
+    errors = np.where(trials.u_exists, run.u + run.se_mean + run.se_u, 0.0)
+    converged = reached and bool(np.all(np.isfinite(errors + run.se_low + run.se_high)))
+    outputs = [
+        OutputBudget(
+            first=item,
+            unit=loaded.units[item.name],
+            k=factors[i] if k is None else k,
+            k_probability=factors[i],
+            validation=verdicts[i],
+            inputs=inputs.quantities,
+            run=run,
+            index=i,
+            converged=converged,
+        )
+        for i, item in enumerate(first)
+    ]
+    return BudgetResult(
         name=loaded.budget.name,
         single=loaded.single,
         given=inputs,
-        outputs=outputs,
-        covariance=joint,
-        correlation=correlation_of(joint),
-        probability=probability,
+        outputs=tuple(outputs),
         run=run,
         converged=converged,
+        of_file=loaded.warnings,
     )
-    return replace(result, warnings=budget_warnings(loaded, result))
-
-
-def _joint(first: Sequence[FirstOrder], covariance: FloatArray) -> FloatArray:
-    """C V C' of the outputs, its diagonal without the rounding that cancelling leaves."""
-    C = np.array([item.sensitivity for item in first])
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        joint: FloatArray = C @ covariance @ C.T
-        np.fill_diagonal(joint, np.square([item.u for item in first]))
-    return joint
 
 
 def _probability(loaded: LoadedBudget, k: float | None, called: bool) -> float:
@@ -88,113 +102,58 @@ def _probability(loaded: LoadedBudget, k: float | None, called: bool) -> float:
     return probability
 
 
-@dataclass(frozen=True, slots=True)
-class _Judge:
-    """First order against a Monte Carlo; `k` None where the coverage probability gives it."""
-
-    first: tuple[FirstOrder, ...]
-    inputs: tuple[InputQuantity, ...]
-    units: Mapping[str, str]
-    k: float | None
-    probability: float
-    digits: int
-
-    def outputs(self, run: MonteCarloResult, converged: bool) -> tuple[OutputBudget, ...]:
-        return tuple(self._output(i, run, converged) for i in range(len(self.first)))
-
-    def unsettled(self, run: MonteCarloResult) -> bool:
-        outputs = self.outputs(run, run.converged)
-        return any(not item.validation.settled and item.first.u > 0.0 for item in outputs)
-
-    def _output(self, index: int, run: MonteCarloResult, converged: bool) -> OutputBudget:
-        first = self.first[index]
-        factor = math.nan
-        if not math.isnan(first.dof):
-            factor = coverage_factor(self.probability, first.dof)
-        if math.isnan(first.u):
-            verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
-        else:
-            verdict = clause8(first.value, first.u, factor, run, self.digits, index)
-            # The ends of a step's interval may agree: no u is still wrong where there is one.
-            if first.u == 0.0 and run.u[index] > 0.0:
-                verdict = replace(verdict, passed=False)
-        return OutputBudget(
-            first=first,
-            unit=self.units[first.name],
-            k=factor if self.k is None else self.k,
-            k_probability=factor,
-            validation=verdict,
-            inputs=self.inputs,
-            run=run,
-            index=index,
-            converged=converged,
-        )
-
-
 def _run(
-    loaded: LoadedBudget, trials: BudgetTrials, judge: _Judge, settings: Settings
-) -> tuple[MonteCarloResult, bool]:
-    """The Monte Carlo, and whether the digits asked for are sure (JCGM 101:2008, 7.9.4).
-
-    Where clause 8 is not settled by that it goes on to a fifth of the tolerance (8.2): an equation
-    that first order plainly fails needs no more trials to say so.
-    """
-
-    def at(fraction: float) -> MonteCarloResult:
+    loaded: LoadedBudget,
+    trials: BudgetTrials,
+    settings: Settings,
+    probability: float,
+    fraction: float,
+) -> MonteCarloResult:
+    """The Monte Carlo, where the count adapts to this fraction of the tolerance."""
+    try:
         # Trials too far apart to be squared leave inf or nan, which a warning of ours reports.
         with catch_warnings():
             simplefilter("ignore", RuntimeWarning)
-            run = monte_carlo(
+            return monte_carlo(
                 trials,
                 seed=settings.seed,
                 trials=settings.trials,
-                probability=judge.probability,
+                probability=probability,
                 digits=settings.digits,
                 tolerance_fraction=fraction,
                 threads=settings.threads,
                 keep=DRAWN,
                 progress=settings.progress,
             )
-        return trials.in_full(run)
-
-    try:
-        run = at(1.0)
-        if settings.trials is None and run.converged and judge.unsettled(run):
-            run = at(CONVERGED_TO * min(1.0, _tolerance_ratio(judge.first, run, settings.digits)))
-            return run, _has_errors(run, trials.u_exists)
-    except InputError as error:
+    except InputError as fault:
         # The engine knows no file: the equation's place makes its message one of the file's.
-        raise InputError([_placed(loaded, problem) for problem in error.findings]) from None
-    return run, run.converged and _has_errors(run, trials.u_exists)
+        outputs = [(problem, problem.facts.get("output")) for problem in fault.findings]
+        raise InputError(
+            problem.at(**loaded.where(name)) if name in loaded.trees else problem
+            for problem, name in outputs
+        ) from None
 
 
-def _has_errors(run: MonteCarloResult, u_exists: NDArray[np.bool_]) -> bool:
-    """Whether every statistic has a standard error: nothing else can say that it converged."""
-    errors = np.where(u_exists, run.u + run.se_mean + run.se_u, 0.0) + run.se_low + run.se_high
-    return bool(np.all(np.isfinite(errors)))
+def _judged(
+    first: Sequence[FirstOrder], factors: Sequence[float], run: MonteCarloResult, digits: int
+) -> list[Validation]:
+    """Clause 8 of every output; undecided where there is no first order."""
+    found = []
+    for i, item in enumerate(first):
+        verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
+        if not math.isnan(item.u):
+            verdict = clause8(item.value, item.u, factors[i], run, digits, i)
+            # The ends of a step's interval may agree: no u is still wrong where there is one.
+            if item.u == 0.0 and run.u[i] > 0.0:
+                verdict = replace(verdict, passed=False)
+        found.append(verdict)
+    return found
 
 
 def _tolerance_ratio(first: Sequence[FirstOrder], run: MonteCarloResult, digits: int) -> float:
-    """Least of the tolerances of clause 8, from the first-order u, over those of the engine.
-
-    The engine takes them from its own u, which may need a digit less: 0.105 beside 0.074.
+    """Least of the tolerances of clause 8, from the first-order u, over those of the engine, which
+    takes them from its own u, and that may need a digit less: 0.105 beside 0.074.
     """
-    own = [
-        numerical_tolerance(float(u) if math.isfinite(u) else item.u, digits)
-        for u, item in zip(run.u, first, strict=True)
-    ]
-    ratios = [
-        numerical_tolerance(item.u, digits) / tolerance
-        for item, tolerance in zip(first, own, strict=True)
-        if item.u > 0.0 and tolerance > 0.0
-    ]
-    return min(ratios, default=1.0)
-
-
-def _placed(loaded: LoadedBudget, problem: Finding) -> Finding:
-    name = problem.facts.get("output")
-    if name not in loaded.trees:
-        return problem
-    path = loaded.place(name)
-    place = ".".join(str(step) for step in path)
-    return problem.at(file=loaded.source.shown, line=loaded.line_of(*path), path=place)
+    both = [(x.u, float(u)) for x, u in zip(first, run.u, strict=True) if x.u > 0.0 and u > 0.0]
+    ratios = [numerical_tolerance(u, digits) / numerical_tolerance(own, digits) for u, own in both]
+    return min([1.0, *(ratio for ratio in ratios if math.isfinite(ratio))])

@@ -2,35 +2,67 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.compare.evidence import evidence
-from mtu_cli.analyses.compare.predicted import (
-    predict_operations,
-    predicted_features,
-    predicted_lengths,
+from mtu_cli.analyses.anova.warnings import missing_cells, missing_entries, some
+from mtu_cli.analyses.compare.evidence import (
+    FEWEST_PARTS,
+    Compared,
+    Summary,
+    Verdict,
+    compared,
+    joined,
+    judged,
+    paper_length_variance,
+    summarised,
 )
-from mtu_cli.analyses.compare.verdicts import Compared, Summary, Verdict, judged, summarised
-from mtu_cli.analyses.compare.warnings import compare_warnings
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding
-from mtu_cli.model.machine_model import AXES, MachineModel
+from mtu_cli.findings import Finding, finding
+from mtu_cli.model.covariates import needed_covariates, point_columns, used_columns
+from mtu_cli.model.effect_columns import with_effect_columns
+from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
+from mtu_cli.model.measurands import differences, length_gradient
 from mtu_cli.model.measured import (
+    MeasuredTables,
     feature_tables,
     left_out,
     length_tables,
     no_shared_axis,
+    not_measured,
     roundings,
 )
+from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import Datum, axes_of, freed, incomplete_datum, visits_of
+from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.visits import (
+    Datum,
+    IntArray,
+    axes_of,
+    freed,
+    incomplete_datum,
+    operations_of,
+    projector,
+    visits_of,
+)
+from mtu_cli.stats.anova import BoolArray
 from mtu_cli.stats.least_squares import FloatArray
 
 __all__ = ["CompareResult", "Compared", "Summary", "Verdict", "compare", "judged"]
+
+Label = tuple[str, str, str]
+"""Operation, feature or length, axis."""
+Values = Mapping[str, FloatArray | float]
+FEWEST_TURNED, TURNED = 3, 0.9
+"""Biased items, and the share of their bias that the other sign explains, from which on it is
+asked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,29 +95,32 @@ def compare(
 
     The machine is predicted once an operation, with `covariates`, or the points' own: what these
     change from part to part is taken out of the points. Means and scatter are tested item by item
-    (`Evidence`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
+    (`Compared`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
     studies one in twenty is no "consistent".
 
     Raises InputError for points that share no axis with the machine, and for a missing covariate
     or one with gaps.
     """
-    axes, k = _shared_axes(model, points), settings.coverage_factor
-    rounding = roundings(points)
+    measured, k, rounding = axes_of(points), settings.coverage_factor, roundings(points)
+    axes = tuple(i for i in measured if AXES[i] in model.axes)
+    if not axes:
+        raise no_shared_axis(model, points, measured)
     warnings = left_out(points)
-    predicted = predict_operations(model, points, covariates or {})
-    points, predictions = predicted.points, predicted.predictions
+    predictions, points, noted = predict_operations(model, points, covariates or {})
     loose, complete = freed(points, axes, datum)
-    tables, names = feature_tables(loose, rounding), {AXES[i] for i in axes}
     if not complete:
         warnings.append(incomplete_datum())
+    tables, names = feature_tables(loose, rounding), {AXES[i] for i in axes}
     tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
-    of_features = evidence(tables, predicted_features(predictions, tables.labels, axes, datum), k)
-    of_lengths, long = None, length_tables(points, visits_of(points), part)
+    of_features = partial(feature_rows, axes=axes, datum=datum)
+    features = _compared(tables, predictions, of_features, k, {})
+    lengths, long = None, length_tables(points, visits_of(points), part)
     if long is not None:
-        holes = of_features if datum == "none" else None
-        items = predicted_lengths(predictions, long.labels, part, holes)
-        of_lengths = evidence(long, items, k)
-    features, lengths = judged(of_features, of_lengths)
+        # Hole variances less a datum are not those of lengths.
+        known = features.labels if datum == "none" else ()
+        holes = dict(zip(known, features.one_way.ms_between.tolist(), strict=False))
+        lengths = _compared(long, predictions, partial(length_rows, part=part), k, holes)
+    features, lengths = judged(features, lengths)
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
@@ -96,18 +131,206 @@ def compare(
         length_summaries=() if lengths is None else summarised(lengths, "lengths"),
         datum=datum,
         coverage_factor=k,
-        warnings=(
-            *warnings,
-            *predicted.warnings,
-            *compare_warnings(model, part, points, tables, features, lengths),
-        ),
+        warnings=(*warnings, *noted, *_warnings(model, part, points, tables, features, lengths)),
     )
 
 
-def _shared_axes(model: MachineModel, points: Points) -> tuple[int, ...]:
-    """The axes (0, 1, 2) that were measured and that the machine has an equation for."""
-    measured = axes_of(points)
-    axes = tuple(i for i in measured if AXES[i] in model.axes)
-    if not axes:
-        raise no_shared_axis(model, points, measured)
-    return axes
+def _compared(
+    tables: MeasuredTables,
+    predictions: Mapping[str, Prediction],
+    rows: Callable[[Prediction, Sequence[Label]], FloatArray],
+    k: float,
+    holes: Mapping[Label, float],
+) -> Compared:
+    """The items of all operations, each against its own prediction; `holes`: MS_between there."""
+    found, places = [], []
+    for operation, prediction in predictions.items():
+        own = [i for i, label in enumerate(tables.labels) if label[0] == operation]
+        if not own:
+            continue
+        of_own = tables.only(own)
+        A, variances = rows(prediction, of_own.labels), None
+        if holes:
+            labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
+            V_p = np.array([holes.get(label, np.nan) for label in labels])
+            variances = paper_length_variance(A, V_p)
+        found.append(compared(of_own, prediction, A, k, variances))
+        places += own
+    whole: Compared = joined(found, np.argsort(places))
+    return whole
+
+
+def feature_rows(
+    prediction: Prediction, labels: Sequence[Label], axes: tuple[int, ...], datum: Datum
+) -> FloatArray:
+    """A of the errors of features less the freedoms of the datum."""
+    names = [AXES[k] for k in axes]
+    columns = [prediction.row(point, name) for point in prediction.ids for name in names]
+    index = {name: i for i, name in enumerate(prediction.ids)}
+    chosen = [index[name] * len(axes) + names.index(axis) for _, name, axis in labels]
+    A = np.zeros((len(labels), len(prediction.mean)))
+    A[:, columns] = projector(prediction.points, axes, datum)[chosen]
+    return A
+
+
+def length_rows(prediction: Prediction, labels: Sequence[Label], part: LoadedPart) -> FloatArray:
+    """A of the errors of lengths to first order, eq. (22)."""
+    index = {name: i for i, name in enumerate(prediction.ids)}
+    ends = {entry.id: [index.get(entry.from_), index.get(entry.to)] for entry in part.part.lengths}
+    names = [label[1] for label in labels]
+    pairs = np.array([ends[name] for name in names])
+    delta = differences(prediction.points, pairs, names, part.source.shown)
+    return length_gradient(prediction, pairs, delta)
+
+
+def predict_operations(
+    model: MachineModel, points: Points, given: Mapping[str, float]
+) -> tuple[dict[str, Prediction], Points, list[Finding]]:
+    """The prediction of every operation at its features; the points less what their own covariates
+    change in the modelled error, so that all readings of a feature are of one state of the
+    machine; and warnings.
+
+    A covariate is what `given` says, else the points' own. Means are over the readings of an
+    (operation, feature) of E = J theta + remainder at their own covariates, which the covariates'
+    mean does not give where an effect is a step; uncertainties are those at the mean.
+
+    Raises InputError for a covariate that nobody gives, and for a column with gaps.
+    """
+    stated = point_columns(points)
+    columns = {name: column for name, column in stated.items() if name not in given}
+    values = needed_covariates(model, points, columns, given).values
+    known = with_effect_columns(model, values, columns, given)
+    warnings = effect_warnings_at(model, points.nominal, known)
+    if overruled := [name for name in used_columns(model) if name in given and name in stated]:
+        reason = "--at gives one value for all points"
+        warnings.append(finding("not-used", what="columns", names=overruled, reason=reason))
+    measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
+    found: dict[str, Prediction] = {}
+    moving: set[str] = set()
+    operations, operation = operations_of(points)
+    for code, name in enumerate(operations):
+        rows = np.flatnonzero(operation == code)
+        if not len(rows):
+            continue
+        seen, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
+        features, place = [points.features[i] for i in seen], points.nominal[rows[first]]
+        means: dict[str, FloatArray | float] = {}
+        differ = set()
+        for key in model.covariates():
+            means[key] = values[key]
+            if np.ndim(values[key]) > 0:
+                means[key], moves = _mean(np.asarray(values[key])[rows], first, of)
+                differ |= {key} if moves else set()
+        prediction = predict(model, features, place, means)
+        warnings += outside_warnings(prediction)
+        warnings += temperature_warnings(model, place, means)
+        if differ:
+            moving |= differ
+            # Of all points: where a drift lags, they are its history.
+            errors = _errors(model, points.nominal, values)[rows]
+            mean = np.column_stack([_mean(each, first, of)[0] for each in errors.T])
+            measured[rows[:, None], along] -= errors - mean[of]
+            shift = mean - _errors(model, place, means)
+            prediction = replace(prediction, mean=prediction.mean + shift.ravel())
+        found[name] = prediction
+    if moving:
+        warnings.append(finding("covariate-averaged", names=sorted(moving)))
+        points = replace(points, measured=measured)
+    return found, points, warnings
+
+
+def _errors(model: MachineModel, places: FloatArray, values: Values) -> FloatArray:
+    """J theta + remainder (n, a), mm."""
+    rows = design(model, places, values)
+    found: FloatArray = (rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
+    return found
+
+
+def _mean(values: FloatArray, first: IntArray, of: IntArray) -> tuple[FloatArray, bool]:
+    """The mean (features,) of `values` (rows,) by the feature that each row is `of`, taken about
+    the `first` one, so that equal values stay equal; and whether any differ.
+    """
+    away = values - values[first][of]
+    return values[first] + np.bincount(of, away) / np.bincount(of), bool(away.any())
+
+
+def _warnings(
+    model: MachineModel,
+    part: LoadedPart,
+    points: Points,
+    tables: MeasuredTables,
+    features: Compared,
+    lengths: Compared | None,
+) -> list[Finding]:
+    """All warnings on the items; `tables` are those of the features."""
+    kinds = [features] if lengths is None else [features, lengths]
+    without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
+    aside = "the points are not compared there, and lengths have no predicted error along it"
+    missing = [f"feature {name}" for name in part.part.features if name not in points.features]
+    found = [
+        *_sign(kinds),
+        *not_measured(model.axes, points),
+        *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
+        *missing_entries("length", part.part.lengths, lengths.labels if lengths else ()),
+    ]
+    if missing:
+        found.append(finding("not-measured", names=missing, reason="not among the points"))
+    # Parts that an operation has, but not at every feature.
+    _, operation = np.unique([label[0] for label in tables.labels], return_inverse=True)
+    present = tables.cells.present
+    known = np.array([present[operation == i].any(axis=0) for i in np.unique(operation)])
+    found += missing_cells(tables, ~present & known[operation], "measurements")
+    return found + _items(kinds)
+
+
+def _sign(kinds: list[Compared]) -> list[Finding]:
+    """Means that are those predicted with the other sign: readings or points are nominal minus
+    actual. By the sum of squares of all items, each in its own u, before and after.
+    """
+    biased = sum(answer is True for kind in kinds for answer in kind.biased)
+    u, bias, mean = (
+        np.concatenate(each)
+        for each in zip(*((x.u_difference, x.bias, x.predicted.mean) for x in kinds), strict=True)
+    )
+    # Of a machine that is known exactly and parts that are all equal nothing has a u.
+    if biased < FEWEST_TURNED or not (known := u > 0).any():
+        return []
+    now, after = (float(((e[known] / u[known]) ** 2).sum()) for e in (bias, bias + 2 * mean))
+    turned = after <= (1 - TURNED) * now
+    return [finding("sign-turned", percent=100 * (1 - after / now))] if turned else []
+
+
+def _items(kinds: list[Compared]) -> list[Finding]:
+    """What parts, repeats and predictions are too few for, item by item."""
+    parts = np.concatenate([kind.one_way.parts for kind in kinds])
+    repeats = np.concatenate([kind.one_way.df_within for kind in kinds])
+    exact = np.concatenate([~(kind.predicted.u > 0) for kind in kinds])
+    alike = np.concatenate([kind.s_part == 0 for kind in kinds]) & (parts > 1)
+    untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
+    withheld = np.array([held for kind in kinds for held in kind.withheld])
+    few = (parts > 1) & (parts < FEWEST_PARTS)
+    least = int(parts[few].min(initial=FEWEST_PARTS))
+    by_prediction = "a bias is judged by the predicted scatter"
+    too_few = (
+        f"{FEWEST_PARTS} are needed to measure the scatter: means are judged by the predicted one, "
+        "and one that is off may be scatter"
+    )
+    cmm = "MS_between contains the scatter of the CMM, which is not predicted"
+    nothing = "no scatter is measured and none predicted"
+    hopeless = "of so few passes or parts ten times the predicted scatter would pass"
+    cases: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
+        ("few-parts", parts == 1, {"parts": 1, "consequence": by_prediction}),
+        ("few-parts", few, {"parts": least, "consequence": too_few}),
+        ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
+        ("not-tested", untested, {"what": "the difference", "reason": nothing}),
+        ("not-tested", withheld, {"what": "the scatter", "reason": hopeless}),
+    )
+    found = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
+    ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
+    for rows, quantity, reason in (
+        (exact, "ratios to the predicted scatter", "no uncertainty is predicted"),
+        (alike, "the parts' share of MS_between", "the parts do not scatter"),
+    ):
+        if names := [*dict.fromkeys(ids[rows])]:
+            found.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
+    return found

@@ -1,89 +1,54 @@
-"""The tests of bias and of scatter, by item and pooled by operation, before any verdict."""
+"""The tests of bias and of scatter, by item and pooled by operation, and their verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from math import inf
-from typing import NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.model.variance import MeanSquares, PassSquare
-from mtu_cli.stats.anova import OneWay, one_way
+from mtu_cli.model.prediction import Prediction
+from mtu_cli.model.variance import MeanSquares, Variance
+from mtu_cli.model.visits import IntArray
+from mtu_cli.stats.anova import BoolArray, OneWay, one_way
+from mtu_cli.stats.family import FAMILY_RATE, holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
 from mtu_cli.stats.resolution import hidden
-from mtu_cli.stats.uncertain_variance import f_tails, mean_square_tails, t_tail, uncertain_variance
+from mtu_cli.stats.uncertain_variance import (
+    UncertainVariance,
+    f_tails,
+    mean_square_tails,
+    t_tail,
+    uncertain_variance,
+)
 
+Verdict = Literal["consistent", "biased", "under-predicted", "over-predicted"]
+FAULTS: tuple[Verdict, ...] = ("under-predicted", "biased", "over-predicted")
+"""The gravest first: then no statement of uncertainty holds; a correction would mend a bias."""
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+JOINT_SHARE = 0.2
+"""Of that rate what the pooled tests of all features of an operation may take."""
+RANGES = (
+    *("ratio_u", "ratio_range", "ratio_scatter", "paper_ratio_u", "paper_ratio_range"),
+    *("bias", "ms_share"),
+)
+
+Answers = tuple[bool | None, ...]
+"""One an item; None where it was not tested."""
 FEWEST_PARTS = 5
 """With fewer, the scatter of the parts has three degrees of freedom or less: Student's t has
 hardly a variance then, and a mean that is off is not separable from parts that scatter."""
 HOPELESS = 10.0
 """A scatter test that would not see scatter of so many times the predicted is withheld."""
 ROUNDING = 1e-9
-"""Share of an expected MS_between."""
+"""Share of an expected MS_between that is rounding: a datum leaves no more of some features."""
 NOTHING = 1e-6
-"""Of the variance by the last digit: what is less than that is the rounding of the arithmetic, such
-as a datum leaves of some features."""
-
-Label = tuple[str, str, str]
-"""Operation, feature or length, axis."""
-
-
-class Joint(NamedTuple):
-    """How m items are predicted to scatter together: their `covariance` (m, m), mm^2, the mean
-    `squares` behind it and those of them that are of `passes`.
-    """
-
-    covariance: FloatArray
-    squares: MeanSquares
-    passes: Sequence[PassSquare | None]
-
-    def only(self, kept: NDArray[np.bool_]) -> Joint:
-        """The same of the items `kept` (m,)."""
-        of_mean, of_part = self.squares.of_mean[:, kept], self.squares.of_part[:, kept]
-        passes = [each and PassSquare(each.g[kept], each.S) for each in self.passes]
-        squares = MeanSquares(of_mean=of_mean, of_part=of_part, dof=self.squares.dof)
-        return Joint(self.covariance[np.ix_(kept, kept)], squares, passes)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PredictedItems:
-    """The predicted items, each (items,); mm and mm^2.
-
-    `mean`; variance of one future part, `total` = `coefficients` (shared by all parts) +
-    `scatter` (from part to part: passes and visits), and under the papers' independence,
-    `independent`. `of_mean` and `of_part` (K, items) are the mean squares of `dof` (K,) behind
-    coefficients and scatter (see `variance.MeanSquares`). `holes` is g'V g of the measured
-    hole variances V, for lengths; nan where there are none. `joint` has the common scatter of
-    the features of each operation, in their order; lengths, which are made of features, have none.
-    """
-
-    mean: FloatArray
-    total: FloatArray
-    coefficients: FloatArray
-    scatter: FloatArray
-    independent: FloatArray
-    holes: FloatArray
-    of_mean: FloatArray
-    of_part: FloatArray
-    dof: FloatArray
-    joint: Mapping[str, Joint]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PooledTest:
-    """One test of the scatter of `items`: `ratio`, the scatter from part to part over the predicted
-    one, two-sided `p`, and `p_hopeless`, that of the scatter that any test should see.
-    """
-
-    items: int
-    ratio: float
-    p: float
-    p_hopeless: float
+"""The same of the variance by the last digit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,33 +65,46 @@ class Side:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Evidence:
+class Pooled:
+    """The test of the scatter of all `items` of an operation: `ratio` of the scatter from part to
+    part to the predicted one, two-sided `p`, and `p_hopeless`, that of a scatter that any test
+    should see. Once it is judged, p is adjusted over the study, and `verdict` says what differs.
+    """
+
+    items: int
+    ratio: float
+    p: float
+    p_hopeless: float = 0.0
+    operation: str = ""
+    verdict: Verdict | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
     """Items (features by axis, or lengths) with both sides; arrays (items,), mm and mm^2.
 
-    `labels` (operation, id, axis). `measured` is of a future part by components of variance,
-    `measured_paper` takes MS_between for the part variance (Gilsinn & Ling 2004, eq. (33), and
-    for lengths eq. (22) on hole variances).
+    `labels` (operation, id, axis). `independent` is predicted under the papers' independence.
+    `measured` is of a future part by components of variance, `measured_paper` takes MS_between for
+    the part variance (Gilsinn & Ling 2004, eq. (33), and for lengths eq. (22) on hole variances).
 
     `bias` = measured minus predicted mean; `u_difference` its standard uncertainty u,
 
         u^2 = C + (s_part^2 sum n_i^2/N^2 + s_repeat^2/N),
 
-    C the coefficients' variance and s_part^2 the variance from part to part, measured or
-    predicted (D + visit), whichever gives more; predicted alone with fewer than FEWEST_PARTS
-    parts. `E_n` = bias/(k u) (ISO/IEC 17043:2023, B.3.1.3 e, with the measured mean as the
-    reference). `p_bias`: two-sided, by the mean squares behind C and the scatter; nan where
-    nothing is predicted to scatter and nothing differs.
+    C the coefficients' variance and s_part^2 the variance from part to part, measured or predicted
+    (D + visit), whichever gives more; predicted alone with fewer than FEWEST_PARTS parts. `E_n` =
+    bias/(k u) (ISO/IEC 17043:2023, B.3.1.3 e, with the measured mean as the reference). `p_bias`:
+    two-sided; nan where nothing is predicted to scatter and nothing differs.
 
-    `ms_expected` = MS_within + n0 (D + visit); `ratio_ms` = MS_between/ms_expected. `p_scatter`
-    is twice the smaller tail of it, MS_between having df_between degrees of freedom (parts - 1)
-    and ms_expected those of the mean squares that it consists of: Fisher's F where it is one.
-    `p_hopeless`: what a ratio of HOPELESS^2 would have. nan without MS_between.
+    `ratio_ms` = MS_between/(MS_within + n0 (D + visit)); `p_scatter`: twice the smaller tail of it,
+    nan without MS_between; `p_hopeless`: what a ratio of HOPELESS^2 would have. `pooled`: of every
+    operation that can be tested. Other ratios are measured over predicted, nan where nothing is
+    predicted: of `u` and `width`, those with `paper` of the paper's two sides, `ratio_scatter` of
+    s_part and the root of (D + visit); `ms_share` = sqrt(MS_between)/s_part.
 
-    Ratios are measured over predicted, nan where nothing is predicted: `ratio_u` and
-    `ratio_range` of `u` and `width`, `paper_ratio_u` and `paper_ratio_range` of the paper's
-    own two sides, `ratio_scatter` of s_part and the root of (D + visit). `ms_share` =
-    sqrt(MS_between)/s_part says how much of the paper's scatter is not the parts'. `pooled_tests`
-    are of the pooled scatter of all items of an operation.
+    Once `judged`, p_bias and p_scatter are adjusted over the study, and `biased`,
+    `under_predicted`, `over_predicted` say what each test shows. `withheld`: the scatter was
+    measured, but of predictions of so few degrees of freedom that none would be found too large.
     """
 
     labels: tuple[tuple[str, str, str], ...]
@@ -140,7 +118,6 @@ class Evidence:
     u_difference: FloatArray
     E_n: FloatArray
     p_bias: FloatArray
-    ms_expected: FloatArray
     ratio_ms: FloatArray
     p_scatter: FloatArray
     p_hopeless: FloatArray
@@ -150,12 +127,57 @@ class Evidence:
     paper_ratio_u: FloatArray
     paper_ratio_range: FloatArray
     ms_share: FloatArray
-    pooled_tests: Mapping[str, PooledTest]
+    pooled: tuple[Pooled, ...]
+    biased: Answers = ()
+    under_predicted: Answers = ()
+    over_predicted: Answers = ()
+    withheld: tuple[bool, ...] = ()
+
+    def faults(self, i: int) -> list[Verdict]:
+        """Every fault of item `i`, the gravest first."""
+        answers = (self.under_predicted, self.biased, self.over_predicted)
+        return [name for name, each in zip(FAULTS, answers, strict=True) if each[i]]
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict | None, ...]:
+        """The gravest fault of each item, or consistent; None where nothing was tested."""
+        tested = zip(self.biased, self.under_predicted, strict=True)
+        return tuple(
+            None if answers == (None, None) else (*self.faults(i), "consistent")[0]
+            for i, answers in enumerate(tested)
+        )
+
+    def stated(self, i: int) -> str:
+        """Every fault of item `i`, or the verdict where it has none."""
+        return ", ".join(self.faults(i)) or self.verdicts[i] or "not tested"
+
+    def by_interest(self) -> list[int]:
+        """Items with a fault, the clearest first, then those of the largest |E_n|: parts that
+        scatter too much may lie where they should in the mean.
+        """
+        faulty = [verdict not in (None, "consistent") for verdict in self.verdicts]
+        p = np.nan_to_num(np.fmin(self.p_bias, self.p_scatter), nan=1.0)
+        size = np.abs(np.nan_to_num(self.E_n))
+        order: list[int] = np.lexsort((-size, np.where(faulty, p, 2.0))).tolist()
+        return order
 
 
-def evidence(tables: MeasuredTables, items: PredictedItems, k: float) -> Evidence:
-    """The items of `tables` against their prediction; k the coverage factor."""
+def compared(
+    tables: MeasuredTables,
+    prediction: Prediction,
+    A: FloatArray,
+    k: float,
+    holes: FloatArray | None = None,
+) -> Compared:
+    """The items A E of one operation, in the order of `tables`, against their prediction.
+
+    `A` (items, rows of the prediction); `k` the coverage factor; `holes` (items,), of lengths, the
+    variances that eq. (22) makes of hole variances, nan where it has none. The scatter of
+    features, of which lengths are made, is pooled.
+    """
     table, components = one_way(tables.cells, tables.rounding), reml(tables.cells)
+    V = prediction.variance(A)
+    D = np.maximum(V.passes + V.repeatability, 0.0)
     spread = (tables.cells.n**2).sum(axis=1) / table.N**2
     separable = np.isfinite(components.part)
     # Without repeats MS_between holds the CMM too, and stands for both.
@@ -163,17 +185,20 @@ def evidence(tables: MeasuredTables, items: PredictedItems, k: float) -> Evidenc
     repeat = np.where(np.isfinite(components.repeat), components.repeat, 0.0)
     rounding = hidden(part + repeat, tables.rounding)
     of_mean = part * spread + repeat / table.N
-    bias = table.mean - items.mean
-    u_difference, p_bias = _bias_test(bias, table, repeat, spread, of_mean, rounding, items)
-    expected, ratio_ms, p_scatter, p_hopeless = _scatter_test(table, tables.rounding, items)
-    predicted = _side(items.mean, items.total, k)
-    independent = _side(items.mean, items.independent, k)
-    measured = _side(table.mean, part + of_mean + rounding, k)
-    # V_p(m) (1 + 1/N), eq. (33); of lengths V_p(m) is what eq. (22) makes of hole variances.
-    V = np.where(np.isfinite(items.holes), items.holes, table.ms_between)
-    paper = _side(table.mean, V * (1 + 1 / table.N), k)
     s_part = np.sqrt(np.where(separable, components.part, np.nan))
-    return Evidence(
+    # V_p(m) (1 + 1/N), eq. (33); of lengths V_p(m) is what eq. (22) makes of hole variances.
+    V_p = table.ms_between if holes is None else np.where(np.isnan(holes), table.ms_between, holes)
+    predicted = _side(A @ prediction.mean, np.maximum(V.total, 0.0), k)
+    independent = _side(predicted.mean, A**2 @ prediction.independent_variance, k)
+    measured = _side(table.mean, part + of_mean + rounding, k)
+    paper = _side(table.mean, V_p * (1 + 1 / table.N), k)
+    bias = measured.mean - predicted.mean
+    u_difference, p_bias = _bias_test(bias, table, V, spread, of_mean, repeat, rounding)
+    expected, p_scatter, p_hopeless = _scatter_test(table, tables.rounding, D, V.squares)
+    # Scatter where none at all is predicted is infinitely more.
+    endless = (expected == 0) & (table.ms_between > 0)
+    kept = np.isfinite(p_scatter) & (table.n0 * D > ROUNDING * expected) & (table.df_within > 0)
+    return Compared(
         labels=tables.labels,
         predicted=predicted,
         independent=independent,
@@ -185,18 +210,30 @@ def evidence(tables: MeasuredTables, items: PredictedItems, k: float) -> Evidenc
         u_difference=u_difference,
         E_n=ratio(bias, k * u_difference),
         p_bias=p_bias,
-        ms_expected=expected,
-        ratio_ms=ratio_ms,
+        ratio_ms=np.where(endless, inf, ratio(table.ms_between, expected)),
         p_scatter=p_scatter,
         p_hopeless=p_hopeless,
         ratio_u=ratio(measured.u, predicted.u),
         ratio_range=ratio(measured.width, predicted.width),
-        ratio_scatter=ratio(np.sqrt(part), np.sqrt(items.scatter)),
+        ratio_scatter=ratio(np.sqrt(part), np.sqrt(D)),
         paper_ratio_u=ratio(paper.u, independent.u),
         paper_ratio_range=ratio(paper.width, independent.width),
         ms_share=ratio(np.sqrt(table.ms_between), s_part),
-        pooled_tests=_pooled_tests(tables.labels, table, items, expected, p_scatter),
+        # Without repeats MS_between holds the CMM's scatter: too little to be seen at one item.
+        pooled=_pooled(tables, table, expected, prediction, A, kept) if kept.sum() > 1 else (),
     )
+
+
+def joined(found: Sequence[Any], order: IntArray) -> Any:
+    """Items of several operations as one, its items in this `order`."""
+    first = found[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(found)[order]
+    if not isinstance(first, tuple):
+        of = {x.name: [getattr(each, x.name) for each in found] for x in fields(first)}
+        return type(first)(**{name: joined(each, order) for name, each in of.items()})
+    every = tuple(item for each in found for item in each)
+    return tuple(every[i] for i in order) if len(every) == len(order) else every
 
 
 def _side(mean: FloatArray, variance: FloatArray, k: float) -> Side:
@@ -214,98 +251,105 @@ def ratio(measured: FloatArray, predicted: FloatArray) -> FloatArray:
 def _bias_test(
     bias: FloatArray,
     table: OneWay,
-    repeat: FloatArray,
+    V: Variance,
     spread: FloatArray,
     seen: FloatArray,
+    repeat: FloatArray,
     rounding: FloatArray,
-    items: PredictedItems,
 ) -> tuple[FloatArray, FloatArray]:
     """u of the difference of the means, and p of it against C and the scatter of the mean, of
     which `seen` (items,) is the measured variance, and what the last digit hides (`rounding`).
     """
-    predicted = items.scatter * spread + repeat / table.N
-    by_parts = (table.parts >= FEWEST_PARTS) & (seen >= predicted)
-    of_parts, parts_dof = _by_dof(np.where(by_parts, seen, 0.0), table.df_between)
-    cmm, cmm_dof = _by_dof(np.where(by_parts, 0.0, repeat / table.N), table.df_within)
-    squares = items.of_mean + np.where(by_parts, 0.0, spread) * items.of_part
-    variance = uncertain_variance(
-        np.concatenate([squares, of_parts, cmm, rounding[None]]),
-        np.concatenate([items.dof, parts_dof, cmm_dof, [inf]]),
+    cmm = repeat / table.N
+    expected = np.maximum(V.passes + V.repeatability, 0.0) * spread + cmm
+    by_parts = (table.parts >= FEWEST_PARTS) & (seen >= expected)
+    variance = _variance(
+        V.squares.of_mean + np.where(by_parts, 0.0, spread) * V.squares.of_part,
+        V.squares.dof,
+        (np.where(by_parts, seen, 0.0), table.df_between),
+        (np.where(by_parts, 0.0, cmm), table.df_within),
+        rounding=rounding,
     )
-    u2 = items.coefficients + np.where(by_parts, seen, predicted)
+    u2 = np.maximum(V.coefficients, 0.0) + np.where(by_parts, seen, expected)
     nothing = (u2 <= NOTHING * rounding) & (bias**2 < 3 * rounding)
     return np.sqrt(u2 + rounding), np.where(nothing, np.nan, t_tail(bias, variance))
 
 
 def _scatter_test(
-    table: OneWay, r: FloatArray, items: PredictedItems
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """MS_within + n0 (D + visit), of which MS_between has the expectation; their ratio, its p and
-    that of a ratio of HOPELESS^2. The last digit, of variance `r` (items,), may make of the
-    expectation, or hide from MS_between, n0 r: neither is more or less scatter.
+    table: OneWay, r: FloatArray, D: FloatArray, squares: MeanSquares
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """MS_within + n0 D, of which MS_between has the expectation; p of their ratio, and that of a
+    ratio of HOPELESS^2. The last digit, of variance `r` (items,), may make of the expectation, or
+    hide from MS_between, n0 r: neither is more or less scatter.
     """
-    repeated = table.df_within > 0
+    repeated, ms, df = table.df_within > 0, table.ms_between, table.df_between
     within = np.where(repeated, table.ms_within, 0.0)
-    n0 = np.where(table.df_between > 0, table.n0, 0.0)
-    cmm, cmm_dof = _by_dof(within, table.df_within)
-    rounding = n0 * hidden(np.where(repeated, within, items.scatter), r)
-    variance = uncertain_variance(
-        np.concatenate([n0 * items.of_part, cmm, rounding[None]]),
-        np.concatenate([items.dof, cmm_dof, [inf]]),
-    )
-    expected = within + n0 * items.scatter + rounding
-    high, _ = f_tails(table.ms_between, table.df_between, variance)
-    least = table.ms_between + rounding * (table.ms_between < 3 * rounding)
-    _, low = f_tails(least, table.df_between, variance)
-    hopeless, _ = f_tails(HOPELESS**2 * expected, table.df_between, variance)
-    found = ratio(table.ms_between, expected)
-    # Scatter where none at all is predicted is infinitely more.
-    found = np.where((expected == 0) & (table.ms_between > 0), inf, found)
-    nothing = (expected - rounding <= NOTHING * rounding) & (table.ms_between < 3 * rounding)
+    n0 = np.where(df > 0, table.n0, 0.0)
+    rounding = n0 * hidden(np.where(repeated, within, D), r)
+    cmm = within, table.df_within
+    variance = _variance(n0 * squares.of_part, squares.dof, cmm, rounding=rounding)
+    expected = within + n0 * D + rounding
+    high, _ = f_tails(ms, df, variance)
+    _, low = f_tails(ms + rounding * (ms < 3 * rounding), df, variance)
+    hopeless, _ = f_tails(HOPELESS**2 * expected, df, variance)
+    nothing = (expected - rounding <= NOTHING * rounding) & (ms < 3 * rounding)
     p = np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
-    p_hopeless = np.where(expected > 0, 2 * hopeless, 0.0)
-    return np.where(table.df_between > 0, expected, np.nan), found, p, p_hopeless
+    return expected, p, np.where(expected > 0, 2 * hopeless, 0.0)
 
 
-def _by_dof(values: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Mean squares (items,) with degrees of freedom of their own as rows (K, items), (K,)."""
-    known = np.unique(dof[(values > 0) & (dof > 0)])
-    return np.where(dof == known[:, None], values, 0.0), known
+def _variance(
+    squares: FloatArray,
+    dof: FloatArray,
+    *more: tuple[FloatArray, FloatArray],
+    rounding: FloatArray,
+) -> UncertainVariance:
+    """A sum of mean squares (K, items) of `dof` (K,); of `more`, each item with degrees of freedom
+    of its own; and of `rounding` (items,), which is known.
+    """
+    rows, known = [squares, rounding[None]], [dof, np.array([inf])]
+    for values, own in more:
+        numbers = np.unique(own[(values > 0) & (own > 0)])
+        rows.append(np.where(own == numbers[:, None], values, 0.0))
+        known.append(numbers)
+    return uncertain_variance(np.concatenate(rows), np.concatenate(known))
 
 
-def _pooled_tests(
-    labels: Sequence[Label],
+def _pooled(
+    tables: MeasuredTables,
     table: OneWay,
-    items: PredictedItems,
     expected: FloatArray,
-    p_scatter: FloatArray,
-) -> dict[str, PooledTest]:
-    """Of every operation the scatter of all items that have a predicted and a measured one."""
-    found = {}
-    for operation, joint in items.joint.items():
-        place = np.array([i for i, label in enumerate(labels) if label[0] == operation])
-        # A datum leaves no more of some features than rounding.
-        of_parts = table.n0[place] * items.scatter[place]
-        kept = np.isfinite(p_scatter[place]) & (of_parts > ROUNDING * expected[place])
-        # Without repeats MS_between holds the CMM's scatter: too little to be seen at one item.
-        kept &= table.df_within[place] > 0
-        chosen = place[kept]
-        if len(chosen) < 2:
-            continue
-        df, weights = table.df_between[chosen], table.n0[chosen] / expected[chosen]
-        joint = joint.only(kept)
-        # Of part means relative to their variance; the CMM is in the variances alone.
-        correlation = joint.covariance * np.sqrt(weights * weights[:, None])
-        np.fill_diagonal(correlation, 1.0)
-        within = table.ms_within[chosen] / expected[chosen]
-        found[operation] = pooled_test(
-            table.ms_between[chosen] / expected[chosen],
-            correlation,
-            2.0 * correlation**2 / np.maximum(df, df[:, None]),
-            _pooled_squares(joint, weights, within, table.df_within[chosen]),
-            float(within.mean()),
-        )
-    return found
+    prediction: Prediction,
+    A: FloatArray,
+    kept: BoolArray,
+) -> tuple[Pooled, ...]:
+    """The test of the scatter of the `kept` features; of lengths there is none.
+
+    A mean square of passes is one matrix at all items, one of repeatability is as far off at all
+    of them, the CMM's is estimated at each by itself.
+    """
+    operation, _, axis = tables.labels[0]
+    if not axis:
+        return ()
+    A, df, weights = A[kept], table.df_between[kept], table.n0[kept] / expected[kept]
+    # Of part means relative to their variance; the CMM is in the variances alone.
+    correlation = (A @ prediction.scatter @ A.T) * np.sqrt(weights * weights[:, None])
+    np.fill_diagonal(correlation, 1.0)
+    squares = prediction.variance(A).squares
+    passes = prediction.pass_squares(A)
+    times = [1.0 if each is None else each.independent(weights) for each in passes]
+    within = table.ms_within[kept] / expected[kept]
+    of_cmm = within > 0
+    unsure = float((within[of_cmm] ** 2 / table.df_within[kept][of_cmm]).sum())
+    cmm = float(within.sum()) ** 2 / unsure if unsure else inf
+    rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
+    test = pooled_test(
+        table.ms_between[kept] / expected[kept],
+        correlation,
+        2.0 * correlation**2 / np.maximum(df, df[:, None]),
+        (rows[:, None], np.append(squares.dof * times, cmm)),
+        float(within.mean()),
+    )
+    return (replace(test, operation=operation),)
 
 
 def pooled_test(
@@ -314,7 +358,7 @@ def pooled_test(
     shared: FloatArray,
     squares: tuple[FloatArray, FloatArray],
     w: float,
-) -> PooledTest:
+) -> Pooled:
     """The mean T of m `ratios` MS_between/expectation.
 
     `correlation` (m, m) is that of the means of one part, `shared` (m, m) the covariance of any
@@ -330,7 +374,7 @@ def pooled_test(
     variance = uncertain_variance(*squares)
     high, low = mean_square_tails(T, sizes, dof, variance)
     far, _ = mean_square_tails(HOPELESS**2, sizes, dof, variance)
-    return PooledTest(
+    return Pooled(
         items=len(ratios),
         ratio=float(np.sqrt(max(T - w, 0.0) / (1 - w))),
         p=min(2 * min(high, low), 1.0),
@@ -338,26 +382,147 @@ def pooled_test(
     )
 
 
-def _pooled_squares(
-    joint: Joint, weights: FloatArray, within: FloatArray, within_dof: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The mean squares (K, 1) that the expectation of T consists of, and their degrees of freedom.
-
-    A mean square of passes is one matrix at all items, one of repeatability is as far off at all
-    of them, the CMM's is estimated at each by itself.
+def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = inf) -> FloatArray:
+    """Variance of lengths as Tables 8 and 9 have it: eq. (22), the `gradient` (..., rows), on the
+    hole variances V_p(m) (rows,), times (1 + 1/N) for a future measurement, eq. (33). It is not
+    the scatter of measured lengths: it takes V_p(m) for the part variance and the two ends for
+    independent.
     """
-    more = [1.0 if each is None else each.independent(weights) for each in joint.passes]
-    of_cmm = within > 0
-    spread = float((within[of_cmm] ** 2 / within_dof[of_cmm]).sum())
-    cmm = float(within.sum()) ** 2 / spread if spread > 0 else np.inf
-    squares = np.append((joint.squares.of_part * weights).mean(axis=1), within.mean())
-    return squares[:, None], np.append(joint.squares.dof * np.array(more), cmm)
+    total: FloatArray = np.where(gradient == 0, 0.0, gradient**2 * holes).sum(axis=-1)
+    return total * (1 + 1 / N)
 
 
-def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = inf) -> float:
-    """Variance of a length as Tables 8 and 9 have it: eq. (22) on the hole variances V_p(m)
-    (rows,), times (1 + 1/N) for a future measurement, eq. (33). It is not the scatter of
-    measured lengths: it takes V_p(m) for the part variance and the two ends for independent.
+def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Compared | None]:
+    """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
+
+    Scatter tests without a chance of finding anything, whatever is measured, are no part of
+    the family. The pooled ones of all features of an operation have JOINT_SHARE of the rate to
+    themselves (weighted Bonferroni): among a hundred others they would see no more than these.
     """
-    used = gradient != 0
-    return float(gradient[used] ** 2 @ holes[used]) * (1 + 1 / N)
+    kinds = [features] if lengths is None else [features, lengths]
+    p_bias, p_scatter, hopeless = (
+        np.concatenate([getattr(kind, name) for kind in kinds])
+        for name in ("p_bias", "p_scatter", "p_hopeless")
+    )
+    tests = np.isfinite(p_bias).sum() + np.isfinite(p_scatter).sum()
+    withheld = np.isfinite(p_scatter) & (hopeless > FAMILY_RATE / max(tests, 1))
+    p_scatter = np.where(withheld, np.nan, p_scatter)
+    least = JOINT_SHARE * FAMILY_RATE / max(len(features.pooled), 1)
+    able = [each for each in features.pooled if each.p_hopeless <= least]
+    share = JOINT_SHARE if able else 0.0
+    adjusted = holm(np.concatenate([p_bias, p_scatter]))
+    adjusted = np.minimum(adjusted / (1 - share), 1.0).reshape(2, -1)
+    n = len(features.labels)
+    pooled = []
+    for each, p in zip(able, holm(np.array([x.p for x in able])).tolist(), strict=True):
+        p = min(p / JOINT_SHARE, 1.0)
+        way: Verdict = "under-predicted" if each.ratio > 1 else "over-predicted"
+        pooled.append(replace(each, p=p, verdict=way if p <= FAMILY_RATE else None))
+    features = replace(features, pooled=tuple(pooled))
+    more = None if lengths is None else _judged(lengths, adjusted[:, n:], withheld[n:])
+    return _judged(features, adjusted[:, :n], withheld[:n]), more
+
+
+def _judged(kind: Compared, p: FloatArray, withheld: BoolArray) -> Compared:
+    """The verdicts by the adjusted p (2, items) of bias and scatter."""
+    off, scatter = p <= FAMILY_RATE
+    under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
+    # Parts too few to measure their scatter, but known to scatter more, explain a mean that is off.
+    off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
+
+    def answers(met: BoolArray, q: FloatArray) -> tuple[bool | None, ...]:
+        pairs = zip(met.tolist(), np.isfinite(q).tolist(), strict=True)
+        return tuple(yes if tested else None for yes, tested in pairs)
+
+    return replace(
+        kind,
+        p_bias=p[0],
+        p_scatter=p[1],
+        biased=answers(off, p[0]),
+        under_predicted=answers(under, p[1]),
+        over_predicted=answers(over, p[1]),
+        withheld=tuple(withheld.tolist()),
+    )
+
+
+class Range(NamedTuple):
+    """The least, the median and the largest of the values that are known."""
+
+    least: float
+    median: float
+    largest: float
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest."""
+        return self.least, self.largest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """The items of one operation, features or lengths (`kind`): how many have which verdict and
+    fault, and the ranges of their figures.
+
+    `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted` and
+    `over_predicted` every fault. `bias_tested` and `scatter_tested` items could be judged at all,
+    `not_tested` ones in neither. `ranges` are, where any value is known, those of RANGES, of
+    `ratio_scatter` of the items under- and over-predicted (`under_factor`, `over_factor`), of
+    |bias| of the biased (`bias_size`, mm), and of `n0`. `pooled`: None where it was not tested.
+    """
+
+    kind: str
+    operation: str
+    items: int
+    verdicts: dict[Verdict, int]
+    not_tested: int
+    bias_tested: int
+    scatter_tested: int
+    biased: int
+    under_predicted: int
+    over_predicted: int
+    ranges: Mapping[str, Range]
+    pooled: Pooled | None
+
+    @property
+    def pooled_fault(self) -> Verdict | None:
+        """What the pooled test shows and no item by itself."""
+        alone = {"under-predicted": self.under_predicted, "over-predicted": self.over_predicted}
+        verdict = None if self.pooled is None else self.pooled.verdict
+        return None if verdict is None or alone[verdict] else verdict
+
+
+def summarised(found: Compared, kind: str = "features") -> tuple[Summary, ...]:
+    """One entry an operation, in the order in which they come."""
+    operations = dict.fromkeys(label[0] for label in found.labels)
+    return tuple(_summary(found, kind, each) for each in operations)
+
+
+def _summary(found: Compared, kind: str, operation: str) -> Summary:
+    rows = [i for i, label in enumerate(found.labels) if label[0] == operation]
+    verdicts = [found.verdicts[i] for i in rows]
+    names = ("biased", "under_predicted", "over_predicted")
+    answers = {name: [getattr(found, name)[i] for i in rows] for name in names}
+    biased, under, over = (np.array([x is True for x in each]) for each in answers.values())
+    values = {name: getattr(found, name)[rows] for name in RANGES}
+    scatter = values["ratio_scatter"]
+    values |= {"under_factor": scatter[under], "over_factor": scatter[over]}
+    values |= {"bias_size": np.abs(values["bias"][biased]), "n0": found.one_way.n0[rows]}
+    known = {name: each[np.isfinite(each)] for name, each in values.items()}
+    return Summary(
+        kind=kind,
+        operation=operation,
+        items=len(rows),
+        verdicts={name: verdicts.count(name) for name in VERDICTS},
+        not_tested=verdicts.count(None),
+        bias_tested=len(rows) - answers["biased"].count(None),
+        scatter_tested=len(rows) - answers["under_predicted"].count(None),
+        biased=int(biased.sum()),
+        under_predicted=int(under.sum()),
+        over_predicted=int(over.sum()),
+        ranges={
+            name: Range(float(each.min()), float(np.median(each)), float(each.max()))
+            for name, each in known.items()
+            if len(each)
+        },
+        pooled=next((item for item in found.pooled if item.operation == operation), None),
+    )

@@ -11,7 +11,7 @@ from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.rows import RowErrors
 from mtu_cli.analyses.correct.scatter import FEWEST, PointScatter, Ring, forms_left, point_scatter
 from mtu_cli.analyses.correct.sizes import Size, mean_size, sizes_of, with_scatter
-from mtu_cli.analyses.correct.wanted import Calibration, tasks_of, wanted_of
+from mtu_cli.analyses.correct.wanted import Wanted, tasks_of, wanted_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
@@ -27,8 +27,6 @@ from mtu_cli.stats.least_squares import FloatArray
 __all__ = ["CorrectResult", "Size", "correct", "mean_size", "unused_warmth"]
 
 SLACK_DEGC = 1e-9
-FAR_MM = 1.0
-"""A ring this far from its calibrated diameter is another one, or in another unit."""
 FAR_K = 1.0
 """A machine this far from its reference temperature errs by 10 um in each metre and more."""
 
@@ -51,17 +49,27 @@ def correct(
     claim or that no equation is for, or a circle that its points do not determine.
     """
     at = covariates or {}
-    _check_axes(model, points)
-    rows, noted = _rows(model, points, at, independent=settings.independent)
+    measured = [k for k in range(3) if np.isfinite(points.measured[:, k]).any()]
+    if {AXES[k] for k in measured}.isdisjoint(model.axes):
+        raise no_shared_axis(model, points, measured)
+    columns, places = point_columns(points), points.measured
+    needed = needed_covariates(model, points, columns, at)
+    rows = RowErrors(
+        model=model,
+        points=points,
+        places=np.where(np.isnan(places), points.nominal, places),
+        covariates=needed.values,
+        independent=settings.independent,
+    )
+    guesses = guess_warnings(model, rows.places, needed.values, columns, at)
+    noted = [*needed.warnings, *guesses, *_axis_warnings(model, points)]
     error, u, dof, sensors = rows.errors()
-    corrected = points.measured - np.nan_to_num(error)
+    corrected = places - np.nan_to_num(error)
     by_machine, rings, warned = _sizes(part, rows, corrected, at)
     scatter = point_scatter(points, corrected, sensors, rings)
-    k = settings.coverage_factor
-    sizes = [replace(with_scatter(size, scatter), k=k) for size in by_machine]
+    sizes = [replace(with_scatter(x, scatter), k=settings.coverage_factor) for x in by_machine]
     u_corrected, dof_corrected = (u, dof) if scatter is None else scatter.added(u, dof)
-    outside = outside_warnings(rows.all_outside())
-    of_sizes = _size_warnings(sizes, scatter)
+    outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -79,32 +87,8 @@ def correct(
         sizes=tuple(sizes),
         forms=forms_left(rings, scatter, float(roundings(points).max())),
         independent=settings.independent,
-        notes=(*noted, *outside, *warned, *of_sizes),
+        notes=(*noted, *outside_warnings(outside), *warned, *_size_warnings(sizes, scatter)),
     )
-
-
-def _check_axes(model: MachineModel, points: Points) -> None:
-    """Refuses points that nothing can be corrected of."""
-    measured = [i for i in range(3) if np.isfinite(points.measured[:, i]).any()]
-    if {AXES[i] for i in measured}.isdisjoint(model.axes):
-        raise no_shared_axis(model, points, measured)
-
-
-def _rows(
-    model: MachineModel, points: Points, at: Mapping[str, float], *, independent: bool
-) -> tuple[RowErrors, list[Finding]]:
-    """The machine at the measured places under the rows' covariates, and what these lack."""
-    columns = point_columns(points)
-    needed = needed_covariates(model, points, columns, at)
-    rows = RowErrors(
-        model=model,
-        points=points,
-        places=np.where(np.isnan(points.measured), points.nominal, points.measured),
-        covariates=needed.values,
-        independent=independent,
-    )
-    guesses = guess_warnings(model, rows.places, needed.values, columns, at)
-    return rows, [*needed.warnings, *guesses, *_axis_warnings(model, points)]
 
 
 def _sizes(
@@ -114,29 +98,27 @@ def _sizes(
     and their warnings.
     """
     if part is None:
-        consequence = "points are corrected, no circle or length is known"
-        facts = {"what": "the part file", "names": ["-p"], "consequence": consequence}
-        return [], [], [finding("missing-values", **facts)]
+        return [], [], []
     wanted, warned = wanted_of(part, rows.points, at)
     tasks, partial = tasks_of(wanted, rows.points)
     sizes, rings = sizes_of(tasks, rows, corrected)
     warned += partial
     for item in wanted:
-        members = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
-        if item.calibration is not None and members:
-            visits = [each for size in members for each in size.repeats]
-            warned += _calibration_warnings(item.calibration, visits)
+        own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
+        if own and item.kind != "length":
+            warned += _calibration_warnings(item, [each for size in own for each in size.repeats])
     return sizes, rings, warned
 
 
-def _calibration_warnings(known: Calibration, sizes: Sequence[Size]) -> Iterator[Finding]:
-    """Of a missing calibration, or one that cannot be that of the `sizes` of single visits."""
-    if not len(known.degrees):
+def _calibration_warnings(known: Wanted, sizes: Sequence[Size]) -> Iterator[Finding]:
+    """Of a missing calibration, or one of other temperatures than the `sizes` of single visits."""
+    if not len(known.calibrated):
         reason, quantity = "no calibrated_mm", "errors and their reduction"
         yield finding("not-estimable", quantity=quantity, names=[known.name], reason=reason)
         return
+    low, high = known.calibrated[[0, -1], 0].tolist()
     if known.missing:
-        span = f" of {known.degrees[0]:g} degC" if known.ranged else ""
+        span = f" of {low:g} degC" if known.ranged else ""
         yield finding(
             "missing-values",
             what=f"the temperature of {known.name}",
@@ -145,28 +127,11 @@ def _calibration_warnings(known: Calibration, sizes: Sequence[Size]) -> Iterator
             f"diameter{span} is taken as it is",
             meant=known.near,
         )
-    low, high = float(known.degrees[0]), float(known.degrees[-1])
     T = [size.temperature for size in sizes if np.isfinite(size.temperature)]
-    beyond = [max(low - degrees, degrees - high) for degrees in T]
-    if known.ranged and max(beyond, default=0.0) > SLACK_DEGC:
-        yield finding(
-            "outside-measured-range",
-            what=f"{T[int(np.argmax(beyond))]:.4g} degC",
-            names=[f"the calibration of {known.name}"],
-            low=low,
-            high=high,
-            unit="degC",
-        )
-    far = [size for size in sizes if abs(size.error[0]) > FAR_MM]
-    if far:
-        worst = max(far, key=lambda size: abs(size.error[0]))
-        yield finding(
-            "calibrated-far-from-measured",
-            name=known.name,
-            measured_mm=worst.size[0],
-            part=worst.part,
-            calibrated_mm=worst.reference,
-        )
+    farthest = max(T, key=lambda degrees: max(low - degrees, degrees - high), default=low)
+    if known.ranged and max(low - farthest, farthest - high) > SLACK_DEGC:
+        facts = {"what": f"{farthest:.4g} degC", "names": [f"the calibration of {known.name}"]}
+        yield finding("outside-measured-range", **facts, low=low, high=high, unit="degC")
 
 
 def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> Iterator[Finding]:
@@ -199,23 +164,13 @@ def unused_warmth(model: MachineModel, points: Points, reference: float) -> list
         return []
     far: dict[str, float] = {}
     for name, column in points.covariates.items():
-        if not is_temperature(name) or column.dtype == object:
-            continue
-        away = np.abs(column.astype(np.float64) - reference)
-        worst = int(np.argmax(np.where(np.isfinite(away), away, -np.inf)))
-        if away[worst] > FAR_K:
-            far[name] = float(column[worst])
+        if is_temperature(name) and column.dtype != object and np.isfinite(column).any():
+            value = float(column[np.nanargmax(np.abs(column - reference))])
+            far |= {name: value} if abs(value - reference) > FAR_K else {}
     if not far:
         return []
     name = max(far, key=lambda key: abs(far[key] - reference))
     others = f"; {len(far) - 1} more sensors" if len(far) > 1 else ""
-    return [
-        finding(
-            "no-thermal-component",
-            reference=reference,
-            sensor=name,
-            reading=far[name],
-            others=others,
-            expected="--drift FILE, or -c with a report of thermal-fit",
-        )
-    ]
+    facts = {"reference": reference, "sensor": name, "reading": far[name], "others": others}
+    expected = "--drift FILE, or -c with a report of thermal-fit"
+    return [finding("no-thermal-component", **facts, expected=expected)]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,8 +23,7 @@ from mtu_cli.units import UM
 CAUSE = "the model does not describe these points, or calibrated_mm is wrong"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FeatureErrors:
+class FeatureErrors(NamedTuple):
     """Measured features with the means (m, 3) mm over all their points: nominal places, and
     measured minus nominal before and after the correction; nan where a point lacks a coordinate.
     """
@@ -34,8 +34,7 @@ class FeatureErrors:
     after: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AxisCorrections:
+class AxisCorrections(NamedTuple):
     """The corrections of `points` coordinates along an axis, mm: what is added to the measured."""
 
     axis: str
@@ -47,8 +46,7 @@ class AxisCorrections:
     u_largest: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SizeErrors:
+class SizeErrors(NamedTuple):
     """The errors of one circle, sphere or length over all `parts` (of operations: each counts),
     before and after the correction, mm; `half` is the median half-width of intervals that the
     errors after of all circles and spheres are in together, in 95 % of all cases (Bonferroni).
@@ -119,42 +117,40 @@ class CorrectResult:
         """The errors of every circle, sphere and length that has a reference, over the parts."""
         groups: dict[tuple[Kind, str], list[Size]] = {}
         for item in self.sizes:
-            if math.isfinite(item.reference):
+            if isfinite(item.reference):
                 groups.setdefault((item.kind, item.id), []).append(item)
         judged = sum(kind != "length" for kind, _ in groups)
         probability = 1 - (1 - PROBABILITY) / max(judged, 1)
-        return tuple(
-            _size_errors(kind, name, items, probability) for (kind, name), items in groups.items()
-        )
+        found = []
+        for (kind, name), items in groups.items():
+            errors = np.array([item.error for item in items])
+            mean, rms = errors.mean(axis=0).tolist(), np.sqrt((errors**2).mean(axis=0)).tolist()
+            half = [coverage_factor(probability, item.dof_error) * item.u_error for item in items]
+            sides = (mean[0], mean[1]), (rms[0], rms[1])
+            found.append(SizeErrors(kind, name, len(items), *sides, float(np.median(half))))
+        return tuple(found)
 
     def rms(self, kinds: Collection[Kind]) -> Sides | None:
         """Root mean square of the errors of all sizes of some kinds before and after; None where
         none has a reference.
         """
         sizes = (item for item in self.sizes if item.kind in kinds)
-        errors = [item.error for item in sizes if math.isfinite(item.reference)]
+        errors = [item.error for item in sizes if isfinite(item.reference)]
         if not errors:
             return None
-        before, after = np.sqrt(np.mean(np.square(errors), axis=0))
-        return float(before), float(after)
+        before, after = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
+        return before, after
 
     def by_feature(self) -> FeatureErrors:
         """Mean errors of the features before and after."""
-        points = self.points
-        measured, code = np.unique(points.feature, return_inverse=True)
-        count = np.bincount(code)[:, None]
-
-        def mean(values: FloatArray) -> FloatArray:
-            sums = np.column_stack([np.bincount(code, values[:, k]) for k in range(3)])
-            means: FloatArray = sums / count
-            return means
-
-        return FeatureErrors(
-            features=tuple(points.features[m] for m in measured),
-            places=mean(points.nominal),
-            before=mean(points.measured - points.nominal),
-            after=mean(self.corrected - points.nominal),
+        nominal = self.points.nominal
+        seen, code = np.unique(self.points.feature, return_inverse=True)
+        count = np.bincount(code)
+        places, before, after = (
+            np.column_stack([np.bincount(code, along) / count for along in values.T])
+            for values in (nominal, self.points.measured - nominal, self.corrected - nominal)
         )
+        return FeatureErrors(tuple(self.points.features[i] for i in seen), places, before, after)
 
     def by_axis(self) -> tuple[AxisCorrections, ...]:
         """The corrections along each of `axes`, summed up."""
@@ -162,33 +158,10 @@ class CorrectResult:
         for axis in self.axes:
             k = AXES.index(axis)
             known = np.isfinite(self.error[:, k])
-            correction, u = -self.error[known, k], self.u[known, k]
-            summed.append(
-                AxisCorrections(
-                    axis=axis,
-                    points=len(u),
-                    least=float(correction.min()),
-                    mean=float(correction.mean()),
-                    largest=float(correction.max()),
-                    u_mean=float(u.mean()),
-                    u_largest=float(u.max()),
-                )
-            )
+            added, u = -self.error[known, k], self.u[known, k]
+            figures = (added.min(), added.mean(), added.max(), u.mean(), u.max())
+            summed.append(AxisCorrections(axis, len(u), *map(float, figures)))
         return tuple(summed)
-
-
-def _size_errors(kind: Kind, name: str, items: list[Size], probability: float) -> SizeErrors:
-    errors = np.array([item.error for item in items])
-    mean, rms = errors.mean(axis=0), np.sqrt((errors**2).mean(axis=0))
-    half = [coverage_factor(probability, item.dof_error) * item.u_error for item in items]
-    return SizeErrors(
-        kind=kind,
-        id=name,
-        parts=len(items),
-        mean=(float(mean[0]), float(mean[1])),
-        rms=(float(rms[0]), float(rms[1])),
-        half=float(np.median(half)),
-    )
 
 
 def _left(result: CorrectResult) -> Iterator[Finding]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,19 +11,17 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.covariates import rows_of
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel, sensors_of
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
 PIECE = 64
-"""Points predicted at once where only their own variances are needed."""
+"""Points whose own variances are predicted at once."""
 REACH = 12.0
 """Time constants after which a temperature is forgotten: exp(-12) is 6e-6."""
 MOMENTS = 512
 """Earlier moments that a lag is given at most."""
-
 SLACK = 0.005
 """Share of a measured range by which points, which carry the errors, may leave it."""
-
-Outside = dict[tuple[str, str], tuple[str, str, float, float, float]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,22 +36,43 @@ class RowErrors:
     places: FloatArray
     covariates: Mapping[str, FloatArray | float]
     independent: bool
-    outside: Outside = field(default_factory=dict)
+    outside: dict[tuple[str, str], tuple[str, str, float, float, float]] = field(
+        default_factory=dict
+    )
 
-    def predicted(self, rows: np.ndarray) -> Prediction:
+    @property
+    def columns(self) -> list[int]:
+        """The axes (0, 1, 2) of the model's equations."""
+        return [AXES.index(axis) for axis in self.model.axes]
+
+    def predicted(self, rows: IntArray) -> Prediction:
         """The prediction at `rows` (m,), under the earlier temperatures where a drift lags."""
         every = np.concatenate([rows, self._history(rows)])
         names = [self.points.features[code] for code in self.points.feature[every]]
         places = self.places[every]
         # Of other moments only the temperatures matter.
         places[len(rows) :] = places[0]
-        found = predict(self.model, names, places, rows_of(self.covariates, every))
-        prediction = found.first(len(rows))
+        prediction = predict(self.model, names, places, rows_of(self.covariates, every))
+        prediction = prediction.first(len(rows))
         for entry in prediction.outside:
             _, _, position, low, high = entry
             if max(low - position, position - high) > SLACK * (high - low):
                 self.outside.setdefault(entry[:2], entry)
         return prediction
+
+    def _history(self, rows: IntArray) -> IntArray:
+        """Rows (m,) of earlier and intermediate moments, one a moment, thinned evenly."""
+        longest = max((d.time_constants.max() for d in self.model.drifts()), default=0.0)
+        times = np.asarray(self.covariates.get(TIME, 0.0))
+        if longest == 0 or times.ndim == 0:
+            return np.zeros(0, np.int64)
+        now = times[rows]
+        near = (times >= now.min() - REACH * longest) & (times <= now.max())
+        found = np.flatnonzero(near & ~np.isin(times, now))
+        found = found[np.unique(times[found], return_index=True)[1]]
+        if len(found) > MOMENTS:
+            found = found[np.linspace(0, len(found) - 1, MOMENTS).round().astype(int)]
+        return found
 
     def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Variances (m,) of the measurands A E and their effective degrees of freedom (m,)."""
@@ -64,19 +83,11 @@ class RowErrors:
         # A difference of mean squares may leave a little less than nothing.
         return np.maximum(found.total, 0.0), found.dof
 
-    def covariance(
-        self, prediction: Prediction, where: np.ndarray, along: FloatArray
-    ) -> FloatArray:
-        """Covariance (m, m) of the errors of the points `where` (m,), each along its own
-        direction `along` (m, axes), mm^2.
-        """
-        m, a = along.shape
-        apart = np.zeros((m, len(prediction.points), a))
-        apart[np.arange(m), where] = along
-        A = apart.reshape(m, -1)
+    def covariance(self, prediction: Prediction, A: FloatArray) -> FloatArray:
+        """Covariance (m, m) of the measurands A E, mm^2."""
         if self.independent:
             return np.diag(A**2 @ prediction.independent_variance)
-        return prediction.covariance_of(A)
+        return np.asarray(A @ prediction.covariance @ A.T)
 
     def errors(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Error, standard uncertainty, effective degrees of freedom and the variance by what
@@ -85,14 +96,12 @@ class RowErrors:
         They are nan along axes that have no equation or were not measured, the last one 0.
         """
         n, a = len(self.points), len(self.model.axes)
-        columns = [AXES.index(axis) for axis in self.model.axes]
         error, u, dof = (np.full((n, 3), np.nan) for _ in range(3))
         sensors = np.zeros((n, 3))
         for start in range(0, n, PIECE):
             rows = np.arange(start, min(start + PIECE, n))
-            prediction = self.predicted(rows)
+            prediction, place = self.predicted(rows), np.ix_(rows, np.array(self.columns))
             variance, nu = self.variances(prediction, np.eye(len(rows) * a))
-            place = np.ix_(rows, np.array(columns))
             error[place] = prediction.mean.reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
             dof[place] = nu.reshape(-1, a)
@@ -106,43 +115,10 @@ class RowErrors:
         in common with it at most.
         """
         names = set(sensors_of(self.model))
-        own = [block for block in prediction.blocks if set(block.names) <= names]
+        blocks = tuple(block for block in prediction.blocks if set(block.names) <= names)
         n, a = len(prediction.points), len(prediction.axes)
-        E = replace(prediction, blocks=tuple(own)).covariance.reshape(n, a, n, a)
-        found = np.zeros((n, a))
-        for axis in range(a):
-            K = E[:, axis, :, axis]
-            common = np.where(np.eye(n, dtype=bool), 0.0, K).max(axis=1)
-            found[:, axis] = np.clip(np.diag(K) - common, 0.0, None)
-        return found
-
-    def all_outside(self) -> Prediction:
-        """A prediction that lists what any of them left the measured ranges with."""
-        first = self.predicted(np.arange(1))
-        return replace(first, outside=tuple(self.outside.values()))
-
-    def _history(self, rows: np.ndarray) -> np.ndarray:
-        """Rows (m,) of earlier and intermediate moments, one a moment, thinned evenly."""
-        longest = max((d.time_constants.max() for d in self.model.drifts()), default=0.0)
-        times = self.covariates.get(TIME)
-        if longest == 0 or times is None or np.ndim(times) == 0:
-            return np.zeros(0, np.int64)
-        all_times = np.asarray(times)
-        own = all_times[rows]
-        near = (all_times >= own.min() - REACH * longest) & (all_times <= own.max())
-        found = np.flatnonzero(near & ~np.isin(all_times, own))
-        found = found[np.unique(all_times[found], return_index=True)[1]]
-        if len(found) > MOMENTS:
-            found = found[np.linspace(0, len(found) - 1, MOMENTS).round().astype(int)]
-        return found
-
-    def together(self, groups: list[np.ndarray]) -> Iterator[tuple[int, int]]:
-        """Ranges (start, end) of groups of rows that are predicted at once."""
-        start, size = 0, 0
-        for end, rows in enumerate(groups):
-            if end > start and size + len(rows) > 4 * PIECE:
-                yield start, end
-                start, size = end, 0
-            size += len(rows)
-        if groups:
-            yield start, len(groups)
+        E = replace(prediction, blocks=blocks).covariance.reshape(n, a, n, a)
+        own = np.einsum("iaia->ia", E).copy()
+        E[np.arange(n), :, np.arange(n), :] = 0.0
+        left: FloatArray = own - np.einsum("iaja->iaj", E).max(axis=2)
+        return np.maximum(left, 0.0)

@@ -2,27 +2,25 @@
 
 Corrected coordinates scatter by the probing, too. Its variance s^2 is what the model leaves of
 
-- repeats: those of one feature of one part about their mean. What the machine did to a part is in
-  every repeat (as in `mean_size`): of the model only the noise of the temperature readings, which
-  every row has by itself, is taken off. Where the machine itself repeated the measurement, its
-  repeatability counts twice: an upper bound;
-- form: the residuals of circles and spheres. Of these the model accounts for all the shape that
-  its covariance gives a ring; what is left holds the form error of the ring itself.
+- repeats of one feature of one part about their mean: what the machine did to a part is in all of
+  them, so that only the noise of each row's own temperature readings is taken off. Where the
+  machine itself repeated the measurement, its repeatability counts twice: an upper bound;
+- form: residuals of circles and spheres, less the shape that the model's covariance gives a ring;
+  what is left holds the form error of the ring itself.
 
 With squares S_j of k_j degrees of freedom and modelled variances m_j, E S_j = k_j (m_j + s^2),
 the likelihood of normal errors is largest at
 
     s^2 = sum w_j (S_j - k_j m_j) / sum w_j k_j,    w_j = (m_j + s^2)^-2,
 
-whose variance is 2/sum w_j k_j (Searle, Casella & McCulloch 1992, section 6.2). With equal m_j it
-is the observed less the modelled mean square.
+whose variance is 2/sum w_j k_j (Searle, Casella & McCulloch 1992, section 6.2).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc
@@ -46,8 +44,7 @@ NOTHING_MM = 1e-9
 """A scatter below a picometre is rounding."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Squares:
+class Squares(NamedTuple):
     """Sums of squares (j,) mm^2 with degrees of freedom (j,) and modelled variances (j,)."""
 
     sums: FloatArray
@@ -90,8 +87,7 @@ class PointScatter:
         return np.sqrt(total), np.maximum(total**2 / spread, np.minimum(dof, self.dof))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ring:
+class Ring(NamedTuple):
     """A circle or sphere in one visit after the correction.
 
     `residuals` (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, and
@@ -109,8 +105,7 @@ class Ring:
     dof: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FormLeft:
+class FormLeft(NamedTuple):
     """The mean form of a ring over its `visits`: root mean square `rms` of its residuals, and
     `explained`, that of the model's uncertainty and the points' scatter, mm; F, p.
     """
@@ -129,8 +124,7 @@ class FormLeft:
 def point_scatter(
     points: Points, corrected: FloatArray, sensors: FloatArray, rings: Sequence[Ring]
 ) -> PointScatter | None:
-    """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`.
-
+    """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`;
     `sensors` (n, 3): variance by the noise of each point's own temperature readings, mm^2.
     """
     r = float(roundings(points).max())
@@ -138,14 +132,8 @@ def point_scatter(
     if repeats.dof.sum() >= FEWEST:
         return _estimate(repeats, "repeats", r)
     squares = [item for item in map(ring_squares, rings) if item is not None]
-    if not squares:
-        return None
-    pooled = Squares(
-        sums=np.concatenate([item.sums for item in squares]),
-        dof=np.concatenate([item.dof for item in squares]),
-        modelled=np.concatenate([item.modelled for item in squares]),
-    )
-    return _estimate(pooled, "form", r)
+    pooled = [np.concatenate(each) for each in zip(*squares, strict=True)]
+    return _estimate(Squares(*pooled), "form", r) if pooled else None
 
 
 def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -> Squares:
@@ -153,27 +141,23 @@ def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -
     _, operation = operations_of(points)
     cell = (operation.astype(np.int64) * len(points.parts) + points.part) * len(points.features)
     _, code = np.unique(cell + points.feature, return_inverse=True)
-    sums, dof, modelled = [], [], []
+    found = []
     for axis in range(3):
         known = np.isfinite(corrected[:, axis])
         group, value = code.reshape(-1)[known], corrected[known, axis]
         count = np.bincount(group)
-        divisor = np.maximum(count, 1)
-        mean = np.bincount(group, value) / divisor
-        kept = count > 1
-        sums.append(np.bincount(group, (value - mean[group]) ** 2)[kept])
-        dof.append(count[kept] - 1.0)
-        modelled.append((np.bincount(group, sensors[known, axis]) / divisor)[kept])
-    return Squares(
-        sums=np.concatenate(sums), dof=np.concatenate(dof), modelled=np.concatenate(modelled)
-    )
+        divisor, kept = np.maximum(count, 1), count > 1
+        away = value - (np.bincount(group, value) / divisor)[group]
+        modelled = np.bincount(group, sensors[known, axis]) / divisor
+        found.append((np.bincount(group, away**2)[kept], count[kept] - 1.0, modelled[kept]))
+    return Squares(*(np.concatenate(each) for each in zip(*found, strict=True)))
 
 
-def ring_space(away: FloatArray, d: int) -> FloatArray | None:
+def ring_space(away: FloatArray, kind: Kind) -> FloatArray | None:
     """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
     (d = 2) or sphere (3) leave; None where they leave none. `away` (n, 3): see `Ring`.
     """
-    n = len(away)
+    n, d = len(away), DIMENSIONS[kind]
     if n <= d + 1:
         return None
     # Vectors of a circle lie in its plane: two of the four columns and the ones have rank 3.
@@ -183,35 +167,33 @@ def ring_space(away: FloatArray, d: int) -> FloatArray | None:
 
 def ring_squares(ring: Ring) -> Squares | None:
     """Squares of the residuals in the space that the fit leaves, one a direction of K."""
-    Q = ring_space(ring.away, DIMENSIONS[ring.kind])
+    Q = ring_space(ring.away, ring.kind)
     if Q is None:
         return None
     values, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
-    return Squares(
-        sums=(vectors.T @ Q.T @ ring.residuals) ** 2,
-        dof=np.ones(len(values)),
-        modelled=np.clip(values, 0.0, None),
-    )
+    sums = (vectors.T @ Q.T @ ring.residuals) ** 2
+    return Squares(sums, np.ones(len(values)), np.clip(values, 0.0, None))
 
 
 def _estimate(squares: Squares, origin: Origin, r: float = 0.0) -> PointScatter:
     """`r` is the variance of a coordinate by its last digit."""
-    least = NOTHING_MM**2
-    excess = squares.sums - squares.dof * squares.modelled
-    variance = max(float(excess.sum() / squares.dof.sum()), 0.0)
+    sums, dof, modelled = squares
+    least, excess = NOTHING_MM**2, sums - dof * modelled
+    variance = max(float(excess.sum() / dof.sum()), 0.0)
     for _ in range(ITERATIONS):
-        weights = np.maximum(squares.modelled + variance, least) ** -2
-        last, variance = variance, max(float(weights @ excess / (weights @ squares.dof)), 0.0)
+        weights = np.maximum(modelled + variance, least) ** -2
+        last, variance = variance, max(float(weights @ excess / (weights @ dof)), 0.0)
         if abs(variance - last) <= 1e-10 * max(variance, least):
             break
     variance = variance if variance > least else 0.0
-    weights = np.maximum(squares.modelled + variance, least) ** -2
+    spread = 1.0 / float(np.maximum(modelled + variance, least) ** -2 @ dof)
+    rounding = float(hidden(variance, r)) if r > least else 0.0
     return PointScatter(
         variance=variance,
-        spread=1.0 / float(weights @ squares.dof),
-        dof=float(squares.dof.sum()),
+        spread=spread,
+        dof=float(dof.sum()),
         origin=origin,
-        rounding=float(hidden(variance, r)) if r > least else 0.0,
+        rounding=rounding,
     )
 
 
@@ -227,11 +209,12 @@ def forms_left(
     visits: dict[tuple[Kind, str, str], list[Ring]] = {}
     for ring in rings:
         visits.setdefault((ring.kind, ring.id, ring.operation), []).append(ring)
-    tested = (_form_left(each, scatter, r) for each in visits.values())
-    return tuple(form for form in tested if form is not None)
+    return tuple(form for each in visits.values() for form in _form_left(each, scatter, r))
 
 
-def _form_left(visits: Sequence[Ring], scatter: PointScatter | None, r: float) -> FormLeft | None:
+def _form_left(
+    visits: Sequence[Ring], scatter: PointScatter | None, r: float
+) -> Iterator[FormLeft]:
     """F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
     digit hides of s in all of them alike.
 
@@ -239,19 +222,17 @@ def _form_left(visits: Sequence[Ring], scatter: PointScatter | None, r: float) -
     have the degrees of freedom of a sum of unequal variances (Box 1954; Welch-Satterthwaite).
     """
     first, n = visits[0], len(visits)
-    Q = ring_space(np.mean([ring.away for ring in visits], axis=0), DIMENSIONS[first.kind])
-    if Q is None:
-        return None
+    Q = ring_space(np.mean([ring.away for ring in visits], axis=0), first.kind)
+    repeated = scatter is not None and scatter.origin == "repeats"
+    if Q is None or not (repeated or n > 1):
+        return
     k = Q.shape[1]
     e = np.array([ring.residuals for ring in visits]) @ Q
-    mean = e.mean(axis=0)
-    if scatter is not None and scatter.origin == "repeats":
+    mean, dof = e.mean(axis=0), (n - 1.0) * k
+    if scatter is not None and repeated:
         s2, dof = scatter.variance, scatter.dof
-    elif n > 1:
-        dof = (n - 1.0) * k
-        s2 = float(((e - mean) ** 2).sum()) / dof
     else:
-        return None
+        s2 = float(((e - mean) ** 2).sum()) / dof
     noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
     V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
     total = float(np.trace(V))
@@ -259,17 +240,10 @@ def _form_left(visits: Sequence[Ring], scatter: PointScatter | None, r: float) -
     parts = np.maximum([total - k * noise, k * noise], 0.0)
     theirs = welch_satterthwaite(parts, np.array([min(r.dof for r in visits), dof]))
     F = float(mean @ mean) / total
-    return FormLeft(
-        kind=first.kind,
-        id=first.id,
-        operation=first.operation,
-        calibrated=any(ring.calibrated for ring in visits),
-        visits=n,
-        rms=float(np.sqrt(mean @ mean / k)),
-        explained=float(np.sqrt(total / k)),
-        F=F,
-        p=float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F)),
-    )
+    p = float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F))
+    sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
+    calibrated = any(ring.calibrated for ring in visits)
+    yield FormLeft(first.kind, first.id, first.operation, calibrated, n, *sizes, F, p)
 
 
 def unexplained(forms: Sequence[FormLeft]) -> list[FormLeft]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from math import nan
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -13,7 +14,6 @@ from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
 from mtu_cli.model.covariates import numbers_of, point_columns
-from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
 from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
@@ -22,59 +22,53 @@ Kind = Literal["circle", "sphere", "length"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
-    """Diameters (k,) mm at ascending `degrees` (k,), degC.
-
-    `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter
-    was stated with a temperature; `missing` names the column of the temperature that is not there,
-    "" where nothing is missing, and `near` the columns that it may be.
-    """
-
-    name: str
-    degrees: FloatArray
-    diameter: FloatArray
-    temperature: FloatArray
-    ranged: bool
-    missing: str = ""
-    near: tuple[str, ...] = ()
-
-    def at(self, temperature: float) -> float:
-        """The diameter: linear between calibrated temperatures and beyond, constant with one."""
-        if len(self.degrees) == 0:
-            return float("nan")
-        if len(self.degrees) == 1:
-            return float(self.diameter[0])
-        right = int(np.clip(np.searchsorted(self.degrees, temperature), 1, len(self.degrees) - 1))
-        share = (temperature - self.degrees[right - 1]) / (
-            self.degrees[right] - self.degrees[right - 1]
-        )
-        low, high = self.diameter[right - 1 : right + 1]
-        return float(low + share * (high - low))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """A size of the part file; circles and spheres with their calibration."""
+    """A size of the part file. Of circles and spheres `calibrated` (k, 2): diameters, mm, by
+    ascending temperature, degC, with the expanded uncertainty `U_reference` (k = 2, nan: not
+    given).
+
+    `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter was
+    stated with a temperature; `missing` names the column of the temperature that is not there, ""
+    where nothing is missing, and `near` the columns that it may be.
+    """
 
     kind: Kind
     id: str
     features: tuple[str, ...]
-    calibration: Calibration | None
-    U_reference: float = float("nan")
+    U_reference: float = nan
+    calibrated: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
+    temperature: FloatArray = field(default_factory=lambda: np.zeros(0))
+    ranged: bool = False
+    missing: str = ""
+    near: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Kind and id: ``circle 'ring'``."""
+        return f"{self.kind} {self.id!r}"
+
+    def reference(self, temperature: float) -> float:
+        """The calibrated diameter: linear between calibrated temperatures and beyond, constant with
+        one; nan without any.
+        """
+        if len(self.calibrated) < 2:
+            return float(self.calibrated[0, 1]) if len(self.calibrated) else nan
+        degrees = self.calibrated[:, 0]
+        right = int(np.clip(np.searchsorted(degrees, temperature), 1, len(degrees) - 1))
+        (start, low), (end, high) = self.calibrated[right - 1 : right + 1]
+        return float(low + (temperature - start) / (end - start) * (high - low))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
-    """A size in one visit: `rows` of its features, in their order, among the points.
-
-    `order` is the size's place in the part file.
+class Task(NamedTuple):
+    """A size, the `order`-th of the part file, in one visit: `rows` of its features, in their
+    order, among the points.
     """
 
     wanted: Wanted
+    order: int
     part: str
     operation: str
     repeat: int
-    order: int
     visit: int
     rows: IntArray
 
@@ -84,38 +78,23 @@ def wanted_of(
 ) -> tuple[list[Wanted], list[Finding]]:
     """The sizes of the part file of which at least one feature was measured.
 
-    Raises InputError for a temperature that is needed and not known, or features that are drawn
-    where no circle or sphere goes through.
+    Raises InputError for a temperature that is needed and not known.
     """
-    wanted, problems = list[Wanted](), list[Finding]()
-    absent: list[str] = []
-    rounds: dict[Kind, Sequence[Circle | Sphere]] = {
-        "circle": part.part.circles,
-        "sphere": part.part.spheres,
-    }
+    wanted, absent = list[Wanted](), list[str]()
+    rounds: dict[Kind, Sequence[Any]] = {"circle": part.part.circles, "sphere": part.part.spheres}
     for kind, items in rounds.items():
         for index, item in enumerate(items):
             if set(item.features).isdisjoint(points.features):
                 absent.append(f"{kind} {item.id!r}")
                 continue
-            problems += _drawn(part, kind, index, item, points)
-            wanted.append(
-                Wanted(
-                    kind=kind,
-                    id=item.id,
-                    features=tuple(item.features),
-                    calibration=_calibration(part, kind, index, item, points, at),
-                    U_reference=float("nan") if item.U_um is None else item.U_um * UM,
-                )
-            )
-    if problems:
-        raise InputError(problems)
+            known = _calibration(part, kind, index, item, points, at)
+            wanted.append(Wanted(kind=kind, id=item.id, features=tuple(item.features), **known))
     for length in part.part.lengths:
         ends = (length.from_, length.to)
         if set(ends).isdisjoint(points.features):
             absent.append(f"length {length.id!r}")
         else:
-            wanted.append(Wanted(kind="length", id=length.id, features=ends, calibration=None))
+            wanted.append(Wanted(kind="length", id=length.id, features=ends))
     reason = "none of its features was measured"
     return wanted, [finding("not-measured", names=absent, reason=reason)] if absent else []
 
@@ -127,7 +106,7 @@ def _calibration(
     item: Circle | Sphere,
     points: Points,
     at: Mapping[str, float],
-) -> Calibration:
+) -> dict[str, Any]:
     """The calibration of a circle or sphere at `index` of its list in the part file.
 
     Raises InputError where diameters at several temperatures lack the temperature, or cells of
@@ -135,7 +114,7 @@ def _calibration(
     """
     table = sorted((item.calibrated_mm or {}).items())
     columns, name = point_columns(points), item.temperature or ""
-    temperature = np.full(len(points), np.nan)
+    known, temperature = [*columns, *at], np.full(len(points), nan)
     if name in columns:
         codes = [i for i, feature in enumerate(points.features) if feature in item.features]
         problems: list[Finding] = []
@@ -146,7 +125,7 @@ def _calibration(
     elif name in at:
         temperature[:] = at[name]
     elif name and len(table) > 1:
-        near = nearest(name, [*columns, *at])
+        near = nearest(name, known)
         there = f" (there is {' or '.join(map(repr, near))})" if near else ""
         raise error(
             "unknown-name",
@@ -157,55 +136,16 @@ def _calibration(
             value=name,
             expected=f"a column of this name{there}, or --at {name}=VALUE",
         )
-    unknown = bool(np.isnan(temperature).all())
-    closest = closest_covariate(name, [*columns, *at]) if name and unknown else None
-    return Calibration(
-        name=f"{kind} {item.id!r}",
-        degrees=np.array([key for key, _ in table]),
-        diameter=np.array([value for _, value in table]),
-        temperature=temperature,
-        ranged=isinstance(part.document.data[f"{kind}s"][index].get("calibrated_mm"), dict),
-        missing=name if unknown else "",
-        near=(closest,) if closest else (),
-    )
-
-
-def _drawn(
-    part: LoadedPart, kind: Kind, index: int, item: Circle | Sphere, points: Points
-) -> Iterator[Finding]:
-    """Of a circle or sphere that the drawn places of its features do not determine: what is
-    measured of them bends by chance. As it is measured, without z in the plane of x and y.
-    """
-    codes = [points.features.index(name) for name in item.features if name in points.features]
-    places = points.nominal[[int(np.argmax(points.feature == code)) for code in codes]]
-    flat = np.isnan(points.measured[np.isin(points.feature, codes), 2]).any()
-    seen = places[:, :2] if flat and kind == "circle" else places
-    if len(codes) < len(item.features) or not np.isfinite(seen).all():
-        return
-    reason = _undetermined(kind, seen)
-    if reason is None:
-        return
-    expected = "features all around it"
-    if seen is not places and np.isfinite(places).all() and _undetermined(kind, places) is None:
-        reason = "it stands upright, and its points were measured without z"
-        expected = "a column z_mm with all of its points"
-    yield finding(
-        "too-little-data",
-        what=f"no {kind} goes through the nominal places of {item.id!r}: {reason}",
-        file=part.source.shown,
-        line=part.line_of(f"{kind}s", index),
-        path=f"{kind}s[{index}].features",
-        expected=expected,
-    )
-
-
-def _undetermined(kind: Kind, places: FloatArray) -> str | None:
-    """Why places (n, 2 or 3) determine no circle or sphere; None where they do."""
-    try:
-        (fit_sphere if kind == "sphere" else fit_circle)(places)
-    except GeometryError as error:
-        return str(error)
-    return None
+    missing = name if np.isnan(temperature).all() else ""
+    closest = closest_covariate(missing, known) if missing else None
+    return {
+        "U_reference": nan if item.U_um is None else item.U_um * UM,
+        "calibrated": np.array(table, np.float64).reshape(-1, 2),
+        "temperature": temperature,
+        "ranged": isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
+        "missing": missing,
+        "near": (closest,) if closest else (),
+    }
 
 
 def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Finding]]:
@@ -213,42 +153,31 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
 
     Raises InputError for a feature that stands twice in one repeat of one part.
     """
-    names = dict.fromkeys(name for item in wanted for name in item.features)
-    used = only_features(points, names)
+    used = only_features(points, [name for item in wanted for name in item.features])
     if not len(used):
         return [], []
+    visits, (operations, _) = visits_of(used), operations_of(used)
+    # The last column stands for features that nobody measured.
+    row = np.full((len(visits.part), len(used.features) + 1), -1)
     codes = [points.features.index(name) for name in used.features]
-    origin = np.flatnonzero(np.isin(points.feature, codes))
-    visits = visits_of(used)
-    row = np.full((len(visits.part), len(used.features)), -1)
-    row[visits.of_point, used.feature] = origin
-    operations, _ = operations_of(used)
+    row[visits.of_point, used.feature] = np.flatnonzero(np.isin(points.feature, codes))
     columns = {name: i for i, name in enumerate(used.features)}
+    places = [[columns.get(name, -1) for name in item.features] for item in wanted]
     tasks, partial = [], dict[str, list[str]]()
-    for visit, (part, operation) in enumerate(zip(visits.part, visits.operation, strict=True)):
+    for visit, (code, operation) in enumerate(zip(visits.part, visits.operation, strict=True)):
         for order, item in enumerate(wanted):
-            rows = np.array([row[visit, columns[f]] if f in columns else -1 for f in item.features])
-            if (rows < 0).all():
-                continue
-            if (rows < 0).any():
-                partial.setdefault(f"{item.kind} {item.id!r}", []).append(used.parts[part])
-                continue
-            tasks.append(
-                Task(
-                    wanted=item,
-                    part=used.parts[part],
-                    operation=operations[operation],
-                    repeat=int(points.repeat[rows[0]]),
-                    order=order,
-                    visit=visit,
-                    rows=rows,
-                )
-            )
-    return tasks, [_partial(name, visited) for name, visited in partial.items()]
-
-
-def _partial(name: str, visited: list[str]) -> Finding:
-    """`visited` names the part of every visit: its repeats are no parts of their own."""
-    parts = list(dict.fromkeys(visited))
-    reason = f"not all its features were measured on {counted(len(parts), 'part')} ({parts[0]!r})"
-    return finding("not-measured", names=[name], reason=reason, measurements=len(visited))
+            rows, part = row[visit, places[order]], used.parts[code]
+            if (rows >= 0).all():
+                repeat = int(points.repeat[rows[0]])
+                place = operations[operation], repeat, visit
+                tasks.append(Task(item, order, part, *place, rows))
+            elif (rows >= 0).any():
+                partial.setdefault(item.name, []).append(part)
+    problems = []
+    for name, visited in partial.items():
+        # Repeats are no parts of their own.
+        count = counted(len(set(visited)), "part")
+        reason = f"not all its features were measured on {count} ({visited[0]!r})"
+        facts = {"names": [name], "reason": reason, "measurements": len(visited)}
+        problems.append(finding("not-measured", **facts))
+    return tasks, problems

@@ -1,4 +1,7 @@
-"""How does the uncertainty of a place follow that of probing, and the number of probings?"""
+"""How does the uncertainty of a place follow that of probing, and the number of probings?
+
+The Monte Carlo over a grid of settings, a formula for its u, and whose fault that one's error is.
+"""
 
 from __future__ import annotations
 
@@ -9,35 +12,60 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.analyses.graph.check import one_unit
 from mtu_cli.analyses.graph.simulate import (
+    LINEAR,
     SimulatedCoordinate,
-    known_to,
     not_converged,
+    one_unit,
     simulate_outputs,
 )
-from mtu_cli.analyses.graph.surface import Formula, fit_formula
 from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
 from mtu_cli.findings import Finding, error, finding
-from mtu_cli.model.graph.net import MeasurementGraph
-from mtu_cli.model.graph.places import Output
-from mtu_cli.model.graph.trials import GraphTrials, evaluation, first_order
+from mtu_cli.model.graph.net import MeasurementGraph, Output
+from mtu_cli.model.graph.propagation import GraphTrials
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.streams import stream
-from mtu_cli.stats.workspace import Workspace
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.units import UM
 
 MOST = 2**18
 """Trials of a point of the grid where the count adapts, at most."""
 REPEATS = "repeats"
-TRIED = 256
-"""Trials that tell whether an output follows what is varied."""
-SAME = 1e-9
-"""Share of u below which the same trials under another uncertainty have the same values."""
 PARAMETERS = ("axis_um", "probe_um", "perpendicular_um", REPEATS)
 LARGEST_GRID = 10_000
+EXACT = 1e-4
+"""Share of the first-order variance below which a formula needs no further term."""
+LETTERS = "abcdef"
 UNLIKELY = 0.01
 """Below this probability the formula's errors are not the Monte Carlo's alone."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Formula:
+    """u^2 as a sum of terms, fitted to g grid points.
+
+    `form` in um where the output is a length, with the `terms` of u^2. `u` (g,) in the unit of
+    the output, `error_percent` (g,) = 100 (formula/Monte Carlo - 1). `monte_carlo_percent`:
+    relative standard error of a Monte Carlo u (root mean square); `expected_max_percent`: the
+    largest of g errors that these alone would make (with the formula true). `p`: of the observed
+    sum of squared errors if the formula is true.
+    """
+
+    form: str
+    terms: tuple[str, ...]
+    scale: float
+    coefficients: dict[str, float]
+    u: FloatArray
+    error_percent: FloatArray
+    max_error_percent: float
+    monte_carlo_percent: float
+    expected_max_percent: float
+    p: float
+
+    def u_at(self, at: Mapping[str, FloatArray], n: int) -> FloatArray:
+        """u (n,) in the unit of the output, also between the grid points; `at` (n,) by name."""
+        X = _columns(self.terms, at, n)
+        found: FloatArray = np.sqrt(np.maximum(X @ list(self.coefficients.values()), 0.0))
+        return found / self.scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +90,7 @@ class Sweep:
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
     without: tuple[str, ...]
-    formula: Formula | None
+    formula: Formula | None = None
     no_formula: str | None = None
 
     @property
@@ -90,8 +118,7 @@ class Sweep:
             noted.append(finding("unrelated", output=of, names=self.without))
         short = [item for item in self.grid if not item.converged]
         if short:
-            known = known_to(max(item.relative_se for item in short))
-            where = f"{known}; at {len(short)} of {len(self.grid)} points of the grid"
+            where = f"at {len(short)} of {len(self.grid)} points of the grid"
             noted.append(not_converged(max(x.trials for x in short), self.digits, where))
         if found is None and not self.chance:
             noted.append(finding("no-formula", reason=self.no_formula))
@@ -103,10 +130,7 @@ class Sweep:
 
 
 def sweep_graph(
-    graph: MeasurementGraph,
-    settings: Settings,
-    of: str,
-    varied: Mapping[str, Sequence[float]],
+    graph: MeasurementGraph, settings: Settings, of: str, varied: Mapping[str, Sequence[float]]
 ) -> Sweep:
     """Runs the Monte Carlo at every combination of the values in `varied`, and fits a formula.
 
@@ -118,30 +142,24 @@ def sweep_graph(
     """
     (output,) = one_unit(graph, of, single=True)
     _check(varied)
-    points = [
-        dict(zip(varied, map(float, values), strict=True))
-        for values in itertools.product(*varied.values())
-    ]
+    values = {name: tuple(map(float, numbers)) for name, numbers in varied.items()}
+    points = [dict(zip(values, at, strict=True)) for at in itertools.product(*values.values())]
     grid = []
     for number, at in enumerate(points):
         now = _at(settings, number, len(points))
         part = probed_with(graph, at)
         (found,) = simulate_outputs(part, [output], now, most=MOST, ends=False)
         grid.append(GridPoint(at=at, **vars(found)))
-    without = unrelated(graph, output, varied, settings.seed)
+    without = unrelated(graph, output, values)
     formula = _formula(grid, [name for name in varied if name not in without], output)
-    if isinstance(formula, Formula):
-        both = zip(grid, formula.u, formula.error_percent, strict=True)
-        grid = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
-    return Sweep(
-        output=output,
-        digits=settings.digits,
-        varied={name: tuple(map(float, values)) for name, values in varied.items()},
-        grid=tuple(grid),
-        without=without,
-        formula=formula if isinstance(formula, Formula) else None,
-        no_formula=None if isinstance(formula, Formula) else formula,
+    swept = Sweep(
+        output=output, digits=settings.digits, varied=values, grid=tuple(grid), without=without
     )
+    if isinstance(formula, str):
+        return replace(swept, no_formula=formula)
+    both = zip(grid, formula.u, formula.error_percent, strict=True)
+    fitted = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
+    return replace(swept, grid=tuple(fitted), formula=formula)
 
 
 def _at(settings: Settings, number: int, count: int) -> Settings:
@@ -161,24 +179,19 @@ def _formula(grid: Sequence[GridPoint], of: Sequence[str], output: Output) -> Fo
         return f"{output} does not depend on {', '.join(grid[0].at)}"
     if all(item.chance for item in grid):
         return f"{output} is 0 or 1: its mean is a chance, its u no uncertainty"
-    return fit_formula(
-        {name: np.array([item.at[name] for item in grid]) for name in of},
-        np.array([item.u for item in grid]),
-        np.array([item.se_u for item in grid]),
-        np.array([item.first_order_u for item in grid]),
-        output.unit,
-    )
+    u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
+    at = {name: np.array([item.at[name] for item in grid]) for name in of}
+    return fit_formula(at, u, se_u, linear_u, output.unit)
 
 
 def _check(varied: Mapping[str, Sequence[float]]) -> None:
     for name, values in varied.items():
-        largest = MAX_REPEATS if name == REPEATS else LARGEST_U_UM
-        least = 1 if name == REPEATS else 0
+        counted = name == REPEATS
+        least, largest = (1.0, MAX_REPEATS) if counted else (0.0, LARGEST_U_UM)
+        kind = "whole numbers" if counted else "numbers"
         for value in values:
-            whole = name != REPEATS or float(value).is_integer()
-            if not (least <= value <= largest and whole):
-                kind = "whole numbers" if name == REPEATS else "numbers"
-                expected = f"{kind} from {least} to {largest:g}"
+            if not least <= value <= largest or (counted and value % 1.0):
+                expected = f"{kind} from {least:g} to {largest:g}"
                 path = f"--vary {name}"
                 raise error("out-of-range", path=path, value=f"{value:g}", expected=expected)
     count = math.prod(len(values) for values in varied.values())
@@ -199,34 +212,126 @@ def probed_with(graph: MeasurementGraph, at: Mapping[str, float]) -> Measurement
 
 
 def unrelated(
-    graph: MeasurementGraph, output: Output, varied: Mapping[str, Sequence[float]], seed: int
+    graph: MeasurementGraph, output: Output, varied: Mapping[str, Sequence[float]]
 ) -> tuple[str, ...]:
-    """Which of `varied` have no effect on an output.
-
-    The same random numbers are propagated with the largest of all varied values and with half of
-    one: where nothing behind the output takes it (every measurement states its own), or
-    where the output does not follow those that do, its trials stay where they are. What a step
-    makes may stay so by chance: there the scatter of what is behind it tells.
+    """Which of `varied` have no effect on an output: with half of the largest of all its values the
+    inputs that the output follows have the same uncertainties. To first order it follows some;
+    where it follows none, or jumps, any that stands behind it.
     """
+
+    def behind(at: Mapping[str, float]) -> GraphTrials:
+        return GraphTrials(probed_with(graph, at), [output])
+
     largest = {name: float(max(values)) for name, values in varied.items()}
     if REPEATS in largest:
         largest[REPEATS] = 1.0
-    before = _trials(graph, output, largest, seed)
-    scatter = SAME * before.std(axis=1, keepdims=True)
-    found = []
+    before, found = behind(largest), []
+    follows = before.gradient[0] != 0.0
+    if before.jumps[0] or not follows.any():
+        follows[:] = True
     for name, value in largest.items():
-        other = 4.0 if name == REPEATS else value / 2
-        after = _trials(graph, output, {**largest, name: other}, seed)
-        if value > 0 and np.all(np.abs(after - before) <= scatter):
-            found.append(name)
+        after = behind({**largest, name: 4.0 if name == REPEATS else value / 2})
+        same = np.array_equal(after.inputs.u[follows], before.inputs.u[follows])
+        found += [name] if value > 0 and same else []
     return tuple(found)
 
 
-def _trials(
-    graph: MeasurementGraph, output: Output, at: Mapping[str, float], seed: int
-) -> FloatArray:
-    """Values (1, m) of the output or, of one behind a step, (k, m) of the random inputs."""
-    part = evaluation(probed_with(graph, at), [output])
-    if any(item.step.may_jump for item in part.steps):
-        return part.inputs.scaled(part.inputs.draw(stream(seed, 2), TRIED, Workspace()))
-    return GraphTrials(part, first_order(part)).draw(stream(seed, 2), TRIED).values
+def fit_formula(
+    at: Mapping[str, FloatArray], u: FloatArray, se_u: FloatArray, linear_u: FloatArray, unit: str
+) -> Formula | str:
+    """u = sqrt(a probe_um^2 + b axis_um^2 + ...), the form of Stryczek, eq. (31).
+
+    Least squares of u^2 with weights 1/u^4, that is, of relative errors. With a varied number of
+    probings the probe's term is divided by it. A constant is added, and 1/repeats, where the
+    first-order u cannot do without: for sources that are not varied. Where the first-order u is
+    nil it tells nothing, and all terms enter.
+
+    A text where there is no formula: why.
+    """
+    scale = 1.0 / UM if unit == "mm" else 1.0
+    varied = {name: values for name, values in at.items() if np.ptp(values) > 0}
+    if not varied:
+        return "nothing varies"
+    if not np.all(u > 0):
+        return "u is 0 somewhere"
+    n = len(u)
+    terms = _chosen(varied, linear_u * scale, bool(np.all(linear_u >= LINEAR * u)))
+    if n < len(terms):
+        return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
+    X, relative = _columns(terms, varied, n), se_u / u
+    found, error = _fit(X, u * scale)
+    dof, p = n - len(terms), math.nan
+    if dof > 0 and np.all(relative > 0):
+        from scipy.special import chdtrc
+
+        p = float(chdtrc(dof, np.sum((error / relative) ** 2)))
+    return Formula(
+        form=_form(terms, unit),
+        terms=terms,
+        scale=scale,
+        coefficients=dict(zip(LETTERS, map(float, found), strict=False)),
+        u=u * (1 + error),
+        error_percent=100 * error,
+        max_error_percent=100 * float(np.max(np.abs(error))),
+        monte_carlo_percent=100 * float(np.sqrt(np.mean(relative**2))),
+        expected_max_percent=100 * _expected_largest(X / u[:, None] ** 2, relative),
+        p=p,
+    )
+
+
+def _chosen(varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool) -> tuple[str, ...]:
+    """The terms of u^2, "" being the constant: those of what is varied, and of the others what the
+    first-order u has, or all of them where that is not `known`.
+    """
+    probe = "probe_um^2/repeats" if "repeats" in varied else "probe_um^2"
+    squares = {"probe_um": probe, "axis_um": "axis_um^2", "perpendicular_um": "perpendicular_um^2"}
+    terms = [term for name, term in squares.items() if name in varied]
+    more = ["1/repeats", ""] if "repeats" in varied else [""]
+    if "repeats" in varied and "probe_um" not in varied:
+        terms, more = [*terms, "1/repeats"], [""]
+    every, n = (*terms, *more), len(linear_u)
+    if not known or n < len(every):
+        return every
+    X = _columns(every, varied, n) / linear_u[:, None] ** 2
+    share = np.abs(X * least_squares(X, np.ones(n)).coefficients).max(axis=0)
+    return tuple(x for x, own in zip(every, share, strict=True) if x in terms or own > EXACT)
+
+
+def _columns(terms: Sequence[str], at: Mapping[str, FloatArray], n: int) -> FloatArray:
+    """The terms (n, p) at n settings."""
+    found = np.ones((n, len(terms)))
+    for column, term in zip(found.T, terms, strict=True):
+        name, _, divisor = term.partition("/")
+        if name.endswith("^2"):
+            column *= at[name.removesuffix("^2")] ** 2
+        if divisor:
+            column /= at[divisor]
+    return found
+
+
+def _fit(X: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Coefficients (p,) of the terms, and the relative errors (n,) of their root."""
+    weight = 1.0 / u**2
+    found = least_squares(X * weight[:, None], np.ones(len(u))).coefficients
+    return found, np.sqrt(np.maximum(X @ found, 0.0)) / u - 1.0
+
+
+def _form(terms: Sequence[str], unit: str) -> str:
+    left = {"mm": "u_um", "rad": "u_rad"}.get(unit, "u")
+    parts = []
+    for letter, term in zip(LETTERS, terms, strict=False):
+        joint = "" if not term else term.removeprefix("1") if term.startswith("1/") else f"*{term}"
+        parts.append(letter + joint)
+    return f"{left} = sqrt({' + '.join(parts)})"
+
+
+def _expected_largest(weighted: FloatArray, relative: FloatArray) -> float:
+    """The median of the largest of n normal errors, each as large as the fit leaves it: the
+    quantile at which all n lie within with probability 1/2.
+    """
+    from scipy.special import ndtri
+
+    Q, _ = np.linalg.qr(weighted / np.linalg.norm(weighted, axis=0))
+    left = relative * np.sqrt(np.clip(1.0 - np.sum(Q**2, axis=1), 0.0, 1.0))
+    each = 0.5 ** (1.0 / len(relative))
+    return float(ndtri(0.5 + each / 2.0) * np.sqrt(np.mean(left**2)))

@@ -5,29 +5,30 @@ The reported held-out errors are nested: no cycle judges a choice that it took p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc
 
 from mtu_cli.analyses.thermal_fit.models import (
-    PENALTIES,
     Fitted,
     Library,
     Rows,
     Spec,
     constant,
     fit,
-    path_losses,
-    ridge_path,
+    fits,
 )
+from mtu_cli.analyses.thermal_fit.result import Candidate, CycleRms, HeldOut, PositionTest
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.least_squares import FloatArray
 
 KINDS = ("stepwise", "ridge", "lagged")
+PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
+"""Ridge penalties that are tried; 0 is ordinary least squares."""
 WORTH = 0.02
 """A further power of the position must lower the held-out sum of squares by this share ..."""
 LAG_WORTH = 0.1
@@ -36,153 +37,69 @@ ROUNDING = 1e-20
 """Share of the readings' squares below which held-out sums are rounding, and all alike."""
 SENSORS_SEARCHED = 8
 """Groups, largest share of the drift first, that get a time constant of their own."""
-MOST_DEGREES = 2
-"""Degrees in position at which time constants are searched for."""
-MOST_SWEEPS = 1
-"""Rounds of the search for them; more of them fit the cycles that choose, not the next ones."""
+ALIKE = 1e-9
+"""Share of a sum of squares by which two of the same model may differ."""
 FEWEST_NESTED = 3
 """Cycles from which on one can be held out of fit and choice, and the choice still hold one out."""
 
-
-class CycleRms(NamedTuple):
-    """Root mean squares over the readings of a held-out cycle, without and with the model."""
-
-    cycle: str
-    before: float
-    after: float
+Blocks = Sequence[tuple[int, ...]]
+"""Cycles by index, those together that are held out together."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOut:
-    """Root mean squares over readings of cycles that took no part in fit or choice.
-
-    `before` without temperature, `after` with the model, `ordinary` with ordinary least
-    squares on all sensors; `r2` = 1 - after^2/before^2. The `cycles` were held out in so
-    many `blocks`.
-    """
-
-    before: float
-    after: float
-    ordinary: float
-    r2: float
-    cycles: tuple[CycleRms, ...]
-    blocks: int
-
-    @property
-    def reduction(self) -> float:
-        """1 - after/before; nan where the readings do not differ."""
-        return 1.0 - self.after / self.before if self.before > 0 else float("nan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """A model that was tried: its held-out root mean square, None where it is undefined."""
-
-    model: str
-    degree: int
-    held_out: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionTest:
-    """Whether the drift depends on position: F and its p."""
-
-    F: float
-    p: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scored:
-    """A spec and its held-out sum of squares over the cycles that chose it (nan: one block)."""
+class Scored(NamedTuple):
+    """A spec of a kind and its held-out sum of squares (nan: one block)."""
 
     kind: str
     spec: Spec
     score: float
 
 
-Blocks = Sequence[tuple[int, ...]]
-"""Cycles by index, those together that are held out together."""
+def _folds(lib: Library, blocks: Blocks) -> list[tuple[Rows, Rows]]:
+    """The rows of each block, and those of all others; none with a single block."""
+    if len(blocks) < 2:
+        return []
+    every = frozenset(cycle for block in blocks for cycle in block)
+    return [(lib.rows(every - {*block}), lib.rows(block)) for block in blocks]
 
 
-def other_blocks(blocks: Blocks, held: tuple[int, ...]) -> Blocks:
-    """All blocks but the one that is held out."""
-    return [block for block in blocks if block != held]
+def _best(lib: Library, blocks: Blocks, kind: str, spec: Spec) -> Scored:
+    """The spec with the penalty that predicts each block best from the others."""
+    penalties = np.zeros(1) if kind == "stepwise" else PENALTIES
+    total, squares = np.zeros(len(penalties)), 0.0
+    for rows, held in _folds(lib, blocks):
+        total = total + fits(lib, rows, spec, penalties).sum_of_squares(held)
+        squares += sum(float(x.factor[:, -1] @ x.factor[:, -1]) for x in held.by_position.values())
+    if len(blocks) < 2:
+        return Scored(kind, spec, float("nan"))
+    total = np.where(total > ROUNDING * squares, total, 0.0)
+    i = int(np.argmin(total))
+    return Scored(kind, replace(spec, penalty=float(penalties[i])), float(total[i]))
 
 
-def cycles_of(blocks: Blocks) -> list[int]:
-    """The cycles of some blocks."""
-    return [cycle for block in blocks for cycle in block]
-
-
-class Folds:
-    """Every one of some blocks of cycles held out in turn from the others."""
-
-    def __init__(self, lib: Library, blocks: Blocks) -> None:
-        self.lib = lib
-        self.blocks = tuple(blocks)
-        self._rows = [
-            (lib.rows(cycles_of(other_blocks(blocks, block))), lib.rows(block))
-            for block in (blocks if len(blocks) > 1 else ())
-        ]
-
-    @cached_property
-    def rounding(self) -> float:
-        """What of a held-out sum of squares is rounding."""
-        squares = [
-            float(np.sum(item.factor[:, -1] ** 2))
-            for _, held in self._rows
-            for item in held.values()
-        ]
-        return ROUNDING * sum(squares)
-
-    def scores(self, spec: Spec, penalties: FloatArray) -> FloatArray:
-        """Held-out sums of squares, one a penalty; nan with a single block."""
-        if not self._rows:
-            return np.full(len(penalties), np.nan)
-        total = np.zeros(len(penalties))
-        for fitted_to, held in self._rows:
-            if spec.kind == "stepwise":
-                total += fit(self.lib, fitted_to, spec).sum_of_squares(held)
-            else:
-                path = ridge_path(self.lib, fitted_to, spec, penalties)
-                total += path_losses(self.lib, fitted_to, held, spec, path)
-        return total
-
-    def fits(self, spec: Spec) -> Iterator[tuple[Rows, Rows, Fitted]]:
-        """(the other rows, the held-out rows, the fit to the others) of every fold."""
-        for fitted_to, held in self._rows:
-            yield fitted_to, held, fit(self.lib, fitted_to, spec)
-
-
-def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, tuple[Scored, ...]]:
+def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, list[Scored]]:
     """The best spec of a method ("auto": of all kinds), and all that were compared.
 
     Without a second block nothing can be held out: the paper's stepwise selection is taken (or
     the kind asked for, as ordinary least squares), of the degree that the caller settles.
     """
-    folds = Folds(lib, blocks)
-    kinds = KINDS if method == "auto" else (method,)
     tried: list[Scored] = []
-    for kind in kinds:
-        if kind == "lagged" and len(lib.time_constants) < 2:
-            continue
-        tried += _lagged(lib, folds) if kind == "lagged" else _by_degree(lib, folds, kind)
-    if not tried:
-        tried = _by_degree(lib, folds, "ridge")
+    for kind in KINDS if method == "auto" else (method,):
+        if kind != "lagged":
+            tried += _by_degree(lib, blocks, kind)
+        elif len(lib.time_constants) > 1 and len(blocks) > 1:
+            tried += _lagged(lib, blocks)
+    tried = tried or _by_degree(lib, blocks, "ridge")
     if len(blocks) < 2:
-        return tried[0], tuple(tried)
-    best = _likeliest(tried)
-    return _simplest([item for item in tried if item.kind == best.kind], folds), tuple(tried)
-
-
-def _likeliest(tried: Sequence[Scored]) -> Scored:
-    """The best of all kinds; the best with lags only where these are worth it."""
-    best = min(tried, key=lambda item: item.score)
+        return tried[0], tried
+    # Of models that are alike but for rounding the first.
+    least = min(item.score for item in tried) * (1 + ALIKE)
+    best = next(item for item in tried if item.score <= least)
+    # The best with lags only where these are worth it.
     without = [item for item in tried if item.kind != "lagged"]
-    if not without:
-        return best
-    simple = min(without, key=lambda item: item.score)
-    return best if best.score < (1 - LAG_WORTH) * simple.score else simple
+    simple = min(without, key=lambda item: item.score, default=best)
+    if best.score >= (1 - LAG_WORTH) * simple.score:
+        best = simple
+    return _simplest([item for item in tried if item.kind == best.kind]), tried
 
 
 def lags_sought(lib: Library) -> bool:
@@ -190,117 +107,70 @@ def lags_sought(lib: Library) -> bool:
     return bool(lib.groups) and len(lib.time_constants) > 1 and len(lib.blocks) > 1
 
 
-def ordinary(lib: Library) -> Spec:
-    """Ordinary least squares on all sensors, at every position apart."""
-    return Spec(kind="ridge", degree=lib.most_degree, lags=(0,) * len(lib.groups))
+def _by_degree(
+    lib: Library, blocks: Blocks, kind: str, lags: tuple[int, ...] | None = None
+) -> list[Scored]:
+    """The best penalty for every degree in position, with the same lags."""
+    lags = lags or (0,) * len(lib.groups)
+    name = "stepwise" if kind == "stepwise" else "ridge"
+    specs = [Spec(kind=name, degree=degree, lags=lags) for degree in range(lib.most_degree + 1)]
+    return [_best(lib, blocks, kind, spec) for spec in specs]
 
 
-def _by_degree(lib: Library, folds: Folds, kind: str) -> list[Scored]:
-    """The best penalty for every degree in position (a stepwise model has none)."""
-    penalties = PENALTIES if kind == "ridge" else np.zeros(1)
-    found = []
-    for degree in range(lib.most_degree + 1):
-        spec = Spec(kind=kind, degree=degree, lags=(0,) * len(lib.groups))
-        found.append(_best(kind, spec, folds.scores(spec, penalties), penalties))
-    return found
-
-
-def _best(kind: str, spec: Spec, scores: FloatArray, penalties: FloatArray) -> Scored:
-    if np.isnan(scores).all():
-        return Scored(kind=kind, spec=spec, score=float("nan"))
-    i = int(np.argmin(scores))
-    return Scored(
-        kind=kind, spec=replace(spec, penalty=float(penalties[i])), score=float(scores[i])
-    )
-
-
-def _lagged(lib: Library, folds: Folds) -> list[Scored]:
-    """Time constants by coordinate search, from none at all and from one for all groups.
-
-    Without its lags a model may prefer another degree in position: the search begins with that
-    of ridge and, where the lags that it finds prefer another, does so once more with that.
-    """
-    if len(folds.blocks) < 2:
-        return []
-    degree = _simplest(_by_degree(lib, folds, "ridge"), folds).spec.degree
-    found: dict[int, Scored] = {}
-    while degree not in found:
-        found[degree] = _searched_at(lib, folds, degree)
-        lags = found[degree].spec.lags
-        others = [
-            found[degree] if other == degree else _scored(folds, other, lags)
-            for other in range(lib.most_degree + 1)
-        ]
-        degree = _simplest(others, folds).spec.degree
-        if len(found) == MOST_DEGREES:
-            break
-    return list(found.values())
-
-
-def _simplest(tried: Sequence[Scored], folds: Folds) -> Scored:
+def _simplest(tried: Sequence[Scored]) -> Scored:
     """The lowest degree that is as good as the best."""
-    least = min(item.score for item in tried)
-    most = max(least * (1 + WORTH), folds.rounding)
-    kept = [item for item in tried if item.score <= most]
-    return min(kept, key=lambda item: item.spec.degree)
+    most = min(item.score for item in tried) * (1 + WORTH)
+    return min((x for x in tried if x.score <= most), key=lambda item: item.spec.degree)
 
 
-def _scored(folds: Folds, degree: int, lags: tuple[int, ...]) -> Scored:
-    """The best penalty for some lags."""
-    spec = Spec(kind="ridge", degree=degree, lags=lags)
-    return _best("lagged", spec, folds.scores(spec, PENALTIES), PENALTIES)
+def _lagged(lib: Library, blocks: Blocks) -> list[Scored]:
+    """The best lags at the degree in position of ridge and, where a model with them prefers
+    another, at that: without its lags a drift may hide how it depends on position.
+    """
+    degree = _simplest(_by_degree(lib, blocks, "ridge")).spec.degree
+    first = _searched(lib, blocks, degree)
+    others = _by_degree(lib, blocks, "lagged", first.spec.lags)
+    others[degree] = first
+    degree = _simplest(others).spec.degree
+    return [first] if degree == first.spec.degree else [first, _searched(lib, blocks, degree)]
 
 
-def _searched_at(lib: Library, folds: Folds, degree: int) -> Scored:
-    """The best lags that are found at one degree in position."""
-    g = len(lib.groups)
+def _searched(lib: Library, blocks: Blocks, degree: int) -> Scored:
+    """The best time constants at one degree: from none at all, and from one for all groups."""
 
     @cache
     def scored(lags: tuple[int, ...]) -> Scored:
-        return _scored(folds, degree, lags)
+        return _best(lib, blocks, "lagged", Spec(kind="ridge", degree=degree, lags=lags))
 
-    common = [scored((c,) * g) for c in range(len(lib.time_constants))]
+    common = [scored((c,) * len(lib.groups)) for c in range(len(lib.time_constants))]
     # Sensors that warm together hide whose the lag is: single changes alone may get stuck.
     starts = dict.fromkeys((0, int(np.argmin([item.score for item in common]))))
-    found = [_searched(lib, folds, common[c], scored) for c in starts]
+    found = [_improved(lib, blocks, common[c], scored) for c in starts]
     return min(found, key=lambda item: item.score)
 
 
-def _searched(
-    lib: Library, folds: Folds, start: Scored, scored: Callable[[tuple[int, ...]], Scored]
+def _improved(
+    lib: Library, blocks: Blocks, best: Scored, scored: Callable[[tuple[int, ...]], Scored]
 ) -> Scored:
-    """One group's time constant changed at a time, where that is worth it, until none is."""
-    best = start
-    for _ in range(MOST_SWEEPS):
-        before = best
-        for j in _by_share(lib, folds, best.spec):
-            for c in range(len(lib.time_constants)):
-                other = _changed(best, j, c, scored)
-                if other.score < best.score * (1 - LAG_WORTH):
-                    best = other
-        if best is before:
-            break
+    """One group's time constant changed at a time, largest share of the drift first, where that is
+    worth it. Once: more rounds fit the cycles that choose, not the next ones.
+    """
+
+    def changed(group: int, lag: int) -> Scored:
+        lags = best.spec.lags
+        return scored((*lags[:group], lag, *lags[group + 1 :]))
+
+    rows = lib.rows(cycle for block in blocks for cycle in block)
+    order = np.argsort(-fit(lib, rows, best.spec).group_shares(rows), kind="stable")
+    for j in order[:SENSORS_SEARCHED].tolist():
+        for lag in range(len(lib.time_constants)):
+            other = changed(j, lag)
+            best = other if other.score < best.score * (1 - LAG_WORTH) else best
     # A lag that came with the start and gains nothing goes again.
     for j in range(len(best.spec.lags)):
-        other = _changed(best, j, 0, scored)
+        other = changed(j, 0)
         best = other if other.score <= best.score else best
     return best
-
-
-def _changed(
-    best: Scored, group: int, lag: int, scored: Callable[[tuple[int, ...]], Scored]
-) -> Scored:
-    """The same with another time constant of one group."""
-    lags = best.spec.lags
-    return scored((*lags[:group], lag, *lags[group + 1 :]))
-
-
-def _by_share(lib: Library, folds: Folds, spec: Spec) -> list[int]:
-    """Groups by their share of the modelled drift, largest first."""
-    rows = lib.rows(cycles_of(folds.blocks))
-    shares = fit(lib, rows, spec).group_shares(rows)
-    order = np.argsort(-shares, kind="stable")
-    return [int(j) for j in order[:SENSORS_SEARCHED]]
 
 
 def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate, ...]]:
@@ -313,55 +183,44 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
     """
     if len(lib.blocks) < FEWEST_NESTED or not lib.groups:
         return None, ()
-    before, after, least = 0.0, 0.0, 0.0
+    least, n = 0.0, lib.all_rows.n
     by_cycle: list[CycleRms] = []
     tried: dict[tuple[str, int], list[float]] = {}
-    n = 0
-    for block in lib.blocks:
-        others = other_blocks(lib.blocks, block)
-        held, rows = lib.rows(block), lib.rows(cycles_of(others))
-        best, candidates = choose(lib, others, method)
+    totals = np.zeros(2)
+    ordinary = Spec(kind="ridge", degree=lib.most_degree, lags=(0,) * len(lib.groups))
+    for block, (rows, held) in zip(lib.blocks, _folds(lib, lib.blocks), strict=True):
+        best, candidates = choose(lib, [other for other in lib.blocks if other != block], method)
         for item in candidates:
-            loss = fit(lib, rows, item.spec).sum_of_squares(held)
+            loss = float(fit(lib, rows, item.spec).sum_of_squares(held))
             tried.setdefault((item.kind, item.spec.degree), []).append(loss)
-        least += fit(lib, rows, ordinary(lib)).sum_of_squares(held)
-        fits = constant(lib, rows, best.spec), fit(lib, rows, best.spec)
+        least += float(fit(lib, rows, ordinary).sum_of_squares(held))
+        both = constant(lib, rows, best.spec), fit(lib, rows, best.spec)
         for cycle in block:
-            piece = lib.rows([cycle])
-            count = sum(item.n for item in piece.values())
-            losses = [fitted.sum_of_squares(piece) for fitted in fits]
-            by_cycle.append(CycleRms(lib.cycles[cycle], *(_root(x, count) for x in losses)))
-            before, after, n = before + losses[0], after + losses[1], n + count
+            own = lib.rows([cycle])
+            losses = np.array([float(fitted.sum_of_squares(own)) for fitted in both])
+            before, after = np.sqrt(losses / own.n).tolist()
+            by_cycle.append(CycleRms(lib.series.cycles[cycle], before, after))
+            totals += losses
+    before, after = np.sqrt(totals / n).tolist()
     found = HeldOut(
-        before=_root(before, n),
-        after=_root(after, n),
-        ordinary=_root(least, n),
-        r2=1 - after / before if before > 0 else float("nan"),
+        before=before,
+        after=after,
+        ordinary=float(np.sqrt(least / n)),
+        r2=1 - float(totals[1] / totals[0]) if before > 0 else float("nan"),
         cycles=tuple(by_cycle),
         blocks=len(lib.blocks),
     )
-    return found, _candidates(tried, n, len(lib.blocks))
-
-
-def _candidates(
-    tried: dict[tuple[str, int], list[float]], n: int, folds: int
-) -> tuple[Candidate, ...]:
-    """What was tried, with its figure where every fold tried it."""
-    return tuple(
+    return found, tuple(
         Candidate(
             model=kind,
             degree=degree,
-            held_out=_root(sum(losses), n) if len(losses) == folds else None,
+            held_out=float(np.sqrt(sum(x) / n)) if len(x) == len(lib.blocks) else None,
         )
-        for (kind, degree), losses in tried.items()
+        for (kind, degree), x in tried.items()
     )
 
 
-def _root(total: float, n: int) -> float:
-    return float(np.sqrt(total / n))
-
-
-def position_test(lib: Library, spec: Spec, rows: Rows) -> PositionTest | None:
+def position_test(lib: Library, spec: Spec) -> PositionTest | None:
     """F of the drift's dependence on position: all powers against none, all groups of sensors.
 
     With the effective number of residuals, as they follow each other; None with one position
@@ -369,12 +228,13 @@ def position_test(lib: Library, spec: Spec, rows: Rows) -> PositionTest | None:
     """
     if lib.most_degree == 0:
         return None
+    rows = lib.all_rows
     flat, full = (
         fit(lib, rows, Spec(kind="ridge", degree=degree, lags=spec.lags))
         for degree in (0, lib.most_degree)
     )
-    without, loss = flat.sum_of_squares(rows), full.sum_of_squares(rows)
-    number = effective_number(sum(item.n for item in rows.values()), full.autocorrelation(rows))
+    without, loss = float(flat.sum_of_squares(rows)), float(full.sum_of_squares(rows))
+    number = effective_number(rows.n, full.autocorrelation(rows))
     more, dof = full.parameters - flat.parameters, number - full.parameters
     if dof <= 0 or more <= 0 or loss <= 0:
         return None
@@ -382,39 +242,34 @@ def position_test(lib: Library, spec: Spec, rows: Rows) -> PositionTest | None:
     return PositionTest(F=F, p=float(fdtrc(more, dof, max(F, 0.0))))
 
 
-Unseen = tuple[float, float, float]
-"""Of held-out residuals: see `unseen_products`."""
-
-
-def unseen_products(lib: Library, spec: Spec) -> Unseen | None:
-    """Mean e_i^2 and e_i e_(i+1) of held-out residuals of one spec, and their mean x'C x.
-
-    C is the unit covariance of the fold's fit, x a held-out row about the mean of the rows that
-    it was fitted to. None with a single cycle.
+class Unseen(NamedTuple):
+    """Of held-out residuals mean e_i^2, e_i e_(i+1), and x'C x: C the unit covariance of the fold's
+    fit, x a held-out row about the mean of the rows that it was fitted to.
     """
-    square = product = leverage = 0.0
-    count = 0
-    for fitted_to, held, fitted in Folds(lib, lib.blocks).fits(spec):
-        squares, products = fitted.mean_products(held)
-        n = sum(item.n for item in held.values())
-        square, product, count = square + squares * n, product + products * n, count + n
-        leverage += _leverage(held, fitted_to, fitted)
-    return (square / count, product / count, leverage / count) if count else None
+
+    square: float
+    product: float
+    leverage: float
 
 
-def _leverage(held: Rows, fitted_to: Rows, fitted: Fitted) -> float:
-    """Sum over rows u of (power x u)' C (power x u)."""
-    lib, spec = fitted.lib, fitted.spec
-    own = lib.columns(spec.lags)[1:-1]
-    total = 0.0
-    for position, item in held.items():
-        if position not in fitted_to:
-            continue
-        factor = fitted_to[position].factor
-        mean = factor[:, 0] @ factor[:, own] / float(factor[:, 0] @ factor[:, 0])
-        columns = item.factor[:, own] - item.factor[:, :1] * mean
-        power, g = lib.powers(spec.degree)[position], columns.shape[1]
-        C = fitted.unit_covariance.reshape(len(power), g, len(power), g)
-        inner = np.einsum("a,ajbk,b->jk", power, C, power)
-        total += float(np.einsum("rj,jk,rk->", columns, inner, columns))
+def unseen(lib: Library, spec: Spec) -> Unseen | None:
+    """Of one spec; None with a single block of cycles."""
+    total, count = np.zeros(3), 0
+    for rows, held in _folds(lib, lib.blocks):
+        fitted = fit(lib, rows, spec)
+        square, product = fitted.mean_products(held)
+        total += square * held.n, product * held.n, _leverage(held, rows, fitted)
+        count += held.n
+    return Unseen(*(total / count).tolist()) if count else None
+
+
+def _leverage(held: Rows, rows: Rows, fitted: Fitted) -> float:
+    """Sum over held-out rows u of (power x u)' C (power x u)."""
+    columns, total = fitted.columns[1:-1], 0.0
+    for position in held.by_position.keys() & rows.by_position.keys():
+        factor, own = rows.by_position[position].factor, held.by_position[position].factor
+        mean = factor[:, 0] @ factor[:, columns] / float(factor[:, 0] @ factor[:, 0])
+        inner: FloatArray = own[:, columns] - own[:, :1] * mean
+        x = np.kron(fitted.lib.powers(fitted.spec.degree)[position], inner)
+        total += float(np.einsum("ri,ij,rj->", x, fitted.unit_covariance, x))
     return total

@@ -13,13 +13,12 @@ the full one, the mean square error of b is estimated by variance and square of 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.models import Fitted, lagged_columns
-from mtu_cli.analyses.thermal_fit.uncertainty import Rest
+from mtu_cli.analyses.thermal_fit.models import Fitted
+from mtu_cli.analyses.thermal_fit.result import Gradients, Inseparable, Interval
+from mtu_cli.analyses.thermal_fit.uncertainty import noise_share, through_lags
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import Block, SerialFit, serial_fit
@@ -34,192 +33,112 @@ TOLD_APART = 0.5
 """... and are not separable where the interval of one reaches this share of the common gradient."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gradient:
-    """Of one sensor at a position, mm or rad per degC: `u` and `interval` (95 %), None where the
-    readings do not determine it; `by` "cycles" (their scatter) or "model" (of the errors).
-    """
-
-    value: float
-    u: float | None
-    interval: tuple[float, float] | None
-    dof: float
-    by: str
+def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[Gradients, ...]:
+    """The model's gradients at every observed position; `sensor_u` (s,) of all sensors, degC."""
+    positions = found.lib.series.positions
+    if not found.used.size:
+        return tuple(Gradients(position, {}) for position in positions)
+    full, movement = _full(found, sensor_u)
+    return tuple(_at(found, p, full, movement) for p in range(len(positions)))
 
 
-class Inseparable(NamedTuple):
-    """Sensors at a position that only have a gradient together: the drift per degC of the first,
-    the others moving with it as they did in the readings.
-    """
-
-    position: float | None
-    sensors: tuple[str, ...]
-    value: float
-    u: float | None
-    interval: tuple[float, float] | None
-
-
-@dataclass(frozen=True, slots=True)
-class Gradients:
-    """The model at an observed position, by sensor, and the sensors that are not separable."""
-
-    position: float | None
-    gradients: dict[str, float]
-    known: dict[str, Gradient] = field(default_factory=dict)
-    inseparable: tuple[Inseparable, ...] = ()
-
-    @property
-    def u(self) -> dict[str, float | None]:
-        """Standard uncertainties by sensor."""
-        return {sensor: own.u for sensor, own in self.known.items()}
-
-    @property
-    def intervals(self) -> dict[str, tuple[float, float] | None]:
-        """95 % intervals by sensor."""
-        return {sensor: own.interval for sensor, own in self.known.items()}
-
-    def separable(self, sensor: str | None) -> bool:
-        """Whether the readings tell the gradient of a sensor from that of all others."""
-        return not any(sensor in group.sensors for group in self.inseparable)
-
-
-def gradients(found: Fitted, rest: Rest, noise: FloatArray) -> tuple[Gradients, ...]:
-    """The model's gradients at every observed position; `noise` (2, g) of a reading of each
-    group, as it comes through its lag and as it is read, degC.
-    """
-    lib = found.lib
-    full, movement = _full(found, rest, noise) if found.used.size else (None, None)
-    return tuple(
-        _at(found, p, full, movement) if full is not None and movement is not None
-        else Gradients(position=position, gradients={})
-        for p, position in enumerate(lib.positions)
-    )  # fmt: skip
-
-
-def _full(found: Fitted, rest: Rest, noise: FloatArray) -> tuple[SerialFit, FloatArray]:
-    """The fit of all groups, with and without their lags, to the kept rows, and the covariance
-    (g, g) of the groups about their levels.
+def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray]:
+    """The fit of all groups, with and without their lags, to the rows, and the covariance (g, g)
+    of the groups about their levels.
 
     Lags are known to a factor only, may be another sensor's, and one that smooths the noise of a
     sensor may be none: where the model has lags, a group has u_lag b + sum_c (u_c - u_lag) b_c
     of other lags c, the steady state of which is b.
     """
-    lib, spec, kept = found.lib, found.spec, rest.kept
-    places = [(p, c) for p in range(len(lib.positions)) for c in range(len(lib.cycles))]
-    rows = {(p, c): kept.at(lib.positions[p], c) for p, c in places}
-    there = [key for key in places if len(rows[key]) > 1]
-    there = [there[i] for i in _evenly(len(there), MOST_BLOCKS)]
-    blocks, squares = [], np.zeros((len(lib.groups), len(lib.groups)))
-    change, of, through = _other_lags(found, rest, noise)
-    whose = np.concatenate([np.arange(len(lib.groups)), of])
+    lib, series, g = found.lib, found.lib.series, len(found.lib.groups)
+    of, others, through = _other_lags(found, sensor_u)
+    lags = np.asarray(found.spec.lags)
+    change = lib.Z[:, 1 + others * g + of] - lib.Z[:, 1 + lags[of] * g + of]
+    columns = np.column_stack([lib.Z[:, found.columns[1:-1]], change, series.y])
+    whose = np.concatenate([np.arange(g), of])
     in_columns = np.equal.outer(whose, whose) * np.outer(through, through)
-    for p, c in there:
-        here = rows[p, c]
-        edges = np.unique(np.linspace(0, len(here), min(len(here), BINS) + 1).astype(int)[:-1])
-        count = np.diff(np.append(edges, len(here)))[:, None]
-        columns = np.column_stack([rest.rise[here], change[here], kept.error[here]])
-        Z = np.add.reduceat(columns, edges, axis=0) / count
-        rise, y = Z[:, : len(lib.groups)], Z[:, -1]
+    powers = lib.powers(found.spec.degree)
+    blocks, squares = [], np.zeros((g, g))
+    runs = [(key, rows) for key, rows in sorted(series.runs.items()) if rows.stop - rows.start > 1]
+    chosen = np.unique(np.linspace(0, len(runs) - 1, min(len(runs), MOST_BLOCKS)).round())
+    for (p, c), rows in (runs[int(i)] for i in chosen):
+        n = rows.stop - rows.start
+        edges = np.unique(np.linspace(0, n, min(n, BINS) + 1).astype(int)[:-1])
+        count = np.diff(np.append(edges, n))[:, None]
+        Z = np.add.reduceat(columns[rows], edges, axis=0) / count
+        rise, power = Z[:, :g], powers[p]
         centred = rise - rise.mean(axis=0)
         squares += centred.T @ centred
-        power = lib.powers(spec.degree)[p]
-        X = [np.kron(power, rise), np.kron(power, Z[:, len(lib.groups) : -1])]
+        X = [np.kron(power, rise), np.kron(power, Z[:, g:-1])]
         if not lib.zeroed.offsets:
-            X.append(np.tile(np.arange(len(lib.positions)) == p, (len(Z), 1)).astype(float))
+            X.append(np.tile(np.arange(len(powers)) == p, (len(Z), 1)).astype(float))
         joined = np.hstack(X)
         N = np.zeros((joined.shape[1],) * 2)
-        size = len(power) * len(through)
-        N[:size, :size] = np.kron(np.outer(power, power), in_columns) / count.mean()
-        order = _powers_first(len(power), len(lib.groups), len(of))
-        N[:size, :size] = N[np.ix_(order, order)]
-        blocks.append(Block(joined, y, c, N))
+        # Groups of all powers first, then other lags of all powers.
+        order = np.arange(len(power) * len(whose)).reshape(len(power), -1)
+        order = np.concatenate([order[:, :g].ravel(), order[:, g:].ravel()])
+        of_powers = np.kron(np.outer(power, power), in_columns) / count.mean()
+        N[: len(order), : len(order)] = of_powers[np.ix_(order, order)]
+        blocks.append(Block(joined, Z[:, -1], c, N))
     return serial_fit(blocks, levels=lib.zeroed.offsets), squares
 
 
-def _powers_first(powers: int, groups: int, others: int) -> np.ndarray:
-    """Where the columns of each power stand, groups of all powers before the others of all."""
-    index = np.arange(powers * (groups + others)).reshape(powers, -1)
-    found: np.ndarray = np.concatenate([index[:, :groups].ravel(), index[:, groups:].ravel()])
-    return found
-
-
-def _other_lags(
-    found: Fitted, rest: Rest, noise: FloatArray
-) -> tuple[FloatArray, np.ndarray, FloatArray]:
-    """u_c - u_lag (n, k) of the kept rows for other lags c of each group, whose (k,) they are, and
-    what of a sensor's noise (g + k,) is in the columns of the groups and in these, degC.
+def _other_lags(found: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:
+    """The groups (k,) of k other lags, these, and what of a sensor's noise is in the columns of the
+    g groups and in u_c - u_lag, (g + k,) degC.
 
     Others are no lag and the next time constants; of a group without lag the mean of all lags.
     Through another lag comes next to nothing.
     """
-    lib, kept, lags = found.lib, rest.kept, np.asarray(found.spec.lags)
-    if not lags.any():
-        return np.zeros((len(kept.error), 0)), np.zeros(0, int), noise[0]
-    usual = round(float(lags[lags > 0].mean()))
+    lib, lags = found.lib, np.asarray(found.spec.lags)
+    in_model = (lib.average[:, found.used] != 0).any(axis=1)
+    read = sensor_u * noise_share(found, sensor_u) * in_model
+    seen = read * through_lags(found)
+    plain, lagged = (np.sqrt(noise**2 @ lib.average**2) for noise in (read, seen))
+    usual = round(float(lags[lags > 0].mean())) if lags.any() else 0
     pairs = [
         (j, other)
         for j, lag in enumerate(lags.tolist())
-        for other in ({0, lag - 1, lag + 1} - {lag} if lag else {usual})
+        for other in ({0, lag - 1, lag + 1} - {lag} if lag else {usual} - {0})
         if other < len(lib.time_constants)
     ]
-    of, others = np.array(pairs).T
-    change = np.zeros((len(kept.error), len(pairs)))
-    offset = rest.reference * lib.average.sum(axis=0)
-    for position in lib.positions:
-        here = np.flatnonzero(
-            np.isnan(kept.position) if position is None else kept.position == position
-        )
-        groups = kept.temperature[here] @ lib.average
-        every = lagged_columns(groups, kept.time[here], lib.time_constants)
-        columns = every.reshape(len(here), -1, len(lags))[:, others, of] - offset[of]
-        change[here] = columns - rest.rise[np.ix_(here, of)]
-    return change, of, np.append(noise[0], noise[1, of] * (others == 0) - noise[0, of])
-
-
-def _evenly(count: int, most: int) -> np.ndarray:
-    found: np.ndarray = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-    return found
+    of, others = np.array(pairs, int).reshape(-1, 2).T
+    return of, others, np.append(lagged, plain[of] * (others == 0) - lagged[of])
 
 
 def _at(found: Fitted, p: int, full: SerialFit, movement: FloatArray) -> Gradients:
     lib = found.lib
-    g, power = len(lib.groups), lib.powers(found.spec.degree)[p]
-    L = np.zeros((g, len(full.transform)))
-    L[:, : g * len(power)] = np.kron(power, np.eye(g))
+    power, model = lib.powers(found.spec.degree)[p], found.gradient(p)
+    L = np.zeros((len(model), len(full.transform)))
+    L[:, : len(model) * len(power)] = np.kron(power, np.eye(len(model)))
     own = full.combinations(L)
-    model = found.gradient(p)
-    known: dict[str, Gradient] = {}
-    values: dict[str, float] = {}
-    for j in found.used:
-        u = float(np.hypot(own.u[j], model[j] - own.value[j]))
-        for sensor, share in _members(lib.average[:, j], lib.sensors):
-            values[sensor] = float(model[j] * share)
-            size = abs(share)
-            known[sensor] = _gradient(
-                values[sensor], u * size, float(own.dof[j]), bool(own.clustered[j])
-            )
-    return Gradients(
-        position=lib.positions[p],
-        gradients=values,
-        known=known,
-        inseparable=tuple(_inseparable(found, p, full, L, movement, model)),
+    at = Gradients(
+        position=lib.series.positions[p],
+        gradients={},
+        inseparable=tuple(_inseparable(found, p, full, L, movement)),
     )
+    for j in found.used.tolist():
+        u = float(np.hypot(own.u[j], model[j] - own.value[j]))
+        for s in np.flatnonzero(lib.average[:, j]).tolist():
+            sensor, share = lib.sensors[s], float(lib.average[s, j])
+            at.gradients[sensor] = float(model[j] * share)
+            at.u[sensor], at.intervals[sensor] = _known(
+                at.gradients[sensor], u * abs(share), float(own.dof[j])
+            )
+            at.by[sensor] = "cycles" if own.clustered[j] else "model"
+    return at
 
 
-def _members(average: FloatArray, sensors: tuple[str, ...]) -> list[tuple[str, float]]:
-    return [(sensors[s], float(average[s])) for s in np.flatnonzero(average)]
-
-
-def _gradient(value: float, u: float, dof: float, clustered: bool) -> Gradient:
-    by = "cycles" if clustered else "model"
+def _known(value: float, u: float, dof: float) -> tuple[float | None, Interval | None]:
+    """u and the 95 % interval; None where the readings do not determine them."""
     if not np.isfinite(u):
-        return Gradient(value=value, u=None, interval=None, dof=dof, by=by)
+        return None, None
     U = coverage_factor(0.95, dof) * u
-    return Gradient(value=value, u=u, interval=(value - U, value + U), dof=dof, by=by)
+    return u, (value - U, value + U)
 
 
 def _inseparable(
-    found: Fitted, p: int, full: SerialFit, L: FloatArray, movement: FloatArray, model: FloatArray
+    found: Fitted, p: int, full: SerialFit, L: FloatArray, movement: FloatArray
 ) -> Iterator[Inseparable]:
     """Groups of sensors that the readings do not tell apart at a position.
 
@@ -231,7 +150,7 @@ def _inseparable(
     carries all of it from one that carries none. Sensors that are one to the fit (|r| >= 0.999)
     always are.
     """
-    lib = found.lib
+    lib, model = found.lib, found.gradient(p)
     scale = np.sqrt(np.diag(movement))
     R = movement / np.maximum(np.outer(scale, scale), 1e-300)
     own = full.combinations(L * scale[:, None])
@@ -245,15 +164,15 @@ def _inseparable(
         together = len(members) > 1 and not half[members].max() <= least
         for group in [members] if together else [[j] for j in members]:
             group = sorted(group, key=lambda j: j != lead)
-            names = [name for j in group for name, _ in _members(lib.average[:, j], lib.sensors)]
+            names = [lib.sensors[s] for j in group for s in np.flatnonzero(lib.average[:, j])]
             if len(names) < 2 or not set(group) & set(found.used.tolist()):
                 continue
             w = v if together else np.eye(len(L))[group[0]]
             value = float(w @ model)
             known = full.combinations((w @ L)[None])
             u = float(np.hypot(known.u[0], value - known.value[0]))
-            total = _gradient(value, u, float(known.dof[0]), bool(known.clustered[0]))
-            yield Inseparable(lib.positions[p], tuple(names), value, total.u, total.interval)
+            of_group = _known(value, u, float(known.dof[0]))
+            yield Inseparable(lib.series.positions[p], tuple(names), value, *of_group)
 
 
 def _joined(

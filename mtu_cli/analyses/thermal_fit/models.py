@@ -6,15 +6,15 @@ cycles.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.thermal_fit.series import Series
+from mtu_cli.analyses.thermal_fit.series import Series, about_means
 from mtu_cli.stats.compressed import Compressed, compress, effective_number, mean_products, together
 from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares, polynomial
@@ -30,25 +30,32 @@ block's model is chosen by holding out the others in turn: the square of their n
 """
 OFFSET_P, OFFSET_SHARE = 0.001, 0.7
 """Level of the test of cycles' offsets, and their least share of what is left without them."""
-PENALTIES = np.concatenate([[0.0], 10.0 ** np.arange(-8.0, 0.6, 0.5)])
-"""Ridge penalties that are tried; 0 is ordinary least squares."""
+ROUNDING = 1e-12
+"""Share of a sum's terms, or of the readings, that is rounding."""
+
+Pieces = dict[tuple[int, int], Compressed]
+"""Compressed rows by (position index, cycle index)."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rows(Mapping[int, Compressed]):
-    """Compressed rows of some `cycles` by position index."""
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Compressed rows of some cycles by position index, and how many `offsets` more than one level
+    were taken out of them there; `selected`: see `_selected`.
+    """
 
-    cycles: frozenset[int]
     by_position: dict[int, Compressed]
+    offsets: dict[int, int]
+    selected: dict[int, tuple[list[int], LeastSquares]] = field(default_factory=dict)
 
-    def __getitem__(self, position: int) -> Compressed:
-        return self.by_position[position]
+    @property
+    def n(self) -> int:
+        """Number of readings."""
+        return sum(item.n for item in self.by_position.values())
 
-    def __iter__(self) -> Iterator[int]:
-        return iter(self.by_position)
-
-    def __len__(self) -> int:
-        return len(self.by_position)
+    @property
+    def levels(self) -> int:
+        """Levels that are fitted: one a position, or a position and cycle."""
+        return len(self.by_position) + sum(self.offsets.values())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,43 +70,38 @@ class Zeroed:
     p: float | None = None
 
 
-Selection = tuple[list[int], LeastSquares]
-"""Groups of sensors that were selected, and their fit."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Library:
-    """Compressed rows 1, columns, reading by (position index, cycle index).
+    """What the models of a component are made of.
 
-    `groups` are tuples of sensors, `average` (s, g) their means; column 1 + c*g + j is group j
-    with the time constant `time_constants[c]`, of which the first is 0. `selections`
-    by (position index, cycles, columns) are those already made: held-out cycles in turn and the
-    degrees in position ask for the same ones again and again. Where the probe was `zeroed` in
-    every cycle, all columns are counted from their means in each piece, which frees them of its
-    offset (Frisch-Waugh), in fits and in held-out cycles alike.
+    `groups` are tuples of sensors, `average` (s, g) their means. `Z` (n, 2 + k g) are the rows 1,
+    columns, reading: column 1 + c g + j is the rise of group j above the reference, degC, with the
+    time constant `time_constants[c]`, min, of which the first is 0. Where the probe was `zeroed`
+    in every cycle all columns of the `pieces` count from their means there, which frees them of
+    its offset (Frisch-Waugh), in fits and in held-out cycles alike. `step` between readings, min.
     """
 
-    positions: tuple[float | None, ...]
-    cycles: tuple[str, ...]
+    series: Series
     sensors: tuple[str, ...]
+    reference: float
     groups: tuple[tuple[str, ...], ...]
     average: FloatArray
     time_constants: FloatArray
-    pieces: dict[tuple[int, int], Compressed]
+    step: float
+    Z: FloatArray
+    pieces: Pieces
     zeroed: Zeroed
-    selections: dict[tuple[int, frozenset[int], tuple[int, ...]], Selection] = field(
-        default_factory=dict
-    )
+    known: dict[frozenset[int], Rows] = field(default_factory=dict)
 
     @property
     def most_degree(self) -> int:
         """The highest degree in position that the observed positions determine."""
-        return len(self.positions) - 1
+        return len(self.series.positions) - 1
 
     @cached_property
     def places(self) -> FloatArray:
         """Observed positions (positions,), mm; 0 for a component without any."""
-        return np.array([0.0 if position is None else position for position in self.positions])
+        return np.array([position or 0.0 for position in self.series.positions])
 
     @cached_property
     def frame(self) -> tuple[float, float]:
@@ -121,38 +123,42 @@ class Library:
         """Cycles that are held out together: each alone, or blocks of those that follow each
         other, as near to one size as can be.
         """
-        count = len(self.cycles)
+        count = len(self.series.cycles)
         many = min(count, MOST_BLOCKS)
-        ends = [block * count // many for block in range(many + 1)] if many else [0]
-        return tuple(tuple(range(low, high)) for low, high in pairwise(ends))
+        ends = [block * count // many for block in range(many + 1)]
+        return tuple(tuple(range(ends[i], ends[i + 1])) for i in range(many))
 
     def rows(self, cycles: Iterable[int]) -> Rows:
-        """All rows of some cycles by position index."""
+        """All rows of some cycles."""
         wanted = frozenset(cycles)
-        found: dict[int, list[Compressed]] = {}
-        for (position, cycle), piece in self.pieces.items():
-            if cycle in wanted:
-                found.setdefault(position, []).append(piece)
-        return Rows(
-            cycles=wanted,
-            by_position={position: together(found[position]) for position in sorted(found)},
-        )
+        if wanted not in self.known:
+            found: dict[int, list[Compressed]] = {}
+            for (position, cycle), piece in sorted(self.pieces.items(), key=lambda item: item[0]):
+                if cycle in wanted:
+                    found.setdefault(position, []).append(piece)
+            offsets = {p: len(own) - 1 for p, own in found.items() if self.zeroed.offsets}
+            joined = {position: together(own) for position, own in found.items()}
+            self.known[wanted] = Rows(by_position=joined, offsets=offsets)
+        return self.known[wanted]
 
-    def levels(self, rows: Rows) -> int:
-        """Levels that are fitted to rows: one a position, or a position and cycle."""
-        if not self.zeroed.offsets:
-            return len(rows)
-        return sum(cycle in rows.cycles for _, cycle in self.pieces)
+    @property
+    def all_rows(self) -> Rows:
+        """The rows of all cycles."""
+        return self.rows(range(len(self.series.cycles)))
 
     def columns(self, lags: Sequence[int]) -> list[int]:
         """Constant, one column a group with the time constant of index lags[j], reading."""
         g = len(self.groups)
-        own = [1 + lag * g + j for j, lag in enumerate(lags)]
-        return [0, *own, len(self.time_constants) * g + 1]
+        return [0, *(1 + lag * g + j for j, lag in enumerate(lags)), self.Z.shape[1] - 1]
 
 
 def library(
-    series: Series, sensors: Sequence[str], reference: float, *, lagged: bool, zeroed: str = "auto"
+    series: Series,
+    sensors: tuple[str, ...],
+    reference: float,
+    *,
+    lagged: bool,
+    zeroed: str = "auto",
 ) -> Library:
     """The columns of one component, lagged ones too where `lagged` is asked for and time is known.
     `zeroed`: cycle (an offset each), never, or auto.
@@ -160,32 +166,70 @@ def library(
     Sensors that never move hold no information: they are left out, and so are all of them
     where the readings differ by rounding only.
     """
-    span = series.range()
-    moving = [s for s in range(len(sensors)) if span[s, 1] > span[s, 0] and not series.still]
-    groups = _groups(series, moving)
+    moves = (np.ptp(series.range, axis=1) > 0) & (not series.still)
+    groups = _alike(series, np.flatnonzero(moves).tolist())
     average = np.zeros((len(sensors), len(groups)))
     for j, group in enumerate(groups):
         for sensor, sign in group:
             average[sensor, j] = sign / len(group)
-    constants = _time_constants(series) if lagged else np.zeros(1)
-    pieces = (
-        _lagged_pieces(series, average, constants, reference)
-        if len(constants) > 1 or (series.complete and series.shuffled)
-        else _plain_pieces(series, average)
-    )
+    step, constants = _time_constants(series)
+    constants = constants if lagged else constants[:1]
+    rise = (series.T - reference) @ average
+    edges = [*series.place_starts.tolist(), len(rise)]
+    columns = [
+        np.moveaxis(lag_of_moments(rise[low:high], series.time[low:high], constants), 0, 1)
+        for low, high in pairwise(edges)
+    ]
+    lags = np.concatenate(columns).reshape(len(rise), -1)
+    Z = np.column_stack([np.ones(len(rise)), lags, series.y])
+    pieces = {key: compress(Z[rows]) for key, rows in series.runs.items()}
     judged = _zeroed(series, pieces, len(groups), zeroed)
     if judged.offsets:
         pieces = {key: about_mean(piece) for key, piece in pieces.items()}
     return Library(
-        positions=series.positions,
-        cycles=tuple(series.cycles),
-        sensors=tuple(sensors),
-        zeroed=judged,
+        series=series,
+        sensors=sensors,
+        reference=reference,
         groups=tuple(tuple(sensors[s] for s, _ in group) for group in groups),
         average=average,
         time_constants=constants,
+        step=step,
+        Z=Z,
         pieces=pieces,
+        zeroed=judged,
     )
+
+
+def _alike(series: Series, moving: Iterable[int]) -> list[list[tuple[int, float]]]:
+    """Sensors that go together at |r| >= 0.999 with the first of their group, with their sign."""
+    own, _ = about_means(series.T, series.place_starts)
+    length = np.linalg.norm(own, axis=0)
+    # A sensor may differ between positions alone.
+    own = own / np.where(length > 0, length, 1.0)
+    groups: list[list[tuple[int, float]]] = []
+    for sensor in moving:
+        for group in groups:
+            r = float(own[:, sensor] @ own[:, group[0][0]])
+            if abs(r) >= ALIKE:
+                group.append((sensor, float(np.sign(r))))
+                break
+        else:
+            groups.append([(sensor, 1.0)])
+    return groups
+
+
+def _time_constants(series: Series) -> tuple[float, FloatArray]:
+    """The usual step between readings, min (0: not known), and 0 and powers of two from twice that
+    to the length of a cycle.
+    """
+    steps = np.diff(series.time)[np.diff(series.piece) == 0]
+    if np.isnan(series.time).any() or not (steps > 0).any():
+        return 0.0, np.zeros(1)
+    step = float(np.median(steps[steps > 0]))
+    ends = np.append(series.piece_starts[1:], len(series.time)) - 1
+    longest = float((series.time[ends] - series.time[series.piece_starts]).max())
+    count = int(min(max(np.floor(np.log2(longest / (2 * step))) + 1, 0), MOST_LAGS))
+    return step, np.concatenate([[0.0], 2 * step * 2.0 ** np.arange(count)])
 
 
 def about_mean(piece: Compressed) -> Compressed:
@@ -196,9 +240,7 @@ def about_mean(piece: Compressed) -> Compressed:
     return piece.columns(transform)
 
 
-def _zeroed(
-    series: Series, pieces: Mapping[tuple[int, int], Compressed], groups: int, asked: str
-) -> Zeroed:
+def _zeroed(series: Series, pieces: Pieces, groups: int, asked: str) -> Zeroed:
     """Whether the probe was zeroed in every cycle.
 
     It was where the first reading of each cycle is 0 at all positions. Else offsets of cycles are
@@ -208,161 +250,46 @@ def _zeroed(
     """
     if asked != "auto":
         return Zeroed(offsets=asked == "cycle" and len(series.cycles) > 1, by="setting")
-    if len(pieces) == len({p for p, _ in pieces}) or not groups or series.still:
+    if len(pieces) == len(series.positions) or not groups or series.still:
         return Zeroed(offsets=False, by="test")
-    if _first_are_zero(series):
+    if not series.y[series.piece_starts].any():
         return Zeroed(offsets=True, by="first readings")
-    tests = [_offset_test(pieces, columns) for columns in _with_lag(pieces, groups)]
-    known = [each for each in tests if each is not None]
     # Lags that are left out shift the levels of cycles: the lag beside which offsets explain least.
-    F, p, share = min(known, key=lambda each: each[2]) if known else (None, None, 0.0)
-    offsets = p is not None and p < OFFSET_P and share > OFFSET_SHARE
-    return Zeroed(offsets=offsets, by="test", F=F, p=p)
+    tests = sorted(_offset_tests(series, pieces, groups))
+    if not tests:
+        return Zeroed(offsets=False, by="test")
+    share, F, p = tests[0]
+    return Zeroed(offsets=p < OFFSET_P and share > OFFSET_SHARE, by="test", F=F, p=p)
 
 
-def _with_lag(pieces: Mapping[tuple[int, int], Compressed], groups: int) -> Iterator[list[int]]:
-    """Columns of all groups without lag, and with each time constant beside them."""
+def _offset_tests(
+    series: Series, pieces: Pieces, groups: int
+) -> Iterator[tuple[float, float, float]]:
+    """The share of the sum of squares that an offset for each piece instead of one level a position
+    explains, its F and p: with all groups without lag, and with each time constant beside them.
+    """
+    plain = [*range(1, groups + 1)]
+    centred = {key: about_mean(piece) for key, piece in pieces.items()}
     count = next(iter(pieces.values())).factor.shape[1] - 2
-    plain = list(range(1, groups + 1))
-    yield plain
-    for first in range(groups + 1, count + 1, groups):
-        yield [*plain, *range(first, first + groups)]
-
-
-def _offset_test(
-    pieces: Mapping[tuple[int, int], Compressed], columns: list[int]
-) -> tuple[float, float, float] | None:
-    """F of an offset for each piece instead of one level a position, its p, and the share of the
-    sum of squares that the offsets explain; None where the readings are too few.
-    """
-    without = within = 0.0
-    rank_without = rank_within = n = 0
-    judged = []
-    for place in {p for p, _ in pieces}:
-        own = [piece for (p, _), piece in pieces.items() if p == place]
-        rows, centred_own = together(own), [about_mean(piece) for piece in own]
-        free = least_squares(rows.factor[:, [0, *columns]], rows.factor[:, -1])
-        inner = together(centred_own)
-        fitted = least_squares(inner.factor[:, columns], inner.factor[:, -1])
-        weights = np.zeros(inner.factor.shape[1])
-        weights[columns], weights[-1] = -fitted.coefficients, 1.0
-        judged += [(piece, weights) for piece in centred_own]
-        without, within, n = without + free.rss, within + fitted.rss, n + rows.n
-        rank_without, rank_within = rank_without + free.rank, rank_within + fitted.rank
-    square, product = mean_products(judged)
-    number = effective_number(n, product / square if square > 0 else 0.0)
-    more = len(pieces) + rank_within - rank_without
-    dof = number - len(pieces) - rank_within
-    if more < 1 or dof <= 0 or within <= 0:
-        return None
-    F = max(without - within, 0.0) / more / (within / dof)
-    return F, float(fdtrc(more, dof, F)), 1 - within / without
-
-
-def _first_are_zero(series: Series) -> bool:
-    kept = series.kept()
-    first = [
-        kept.error[rows[0]]
-        for position in series.positions
-        for c in range(len(series.cycles))
-        if len(rows := kept.at(position, c))
-    ]
-    return len(first) == len(series.pieces) and not np.any(first)
-
-
-def _groups(series: Series, moving: Sequence[int]) -> list[list[tuple[int, float]]]:
-    """Sensors that go together at |r| >= 0.999 with the first of their group, with their sign."""
-    columns = [1 + s for s in moving]
-    own = np.vstack([centred(rows, columns) for rows in series.by_position()])
-    length = np.linalg.norm(own, axis=0)
-    # A sensor may differ between positions alone.
-    length[length == 0] = 1.0
-    R = (own / length).T @ (own / length)
-    groups: list[list[tuple[int, float]]] = []
-    leaders: list[int] = []
-    for i, sensor in enumerate(moving):
-        for group, leader in zip(groups, leaders, strict=True):
-            if abs(R[i, leader]) >= ALIKE:
-                group.append((sensor, float(np.sign(R[i, leader]))))
-                break
-        else:
-            groups.append([(sensor, 1.0)])
-            leaders.append(i)
-    return groups
-
-
-def _plain_pieces(series: Series, average: FloatArray) -> dict[tuple[int, int], Compressed]:
-    s, g = average.shape
-    transform = np.zeros((s + 2, g + 2))
-    transform[0, 0] = transform[-1, -1] = 1.0
-    transform[1:-1, 1:-1] = average
-    place = {position: i for i, position in enumerate(series.positions)}
-    cycle = {label: i for i, label in enumerate(series.cycles)}
-    return {
-        (place[position], cycle[label]): piece.columns(transform)
-        for (position, label), piece in series.pieces.items()
-    }
-
-
-def _lagged_pieces(
-    series: Series, average: FloatArray, constants: FloatArray, reference: float
-) -> dict[tuple[int, int], Compressed]:
-    kept = series.kept()
-    found = {}
-    for p, position in enumerate(series.positions):
-        here = np.flatnonzero(
-            np.isnan(kept.position) if position is None else kept.position == position
-        )
-        columns = lagged_columns(kept.temperature[here] @ average, kept.time[here], constants)
-        offset = reference * np.tile(average.sum(axis=0), len(constants))
-        Z = np.column_stack([np.ones(len(here)), columns - offset, kept.error[here]])
-        for c in range(len(series.cycles)):
-            rows = Z[kept.cycle[here] == c]
-            if len(rows):
-                found[p, c] = compress(rows)
-    return found
-
-
-def lagged_columns(group: FloatArray, time: FloatArray, constants: FloatArray) -> FloatArray:
-    """Groups (n, g) with each time constant, (n, k*g), constants first; rows of one time that
-    follow each other are one moment.
-    """
-    lagged = lag_of_moments(group, time, constants)
-    found: FloatArray = np.moveaxis(lagged, 0, 1).reshape(len(group), -1)
-    return found
-
-
-def group_columns(lib: Library, lags: Sequence[int], T: FloatArray, time: FloatArray) -> FloatArray:
-    """Groups (n, g) of temperatures T (n, s), each with its time constant."""
-    groups = T @ lib.average
-    own, which = np.unique(lags, return_inverse=True)
-    if not own.any():
-        return groups
-    every = lagged_columns(groups, time, lib.time_constants[own])
-    found: FloatArray = every.reshape(len(T), len(own), -1)[:, which, np.arange(groups.shape[1])]
-    return found
-
-
-def _time_constants(series: Series) -> FloatArray:
-    """0 and powers of two from twice the usual step to the length of a cycle, in min."""
-    if not series.complete:
-        return np.zeros(1)
-    kept = series.kept()
-    if np.isnan(kept.time).any():
-        return np.zeros(1)
-    steps, lengths = [], []
-    for position in series.positions:
-        for c in range(len(series.cycles)):
-            time = kept.time[kept.at(position, c)]
-            own = np.diff(time)
-            steps += [own[own > 0]]
-            lengths += [float(np.ptp(time))] if len(time) else []
-    every = np.concatenate(steps)
-    if not len(every):
-        return np.zeros(1)
-    first, last = 2 * float(np.median(every)), max(lengths)
-    count = int(min(max(np.floor(np.log2(last / first)) + 1, 0), MOST_LAGS))
-    return np.concatenate([[0.0], first * 2.0 ** np.arange(count)])
+    for first in range(1, count + 1, groups):
+        columns = [*plain, *(range(first, first + groups) if first > 1 else ())]
+        without = within = 0.0
+        more, used, judged = len(pieces), len(pieces), []
+        for place in range(len(series.positions)):
+            keys = [key for key in pieces if key[0] == place]
+            rows, inner = (together([of[key] for key in keys]).factor for of in (pieces, centred))
+            free = least_squares(rows[:, [0, *columns]], rows[:, -1])
+            fitted = least_squares(inner[:, columns], inner[:, -1])
+            weights = np.zeros(count + 2)
+            weights[columns], weights[-1] = -fitted.coefficients, 1.0
+            judged += [(centred[key], weights) for key in keys]
+            without, within = without + free.rss, within + fitted.rss
+            more, used = more + fitted.rank - free.rank, used + fitted.rank
+        square, product = mean_products(judged)
+        dof = effective_number(len(series.y), product / square if square > 0 else 0.0) - used
+        if more > 0 and dof > 0 and within > 0:
+            F = max(without - within, 0.0) / more / (within / dof)
+            yield 1 - within / without, F, float(fdtrc(more, dof, F))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -377,17 +304,22 @@ class Spec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """Coefficients (m, g) in powers of the scaled position, and their unit covariance (m*g, m*g),
-    that of errors of variance 1 which are independent. `intercepts` by position index;
-    `parameters` number of fitted quantities.
+    """Coefficients (..., m, g) in powers of the scaled position, of one fit or of one for each of
+    several penalties, and `levels` (...) by position index. `unit_covariance` (m*g, m*g) is that
+    of one fit for independent errors of variance 1, `parameters` its number of fitted quantities.
     """
 
     lib: Library
     spec: Spec
     coefficients: FloatArray
+    levels: dict[int, FloatArray]
     unit_covariance: FloatArray
-    intercepts: dict[int, float]
     parameters: float
+
+    @property
+    def columns(self) -> list[int]:
+        """Those of the library that it uses."""
+        return self.lib.columns(self.spec.lags)
 
     @property
     def used(self) -> np.ndarray:
@@ -395,33 +327,31 @@ class Fitted:
         return np.flatnonzero((self.coefficients != 0).any(axis=0))
 
     def gradient(self, position: int) -> FloatArray:
-        """Of every group (g,) at a position."""
-        found: FloatArray = self.lib.powers(self.spec.degree)[position] @ self.coefficients
-        return found
+        """Of every group (..., g) at a position; powers that cancel leave 0 and no rounding."""
+        return _gradient(self.lib.powers(self.spec.degree)[position], self.coefficients)
 
     def weights(self, position: int) -> FloatArray:
-        """w (k,) such that Z w are the residuals at a position, Z the library's columns.
+        """w (..., 2 + g) such that Z w are the residuals at a position, Z its `columns`.
 
-        A position that the fit has not seen takes the mean intercept of those that it has.
+        A position that the fit has not seen takes the mean level of those that it has.
         """
-        chosen = self.lib.columns(self.spec.lags)
-        w = np.zeros(chosen[-1] + 1)
-        level = self.intercepts.get(position)
-        w[0] = -(float(np.mean(list(self.intercepts.values()))) if level is None else level)
-        w[chosen[1:-1]] = -self.gradient(position)
-        w[-1] = 1.0
-        return w
+        mean = np.mean([*self.levels.values()], axis=0)
+        level = np.asarray(self.levels.get(position, mean))[..., None]
+        parts = [-level, -self.gradient(position), np.ones_like(level)]
+        return np.concatenate(parts, axis=-1)
 
-    def sum_of_squares(self, rows: Rows) -> float:
-        """Of the residuals of rows of any cycles."""
-        total = 0.0
-        for position, item in rows.items():
-            total += float(np.sum((item.factor @ self.weights(position)) ** 2))
+    def sum_of_squares(self, rows: Rows) -> FloatArray:
+        """Of the residuals (...) of rows of any cycles."""
+        columns, total = self.columns, np.zeros(self.coefficients.shape[:-2])
+        for position, item in rows.by_position.items():
+            left = item.factor[:, columns] @ self.weights(position).T
+            total = total + np.sum(left**2, axis=0)
         return total
 
     def mean_products(self, rows: Rows) -> tuple[float, float]:
         """Mean e_i^2 and mean e_i e_(i+1) of the residuals of any cycles."""
-        return mean_products((item, self.weights(position)) for position, item in rows.items())
+        own = rows.by_position.items()
+        return mean_products((only(x, self.columns), self.weights(p)) for p, x in own)
 
     def autocorrelation(self, rows: Rows) -> float:
         """Lag-1 autocorrelation of the residuals, pooled over positions."""
@@ -430,122 +360,121 @@ class Fitted:
 
     def group_shares(self, rows: Rows) -> FloatArray:
         """Mean square (g,) of each group's part of the modelled drift about its mean."""
-        columns = self.lib.columns(self.spec.lags)[1:-1]
-        total = np.zeros(len(columns))
-        for position, item in rows.items():
-            squares = np.sum(centred(item, columns) ** 2, axis=0)
-            total += squares * self.gradient(position) ** 2
-        mean: FloatArray = total / sum(item.n for item in rows.values())
-        return mean
+        total = np.zeros(len(self.lib.groups))
+        for position, item in rows.by_position.items():
+            inner = centred(item, self.columns[1:-1])
+            total += np.sum(inner**2, axis=0) * self.gradient(position) ** 2
+        return total / rows.n
 
 
-def centred(rows: Compressed, columns: list[int] | np.ndarray) -> FloatArray:
+def _gradient(power: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """sum_m power_m coefficients (..., m, g); terms that cancel leave 0 and no rounding."""
+    terms = power[:, None] * coefficients
+    found = terms.sum(axis=-2)
+    known = np.abs(found) > ROUNDING * np.abs(terms).sum(axis=-2)
+    return np.where(known, found, 0.0)
+
+
+def only(item: Compressed, columns: Sequence[int]) -> Compressed:
+    """Some of the columns."""
+    lag = item.lag[np.ix_(columns, columns)]
+    return Compressed(factor=item.factor[:, columns], n=item.n, lag=lag, pairs=item.pairs)
+
+
+def centred(rows: Compressed, columns: Sequence[int] | np.ndarray) -> FloatArray:
     """Columns of a triangular factor less what the constant explains."""
     one, X = rows.factor[:, :1], rows.factor[:, columns]
     found: FloatArray = X - one @ (one.T @ X) / float(one[:, 0] @ one[:, 0])
     return found
 
 
+def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
+    """The fit of a spec to some rows; a coefficient that is nothing but rounding is 0."""
+    if spec.kind == "stepwise":
+        return _stepwise(lib, rows, spec)
+    path, X, y = _ridge(lib, rows, spec, np.array([spec.penalty]))
+    b = path.coefficients[0]
+    b = np.where(np.abs(b) * np.linalg.norm(X, axis=0) > ROUNDING * np.linalg.norm(y), b, 0.0)
+    parameters = float(path.effective[0]) + rows.levels
+    return _levelled(lib, rows, spec, b, path.unit_covariance(0), parameters)
+
+
+def fits(lib: Library, rows: Rows, spec: Spec, penalties: FloatArray) -> Fitted:
+    """The fits of a spec with each of some penalties (stepwise: there is one), to predict by."""
+    if spec.kind == "stepwise":
+        return _stepwise(lib, rows, spec)
+    path, _, _ = _ridge(lib, rows, spec, penalties)
+    return _levelled(lib, rows, spec, path.coefficients)
+
+
 def constant(lib: Library, rows: Rows, spec: Spec) -> Fitted:
     """No temperature: the mean reading at every position."""
-    g, m = len(lib.groups), spec.degree + 1
-    means = {}
-    for position, item in rows.items():
-        one = item.factor[:, 0]
-        means[position] = float(one @ item.factor[:, -1]) / float(one @ one)
+    return _levelled(lib, rows, spec, np.zeros((spec.degree + 1) * len(lib.groups)))
+
+
+def _levelled(
+    lib: Library,
+    rows: Rows,
+    spec: Spec,
+    b: FloatArray,
+    unit_covariance: FloatArray | None = None,
+    parameters: float = np.nan,
+) -> Fitted:
+    """Coefficients b (..., m*g) with the level that fits the readings best at every position."""
+    columns, powers = lib.columns(spec.lags), lib.powers(spec.degree)
+    B = b.reshape(*b.shape[:-1], spec.degree + 1, len(lib.groups))
+    levels = {}
+    for position, item in rows.by_position.items():
+        factor = item.factor[:, columns]
+        one, modelled = factor[:, 0], factor[:, 1:-1] @ _gradient(powers[position], B).T
+        levels[position] = (one @ factor[:, -1] - one @ modelled) / float(one @ one)
     return Fitted(
         lib=lib,
         spec=spec,
-        coefficients=np.zeros((m, g)),
-        unit_covariance=np.zeros((m * g, m * g)),
-        intercepts=means,
-        parameters=float(lib.levels(rows)),
-    )
-
-
-def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
-    """The fit of a spec to some rows."""
-    if spec.kind == "stepwise":
-        return _fit_stepwise(lib, rows, spec)
-    path = ridge_path(lib, rows, spec, np.array([spec.penalty]))
-    return Fitted(
-        lib=lib,
-        spec=spec,
-        coefficients=path.coefficients[0].reshape(spec.degree + 1, -1),
-        unit_covariance=path.unit_covariance(0),
-        intercepts=dict(zip(rows, path.intercepts[0].tolist(), strict=True)),
-        parameters=float(path.effective[0]) + lib.levels(rows),
-    )
-
-
-def ridge_path(lib: Library, rows: Rows, spec: Spec, penalties: FloatArray) -> RidgePath:
-    """Ridge fits with an intercept a position, for every penalty."""
-    chosen = lib.columns(spec.lags)
-    P = lib.powers(spec.degree)
-    free, X, y, places = [], [], [], list(rows)
-    for i, position in enumerate(places):
-        factor = rows[position].factor[:, chosen]
-        ones = np.zeros((len(factor), len(places)))
-        ones[:, i] = factor[:, 0]
-        free.append(ones)
-        X.append((P[position][None, :, None] * factor[:, None, 1:-1]).reshape(len(factor), -1))
-        y.append(factor[:, -1])
-    n = sum(item.n for item in rows.values())
-    return ridge(np.vstack(free), np.vstack(X), np.concatenate(y), n, penalties)
-
-
-def path_losses(
-    lib: Library, fitted_to: Rows, held: Rows, spec: Spec, path: RidgePath
-) -> FloatArray:
-    """Residual sums of squares (l,) over held-out rows, for every penalty of a path."""
-    chosen = lib.columns(spec.lags)
-    places = list(fitted_to)
-    B = path.coefficients.reshape(len(path.coefficients), spec.degree + 1, -1)
-    total = np.zeros(len(B))
-    for position, item in held.items():
-        factor = item.factor[:, chosen]
-        a = path.intercepts.mean(axis=1)
-        if position in fitted_to:
-            a = path.intercepts[:, places.index(position)]
-        gradient = np.einsum("m,lmg->gl", lib.powers(spec.degree)[position], B)
-        left = factor[:, -1:] - factor[:, :1] * a - factor[:, 1:-1] @ gradient
-        total += np.einsum("rl,rl->l", left, left)
-    return total
-
-
-def _fit_stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
-    """The paper's way: sensors selected at each position, then a polynomial through positions.
-
-    Valdes et al., eqs. (5)-(8) and (13). The intercepts follow from the final coefficients, so
-    that a polynomial of fewer powers than positions is not charged with the means.
-    """
-    chosen = lib.columns(spec.lags)
-    g, m = len(lib.groups), spec.degree + 1
-    places = list(rows)
-    V = lib.powers(spec.degree)[places]
-    W = through_places(V)
-    gradients = np.zeros((len(places), g))
-    unit = np.zeros((m, g, m, g))
-    parameters = float(lib.levels(rows))
-    for i, position in enumerate(places):
-        selected, found = _selected(lib, rows, position, chosen)
-        gradients[i, selected] = found.coefficients[1:]
-        covariance = np.zeros((g, g))
-        covariance[np.ix_(selected, selected)] = found.unscaled_covariance[1:, 1:]
-        unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
-        parameters += len(selected) * m / len(places)
-    coefficients = W @ gradients
-    return Fitted(
-        lib=lib,
-        spec=spec,
-        coefficients=coefficients,
-        unit_covariance=unit.reshape(m * g, m * g),
-        intercepts={
-            position: _intercept(rows[position].factor[:, chosen], V[i] @ coefficients)
-            for i, position in enumerate(places)
-        },
+        coefficients=B,
+        levels=levels,
+        unit_covariance=np.zeros((0, 0)) if unit_covariance is None else unit_covariance,
         parameters=parameters,
     )
+
+
+def _ridge(
+    lib: Library, rows: Rows, spec: Spec, penalties: FloatArray
+) -> tuple[RidgePath, FloatArray, FloatArray]:
+    """Ridge fits with a level a position, for every penalty, and the rows X and y behind them."""
+    columns, P = lib.columns(spec.lags), lib.powers(spec.degree)
+    free, X, y = [], [], []
+    for i, (position, item) in enumerate(rows.by_position.items()):
+        factor = item.factor[:, columns]
+        ones = np.zeros((len(factor), len(rows.by_position)))
+        ones[:, i] = factor[:, 0]
+        free.append(ones)
+        X.append(np.kron(P[position], factor[:, 1:-1]))
+        y.append(factor[:, -1])
+    joined, target = np.vstack(X), np.concatenate(y)
+    return ridge(np.vstack(free), joined, target, rows.n, penalties), joined, target
+
+
+def _stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
+    """The paper's way: sensors selected at each position, then a polynomial through positions.
+
+    Valdes et al., eqs. (5)-(8) and (13). The levels follow from the final coefficients, so that a
+    polynomial of fewer powers than positions is not charged with the means.
+    """
+    g, m, places = len(lib.groups), spec.degree + 1, list(rows.by_position)
+    W = through_places(lib.powers(spec.degree)[places])
+    gradients = np.zeros((len(places), g))
+    unit = np.zeros((m, g, m, g))
+    parameters = float(rows.levels)
+    for i, position in enumerate(places):
+        chosen, found = _selected(lib, rows, position)
+        gradients[i, chosen] = found.coefficients[1:]
+        covariance = np.zeros((g, g))
+        covariance[np.ix_(chosen, chosen)] = found.unscaled_covariance[1:, 1:]
+        unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
+        parameters += len(chosen) * m / len(places)
+    b = np.concatenate([_gradient(row, gradients) for row in W])
+    return _levelled(lib, rows, spec, b, unit.reshape(m * g, m * g), parameters)
 
 
 def through_places(V: FloatArray) -> FloatArray:
@@ -555,30 +484,14 @@ def through_places(V: FloatArray) -> FloatArray:
     return np.column_stack([least_squares(V, unit).coefficients for unit in np.eye(len(V))])
 
 
-def _selected(lib: Library, rows: Rows, position: int, chosen: list[int]) -> Selection:
-    """Groups of sensors that stepwise selection takes at one position, and their fit."""
-    key = (position, rows.cycles, tuple(chosen))
-    if key not in lib.selections:
-        more = sum(p == position and c in rows.cycles for p, c in lib.pieces) - 1
-        lib.selections[key] = _selection(rows[position], chosen, more if lib.zeroed.offsets else 0)
-    return lib.selections[key]
-
-
-def _selection(rows: Compressed, chosen: list[int], offsets: int) -> Selection:
-    """As many `offsets` were taken out of the rows beside their mean."""
-    own = Compressed(
-        factor=rows.factor[:, chosen],
-        n=max(rows.n - offsets, 1),
-        lag=rows.lag[np.ix_(chosen, chosen)],
-        pairs=rows.pairs,
-    )
-    columns = [0, *stepwise(own)]
-    found = least_squares(own.factor[:, columns], own.factor[:, -1])
-    return [column - 1 for column in columns[1:]], found
-
-
-def _intercept(factor: FloatArray, gradient: FloatArray) -> float:
-    """The mean reading less what the sensors explain of it."""
-    left = factor[:, -1] - factor[:, 1:-1] @ gradient
-    one = factor[:, 0]
-    return float(one @ left) / float(one @ one)
+def _selected(lib: Library, rows: Rows, position: int) -> tuple[list[int], LeastSquares]:
+    """Groups of sensors, without lags, that stepwise selection takes at one position, and their
+    fit. Every degree in position asks for the same.
+    """
+    if position not in rows.selected:
+        item = only(rows.by_position[position], lib.columns((0,) * len(lib.groups)))
+        item = replace(item, n=max(item.n - rows.offsets.get(position, 0), 1))
+        columns = [0, *stepwise(item)]
+        found = least_squares(item.factor[:, columns], item.factor[:, -1])
+        rows.selected[position] = [column - 1 for column in columns[1:]], found
+    return rows.selected[position]

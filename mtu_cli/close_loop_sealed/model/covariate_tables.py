@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.model_slice import Cells
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import Columns, point_columns
-from mtu_cli.model.visits import Cells, IntArray, only_rows
+from mtu_cli.model.visits import IntArray, only_rows
 from mtu_cli.stats.least_squares import FloatArray
 
 FEW = 0.05

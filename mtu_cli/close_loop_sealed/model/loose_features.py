@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.stats.loose_columns import loose_columns
 from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loose_columns import loose_columns
 from mtu_cli.units import p_text, um_text
 
 FEWEST_LINES = 6

@@ -13,6 +13,7 @@ from mtu_cli.close_loop_sealed.model.covariate_tables import rows_without_gaps, 
 from mtu_cli.close_loop_sealed.model.residual_factors import CellModel, Values, cell_model
 from mtu_cli.close_loop_sealed.model.residual_layout import filled
 from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable, within
+from mtu_cli.close_loop_sealed.model_slice import ReadingLayout, reading_layout
 from mtu_cli.files.machine_contract import Component
 from mtu_cli.findings import Finding
 from mtu_cli.language import parse
@@ -21,24 +22,20 @@ from mtu_cli.model.estimates import (
     Estimates,
     ThermalEstimate,
     covariance_in_run,
-    leftover_estimate,
-    temperature_estimate,
 )
-from mtu_cli.model.fit import from_machine_file, thermal_from_machine_file
+from mtu_cli.model.fit import (
+    effects_on_readings,
+    from_machine_file,
+    reading_columns,
+    reading_places,
+    thermal_from_machine_file,
+)
 from mtu_cli.model.machine_model import (
     AXES,
     TIME,
     MachineModel,
     Term,
-    ThermalBasis,
-    component_term,
-)
-from mtu_cli.model.reading_layout import (
-    ReadingLayout,
-    effects_on_readings,
-    reading_columns,
-    reading_layout,
-    reading_places,
+    drift_terms,
 )
 from mtu_cli.model.shapes import MOST_AUTO
 from mtu_cli.model.temperatures import temperature_warnings
@@ -238,7 +235,7 @@ class _Reader:
         return reading_places(self.readings, self.rows, self.of)
 
     def _columns(self) -> dict[str, np.ndarray]:
-        return reading_columns(self.readings, self.rows, self.layout, self.of)
+        return reading_columns(self.readings, self.rows, self.layout.cells.part, self.of)
 
     def _drift(
         self, drift: ThermalEstimate | None, columns: dict[str, np.ndarray]
@@ -303,11 +300,9 @@ def _alone(
 ) -> MachineModel:
     """A machine whose only error, along `axis`, is that of one component."""
     lever = {axis: parse("1")}
-    terms = [] if estimate is None else [component_term(estimate, lever)]
+    terms = [] if estimate is None else [Term(estimate=estimate, levers=lever)]
     if drift is not None:
-        basis = ThermalBasis(estimate=drift)
-        terms.append(Term(estimate=temperature_estimate(drift), basis=basis, levers=lever))
-        terms.append(component_term(leftover_estimate(drift), lever))
+        terms += drift_terms(drift, lever)
     return MachineModel(
         name=name,
         axes=(axis,),

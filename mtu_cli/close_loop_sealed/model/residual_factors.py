@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.close_loop_sealed.model.residual_layout import filled
+from mtu_cli.close_loop_sealed.model_slice import Cells
 from mtu_cli.language import names
 from mtu_cli.model.covariates import rows_of
 from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, sensors_of, theta
 from mtu_cli.model.prediction import constant_effects
 from mtu_cli.model.temperatures import temperature_gradients
 from mtu_cli.model.variance import component_blocks, drawable_passes
-from mtu_cli.model.visits import Cells, IntArray
+from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
 PIECE = 8192

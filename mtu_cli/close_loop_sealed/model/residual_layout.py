@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.model_slice import Cells, cells_of
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding
 from mtu_cli.model.visits import (
-    Cells,
     Datum,
     IntArray,
     basis,
-    cells_of,
     incomplete_datum,
     operations_of,
     visits_of,

@@ -35,6 +35,7 @@ from mtu_cli.close_loop_sealed.model.residual_layout import (
     motions_of,
     visited_of,
 )
+from mtu_cli.close_loop_sealed.model_slice import Cells, VisitScatter, visit_scatter
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns, rows_of
@@ -43,8 +44,8 @@ from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.measured import check_repeats, left_out, no_shared_axis, not_measured
-from mtu_cli.model.prediction import Prediction, VisitScatter, predict, visit_scatter
-from mtu_cli.model.visits import Cells, Datum, IntArray, axes_of, only_rows
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.visits import Datum, IntArray, axes_of, only_rows
 from mtu_cli.stats.least_squares import FloatArray
 
 

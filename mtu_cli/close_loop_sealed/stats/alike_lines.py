@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import fdtrc
 
+from mtu_cli.close_loop_sealed.stats.loose_columns import beside_lines_and_columns
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.loose_columns import beside_lines_and_columns
 
 ROUNDING = 1e-20
 """Of the values' squares."""

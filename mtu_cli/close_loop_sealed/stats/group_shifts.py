@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.stats.loose_columns import beside_lines_and_columns, line_bases
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loose_columns import beside_lines_and_columns, line_bases
 
 BoolArray = NDArray[np.bool_]
 

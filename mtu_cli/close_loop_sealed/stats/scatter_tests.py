@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import fdtrc, ndtr, ndtri
 
+from mtu_cli.close_loop_sealed.stats.loose_columns import scaled_log_variance
 from mtu_cli.close_loop_sealed.stats.mean_squares import EntryNoise
 from mtu_cli.close_loop_sealed.stats.strata import Strata
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loose_columns import scaled_log_variance
 
 MANY = 1e6
 """Degrees of freedom of what is known exactly."""

@@ -17,61 +17,72 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.files.contract import Faults, check_contract, is_unknown_key, present
+from mtu_cli.files.contract import Faults, check_contract, present
 from mtu_cli.files.graph_contract import COORDINATES, Graph, Place, Transition
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, read_yaml
-from mtu_cli.findings import listed
+from mtu_cli.findings import error, listed, suggestion
 from mtu_cli.language import Node, check_known, names, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.geometry import GeometryError
-from mtu_cli.model.graph.places import Output, correlation_matrix, outputs_of, start_value
 from mtu_cli.model.graph.transitions import (
-    NAMED_BY_COORDINATE,
     TRANSITIONS,
-    UNKNOWN,
-    Computed,
     Step,
     Unit,
     Use,
     Values,
     described,
+    matches,
     place_of,
 )
+from mtu_cli.stats.least_squares import FloatArray
 
 Rounds = tuple[tuple[Step, ...], ...]
 ONLY = {"repeats": "meas", "uncertainty": "meas", "along": "meas", "formula": "compute"}
 """Keys that one transition alone has."""
 KEYS = {
-    "axis": ("coordinate",),
-    "nominal_mm": ("coordinate", "point"),
-    "value": ("constant",),
-    "u": ("constant",),
-    "unit": ("constant",),
-    "known": ("point",),
-}
+    "axis": ("coordinate",), "nominal_mm": ("coordinate", "point"), "value": ("constant",),
+    "u": ("constant",), "unit": ("constant",), "known": ("point",),
+}  # fmt: skip
 """Keys of places, and the kinds that have them."""
 STARTS = ("value", "known", "nominal_mm")
 """Keys that a place has which no transition makes."""
+MEASURED = ("nominal_mm", "meas")
+"""What a transition makes and the file states all the same: where it is measured."""
 NOMINAL = {"coordinate": (1, "one number"), "point": (3, "[x, y, z]")}
-CONTRADICT = "the correlations contradict each other: their matrix is not positive semi-definite"
-ROUNDING = 1e-9
-"""An eigenvalue of n correlations below -n times this is no rounding of 0, as in budgets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """One coordinate of a place; `index` is its number among those of the place."""
+
+    place: str
+    coordinate: str
+    index: int
+    kind: str
+    unit: str
+
+    def __str__(self) -> str:
+        single = self.coordinate == "value"
+        return self.place if single else f"{self.place}.{self.coordinate}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementGraph:
     """A sound graph. `rounds`: its transitions as they fire; `nominal` holds every place (m = 1),
-    `computed` the computing transitions in firing order, `units` the unit of every place: mm, rad,
-    1 (or mm^n of a product); mm where nothing tells it.
+    `units` the unit of every place: mm, rad, 1 (or mm^n of a product); mm where nothing tells it.
     """
 
     document: YamlDocument
     graph: Graph
     rounds: Rounds
     nominal: Values
-    computed: tuple[Computed, ...]
     units: dict[str, str]
+
+    @property
+    def computed(self) -> list[Step]:
+        """The computing transitions in firing order."""
+        return [step for step in chain.from_iterable(self.rounds) if step.do != "meas"]
 
     @property
     def reported(self) -> tuple[str, ...]:
@@ -79,7 +90,7 @@ class MeasurementGraph:
         uses.
         """
         used = {name for item in self.graph.transitions for name in item.in_}
-        made = {name for item in self.computed for name in item.step.outputs}
+        made = {name for step in self.computed for name in step.outputs}
         return tuple(self.graph.report) or tuple(n for n in self.graph.places if n in made - used)
 
     def place_of(self, index: int) -> dict[str, Any]:
@@ -88,19 +99,47 @@ class MeasurementGraph:
         return {"file": self.document.source.shown, "line": line, "path": f"transitions[{index}]"}
 
     def outputs(self, names: Iterable[str] = ()) -> tuple[Output, ...]:
-        """Outputs by name; without names those that the file reports."""
-        return outputs_of(tuple(names) or self.reported, self.graph.places, self.units)
+        """The outputs behind names such as ``P1``, ``P1.x`` or ``d_AC``, each once; without names
+        those that the file reports.
 
-    def needed(self, outputs: Sequence[Output]) -> tuple[set[str], tuple[Computed, ...]]:
+        Raises InputError for a place or coordinate that there is not.
+        """
+        places, outputs = self.graph.places, {}
+        for text in tuple(names) or self.reported:
+            name, wanted = (text, "") if text in places else text.rpartition(".")[::2]
+            if name not in places:
+                near = suggestion(name or text, places)
+                raise error("unknown-name", what="place", value=text, **near)
+            kind, unit = places[name].kind, self.units[name]
+            known = COORDINATES[kind]
+            if wanted and wanted not in known:
+                hint = f"one of: {', '.join(f'{name}.{item}' for item in known)}"
+                raise error("unknown-name", what="coordinate", value=text, expected=hint)
+            turned = {"frame": "rad", "line": "1", "plane": "1"}.get(kind, unit)
+            for i, coordinate in enumerate(known):
+                if wanted in ("", coordinate):
+                    own = turned if i >= 3 else unit
+                    given = {"place": name, "coordinate": coordinate, "kind": kind, "unit": own}
+                    outputs[name, i] = Output(**given, index=i)
+        return tuple(outputs.values())
+
+    def needed(self, outputs: Sequence[Output]) -> tuple[set[str], list[Step]]:
         """Start places and transitions that stand behind some outputs."""
-        wanted = {item.place for item in outputs}
-        steps = []
-        for item in reversed(self.computed):
-            if wanted.intersection(item.step.outputs):
-                steps.append(item)
-                wanted.update(item.step.inputs)
-        made = {name for item in self.computed for name in item.step.outputs}
-        return wanted - made, tuple(reversed(steps))
+        wanted, steps = {item.place for item in outputs}, []
+        for step in reversed(self.computed):
+            if wanted.intersection(step.outputs):
+                steps.append(step)
+                wanted.update(step.inputs)
+        made = {name for step in self.computed for name in step.outputs}
+        return wanted - made, steps[::-1]
+
+
+def start_value(place: Place) -> FloatArray:
+    """Nominal of a measured place, or value of a constant, for one trial: (1,) or (3, 1)."""
+    if place.nominal_mm is not None:
+        nominal = np.array(place.nominal_mm)
+        return nominal[:, None] if len(nominal) == 3 else nominal
+    return np.array([math.nan if place.value is None else place.value])
 
 
 def load_graph(path: Path) -> MeasurementGraph:
@@ -112,17 +151,14 @@ def load_graph(path: Path) -> MeasurementGraph:
     nets: list[_Net] = []
 
     def check(graph: Graph, faults: Faults) -> None:
-        nets.append(_Net(_sound_part(graph, faults), faults))
+        nets.append(_Net(graph, faults))
         nets[0].check()
 
     graph = check_contract(document, Graph, "graph", check)
+    units = {name: unit or "mm" for name, unit in nets[0].units.items()}
+    rounds, nominal = nets[0].rounds, nets[0].nominal
     return MeasurementGraph(
-        document=document,
-        graph=graph,
-        rounds=nets[0].rounds,
-        nominal=nets[0].nominal,
-        computed=tuple(nets[0].computed),
-        units={name: unit or "mm" for name, unit in nets[0].units.items()},
+        document=document, graph=graph, rounds=rounds, nominal=nominal, units=units
     )
 
 
@@ -142,99 +178,61 @@ def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
     return tuple(rounds)
 
 
-def cycles(before: Mapping[str, Sequence[str]]) -> list[list[str]]:
-    """Cycles of places, each from its first place back to it; no two share a place.
+def cycle_of(before: Mapping[str, Sequence[str]]) -> list[str]:
+    """A cycle of places, from the first back to it; `before`: the inputs of what makes each.
 
-    `before`: the inputs of what makes each place.
-
-    >>> cycles({"a": ["b"], "b": ["a"], "c": ["a"]})
-    [['a', 'b', 'a']]
+    >>> cycle_of({"a": ["b"], "b": ["a"], "c": ["a"]}), cycle_of({"c": ["a"]})
+    (['a', 'b', 'a'], [])
     """
-    found: list[list[str]] = []
-    while True:
-        cut = {name for cycle in found for name in cycle}
-        rest = {n: [i for i in own if i not in cut] for n, own in before.items() if n not in cut}
-        try:
-            TopologicalSorter(rest).prepare()
-        except CycleError as error:
-            found.append(error.args[1])
-        else:
-            return found
-
-
-def _sound_part(graph: Graph, faults: Faults) -> Graph:
-    """Without the entries that have a fault, but for places with an unknown key alone."""
-    paths = [
-        each.path or ""
-        for each in faults.findings
-        if not (is_unknown_key(each) and (each.path or "").startswith("places."))
-    ]
-    faulty = {path[:at] for path in paths for at in range(len(path)) if path[at] in ".["}
-    faulty |= set(paths)
-    places, items = graph.places or {}, graph.transitions or ()
-    sound = {
-        "places": {name: own for name, own in places.items() if f"places.{name}" not in faulty},
-        "transitions": [
-            None if f"transitions[{index}]" in faulty else own for index, own in enumerate(items)
-        ],
-        "report": graph.report or [],
-        "correlations": graph.correlations or [],
-    }
-    return graph.model_copy(update=sound)
-
-
-def _names(value: object) -> list[str] | None:
-    """The names that stand at `in` or `out`, faulty or not; None where something else does."""
-    items = value if isinstance(value, list) else [value]
-    sound = all(type(item) in (str, int) for item in items)
-    return [str(item) for item in items] if sound else None
+    try:
+        TopologicalSorter(before).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
 
 
 class _Net:
-    """The checks of one file.
+    """The checks of one file: of the sound part of its contract, `known` being the names of all
+    places that stand there, faulty ones included.
 
-    `arcs` are the inputs and outputs of every transition as they stand there, faulty ones
-    included: a place whose maker is at fault is not without one. `unclear` names in them are no
-    places: each may be meant for one that seems unused.
+    `unclear` names are no places: each may be meant for one that seems unused; of transitions that
+    cannot be read nobody knows what they name.
     """
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
-        self.graph, self.faults = graph, faults
+        self.graph, self.faults, self.places = graph, faults, graph.places or {}
         self.known = dict.fromkeys(faults.keys("places"))
-        self.kinds = {name: described(own.kind, own.axis) for name, own in graph.places.items()}
-        self.transitions = dict(present(graph.transitions))
-        self.arcs: list[tuple[list[str], list[str]]] = []
+        misread = {path[1] for path in faults.unknown_keys if path[:1] == ("transitions",)}
+        items = present(graph.transitions)
+        self.transitions = {index: item for index, item in items if index not in misread}
+        self.report = present(graph.report)
+        named = [*(name for _, name in self.report)]
         self.makers: dict[str, list[int]] = {}
+        for index, item in self.transitions.items():
+            named += [*item.in_, *item.out]
+            for name in dict.fromkeys(item.out):
+                self.makers.setdefault(name, []).append(index)
+        unread = any(not (own.path or "").startswith("places.") for own in faults.findings)
+        self.unclear = math.inf if unread else sum(name not in self.known for name in named)
         self.nominal: Values = {}
-        self.computed: list[Computed] = []
         self.units: dict[str, Unit] = {}
         self.rounds: Rounds = ()
-        data = faults.document.at("transitions")
-        entries = data if isinstance(data, list) else []
-        # Without any every place seems unused: the key itself may be misspelt.
-        self.unclear = float(sum(name not in self.known for name in graph.report))
-        self.unclear += 0 if entries else math.inf
-        for index, item in enumerate(entries):
-            entry = item if isinstance(item, dict) else {}
-            inputs = _names(entry.get("in", [] if entry.get("do") == "meas" else None))
-            outputs = _names(entry.get("out"))
-            self.arcs.append((inputs or [], outputs or []))
-            for name in dict.fromkeys(outputs or ()):
-                self.makers.setdefault(name, []).append(index)
-            named = (*(inputs or ()), *(outputs or ()))
-            readable = inputs is not None and outputs is not None
-            self.unclear += sum(n not in self.known for n in named) if readable else math.inf
 
     def check(self) -> None:
         """All of them; those that take a calculation see the sound part in firing order."""
         steps = [self.step(index, item) for index, item in self.transitions.items()]
-        marked = [name for name, place in self.graph.places.items() if place.marked]
+        marked = [name for name, place in self.places.items() if place.marked]
         self.rounds = firing_order([step for step in steps if step is not None], marked)
-        self.check_places()
+        for name, place in self.places.items():
+            self.check_place(name, place)
         self.check_names()
-        self.check_values(marked)
-        self.check_units()
-        self.check_correlations()
+        self.nominal.update({name: start_value(self.places[name]) for name in marked})
+        self.units.update(
+            {n: p.unit if p.kind == "constant" else "mm" for n, p in self.places.items()}
+        )
+        for step in chain.from_iterable(self.rounds):
+            self.check_value(step)
+            self.check_unit(step)
 
     def step(self, index: int, item: Transition) -> Step | None:
         """A transition against its signature; None with its faults, and where it makes a place a
@@ -247,14 +245,17 @@ class _Net:
         for side, listed_names in (("in", item.in_), ("out", item.out)):
             self.check_known((*path, side), enumerate(listed_names))
         self.faults.once((*path, "out"), enumerate(item.out), "the output")
+        if not all(name in self.places for name in (*item.in_, *item.out)):
+            return None
         formula = self.formula(item, path) if item.do == "compute" else None
         use = self.use_of(item, path)
-        known = all(name in self.graph.places for name in (*item.in_, *item.out))
         again = any(self.makers[name][0] != index for name in item.out)
-        if use is None or again or not known or len(self.faults.findings) > before:
+        if use is None or again or len(self.faults.findings) > before:
             return None
-        both = {"inputs": tuple(item.in_), "outputs": tuple(item.out)}
-        return Step(index=index, do=item.do, use=use, formula=formula, **both)
+        inputs, outputs = tuple(item.in_), tuple(item.out)
+        return Step(
+            index=index, do=item.do, use=use, inputs=inputs, outputs=outputs, formula=formula
+        )
 
     def check_known(self, path: YamlPath, items: Iterable[tuple[int, str]]) -> None:
         for at, name in items:
@@ -266,22 +267,18 @@ class _Net:
         point or vector by those of its coordinates, ``H1.x``.
         """
         if item.formula is None:
-            expected = "a formula in the input places"
-            self.faults.add(path, "missing-key", key="formula", expected=expected)
+            self.faults.lacks(path, "formula", "a formula in the input places")
             return None
-        known = set()
-        for name in {*item.in_} & {*self.graph.places}:
-            kind = self.graph.places[name].kind
-            coordinates = COORDINATES[kind] if kind in NAMED_BY_COORDINATE else ()
-            known |= {f"{name}.{each}" for each in coordinates} or {name}
+        known: list[str] = []
+        for name in item.in_:
+            kind = self.places[name].kind
+            coordinates = COORDINATES[kind] if kind in ("point", "vector") else ()
+            known += [f"{name}.{each}" for each in coordinates] or [name]
         with self.faults.collected((*path, "formula")):
             node = parse(item.formula, BUDGET_FUNCTIONS, DOTTED)
-            used = names(node)
-            # Of a place that is at fault itself no name is wrong.
-            faulty = {*item.in_} - {*self.graph.places}
-            check_known(node, known | {n for n in used if place_of(n) in faulty}, "input")
+            check_known(node, known, "input")
             for at, name in enumerate(item.in_):
-                if name not in map(place_of, used):
+                if name not in map(place_of, names(node)):
                     reason = "the formula does not use this input"
                     self.faults.add((*path, "in", at), "unused-place", reason=reason, value=name)
             return node
@@ -289,67 +286,44 @@ class _Net:
 
     def use_of(self, item: Transition, path: YamlPath) -> Use | None:
         """The use that takes these inputs and gives these outputs, or None with its fault."""
-        sides = [[self.kinds.get(name, UNKNOWN) for name in own] for own in (item.in_, item.out)]
+        sides = [
+            [described(self.places[name].kind, self.places[name].axis) for name in own]
+            for own in (item.in_, item.out)
+        ]
         uses = TRANSITIONS[item.do]
-        taking = [use for use in uses if use.fits(0, sides[0])]
-        making = [use for use in taking if use.fits(1, sides[1])]
-        axes = {own[0] for own in sides if own and own[0].startswith("a coordinate ")}
-        turned = item.do == "displace" and len(axes) > 1
-        if turned or not making:
+        taking = [use for use in uses if matches(use.takes, sides[0])]
+        making = [use for use in taking if matches(use.makes, sides[1])]
+        if not making:
             at = int(bool(taking))
-            wanted = dict.fromkeys(use.words(at) for use in taking or uses)
-            expected = sides[0][0] if turned and taking else "; or ".join(wanted)
-            facts = {"verb": ("take", "make")[at], "places": ", ".join(sides[at]) or "nothing"}
-            side, facts["do"] = ("in", "out")[at], item.do
-            self.faults.add((*path, side), "wrong-connection", expected=expected, **facts)
+            known = [(use.takes, use.makes)[at] or "nothing" for use in taking or uses]
+            given = {"do": item.do, "expected": "; or ".join(dict.fromkeys(known))}
+            given |= {"verb": ("take", "make")[at], "places": ", ".join(sides[at]) or "nothing"}
+            self.faults.add((*path, ("in", "out")[at]), "wrong-connection", **given)
             return None
-        if item.do == "meas" and len(making) == 1:
-            is_point = sides[1] == ["a point"]
-            if item.along is not None and not is_point:
+        if item.do == "meas" and (sides[1] == ["a point"]) != (item.along is not None):
+            if item.along is None:
+                self.faults.lacks(path, "along", "x, -x, ... or [i, j, k]")
+            else:
                 self.faults.add((*path, "along"), "misplaced", key="along", where="a point")
-            elif item.along is None and is_point:
-                expected = "x, -x, ... or [i, j, k]"
-                self.faults.add(path, "missing-key", key="along", expected=expected)
         return making[0]
 
-    def check_places(self) -> None:
-        """That every place has the keys of its kind, its value from one transition or from the
-        start, and leads to those reported, or to those that end the graph.
-
-        Places that nothing makes or uses are reported if they are more than the names of
-        transitions that are no places: one of these may be meant.
+    def check_place(self, name: str, place: Place) -> None:
+        """That a place has the keys of its kind, and what a transition makes states nothing
+        against it.
         """
-        unmade = []
-        for name, place in self.graph.places.items():
-            self.check_keys(name, place)
-            if name in self.makers:
-                self.check_maker(name, place)
-            elif place.kind == "point" and place.known and place.nominal_mm is None:
-                self.faults.lacks(("places", name), "nominal_mm", "where the point is")
-            elif not place.marked and not self.faults.misspelt(("places", name), STARTS):
-                own = "`value:`, or " if place.kind == "constant" else ""
-                reason = f"no transition makes this {place.kind}"
-                unmade.append((name, reason, f"{own}a transition with `out: {name}`"))
-        used = {name for inputs, _ in self.arcs for name in inputs}
-        measured = {index for index, item in self.transitions.items() if item.do == "meas"}
-        computed = {name for name, by in self.makers.items() if not measured.issuperset(by)}
-        ends = used | (set(self.graph.report) or computed)
-        expected = "an input of a transition, or listed under `report:`"
-        idle = [n for n in self.graph.places if n not in ends]
-        for found in (unmade, [(name, "the place leads nowhere", expected) for name in idle]):
-            for name, reason, wanted in found if len(found) > self.unclear else ():
-                path = ("places", name)
-                self.faults.add(path, "unused-place", reason=reason, expected=wanted)
-
-    def check_keys(self, name: str, place: Place) -> None:
-        path = ("places", name)
+        path: YamlPath = ("places", name)
         if "." in name:
             given = {"kind": "a name that formulas can use", "expected": name.replace(".", "_")}
             self.faults.add(path, "wrong-type", value=name, **given)
+        makers = self.makers.get(name, [])
+        maker = self.transitions[makers[0]].do if makers else ""
         for key, kinds in KEYS.items():
             if key in place.stated and place.kind not in kinds:
                 where = "a " + " or a ".join(kinds)
                 self.faults.add((*path, key), "misplaced", key=key, where=where)
+            elif key in place.stated and makers and key in STARTS and (key, maker) != MEASURED:
+                other = self.made_by(makers[0])
+                self.faults.add((*path, key), "contradicts", other=other, expected="one of the two")
         if place.kind == "coordinate" and place.axis is None:
             self.faults.lacks(path, "axis", "x, y or z")
         count, expected = NOMINAL.get(place.kind, (0, ""))
@@ -359,97 +333,86 @@ class _Net:
             self.faults.add(own, "wrong-value", value=list(nominal), expected=expected)
         if place.u is not None and place.value is None and not self.faults.misspelt(path, STARTS):
             self.faults.add((*path, "u"), "incomplete", what="`u`", other="`value`")
-
-    def check_maker(self, name: str, place: Place) -> None:
-        """That what a transition makes states nothing against it."""
-        path, index = ("places", name), self.makers[name][0]
-        maker = self.transitions.get(index)
-        computed = maker is not None and maker.do != "meas"
-        for key in ("known", "value", *(["nominal_mm"] if computed else [])):
-            if key in place.stated and place.kind in KEYS[key]:
-                other = self.made_by(index)
-                self.faults.add((*path, key), "contradicts", other=other, expected="one of the two")
-        if maker is not None and not computed and place.kind in NOMINAL and not place.nominal_mm:
+        if count and not nominal and maker == "meas":
             self.faults.lacks(path, "nominal_mm", "where it is measured")
+        elif not makers and place.known and not nominal and place.kind == "point":
+            self.faults.lacks(path, "nominal_mm", "where the point is")
 
     def made_by(self, index: int) -> str:
         line = self.faults.document.line_of("transitions", index)
         return f"the transition of line {line}, which makes the place"
 
     def check_names(self) -> None:
-        """What is reported; that no place is made twice or depends on itself."""
+        """That no place is made twice or depends on itself; that every place has its value from
+        one transition or from the start, and leads to those reported, or to those that end the
+        graph.
+
+        Places that nothing makes or uses are reported if they are more than the names that are no
+        places: one of these may be meant.
+        """
         for name, (first, *others) in self.makers.items():
             for index in others:
-                path, other = ("transitions", index, "out"), self.made_by(first)
-                self.faults.add(path, "contradicts", other=other, value=name)
-        report = present(self.graph.report)
-        self.check_known(("report",), report)
-        self.faults.once(("report",), report, "the place")
+                path: YamlPath = ("transitions", index, "out")
+                self.faults.add(path, "contradicts", other=self.made_by(first), value=name)
+        self.check_known(("report",), self.report)
+        self.faults.once(("report",), self.report, "the place")
         before: dict[str, list[str]] = {}
-        for inputs, outputs in self.arcs:
-            for name in outputs:
-                before.setdefault(name, []).extend(inputs)
-        for cycle in cycles(before):
+        for item in self.transitions.values():
+            for name in item.out:
+                before.setdefault(name, []).extend(item.in_)
+        uncut: dict[str, list[str]] = before
+        while cycle := cycle_of(uncut):
             index = self.makers[cycle[1]][0]
             self.faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
+            rest = {name: own for name, own in uncut.items() if name not in cycle}
+            uncut = {name: [i for i in own if i not in cycle] for name, own in rest.items()}
+        unmade, idle = [], []
+        computed = {n for n, by in self.makers.items() if self.transitions[by[0]].do != "meas"}
+        ends = {*chain.from_iterable(before.values())}
+        ends |= {name for _, name in self.report} or computed
+        for name, place in self.places.items():
+            spelt = not self.faults.misspelt(("places", name), STARTS)
+            if not (name in self.makers or place.marked or place.known) and spelt:
+                own = "`value:`, or " if place.kind == "constant" else ""
+                reason = f"no transition makes this {place.kind}"
+                unmade.append((name, reason, f"{own}a transition with `out: {name}`"))
+            if name not in ends:
+                expected = "an input of a transition, or listed under `report:`"
+                idle.append((name, "the place leads nowhere", expected))
+        for found in (unmade, idle):
+            for name, reason, wanted in found if len(found) > self.unclear else ():
+                path = ("places", name)
+                self.faults.add(path, "unused-place", reason=reason, expected=wanted)
 
-    def check_values(self, marked: Iterable[str]) -> None:
+    def check_value(self, step: Step) -> None:
         """The values at nominal: constructions that are degenerate there, formulas without one;
         what depends on them is left out.
         """
-        self.nominal.update({name: start_value(self.graph.places[name]) for name in marked})
-        for step in chain.from_iterable(self.rounds):
-            name, path = step.outputs[0], ("transitions", step.index)
-            if step.do == "meas":
-                place = self.graph.places[name]
-                if len(place.nominal_mm or ()) == NOMINAL[place.kind][0]:
-                    self.nominal[name] = start_value(place)
-            elif all(name in self.nominal for name in step.inputs):
-                try:
-                    self.computed.append(Computed.ready(step, self.nominal))
-                except GeometryError as error:
-                    what, where = f"{step.do} of {listed(step.outputs)}", f" at nominal: {error}"
-                    self.faults.add(path, "no-finite-value", what=what, where=where)
+        name = step.outputs[0]
+        if step.do == "meas":
+            place = self.places[name]
+            if len(place.nominal_mm or ()) == NOMINAL[place.kind][0]:
+                self.nominal[name] = start_value(place)
+        elif all(name in self.nominal for name in step.inputs):
+            try:
+                step.ready(self.nominal)
+            except GeometryError as error:
+                what, where = f"{step.do} of {listed(step.outputs)}", f" at nominal: {error}"
+                path = ("transitions", step.index)
+                self.faults.add(path, "no-finite-value", what=what, where=where)
 
-    def check_units(self) -> None:
+    def check_unit(self, step: Step) -> None:
         """Dimensions of formulas, and lengths where lengths are meant: an input of which nothing
         tells the unit counts as one.
         """
-        places = self.graph.places
-        self.units.update({n: p.unit if p.kind == "constant" else "mm" for n, p in places.items()})
-        for step in chain.from_iterable(self.rounds):
-            path = ("transitions", step.index)
-            for name in step.outputs:
-                if self.units[name] is None or places[name].kind == "vector":
-                    with self.faults.collected((*path, "formula")):
-                        self.units[name] = step.unit(self.units)
-            at = step.use.length
-            if at is not None and at < len(step.inputs):
-                name = step.inputs[at]
-                if (unit := self.units[name]) not in (None, "mm"):
-                    kind = f"a length, as {step.do} takes here"
-                    given = {"value": name, "expected": f"a place in mm, not in {unit}"}
-                    self.faults.add((*path, "in", at), "wrong-type", kind=kind, **given)
-
-    def check_correlations(self) -> None:
-        """That constants are correlated, and, where each pair may be, that their matrix is one."""
-
-        def judge(path: YamlPath, name: str) -> None:
-            place = self.graph.places.get(name)
-            if name not in self.known:
-                self.faults.unknown(path, name, self.known, "place")
-            elif place is not None and not (place.u and place.distribution == "normal"):
-                expected = "a normal constant with `value` and `u`"
-                given = {"reason": "it cannot be correlated", "expected": expected}
-                self.faults.add(path, "wrong-correlation", value=name, **given)
-
-        pairs = present(self.graph.correlations)
-        self.faults.correlated(pairs, judge)
-        correlated = list(dict.fromkeys(name for _, pair in pairs for name in pair[:2]))
-        alone = [abs(r) > 1 or first == second for _, (first, second, r) in pairs]
-        if pairs and not any(alone) and len(pairs) == len(self.graph.correlations):
-            least = float(np.linalg.eigvalsh(correlation_matrix(self.graph, correlated))[0])
-            if least < -ROUNDING * len(correlated):
-                expected = f"no eigenvalue below 0; the smallest is {least:.4g}"
-                given = {"reason": CONTRADICT, "expected": expected}
-                self.faults.add(("correlations",), "wrong-correlation", **given)
+        path = ("transitions", step.index)
+        for name in step.outputs:
+            if self.units[name] is None or self.places[name].kind == "vector":
+                with self.faults.collected((*path, "formula")):
+                    self.units[name] = step.unit(self.units)
+        unit = self.units[step.inputs[-1]] if step.use.length else None
+        if unit not in (None, "mm"):
+            kind = f"a length, as {step.do} takes here"
+            given = {"value": step.inputs[-1], "expected": f"a place in mm, not in {unit}"}
+            own = (*path, "in", len(step.inputs) - 1)
+            self.faults.add(own, "wrong-type", kind=kind, **given)

@@ -20,7 +20,7 @@ PLACES = (0.0, 100.0, 200.0)
 
 
 def fitted(found: Readings, method: str = "ridge") -> ThermalFit:
-    return thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
+    return thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
 
 
 def one(found: Readings, method: str = "ridge") -> ComponentDrift:
@@ -181,7 +181,7 @@ def test_a_probe_zeroed_at_the_start_of_every_cycle(zeroed: str) -> None:
     for run in runs:
         run.error[:] -= run.error[0] if zeroed == "auto" else 5 * UM
     drift = thermal_fit(
-        [readings(runs)], {"p": (None, "um")}, reference=20.0, method="ridge", zeroed=zeroed
+        readings(runs), {"p": (None, "um")}, reference=20.0, method="ridge", zeroed=zeroed
     ).components["p"]
     assert drift.zeroed.by == ("first readings" if zeroed == "auto" else "setting")
     assert gradients(drift) == pytest.approx(gradients(free), abs=0.05)
@@ -233,13 +233,13 @@ def test_one_cycle_takes_its_degree_from_the_test(method: str, labelled: bool) -
 def test_angles_are_angles() -> None:
     plan = Plan(gradients=LINE[:1])
     found = plan.read(np.random.default_rng(17))
-    length = thermal_fit([found], {"p": (None, "um")}, reference=REFERENCE, method="ridge")
-    angle = thermal_fit([found], {"p": (None, "arcsec")}, reference=REFERENCE, method="ridge")
+    length = thermal_fit(found, {"p": (None, "um")}, reference=REFERENCE, method="ridge")
+    angle = thermal_fit(found, {"p": (None, "arcsec")}, reference=REFERENCE, method="ridge")
     a, b = length.components["p"], angle.components["p"]
     assert (a.unit.name, b.unit.name) == ("um", "arcsec")
     assert b.estimate.unit.name == "arcsec"
     assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
-    small = thermal_fit([replace(found, error=found.error * 1e-3)], {"p": (None, "arcsec")},
+    small = thermal_fit(replace(found, error=found.error * 1e-3), {"p": (None, "arcsec")},
                         reference=REFERENCE, method="ridge").components["p"]  # fmt: skip
     assert small.estimate.coefficients * 1e3 == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
     assert small.estimate.covariance * 1e6 == pytest.approx(a.estimate.covariance, rel=ROUNDING)
@@ -249,7 +249,7 @@ def test_angles_are_angles() -> None:
 def test_the_reference_temperature_only_moves_the_intercepts() -> None:
     plan = Plan(gradients=LINE, positions=PLACES, n=40)
     found = plan.read(np.random.default_rng(18))
-    warm = thermal_fit([found], {"p": ("x", "um")}, reference=23.0, method="ridge")
+    warm = thermal_fit(found, {"p": ("x", "um")}, reference=23.0, method="ridge")
     a, b = one(found), warm.components["p"]
     assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
     assert b.estimate.covariance == pytest.approx(a.estimate.covariance, rel=ROUNDING)

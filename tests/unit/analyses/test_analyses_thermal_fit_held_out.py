@@ -19,7 +19,7 @@ PLACES = (0.0, 120.0, 200.0)
 
 
 def one(found: Readings, method: str) -> ComponentDrift:
-    result = thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
+    result = thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
     return result.components["p"]
 
 
@@ -127,9 +127,7 @@ def test_a_held_out_cycle_takes_no_part_in_its_own_model(method: str) -> None:
     seen = []
     for shift in shifts:
         moved = replace(found, error=found.error + np.where(inside, shift * UM, 0.0))
-        fit = thermal_fit(
-            [moved], {"p": ("y", "um")}, reference=20.0, method=method, zeroed="never"
-        )
+        fit = thermal_fit(moved, {"p": ("y", "um")}, reference=20.0, method=method, zeroed="never")
         held_out = fit.components["p"].held_out
         assert held_out is not None
         seen.append(next(after / UM for cycle, _, after in held_out.cycles if cycle == "c1") ** 2)
@@ -238,7 +236,7 @@ def test_who_asks_for_lags_is_told_that_none_is_found(
     method: str, lag: float, cycles: int, told: bool
 ) -> None:
     found = lagged_plan((lag,), 35, cycles)
-    result = thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
+    result = thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
     drift = result.components["p"]
     assert drift.without_lag is told
     reasons = [
@@ -268,6 +266,6 @@ def test_cycles_that_each_count_from_0() -> None:
 def test_lags_need_times() -> None:
     found = lagged_plan((32.0,), 37)
     untimed = replace(found, time_min=np.full(len(found), np.nan))
-    result = thermal_fit([untimed], {"p": ("x", "um")}, reference=REFERENCE, method="auto")
+    result = thermal_fit(untimed, {"p": ("x", "um")}, reference=REFERENCE, method="auto")
     assert "no-effect-of-temperature" in [warned.code for warned in result.warnings]
     assert (result.components["p"].estimate.time_constants == 0).all()

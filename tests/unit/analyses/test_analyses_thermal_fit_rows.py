@@ -9,7 +9,6 @@ import pytest
 from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, Run, readings, reordered
 
 from mtu_cli.analyses.thermal_fit import series, thermal_fit
-from mtu_cli.analyses.thermal_fit.models import Spec, fit, library
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.files.covariates import SENSOR_DEGC
 from mtu_cli.files.readings import Readings
@@ -22,7 +21,7 @@ PLACES = (0.0, 100.0, 200.0)
 
 
 def fitted(found: Readings, method: str = "ridge") -> ThermalFit:
-    return thermal_fit([found], {"p": ("x", "um")}, reference=REFERENCE, method=method)
+    return thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
 
 
 def one(found: Readings, method: str = "ridge") -> ComponentDrift:
@@ -47,48 +46,22 @@ def test_positions_read_in_any_order(method: str) -> None:
     assert second.residuals.lag1 == pytest.approx(first.residuals.lag1, rel=ROUNDING)
 
 
-def test_blocks_of_readings_are_one_table() -> None:
-    """Only the products of neighbours over a border are lost: seven of them, of n residuals."""
-    plan = Plan(gradients=LINE, positions=PLACES, n=40)
-    found = plan.read(np.random.default_rng(15))
-    parts = [reordered(found, rows) for rows in np.array_split(np.arange(len(found)), 7)]
-    together = thermal_fit(parts, {"p": ("x", "um")}, reference=REFERENCE, method="ridge")
-    whole, split = one(found), together.components["p"]
-    assert split.estimate.coefficients == pytest.approx(whole.estimate.coefficients, rel=ROUNDING)
-    assert split.rms_after == pytest.approx(whole.rms_after, rel=ROUNDING)
-    assert split.residuals.lag1 == pytest.approx(whole.residuals.lag1, abs=7 / len(found))
-
-
-def test_blocks_in_which_positions_take_turns() -> None:
-    """First blocks of as many rows a position as there are columns, and of fewer."""
-    plan = Plan(gradients=LINE, positions=PLACES, n=40)
-    found = plan.read(np.random.default_rng(15))
-    found = reordered(found, np.argsort(found.time_min, kind="stable"))
-    whole = one(found)
-    for first in (9, 18, 21):
-        parts = np.split(np.arange(len(found)), [first, 150, 300])
-        blocks = [reordered(found, rows) for rows in parts]
-        split = thermal_fit(blocks, {"p": ("x", "um")}, reference=REFERENCE, method="ridge")
-        drift = split.components["p"]
-        assert drift.estimate.coefficients == pytest.approx(
-            whole.estimate.coefficients, rel=ROUNDING
-        )
-        assert drift.rms_after == pytest.approx(whole.rms_after, rel=ROUNDING)
-
-
-def test_more_rows_than_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A component that comes late is fitted as well, its noise of sensors known."""
-    plan = Plan(gradients=LINE[:1], positions=(None,), sensor_noise=0.02)
-    runs = plan.runs(np.random.default_rng(16))
-    late = [replace(run, name="q") for run in runs]
-    monkeypatch.setattr(series, "MOST_KEPT", 100)
-    machine = {"p": (None, "um"), "q": (None, "um")}
-    blocks = [readings(runs), replace(readings(late), components=("q",))]
-    found = thermal_fit(blocks, machine, reference=REFERENCE, method="ridge")
-    first, second = found.components["p"].estimate, found.components["q"].estimate
-    assert second.coefficients == pytest.approx(first.coefficients, rel=ROUNDING)
-    assert second.sensor_u == pytest.approx(first.sensor_u, rel=ROUNDING)
-    assert (second.sensor_u > 0).all()
+def test_more_rows_than_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every fifth of each position and cycle, in whatever order the file has them."""
+    found = Plan(gradients=LINE, positions=PLACES, n=100).read(np.random.default_rng(16))
+    order = np.argsort(found.time_min, kind="stable")
+    fifths = reordered(found, np.flatnonzero(np.arange(len(found)) % 5 == 0))
+    monkeypatch.setattr(series, "MOST_ROWS", len(found) // 5)
+    thinned = fitted(reordered(found, order))
+    (warned,) = [item for item in thinned.warnings if item.code == "not-used"]
+    assert "of 1200 readings every 5th of a cycle is fitted" in warned.message
+    monkeypatch.undo()
+    drift, alone = thinned.components["p"], one(fifths)
+    assert drift.n == 240
+    assert drift.estimate.coefficients == pytest.approx(alone.estimate.coefficients, rel=ROUNDING)
+    assert drift.held_out is not None
+    assert alone.held_out is not None
+    assert drift.held_out.after == pytest.approx(alone.held_out.after, rel=ROUNDING)
 
 
 def test_temperatures_that_are_missing() -> None:
@@ -128,21 +101,6 @@ def test_the_bound_is_that_of_temperatures_not_of_rises(value: float) -> None:
     found.covariates["T_02_degC"][5] = value
     low, high = one(found).estimate.temperature_range[1]  # type: ignore[index]  # fitted: known
     assert value in (low, high)
-
-
-def test_selections_are_those_of_each_cycle_and_position_alone() -> None:
-    """What was selected once is kept: it must not be taken for other rows."""
-    found = Plan(gradients=LINE, positions=PLACES, n=60).read(np.random.default_rng(23))
-    own, sensors = series.read_series([found], REFERENCE)
-    lib = library(own["p"], sensors, REFERENCE, lagged=False)
-    spec = Spec(kind="stepwise", degree=1, lags=(0,) * len(lib.groups))
-    subsets = [(0, 1), (1, 2), (0, 1, 2), (1, 0), (0,)]
-    first = [fit(lib, lib.rows(cycles), spec).coefficients for cycles in subsets]
-    for cycles, coefficients in zip(subsets, first, strict=True):
-        fresh = library(own["p"], sensors, REFERENCE, lagged=False)
-        alone = fit(fresh, fresh.rows(cycles), spec).coefficients
-        assert coefficients == pytest.approx(alone, rel=ROUNDING, abs=ROUNDING * UM)
-    assert not np.allclose(first[0], first[1], rtol=ROUNDING)
 
 
 def grown(name: str, k: int = 1) -> Readings:
@@ -200,21 +158,9 @@ def test_without_a_machine_the_unit_is_that_of_the_readings() -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(31))
     for dimension, unit in ((1, "um"), (0, "arcsec")):
         of_kind = replace(found, dimension=np.full(len(found), dimension, np.int8))
-        own = thermal_fit([of_kind], None, reference=REFERENCE, method="ridge")
+        own = thermal_fit(of_kind, None, reference=REFERENCE, method="ridge")
         assert own.components["p"].unit.name == unit
         assert own.components["p"].estimate.unit.name == unit
-
-
-def test_readings_of_two_kinds_in_one_component() -> None:
-    """Blocks that are sound on their own may contradict each other."""
-    first = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(31))
-    angle = replace(first, dimension=np.zeros(len(first), np.int8))
-    placed = replace(first, position_mm=np.zeros(len(first)))
-    for other, column in ((angle, "unit"), (placed, "position_mm")):
-        with pytest.raises(InputError) as raised:
-            thermal_fit([first, other], None, reference=REFERENCE, method="ridge")
-        (problem,) = raised.value.findings
-        assert (problem.file, problem.row, problem.column) == ("d.csv", 2, column)
 
 
 def test_lags_asked_for_with_one_cycle() -> None:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, rises
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.models import Library, Spec, fit, library
-from mtu_cli.analyses.thermal_fit.series import read_series
+from mtu_cli.analyses.thermal_fit.series import read_series, sensors_of
 from mtu_cli.analyses.thermal_fit.uncertainty import _unscaled
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray, least_squares
@@ -24,7 +22,7 @@ def drawn(plan: Plan, draws: int, method: str) -> list[ThermalEstimate]:
     T = plan.temperatures(np.random.default_rng(41))
     return [
         thermal_fit(
-            [plan.read(np.random.default_rng(1000 + k), T)],
+            plan.read(np.random.default_rng(1000 + k), T),
             {"p": ("x", "um")}, reference=REFERENCE, method=method,
         ).components["p"].estimate
         for k in range(draws)
@@ -117,7 +115,7 @@ def test_sensor_noise_within_its_standard_error() -> None:
         T = [REFERENCE + 6 * (1 - np.exp(-t / [1.0, 2.0, 4.0])) for _ in range(4)]
         u = np.array(
             [
-                thermal_fit([plan.read(np.random.default_rng(k), T)], {"p": (None, "um")},
+                thermal_fit(plan.read(np.random.default_rng(k), T), {"p": (None, "um")},
                             reference=REFERENCE, method="ridge").components["p"].estimate.sensor_u
                 for k in range(20)
             ]
@@ -135,15 +133,17 @@ def test_a_heater_that_switches_is_no_noise() -> None:
     t = np.linspace(0.0, 5.0, 200)[:, None]
     T = [REFERENCE + (np.floor(t * 4) % 2) * 3 + t * [1.0, 0.9, 0.8] for _ in range(2)]
     runs = plan.read(np.random.default_rng(43), T)
-    found = thermal_fit([runs], {"p": (None, "um")}, reference=REFERENCE, method="ridge")
+    found = thermal_fit(runs, {"p": (None, "um")}, reference=REFERENCE, method="ridge")
     # Medians of 400 second differences, as above.
     tolerance = 5 * 1.17 / np.sqrt(400 / 2)
     assert found.components["p"].estimate.sensor_u == pytest.approx(np.full(3, 0.02), rel=tolerance)
 
 
 def built(plan: Plan) -> Library:
-    series, sensors = read_series([plan.read(np.random.default_rng(44))], REFERENCE)
-    return library(series["p"], sensors, REFERENCE, lagged=False)
+    found = plan.read(np.random.default_rng(44))
+    sensors = sensors_of(found)
+    (series,) = read_series(found, sensors)
+    return library(series, sensors, REFERENCE, lagged=False)
 
 
 def test_unit_covariance_of_ordinary_least_squares() -> None:
@@ -164,7 +164,7 @@ def test_unit_covariance_of_ordinary_least_squares() -> None:
 
 
 def test_powers_of_scaled_positions_become_powers_of_mm() -> None:
-    lib = replace(built(Plan(gradients=STRONG, positions=PLACES, n=10)), positions=(50.0, 350.0))
+    lib = built(Plan(gradients=STRONG, positions=(50.0, 350.0), n=10))
     T = _unscaled(lib, 4)
     c = np.array([1.0, -2.0, 0.5, 3.0, -1.0])
     p = np.linspace(0.0, 400.0, 9)

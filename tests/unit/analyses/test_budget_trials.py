@@ -1,4 +1,4 @@
-"""What the trials of a budget draw."""
+"""What the trials of a budget draw, also at the ends of the number range."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from budget_examples import codes, evaluated, loaded
 from mtu_cli.analyses.budget.first_order import first_order
 from mtu_cli.analyses.budget.inputs import inputs_of
 from mtu_cli.analyses.budget.trials import BudgetTrials
+from mtu_cli.findings import InputError
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.distributions import Distribution
 
 
 def test_correlated_inputs_of_equal_degrees_of_freedom_are_a_multivariate_t() -> None:
@@ -49,3 +51,59 @@ def test_few_trials_leave_out_the_control_they_cannot_use() -> None:
     assert np.array_equal(drawn[0].values, drawn[1].values)
     assert drawn[0].linear is not None
     assert drawn[1].linear is None
+
+
+ONE = "equation: {equation}\ninputs:\n  a: {{value: {value}, u: {u}}}\n"
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_an_overflow_beside_finite_estimates_is_one_message() -> None:
+    """exp(700) is finite, exp(710) is not."""
+    with pytest.raises(InputError, match=r"b.yaml:3: equation: 'y' has no finite value in"):
+        evaluated(ONE.format(equation="exp(a)", value="700.0", u="50.0"))
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_without_a_standard_error_nothing_has_converged() -> None:
+    """exp of a normal of sd 100: the fourth powers of the trials overflow."""
+    result = evaluated(ONE.format(equation="exp(a)", value="0.0", u="100.0"), trials=100_000)
+    assert not math.isfinite(result.run.se_u[0])
+    assert not result.converged
+    assert {"not-converged", "heavy-tails"} <= codes(result)
+
+
+def test_a_ratio_whose_divisor_may_be_0_has_no_u() -> None:
+    """No trials settle what does not exist; one that stays away from 0 has one."""
+    text = (
+        "equation: a/b\nquantity: {name: r, unit: '1'}\n"
+        "inputs:\n  a: {value: 1, u: 0.1}\n  b: {value: 1, u: U}\n"
+    )
+    found = evaluated(text.replace("U", "0.4"), trials=200_000)
+    assert "heavy-tails" in codes(found)
+    assert "heavy-tails" not in codes(evaluated(text.replace("U", "0.1"), trials=200_000))
+    # A u of 0, and few trials, say nothing of it.
+    assert "heavy-tails" not in codes(evaluated(text.replace("U", "0.4"), trials=2000))
+
+
+@pytest.mark.parametrize("dof", [3, 5, 20])
+def test_a_t_in_a_copula_has_a_smaller_coefficient(dof: int) -> None:
+    """The factor by quadrature over the chi, and in what is drawn."""
+    s = np.linspace(1e-6, 12.0, 400_001)
+    density = s ** (dof - 1) * np.exp(-0.5 * dof * s * s)
+    mean, square = (float(np.sum(density * s**-n) / np.sum(density)) for n in (1, 2))
+    factor = mean / math.sqrt(square)
+    item = Distribution(kind="normal", u=1.0, dof=float(dof))
+    assert item.correlated_share == pytest.approx(factor, rel=1e-3 if dof == 3 else 1e-6)
+    result = evaluated(
+        "equations: {p: a, q: b, s: c}\n"
+        f"inputs:\n  a: {{value: 0, u: 1, dof: {dof}}}\n  b: {{value: 0, u: 1}}\n"
+        "  c: {value: 0, half_width: 1, distribution: rectangular}\n"
+        "correlations: [[a, b, 0.6], [b, c, 0.1]]\n",
+        trials=200_000,
+    )
+    V = result.run.covariance
+    if dof > 4:
+        r = V[0, 1] / math.sqrt(V[0, 0] * V[1, 1])
+        assert r == pytest.approx(0.6 * factor, abs=0.01)
+    weaker = next(x.facts["weaker"] for x in result.warnings if x.code == "correlated-inputs")
+    assert "coefficients of the trials smaller" in weaker

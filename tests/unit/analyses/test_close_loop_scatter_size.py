@@ -19,7 +19,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared, prepare
 from mtu_cli.close_loop_sealed.analyses.loop.scatter_size import scatter_size
 from mtu_cli.close_loop_sealed.model.effect_library import candidates
 from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
-from mtu_cli.stats.loose_columns import log_variance_u
+from mtu_cli.close_loop_sealed.stats.loose_columns import log_variance_u
 
 PARTS, FEATURES, TABLES = 21, 24, 150
 NOISE = 1.5e-3

@@ -13,7 +13,7 @@ from mtu_cli.close_loop_sealed.analyses.loop.found_scatter import ScatterSize
 from mtu_cli.close_loop_sealed.analyses.loop.gross import Gross
 from mtu_cli.close_loop_sealed.analyses.loop.result import FoundEffect, Judged, TableResult
 from mtu_cli.close_loop_sealed.analyses.loop.warnings import loop_warnings
-from mtu_cli.model.prediction import VisitScatter
+from mtu_cli.close_loop_sealed.model_slice import VisitScatter
 from mtu_cli.units import UM
 
 

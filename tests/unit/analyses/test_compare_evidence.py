@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from compare_trials import predicted as prediction
 from scipy.special import fdtrc, ndtr
 
-from mtu_cli.analyses.compare.evidence import Evidence, PredictedItems, evidence
-from mtu_cli.analyses.compare.verdicts import Compared, judged
+from mtu_cli.analyses.compare.evidence import Compared, compared, judged
 from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.prediction import Prediction
 from mtu_cli.stats.anova import cells_of
 
 K = 2.0
@@ -31,21 +32,15 @@ def predicted(
     coefficients: float = 9.0,
     scatter: float = 4.0,
     dof: tuple[float, float] = (3.0, 8.0),
-) -> PredictedItems:
+) -> Prediction:
     """One item: the coefficients' variance and the scatter, a mean square each."""
     one = np.ones(1)
-    return PredictedItems(
-        mean=mean * one,
-        total=(coefficients + scatter) * one,
-        coefficients=coefficients * one,
-        scatter=scatter * one,
-        independent=16.0 * one,
-        holes=np.nan * one,
-        of_mean=np.array([[coefficients], [0.0]]),
-        of_part=np.array([[0.0], [scatter]]),
-        dof=np.array(dof),
-        joint={},
-    )
+    return prediction(mean * one, coefficients * one, scatter * one, 16 * one, dof)
+
+
+def evidence(measured: MeasuredTables, of: Prediction, k: float) -> Compared:
+    """The one item against its prediction."""
+    return compared(measured, of, np.eye(1), k)
 
 
 def drawn(squares: list[float], dof: list[float]) -> np.ndarray:
@@ -87,8 +82,7 @@ def test_two_parts_by_hand() -> None:
     assert found.E_n[0] == pytest.approx(2 / (2 * np.sqrt(11.5)))
     V = drawn([9, 2, 0.5], [3, 8, 2])
     same_tail(found.p_bias[0], 2 * ndtr(-2 / np.sqrt(V)))
-    assert found.ms_expected[0] == pytest.approx(2 + 2 * 4)
-    assert found.ratio_ms[0] == pytest.approx(6.4)
+    assert found.ratio_ms[0] == pytest.approx(64 / (2 + 2 * 4))
     V = drawn([8, 2], [8, 2])
     high = 2 * ndtr(-np.sqrt(64 / V))
     same_tail(found.p_scatter[0], 2 * np.minimum(high, 1.0))
@@ -127,7 +121,7 @@ def test_without_repeats_ms_between_stands_for_parts_and_cmm() -> None:
     """
     found = evidence(tables(*([11.0], [3.0]) * 4), predicted(), K)
     ms = 8 * 16 / 7
-    assert found.ms_expected[0] == pytest.approx(4)
+    assert found.ratio_ms[0] == pytest.approx(ms / 4)
     assert found.p_scatter[0] == pytest.approx(2 * fdtrc(7, 8, ms / 4), rel=0.005)
     assert found.measured.u[0] == pytest.approx(np.sqrt(ms * (1 + 1 / 8)))
     assert found.ratio_scatter[0] == pytest.approx(np.sqrt(ms / 4))
@@ -142,7 +136,7 @@ def test_one_part_is_tested_by_what_is_predicted() -> None:
     assert found.u_difference[0] == pytest.approx(np.sqrt(14))
     assert found.E_n[0] == pytest.approx(6 / (2 * np.sqrt(14)))
     same_tail(found.p_bias[0], 2 * ndtr(-6 / np.sqrt(drawn([9, 4, 1], [3, 8, 1]))))
-    for name in ("p_scatter", "p_hopeless", "ratio_ms", "ms_expected", "ratio_u", "ms_share"):
+    for name in ("p_scatter", "p_hopeless", "ratio_ms", "ratio_u", "ms_share"):
         assert np.isnan(getattr(found, name)[0]), name
     alone = evidence(tables([11.0]), predicted(), K)
     assert alone.u_difference[0] == pytest.approx(np.sqrt(13))
@@ -172,7 +166,7 @@ def many(
     ratio: list[float],
     parts: float = 21,
     hopeless: float = 0.0,
-) -> Evidence:
+) -> Compared:
     """Items with these p values; all else is of no account."""
     m = len(p_bias)
     one = evidence(tables(*SIX), predicted(), K)

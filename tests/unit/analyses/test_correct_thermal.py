@@ -22,8 +22,8 @@ from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.rows import REACH
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.estimates import ThermalEstimate, temperature_estimate
-from mtu_cli.model.machine_model import MachineModel, Term, ThermalBasis
+from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.model.machine_model import MachineModel, drift_terms
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.units import UNITS
@@ -50,8 +50,7 @@ def lagging(model: MachineModel, taus: tuple[float, float], sensor_u: float = 0.
             leftover=np.zeros((1, 1)), leftover_dof=np.inf, time_constants=np.array([tau]),
             sensor_u=np.array([sensor_u]), temperature_range=np.array([[20.0, 26.0]]),
         )  # fmt: skip
-        basis = ThermalBasis(estimate=drift)
-        terms.append(Term(estimate=temperature_estimate(drift), basis=basis, levers=term.levers))
+        terms.append(drift_terms(drift, term.levers)[0])
     return replace(model, terms=tuple(terms))
 
 

@@ -13,7 +13,6 @@ from graph_examples import SHIPPED, graph_of, shipped
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import GraphSimulation, simulate_graph
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
@@ -69,22 +68,6 @@ def test_ball_centre_against_a_plain_simulation() -> None:
     agree(result, "P1", sample)
 
 
-def test_axis_a_against_a_plain_simulation() -> None:
-    rng = np.random.default_rng(2)
-    u_w, angle = math.hypot(1e-3, 1e-3), math.pi / 6
-    centres = []
-    for turn in (0, -angle, angle):
-        y = 110 * math.cos(turn) - 50 * math.sin(turn)
-        z = 50 * math.cos(turn) + 110 * math.sin(turn)
-        centres.append(probed(rng, np.array([0, y, z]), u_w, np.full(M, 12.5)))
-    alpha = angle + 2 * math.pi / 648000 * rng.standard_normal(M)
-    P, V = axis(centres, alpha)
-    result = simulate_graph(shipped("rotary-axis-a"), Settings())
-    agree(result, "PA", P)
-    agree(result, "VA", V[:, 1:], "jk")
-    assert found(result)["VA.i"][0] == pytest.approx(V[:, 0].mean(), abs=1e-9)
-
-
 def test_distance_of_axes_against_a_plain_simulation() -> None:
     rng = np.random.default_rng(3)
     u_w, r = math.hypot(1e-3, 1e-3), np.full(M, 12.5)
@@ -112,7 +95,7 @@ def test_distance_of_axes_against_a_plain_simulation() -> None:
 @pytest.mark.parametrize("path", SHIPPED, ids=lambda path: path.stem)
 def test_shipped_graphs(path: Path) -> None:
     graph = shipped(path.stem)
-    assert sum(map(len, check_graph(graph).rounds)) == len(graph.graph.transitions)
+    assert sum(map(len, graph.rounds)) == len(graph.graph.transitions)
     result = simulate_graph(graph, Settings())
     assert result.converged
     assert {item.code for item in result.warnings} <= {"not-estimable"}
@@ -208,7 +191,7 @@ def test_a_failure_that_no_trial_met_is_not_converged(tmp_path: Path) -> None:
     (ok,) = result.coordinates
     assert (ok.mean, ok.u, ok.chance, ok.converged) == (1.0, 0.0, True, False)
     (warned,) = result.warnings
-    assert warned.message.endswith("for ok (all trials are the same)")
+    assert warned.message.endswith("for ok")
     made = report.simulate(result)
     assert made.tables[1].sheet(2, detail=False).rows == [("ok", "1", ">99.99", "50000")]
 
@@ -259,7 +242,7 @@ def test_what_is_not_converged_is_reported(tmp_path: Path) -> None:
     (warned,) = (item for item in result.warnings if item.code == "not-converged")
     start = "20000 Monte Carlo trials: not converged to 2 significant digits of u"
     assert warned.message.startswith(start)
-    assert f"for e (standard error of u {100 * e.se_u / e.u:.2g} %)" in warned.message
+    assert warned.message.endswith("for e, ok")
 
 
 def test_report_of_a_chance(tmp_path: Path) -> None:
@@ -339,39 +322,6 @@ report: [dx, dy, share]
     assert dy.u == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-9)
 
 
-CORRELATED = """
-places:
-  a: {kind: constant, value: 1, u: 0.2}
-  b: {kind: constant, value: 2, u: 0.1}
-  s: {kind: constant}
-  t: {kind: constant}
-  q: {kind: constant}
-transitions:
-  - {do: compute, in: [a], out: s, formula: 2*a}
-  - {do: compute, in: [a, b], out: t, formula: a + b}
-  - {do: compute, in: [b], out: q, formula: (b - 2)**2}
-correlations: [[a, b, 0.5]]
-"""
-
-
-def test_an_output_of_one_of_two_correlated_constants(tmp_path: Path) -> None:
-    """Its marginal: u(2a) = 0.4. Beside it a + b, u^2 = 0.04 + 0.01 + 2 (0.5) 0.02."""
-    graph = graph_of(tmp_path, CORRELATED)
-    for of, u in ((["s"], 0.4), (["t"], math.sqrt(0.07))):
-        (item,) = simulate_graph(graph, Settings(trials=M), of).coordinates
-        assert item.first_order_u == pytest.approx(u, rel=1e-12)
-        # The output is its own control variate: its u has no random part.
-        assert item.u == pytest.approx(u, rel=1e-9)
-
-
-def test_a_bent_output_of_one_of_two_correlated_constants(tmp_path: Path) -> None:
-    """(b - 2)^2 is run apart: 0.01 chi^2 of one degree of freedom, mean 0.01, u 0.01 sqrt 2."""
-    items = simulate_graph(graph_of(tmp_path, CORRELATED), Settings()).coordinates
-    bent = next(item for item in items if str(item.output) == "q")
-    assert bent.u == pytest.approx(0.01 * math.sqrt(2), abs=5 * bent.se_u)
-    assert bent.mean == pytest.approx(0.01, abs=5 * bent.u / math.sqrt(bent.trials))
-
-
 def text_of(formulas: dict[str, str]) -> str:
     """A chain a -> y1 -> y2 ... from an uncertain constant of value 1 and u 1."""
     places, steps, before = "  a: {kind: constant, value: 1, u: 1}\n", "", "a"
@@ -393,9 +343,9 @@ def test_the_first_step_without_a_value_is_named_with_its_line(tmp_path: Path) -
     assert problem.file.endswith("graph.yaml")
     assert (problem.line, problem.path) == (10, "transitions[1]")
     assert "no finite sqrt() at -" in problem.text
-    # P(N(1, 1) < 0) = 0.1587 of 4096 trials, five standard deviations of the binomial.
+    # P(N(1, 1) < 0) = 0.1587 of a block of trials, five standard deviations of the binomial.
     count = int(problem.text.split(" in ")[1].split()[0])
-    assert count == pytest.approx(0.1587 * 4096, abs=5 * math.sqrt(4096 * 0.1587 * 0.8413))
+    assert count == pytest.approx(0.1587 * 2048, abs=5 * math.sqrt(2048 * 0.1587 * 0.8413))
 
 
 def test_bounded_inputs_stay_where_the_formula_has_a_value(tmp_path: Path) -> None:

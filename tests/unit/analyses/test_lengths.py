@@ -11,7 +11,6 @@ from model_examples import estimate, model_of, part_of, stated
 from scipy import stats
 
 from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
-from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.measurands import length_gradient, length_measure
@@ -122,14 +121,6 @@ def test_a_length_by_hand(tmp_path: Path) -> None:
     assert first.conformance.probability == pytest.approx(law.cdf(9e-3) - law.cdf(-9e-3))
 
 
-@pytest.mark.parametrize("dof", [np.inf, 6.0])
-def test_validation_passes_where_lengths_are_nearly_linear(tmp_path: Path, dof: float) -> None:
-    found = predict_lengths(machine(dof=dof), part_of(tmp_path, PART), Settings(threads=1))
-    assert found.run.converged
-    for item in each(found):
-        assert item.validation.passed is True, item
-
-
 CLOSE = """
 features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0.02, y_mm: 0}}
 lengths: [{from: a, to: b}]
@@ -195,25 +186,6 @@ def test_a_whole_part_is_no_surer_than_its_least_sure_length(tmp_path: Path) -> 
     assert 0 < bound < 12
 
 
-def test_no_joint_probability_for_one_tolerance(tmp_path: Path) -> None:
-    text = PART.replace(", tolerance_um: 4", "")
-    assert predict_lengths(machine(), part_of(tmp_path, text), FAST).joint_conformance is None
-
-
-def test_the_count_adapts_to_the_digits(tmp_path: Path) -> None:
-    part = part_of(tmp_path, PART)
-    # Close features: nothing linear would do the work of the trials.
-    close = part_of(tmp_path, CLOSE)
-    model = model_of([(estimate(axis, "x", [0.0], s=0.01), {axis: "1"}) for axis in "xy"])
-    one = predict_lengths(model, close, Settings(threads=1, digits=1)).run
-    two = predict_lengths(model, close, Settings(threads=1)).run
-    assert one.converged
-    assert two.trials > 4 * one.trials
-    tolerance = 0.5 * 10 ** np.floor(np.log10(one.u[0]))
-    assert 2 * max(one.se_mean[0], one.se_u[0], one.se_low[0], one.se_high[0]) <= 0.2 * tolerance
-    assert predict_lengths(machine(), part, Settings(threads=1, trials=7000)).run.trials == 7000
-
-
 def test_independence_is_the_papers_formula(tmp_path: Path) -> None:
     part = part_of(tmp_path, PART)
     shared = predict_lengths(machine(), part, FAST)
@@ -227,22 +199,6 @@ def test_independence_is_the_papers_formula(tmp_path: Path) -> None:
         assert item.dof == np.inf
         assert item.shares is None
         assert item.validation.passed is not False
-
-
-def test_zero_covariance_gives_zero_variance(tmp_path: Path) -> None:
-    exact = model_of([(estimate("a", "x", [1e-3, 2e-5]), {"x": "1", "y": "y/50"})])
-    part = part_of(tmp_path, PART)
-    found = predict_lengths(exact, part, FAST)
-    for item in each(found):
-        assert item.variance == 0
-        assert item.shares is None
-        assert item.interval95.tolist() == [item.error, item.error]
-        assert item.validation.passed is True
-    assert each(found)[0].conformance is not None
-    assert each(found)[0].conformance.probability == 1.0
-    points = predict_points(exact, part, FAST)
-    assert (points.variance == 0).all()
-    assert (points.covariance == 0).all()
 
 
 def test_bounds_of_unmeasured_correlation(tmp_path: Path) -> None:

@@ -17,14 +17,11 @@ from mtu_cli.files.covariates import (
 @pytest.mark.parametrize(
     ("name", "known", "meant"),
     [
-        ("T_air_degC", ["T_18_degC", "T_02_degC"], None),
         ("T_1_degC", ["T_01_degC", "T_10_degC"], "T_01_degC"),
         ("T_17_degC", ["T_18_degC", "T_7_degC"], None),
         ("T_spindel_degC", ["T_room_degC", "T_spindle_degC"], "T_spindle_degC"),
-        ("t_spindle_degc", ["T_room_degC", "T_spindle_degC"], "T_spindle_degC"),
         ("time", ["time_min", "dir_x"], "time_min"),
         ("load", ["T_load_degC"], "T_load_degC"),
-        ("load", [], None),
         # Sensors by names of other programs, after those by their own.
         ("T_spindle_degC", ["load", "Temperatur Spindel"], "Temperatur Spindel"),
         ("T_1_degC", ["T_1", "T_01_degC"], "T_01_degC"),

@@ -7,7 +7,7 @@ import pytest
 
 from mtu_cli.files.machine import covariance_fault
 
-NAN, INF = float("nan"), float("inf")
+NAN = float("nan")
 
 
 @pytest.mark.parametrize(
@@ -21,11 +21,10 @@ NAN, INF = float("nan"), float("inf")
         ([[1.0, 1.0000005], [1.0000005, 1.0]], "a combination has a negative variance"),
         ([[1.0, 1.00001], [1.00001, 1.0]], "a combination has a negative variance"),
         ([[-1.0, 0.0], [0.0, 1.0]], "a variance is negative"),
-        ([[0.0, 1e-9], [1e-9, 1.0]], "a covariance is far beyond its variances"),
-        ([[1e-320, 1.0], [1.0, 1e-320]], "a covariance is far beyond its variances"),
+        ([[0.0, 1e-9], [1e-9, 1.0]], "a combination has a negative variance"),
+        ([[1e-320, 1.0], [1.0, 1e-320]], "a combination has a negative variance"),
         ([[1e-320, 1e-320], [1e-320, 1e-320]], None),
         ([[1e300, 1e300], [-1e300, 1e300]], "not symmetric"),
-        ([[1.0, INF], [INF, 1.0]], "not finite"),
         ([[1.0, NAN], [NAN, 1.0]], None),
         ([[-1.0, NAN], [NAN, 1.0]], "a variance is negative"),
         ([[1.0, NAN, 2.0], [NAN, 1.0, 0.0], [1.0, 0.0, 1.0]], "not symmetric"),

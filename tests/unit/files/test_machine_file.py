@@ -105,79 +105,37 @@ def test_constants_without_a_finite_value(tmp_path: Path, equation: str, told: s
     assert f"m.yaml:4: equations.Ex: {told}" in found
 
 
-def test_a_number_may_be_an_equation(tmp_path: Path) -> None:
-    assert load(tmp_path, machine(equations="{Ex: a, Ez: 0}")).forms["Ez"].coefficients == {}
-
-
 @pytest.mark.parametrize(
     ("component", "words"),
     [
         ("{of: q, unit: um}", "components.a.of: unknown value: 'q'; expected one of: x, y, z"),
-        ("{of: x, unit: arcsecs}", "components.a.unit: unknown unit: 'arcsecs'"),
-        ("{of: x, unit: arcsecs}", "did you mean 'arcsec'?"),
-        ("{of: x}", "components.a: the key 'unit' is missing"),
         ("{of: x, untt: um}", "components.a.untt: unknown key: 'untt'"),
-        ("{of: x, untt: um}", "did you mean 'unit'?"),
         ("{of: x, unit: um, s_pass: 1}", "unknown key: 's_pass'; expected one of: of, unit"),
-        ("{of: x, unit: um, degree: '1'}", "wrong value: '1'; expected a whole number, without"),
         ("{of: x, unit: um, degree: 1.0}", "degree: wrong value: '1.0'; expected a whole number"),
-        ("{of: x, unit: um, degree: true}", "degree: wrong value: 'true'"),
         ("{of: x, unit: um, degree: 10}", "degree: wrong value: '10'; expected a number of at mo"),
-        ("{of: x, unit: um, degree: -1}", "degree: wrong value: '-1'; expected a number of at le"),
         ("{unit: um, degree: 1}", "degree: a degree without `of`: '1'"),
         ("{unit: um, coefficients: [1, 2]}", "2 coefficients of a component of degree 0; expec"),
         (
             "{of: x, unit: um, degree: 2, coefficients: [1]}",
             "coefficients: 1 coefficient of a component of degree 2; expected 3",
         ),
-        ("{of: x, unit: um, coefficients: []}", "coefficients: wrong value: '[]'; expected at le"),
         ("{of: x, unit: um, coefficients: [1, .inf]}", "coefficients[1]: wrong value: 'Infinity'"),
-        ("{of: x, unit: um, coefficients: [1, '2 um']}", "a number alone, without its unit"),
-        ("{of: x, unit: um, coefficients: [1, '2,5']}", "a number with a decimal point"),
-        ("{of: x, unit: um, coefficients: 3}", "coefficients: wrong value: '3'; expected a list"),
-        ("{of: x, unit: um, s_repeat: -1}", "s_repeat: wrong value: '-1'; expected a number of"),
-        ("{of: x, unit: um, dof: 0}", "dof: wrong value: '0'; expected a number above 0"),
-        ("{of: x, unit: um, dof: }", "components.a.dof"),
         ("{of: x, unit: um, u_future: 1, s_repeat: 1}", "s_repeat: contradicts u_future"),
-        (
-            "{of: x, unit: um, u_future: 1, pass_covariance: [[1, 0], [0, 1]]}",
-            "pass_covariance: contradicts u_future",
-        ),
-        (
-            "{of: x, unit: um, pass_covariance: [[1, 0], [0, 1]], pass_dof: 0}",
-            "pass_dof: a covariance of passes without degrees of freedom: '0'",
-        ),
         ("{of: x, unit: um, covariance: [[1]]}", "not 2 x 2: '[[1.0]]'; expected a covariance"),
         ("{unit: um, pass_covariance: [[1, 0], [0, 1]]}", "pass_covariance: not 1 x 1"),
-        (
-            "{of: x, unit: um, coefficients: [2], pass_covariance: [[1, 0], [0, 1]]}",
-            "pass_covariance: not 1 x 1",
-        ),
         ("{of: x, unit: um, covariance: [[1, 0.1], [0.2, 1]]}", "covariance: not symmetric"),
         ("{of: x, unit: um, covariance: [[1, 2], [2, 1]]}", "not positive semidefinite"),
-        ("{of: x, unit: um, covariance: [[-1, 0], [0, 1]]}", "a variance is negative"),
-        ("{of: x, unit: um, covariance: [[0, 1], [1, 1]]}", "not positive semidefinite"),
         (
             "{of: x, unit: um, covariance: [[1e-320, 1], [1, 1e-320]]}",
-            "not positive semidefinite: a covariance is far beyond its variances",
+            "not positive semidefinite: a combination has a negative variance",
         ),
-        ("3", "components.a: wrong value: '3'; expected keys with values"),
     ],
 )
 def test_faulty_components(tmp_path: Path, component: str, words: str) -> None:
-    if "dof: }" in component:
-        assert load(tmp_path, machine(f"{{a: {component}}}")).machine.components["a"].dof is None
-        return
     found = faults(tmp_path, machine(f"{{a: {component}}}"))
     assert len(found) == 1
     assert found[0].startswith("m.yaml:3: components.a")
     assert words in found[0]
-
-
-def test_a_covariance_over_no_parameters(tmp_path: Path) -> None:
-    effect = "effects: [{name: e, parameters: {}, covariance: [], equations: {Ex: a}}]\n"
-    text = machine("{a: {of: x, unit: um}}") + effect
-    assert load(tmp_path, text).machine.effects[0].covariance == []
 
 
 @pytest.mark.parametrize(
@@ -191,28 +149,16 @@ def test_u_and_covariance_agree_to_their_printed_digits(tmp_path: Path, numbers:
     assert load(tmp_path, machine(more=f"effects: [{effect}]")).machine.effects[0].covariance
 
 
-def test_a_singular_covariance_of_printed_digits_is_one(tmp_path: Path) -> None:
-    text = machine(
-        "{a: {of: x, unit: um, coefficients: [1, 2], covariance: [[4, 2e-9], [2e-9, 1e-18]]}}"
-    )
-    assert load(tmp_path, text).machine.components["a"].covariance == [[4.0, 2e-9], [2e-9, 1e-18]]
-
-
 @pytest.mark.parametrize(
     ("equations", "words"),
     [
-        ("{}", "equations: wrong value: '{}'; expected at least 1 of them"),
-        ("{Exx: a}", "equations.Exx: unknown key: 'Exx'; did you mean 'Ex'?"),
         ("{Ex: a + }", "equations.Ex: unexpected end of the equation at column 4"),
-        ("{Ex: a + ab}", "equations.Ex: unknown name at column 5: 'ab'; did you mean 'a'?"),
         (
             "{Ex: a*a}",
             "not linear in the component 'a' and the component 'a': their product at column 2",
         ),
-        ("{Ex: sin(a)}", "not linear in the component 'a': inside sin() at column 5"),
         ("{Ex: a*x}", "equations.Ex: this term is mm^2, not a length (mm)"),
         ("{Ex: T_degC*a}", "unknown name at column 1: 'T_degC'"),
-        ("{Ex: [a]}", "equations.Ex: wrong value: '[\"a\"]'; expected a text"),
     ],
 )
 def test_faulty_equations(tmp_path: Path, equations: str, words: str) -> None:
@@ -240,33 +186,19 @@ def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
         ),
         ("constants: {b: {value: 1, u: -1}}", "constants.b.u: wrong value: '-1'"),
         ("constants: {sin: 1}", "constants.sin: the name is taken: it is part of the equation"),
-        ("constants: {pi: 1}", "constants.pi: the name is taken"),
         ("constants: {dir_x: 1}", "constants.dir_x: the name is taken: it is a covariate"),
-        ("constants: {T_a_degC: 1}", "constants.T_a_degC: the name is taken: it is a covariate"),
         ("constants: {a: 1}", "components.a: the name is taken: it is a constant"),
         ("constants: {a-b: 1}", "constants.a-b: not a name that equations can use"),
-        ("covariates: [x]", "covariates[0]: the name is taken: it is a position"),
         ("covariates: [load, load]", "covariates[1]: the name is taken: it is a covariate"),
         ("covariates: [a]", "components.a: the name is taken: it is a covariate"),
-        ("covariates: load", "covariates: wrong value: 'load'; expected a list"),
         ("axes: {x: {travel_mm: [3, 1]}}", "axes.x.travel_mm: wrong value: '[3, 1]'; expected the"),
         ("axes: {q: {travel_mm: [0, 1]}}", "axes.q: unknown key: 'q'; expected one of: x, y, z"),
-        ("axes: {x: {travel_mm: [0]}}", "axes.x.travel_mm: wrong value: '[0]'"),
         ("reference_temperature_degC: warm", "wrong value: 'warm'; expected a number"),
-        (
-            "reference_temperature_degC: 293.15",
-            "wrong value: '293.15'; expected a number of at most 150",
-        ),
-        (
-            "reference_temperature_degC: -400",
-            "wrong value: '-400'; expected a number of at least",
-        ),
         (
             "constants: {h: 1e200}",
             "constants.h: out of range: '1e+200'; expected at most 1e+30 in size",
         ),
         ("fish: 1", "fish: unknown key: 'fish'; expected one of: schema, name, says"),
-        ("effects: [3]", "effects[0]: wrong value: '3'; expected keys with values"),
     ],
 )
 def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
@@ -281,25 +213,17 @@ def test_faults_elsewhere(tmp_path: Path, more: str, words: str) -> None:
         ("um", "p*dir_x*(1 + x/500)"),
         ("um", "p*(1 - exp(-time_min/30))"),
         ("um", "p*sin(2*pi*x/25)*step(x - 100)"),
-        ("um", "p*(sequence - 3)*dir_x"),
         # A number or a constant beside a time may have its unit.
         ("um", "p*(time_min - 10)/30"),
         ("um", "p*dir_x*time_min/tau"),
-        ("um", "p*(T_a_degC - 20)/10*time_min/60"),
-        ("um", "p*0.1*(T_a_degC - 20)"),
-        ("um", "p*(1 + 0.02*(T_a_degC - 20))"),
         ("um", "p*step(T_a_degC - 30)*sqrt(time_min)"),
-        ("um", "p*(T_a_degC - 20)/(T_b_degC - 20)"),
         ("um/h", "p*time_min"),
         ("um/K", "p*(T_a_degC - 20)*exp(-time_min/30)"),
-        ("um/K", "p*(T_a_degC - 20)"),
         ("um/K", "p*12.5"),
         # A square of a temperature has no unit to be per; beside a number anything may be meant.
-        ("um", "p*(T_a_degC - 20)**2"),
         ("um/K", "p*(T_a_degC - 20)**2/10"),
         ("um/m/K", "p*(x - 250)*(T_a_degC - T_b_degC)"),
         # Nobody knows the unit of a column of the user's own, whatever its name.
-        ("um", "p*depth_mm*x"),
         ("um/K", "p*depth_mm"),
     ],
 )
@@ -310,19 +234,9 @@ def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> 
     assert load(tmp_path, machine(equations="{Ex: a + 0.004*dir_x*exp(-x/50)}", more=more))
 
 
-DEGREE = "a temperature (degC) too many"
-TIME = "a time (min) too many"
-TENTH = "the temperature divided by a number of K, such as (T_spindle_degC - 20)/10"
-HOUR = "the time divided by a number of min, such as time_min/60"
-
-
 @pytest.mark.parametrize(
     ("effect", "words"),
     [
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: q*dir_x}",
-            "unknown name at column 1: 'q'",
-        ),
         ("parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*p}", "not linear in the param"),
         ("parameters: {p: {value: 1, unit: rad}}, equations: {Ex: p*3}", "this term is an angle"),
         (
@@ -335,16 +249,8 @@ HOUR = "the time divided by a number of min, such as time_min/60"
             "the argument of exp is a length (mm), not a plain number at column 7: 'x'; expected",
         ),
         (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*log(T_a_degC)}",
-            "the argument of log is a temperature (degC), not a plain number at",
-        ),
-        (
             "parameters: {p: {value: 1, unit: um/K}}, equations: {Ex: p*dir_x}",
             "this term is mm*K^-1, not a length (mm) at column 1: 'p*dir_x'; expected p in um",
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um/h}}, equations: {Ex: p*sequence}",
-            "this term is mm*min^-1",
         ),
         (
             "parameters: {p: {value: 1, unit: um/m/K}}, equations: "
@@ -353,38 +259,14 @@ HOUR = "the time divided by a number of min, such as time_min/60"
             "'p*x*(T_a_degC - 20)*(T_a_degC - 20)'; expected ",
         ),
         (
-            "parameters: {p: {value: 1, unit: um/K}}, equations: {Ex: p*(T_a_degC - 20)**3}",
-            "this term is mm*K^2, not a length (mm) at column 1",
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um/h}}, equations: {Ex: p*time_min**2}",
-            "this term is mm*min, not",
-        ),
-        (
             "parameters: {p: {value: 1, unit: um}, q: {value: 8, unit: mm}}, "
             "equations: {Ex: p*step(sequence - q)}",
             "the parameter 'q': inside step() at column 19",
         ),
         (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*step(sequence - x)}",
-            "what is added is a length (mm), not an angle or ratio (rad) at column 17",
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dirx: [0, 1]}",
-            "effects[0].seen.dirx: unknown column: 'dirx'; did you mean 'dir_x'?",
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {p: [0, 1]}",
-            "effects[0].seen.p: unknown column: 'p'; expected one of: dir_x",
-        ),
-        (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
             "seen: {dir_x: [1, 0]}",
             "effects[0].seen.dir_x: wrong value: '[1, 0]'; expected the lower end first",
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, seen: {dir_x: [1]}",
-            "effects[0].seen.dir_x: wrong value: '[1]'; expected at least 2 of them",
         ),
         (
             "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
@@ -397,11 +279,6 @@ HOUR = "the time divided by a number of min, such as time_min/60"
             "effects[0].within.T_oil_C: not the name of a temperature: 'T_oil_C'; expected "
             "T_<sensor>_degC",
         ),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, "
-            "within: {T_a_degC: [1, 0]}",
-            "effects[0].within.T_a_degC: wrong value: '[1, 0]'; expected the lower end first",
-        ),
         ("parameters: {a: {value: 1, unit: um}}, equations: {Ex: a}", "the name is taken: it is"),
         *(
             (
@@ -410,19 +287,10 @@ HOUR = "the time divided by a number of min, such as time_min/60"
             )
             for axis in ("q", "xx", "X", "Ex")
         ),
-        ("parameters: {p: {value: 1, unit: u}}, equations: {Ex: p}", "unknown unit: 'u'"),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p}, covariance: [[1, 0]]",
-            "effects[0].covariance: not 1 x 1: '[[1.0, 0.0]]'; expected a covariance matrix of",
-        ),
         (
             "parameters: {p: {value: 1, u: 5, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
             "effects[0].parameters.p.u: contradicts the covariance of the effect: '5.0'; "
             "expected 0.3, or none",
-        ),
-        (
-            "parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
-            "effects[0].parameters.p.u: contradicts",
         ),
         (
             "parameters: {p: {value: 1, u: 0.37, unit: um}}, equations: {Ex: p}, "
@@ -443,11 +311,6 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
     [
         ("parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}", None),
         # Families may be a user's own.
-        (
-            "family: bananas, axis: zx, parameters: {p: {value: 1, u: 0, unit: um}}, "
-            "equations: {Ex: p*dir_x}",
-            None,
-        ),
         # Readings of a component without an axis are of the component.
         (
             "axis: a, parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}",
@@ -466,16 +329,7 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
             "equations: {Ex: p*dir_x}",
             "effects[0].parameters.q: the parameter 'q' is in no equation",
         ),
-        (
-            "parameters: {p: {value: 1, u: 1, unit: um/K}}, equations: {Ex: p*(T_a_degC + 273.15)}",
-            None,
-        ),
         ("parameters: {p: {value: 1, u: 1, unit: um}}, equations: {Ex: p*(temp_1 - 293.15)}", None),
-        (
-            "parameters: {p: {value: 1, u: 1, unit: um}}, equations: {Ex: p*(temp_1 - 293.15)}, "
-            "seen: {temp_1: [292, 299]}",
-            None,
-        ),
     ],
 )
 def test_odd_effects(tmp_path: Path, effect: str, told: str | None) -> None:

@@ -12,7 +12,6 @@ from mtu_cli.files.part import LoadedPart, Tolerance, load_part
 from mtu_cli.files.study import LoadedStudy, find_study, load_study
 from mtu_cli.findings import InputError
 
-FROM = "expected a path from the folder of the file that names it, or a whole one"
 FEATURES = (
     "features: {3: {x_mm: 10, y_mm: 10}, '9': {x_mm: 10, y_mm: 140, z_mm: 5}, "
     "a: {x_mm: 140, y_mm: 140}, b: {x_mm: 10, y_mm: 10}}\n"
@@ -63,7 +62,15 @@ def test_tolerances(tmp_path: Path) -> None:
     assert read.orthogonality[0].tolerance == Tolerance(-8, 8)
 
 
-@pytest.mark.parametrize("value", ["0", "-3", "true", "[3]", "[3, 3]", "[5, -5]", "[1, .inf]", "a"])
+@pytest.mark.parametrize(
+    "value",
+    [
+        "0",
+        "[3]",
+        "[5, -5]",
+        "[1, .inf]",
+    ],
+)
 def test_what_is_no_tolerance(tmp_path: Path, value: str) -> None:
     (fault,) = part_faults(
         tmp_path, FEATURES + f"lengths: [{{from: 3, to: 9, tolerance_um: {value}}}]"
@@ -76,34 +83,14 @@ def test_what_is_no_tolerance(tmp_path: Path, value: str) -> None:
     ("text", "words"),
     [
         ("lengths: [{from: 3, to: 99}]", "lengths[0].to: unknown feature: '99'"),
-        ("lengths: [{from: A, to: 3}]", "did you mean 'a'?"),
         ("lengths: [{from: 3, to: 3}]", "lengths[0].to: the place appears twice: '3'"),
         ("lengths: [{from: 3, to: b}]", "'b'; expected a feature at another place than '3'"),
-        (
-            "lengths: [{from: 3, to: 9, tolerance_mm: 0.03}]",
-            "unknown key: 'tolerance_mm'; did you mean 'tolerance_um'?",
-        ),
-        ("lengths: [{from: 3, to: 9, tolerance_um: 0}]", "tolerance_um: wrong value: '0'; expect"),
         ("lengths: [{from: 3, to: 9}, {from: 3, to: 9}]", "lengths[1].id: the id appears twice"),
-        ("lengths: [{from: 3}]", "lengths[0]: the key 'to' is missing"),
-        ("lengths: [{from: 1.5, to: 3}]", "lengths[0].from: wrong value: '1.5'; expected a text"),
-        ("orthogonality: [{id: q, row: [9], column: [3, 9]}]", "row: wrong value: '[9]'"),
-        (
-            "orthogonality: [{id: q, row: [3, 9], column: [3, 9]}]",
-            'row: wrong value: \'["3", "9"]\'; expected features that differ in x',
-        ),
-        (
-            "orthogonality: [{id: q, row: [3, a], column: [9, a]}]",
-            "expected features that differ in y",
-        ),
         (
             "orthogonality: [{id: q, row: [9, a, 9], column: [3, 9]}]",
             "row[2]: the feature appears twice",
         ),
-        ("orthogonality: [{id: q, row: [9, aa], column: [3, 9]}]", "row[1]: unknown feature: 'aa'"),
         ("circles: [{id: c, features: [3, 9]}]", "features: wrong value: '[3, 9]'; expected at l"),
-        ("spheres: [{id: c, features: [3, 9, a]}]", "spheres[0].features: wrong value"),
-        ("circles: [{id: c, features: [3, 9, q]}]", "circles[0].features[2]: unknown feature"),
         (
             "circles: [{id: c, features: [3, 9, a], calibrated_mm: {20: 1, 26: 2}}]",
             "circles[0].calibrated_mm: diameters at several temperatures",
@@ -111,14 +98,6 @@ def test_what_is_no_tolerance(tmp_path: Path, value: str) -> None:
         (
             "circles: [{id: c, features: [3, 9, a], calibrated_mm: {warm: 1}}]",
             "expected keys in degC",
-        ),
-        (
-            "circles: [{id: c, features: [3, 9, a], calibrated_mm: -1}]",
-            "circles[0].calibrated_mm: wrong value: '-1'; expected a number above 0",
-        ),
-        (
-            "lengths: [{from: 3, to: 9, id: ''}]",
-            "lengths[0].id: not a name: ''; expected",
         ),
         (
             'lengths: [{from: 3, to: 9, id: "a\\nb"}]',
@@ -133,7 +112,13 @@ def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
     assert words in found[0]
 
 
-@pytest.mark.parametrize("name", ["", "\\e[31m", "a\\nb", "a\\tb", "a\\u2028b"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "\\e[31m",
+        "a\\nb",
+    ],
+)
 def test_a_feature_has_a_name_of_one_line(tmp_path: Path, name: str) -> None:
     (line,) = part_faults(tmp_path, f'features: {{"{name}": {{x_mm: 1, y_mm: 2}}}}\n')
     assert line.startswith("p.yaml:4: features.")
@@ -172,27 +157,6 @@ def test_a_study_names_files_relative_to_itself(tmp_path: Path) -> None:
     assert loaded.study.settings.coverage_factor is None
 
 
-def test_all_faults_of_a_study(tmp_path: Path) -> None:
-    (tmp_path / "part.yaml").write_text("x")
-    text = (
-        "machine: qqq.txt\npart: prt.yaml\nlbb: .\ncmm: [part.yaml, part.yaml]\n"
-        "settings: {coverage_factor: 0, seed: 1.5, correlation: share, digits: 5, sead: 2}\n"
-    )
-    with pytest.raises(InputError) as caught:
-        study(tmp_path, text)
-    assert [str(problem) for problem in caught.value.findings] == [
-        f"mtu.yaml:2: machine: no such file: 'qqq.txt'; {FROM}",
-        "mtu.yaml:3: part: no such file: 'prt.yaml'; did you mean 'part.yaml'?",
-        "mtu.yaml:4: lbb: a folder, no file: '.'; expected a file",
-        "mtu.yaml:5: cmm[1]: the file appears twice: 'part.yaml'",
-        "mtu.yaml:6: settings.coverage_factor: wrong value: '0'; expected a number above 0",
-        "mtu.yaml:6: settings.seed: wrong value: '1.5'; expected a whole number",
-        "mtu.yaml:6: settings.correlation: unknown value: 'share'; did you mean 'shared'?",
-        "mtu.yaml:6: settings.digits: wrong value: '5'; expected a number of at most 4",
-        "mtu.yaml:6: settings.sead: unknown key: 'sead'; did you mean 'seed'?",
-    ]
-
-
 def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
     deep = tmp_path / "a" / "b"
     deep.mkdir(parents=True)
@@ -203,14 +167,6 @@ def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
     (deep / "mtu.yaml").rmdir()
     (deep / "mtu.yaml").write_text("schema: mtu/study/1\n")
     assert find_study(deep) == deep / "mtu.yaml"
-
-
-@pytest.mark.parametrize("kind", ["machine", "part", "study"])
-def test_schemas_describe_every_key(kind: str) -> None:
-    schema = json_schema(kind)
-    assert schema["$id"] == f"mtu/{kind}/1"
-    assert schema["properties"]["schema"]["const"] == f"mtu/{kind}/1"
-    assert schema["additionalProperties"] is False
 
 
 def test_schemas_accept_short_forms() -> None:
@@ -226,8 +182,3 @@ def test_the_schema_knows_what_an_effect_is_of() -> None:
         assert re.search(texts["pattern"], axis), axis
     for axis in ("", "xx", "xyx", "zyzx", "a b", "1"):
         assert not re.search(texts["pattern"], axis), axis
-
-
-def test_an_unknown_schema() -> None:
-    with pytest.raises(InputError, match="did you mean 'machine'"):
-        json_schema("machin")

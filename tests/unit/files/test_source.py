@@ -46,10 +46,10 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "there", "hint"),
     [
-        ("machine.yaml", "tm.yaml", None), ("nix.csv", "drift.csv", None),
+        ("machine.yaml", "tm.yaml", None),
         ("lbb.csv", "lbb.json", None), ("drft.csv", "drift.csv", "drift.csv"),
-        ("lbb.csv", "lbb.csv.gz", "lbb.csv.gz"), ("machine.yml", "machine.yaml", "machine.yaml"),
-        ("machine", "machine.yaml", "machine.yaml"), ("lbb.cvs", "lbb.csv", "lbb.csv"),
+        ("lbb.csv", "lbb.csv.gz", "lbb.csv.gz"),
+        ("machine", "machine.yaml", "machine.yaml"),
     ],
 )  # fmt: skip
 def test_only_near_names_of_the_same_kind_are_offered(
@@ -121,11 +121,8 @@ def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
         (b"ab\ncd\0ef", ":2: cannot be read: byte 6 is 0x00"),
         (b"ab\nc\xe9d", ":2: cannot be read: byte 5 is 0xe9"),
         (b"x" * (1 << 20) + b"\xc3", f"cannot be read: byte {(1 << 20) + 1} is 0xc3"),
-        (b"x" * ((1 << 20) - 1) + b"\xc3(", f"cannot be read: byte {1 << 20} is 0xc3"),
         (b" \n<!DOCTYPE html><html>", "it is a web page"),
         (b"PK\x03\x04abc", "it is an Excel workbook"),
-        (b"\xff\xfea\0", "it is UTF-16 text"),
-        ("name: a".encode("utf-16-le"), "byte 2 is 0x00"),
         ("name: a".encode("utf-32"), "it is UTF-32 text"),
     ],
 )

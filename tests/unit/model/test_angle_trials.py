@@ -13,7 +13,6 @@ from mtu_cli.model.features import feature_points
 from mtu_cli.model.measurands import AngleTrials, contrasts
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
-from mtu_cli.stats.monte_carlo import monte_carlo
 
 TRIALS = 200_000
 Case = tuple[Prediction, list[str], list[str]]
@@ -174,25 +173,6 @@ def test_the_first_order_form_is_exactly_what_is_stated(name: str) -> None:
     law = stats.norm() if np.isinf(dof) else stats.t(dof)
     standard = (linear - reduced.linear_mean[0]) / reduced.linear_u[0, 0]
     assert stats.kstest(standard, law.cdf).pvalue > 1e-3
-
-
-def test_monte_carlo_of_both() -> None:
-    for independent in (False, True):
-        fast, slow = (
-            monte_carlo(model, seed=5, trials=TRIALS) for model in both(CASES["bent"], independent)
-        )
-        for name in ("mean", "u", "low", "high"):
-            a, b = getattr(fast, name)[0], getattr(slow, name)[0]
-            error = np.hypot(getattr(fast, f"se_{name}")[0], getattr(slow, f"se_{name}")[0])
-            assert abs(a - b) < 4.5 * error
-
-
-def test_many_trials_come_in_pieces_and_few_do_too() -> None:
-    reduced, _ = both(CASES["paper"], True)
-    for m in (1, 7, 8192, 20_001):
-        draws = reduced.draw(np.random.default_rng(6), m)
-        assert draws.values.shape == (1, m)
-        assert np.isfinite(draws.values).all()
 
 
 def test_no_error_at_all_is_no_scatter() -> None:

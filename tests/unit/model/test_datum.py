@@ -87,14 +87,6 @@ def test_one_feature_has_no_rotation_and_leaves_exactly_nothing() -> None:
     assert (projector(place, XY, "offset,rotation") == 0).all()
 
 
-def test_operations_of_different_features_are_complete() -> None:
-    """A part drilled at a and b and milled at c misses nothing."""
-    rows = [(f"P{p}", name, 1, 0.01 * p, 0.0) for p in range(3) for name in "abc"]
-    operations = ["milled" if name == "c" else "drilled" for _, name, *_ in rows]
-    assert freed(points(rows, operations), XY, "offset")[1]
-    assert not freed(points(rows[:-2], operations[:-2]), XY, "offset")[1]
-
-
 def test_none_leaves_the_points_alone() -> None:
     found = study(parts=3, repeats=1, seed=1)
     assert freed(found, XY, "none") == (found, True)

@@ -18,8 +18,8 @@ from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.close_loop_sealed.model.seen_ranges import seen_ranges
 from mtu_cli.model.effect_ranges import _not_given, effect_warnings_at
+from mtu_cli.model.fit import effects_on_readings
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.reading_layout import effects_on_readings
 from mtu_cli.model.settings import Settings
 
 MACHINE = """

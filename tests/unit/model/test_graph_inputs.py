@@ -9,8 +9,7 @@ import pytest
 from graph_examples import graph_of, shipped
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.graph.places import Inputs
-from mtu_cli.model.graph.trials import GraphTrials, evaluation, first_order
+from mtu_cli.model.graph.propagation import GraphTrials, Inputs
 from mtu_cli.stats.workspace import Workspace
 
 M = 400_000
@@ -67,7 +66,6 @@ places:
   s: {kind: constant}
 transitions:
   - {do: compute, in: [a, b, c, d], out: s, formula: a + b + c + d}
-correlations: [[b, a, 0.5]]
 """
 
 
@@ -81,9 +79,7 @@ def test_constants(tmp_path: Path) -> None:
     error = 5 / M**0.5
     assert X.mean(axis=1) == pytest.approx([1, 2, 3, 4], abs=4 * error)
     assert X.std(axis=1) == pytest.approx([1, 2, 3, 4], rel=error)
-    expected = np.eye(4)
-    expected[0, 1] = expected[1, 0] = 0.5
-    assert np.corrcoef(X) == pytest.approx(expected, abs=error)
+    assert np.corrcoef(X) == pytest.approx(np.eye(4), abs=error)
     assert X[2].min() >= 3 - 3 * 3**0.5
     assert X[2].max() <= 3 + 3 * 3**0.5
     assert X[3].min() >= 4 - 4 * 6**0.5
@@ -92,29 +88,29 @@ def test_constants(tmp_path: Path) -> None:
     assert kurtosis[2:] == pytest.approx([1.8, 2.4], abs=0.02)
 
 
-def test_shares_of_correlated_constants(tmp_path: Path) -> None:
-    """Var = 1 + 4 + 2 (0.5) 2 + 9 + 16 = 32; to a goes c_a sum c_j u_aj = 1 + 1, to b 4 + 1."""
+def test_shares_of_constants(tmp_path: Path) -> None:
+    """Var = 1 + 4 + 9 + 16 = 30."""
     graph = graph_of(tmp_path, CONSTANTS)
-    found = first_order(evaluation(graph, graph.outputs()))
-    assert found.u[0] ** 2 == pytest.approx(32)
-    shares = {name: float(values[0]) for name, values in found.shares.items()}
-    assert shares == pytest.approx({"a": 2 / 32, "b": 5 / 32, "c": 9 / 32, "d": 16 / 32})
+    found = GraphTrials(graph, graph.outputs())
+    assert found.u[0] ** 2 == pytest.approx(30)
+    shares = {name: float(values[0]) for name, values in found.shares().items()}
+    assert shares == pytest.approx({"a": 1 / 30, "b": 4 / 30, "c": 9 / 30, "d": 16 / 30})
 
 
 def test_ball_centre_by_hand() -> None:
     """u_x = u_w/sqrt(2), u_z^2 = u_w^2 + u_r^2."""
     graph = shipped("ball-centre")
-    found = first_order(evaluation(graph, graph.outputs()))
+    found = GraphTrials(graph, graph.outputs())
     assert 1e6 * found.u**2 == pytest.approx([1, 1, 2.04])
-    assert found.shares["r1"] == pytest.approx([0, 0, 0.04 / 2.04])
-    assert found.shares["u1_axis"] == pytest.approx([0.5, 0.5, 1 / 2.04])
-    assert found.by_place["x1"] == pytest.approx([0.5, 0, 0])
+    assert found.shares()["r1"] == pytest.approx([0, 0, 0.04 / 2.04])
+    assert found.shares()["u1_axis"] == pytest.approx([0.5, 0.5, 1 / 2.04])
+    assert found.shares(by_place=True)["x1"] == pytest.approx([0.5, 0, 0])
 
 
 def test_only_what_stands_behind_an_output_is_drawn() -> None:
     graph = shipped("axes-a-and-c")
-    whole = evaluation(graph, graph.outputs(["d_AC"]))
-    part = evaluation(graph, graph.outputs(["PC.x"]))
+    whole = GraphTrials(graph, graph.outputs(["d_AC"]))
+    part = GraphTrials(graph, graph.outputs(["PC.x"]))
     assert whole.inputs.k == 30
     assert part.inputs.k == 15
     assert len(part.steps) < len(whole.steps)
@@ -136,7 +132,7 @@ def test_outputs_by_name() -> None:
 def test_a_frame_turns_about_its_nominal_axes() -> None:
     """The front edge of 160 mm along x, probed along y, turns it about z: u = sqrt(2) u_w/160."""
     graph = shipped("work-coordinates")
-    found = first_order(evaluation(graph, graph.outputs(["W.rx", "W.rz"])))
+    found = GraphTrials(graph, graph.outputs(["W.rx", "W.rz"]))
     assert found.nominal == pytest.approx([0, 0], abs=1e-15)
     u_w = 1e-3 * np.sqrt(1.5**2 + 0.8**2 + 0.3**2)
     assert found.u[1] == pytest.approx(2**0.5 * u_w / 160, rel=1e-9)
@@ -154,13 +150,12 @@ transitions:
   - {do: compute, in: [s], out: t, formula: s + 1}
 """
     graph = graph_of(tmp_path, text)
-    part = evaluation(graph, graph.outputs())
     with pytest.raises(InputError, match=r"yaml:9: transitions\[0\].*no finite sqrt\(\) at -"):
-        GraphTrials(part, first_order(part)).draw(np.random.default_rng(1), 100)
+        GraphTrials(graph, graph.outputs()).draw(np.random.default_rng(1), 100)
     jumping = graph_of(tmp_path, text.replace("sqrt(a)", "step(a)"))
-    part = evaluation(jumping, jumping.outputs())
+    part = GraphTrials(jumping, jumping.outputs())
     assert part.jumps.tolist() == [True]
-    draws = GraphTrials(part, first_order(part)).draw(np.random.default_rng(1), 100)
+    draws = part.draw(np.random.default_rng(1), 100)
     assert draws.linear is not None
     assert np.ptp(draws.linear) == 0.0
     assert set(draws.values[0]) == {1.0, 2.0}

@@ -15,7 +15,7 @@ from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
 from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.geometry import GeometryError
-from mtu_cli.model.graph.transitions import TRANSITIONS, Computed, Step
+from mtu_cli.model.graph.transitions import TRANSITIONS, Step
 
 # P1..P4 and the planes, lines and frames that follow from them are simple enough for a head.
 PLACES = """
@@ -218,9 +218,8 @@ def test_degenerate_nominals_and_their_neighbours(
     names = tuple(map(str, range(len(bad))))
     step = Step(index=0, do=do, use=TRANSITIONS[do][use], inputs=names, outputs=("out",))
 
-    def ready(places: list[Floats]) -> Computed:
-        given = {name: place[..., None] for name, place in zip(names, places, strict=True)}
-        return Computed.ready(step, given)
+    def ready(places: list[Floats]) -> None:
+        step.ready({name: place[..., None] for name, place in zip(names, places, strict=True)})
 
     with pytest.raises(GeometryError, match=words):
         ready(bad)

@@ -16,7 +16,6 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.measured import (
     angle_tables,
     feature_tables,
-    left_out,
     length_tables,
     length_warnings,
     not_measured,
@@ -55,13 +54,6 @@ def test_a_repeat_that_stands_twice() -> None:
     unnumbered = [(part, name, -1, x, y) for part, name, _, x, y in rows]
     assert feature_tables(points(unnumbered)).cells.n.max() == 2
     assert len(visits_of(points(unnumbered)).part) == 2
-
-
-def test_large_repeat_numbers() -> None:
-    rows = [("p", "a", 10**12, 0.0, 0.0), ("p", "a", 7, 0.1, 0.0), ("q", "a", 10**12, 0.0, 0.1)]
-    assert feature_tables(points(rows)).cells.n[0].tolist() == [2, 1]
-    with pytest.raises(InputError, match="twice"):
-        feature_tables(points([*rows, ("q", "a", 10**12, 0.2, 0.0)]))
 
 
 def test_lengths_are_distances(tmp_path: Path) -> None:
@@ -119,14 +111,6 @@ def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
         value = angles.cells.origin[0] + angles.cells.mean[0, p]
         # By design the row rises by 1 in 100 and the column leans by 2 in 200.
         assert value == pytest.approx(-column - row + 0.02, rel=1e-9)
-
-
-def test_perfect_parts_have_no_error_of_angle(tmp_path: Path) -> None:
-    """Rows and columns that are not quite square by design have no error for it."""
-    found = study(3, 1, 5, 0.0, 0.0)
-    angles = angle_tables(found, visits_of(found), part_file(tmp_path))
-    assert angles is not None
-    np.testing.assert_allclose(angles.cells.origin, 0, atol=1e-15)
 
 
 def test_a_row_off_its_axis_is_refused(tmp_path: Path) -> None:
@@ -190,11 +174,3 @@ def test_an_axis_of_the_machine_that_was_not_measured_is_reported() -> None:
     assert warning.code == "axis-not-measured"
     assert "no z_mm" in warning.message
     assert not not_measured(("x", "y"), flat)
-
-
-def test_an_axis_without_nominal_is_left_out() -> None:
-    found = study(4, 1, 2)
-    measured = found.measured.copy()
-    measured[:, 2] = 1.0
-    assert [each.facts["axis"] for each in left_out(with_measured(found, measured))] == ["z"]
-    assert left_out(found) == []

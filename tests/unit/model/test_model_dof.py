@@ -64,53 +64,6 @@ def orthonormal(degree: int, x: FloatArray) -> FloatArray:
     return values
 
 
-def by_hand(
-    errors: FloatArray, degree: int, x: FloatArray, weights: FloatArray
-) -> tuple[float, float]:
-    """Variance and effective degrees of freedom of sum weights * E(x), from mean squares.
-
-    In polynomials orthonormal over a pass each pass's coefficients are independent with
-    variance s^2; level and slope of a pass add D, the powers beyond are common.
-    """
-    n, m = errors.shape
-    coefficients = errors @ orthonormal(degree, POSITIONS)
-    q = min(2, degree + 1)
-    centred = coefficients[:, :q] - coefficients[:, :q].mean(axis=0)
-    S = centred.T @ centred / (n - 1)
-    within = np.sum(errors**2) - np.sum(coefficients[:, :q] ** 2)
-    within -= n * np.sum(coefficients[:, q:].mean(axis=0) ** 2)
-    nu = n * (m - q) - (degree + 1 - q)
-    s2 = within / nu
-    g = weights @ orthonormal(degree, x)
-    between = (1 + 1 / n) * g[:q] @ S @ g[:q]
-    rest = s2 * (weights @ weights - g[:q] @ g[:q] + g[q:] @ g[q:] / n)
-    total = between + rest
-    return total, total**2 / (between**2 / (n - 1) + rest**2 / nu)
-
-
-@pytest.mark.parametrize("degree", [0, 1, 2, 3, 4])
-@pytest.mark.parametrize("drift", [0.0, 1.0])
-def test_welch_satterthwaite_of_a_fitted_component(degree: int, drift: float) -> None:
-    errors = read(np.random.default_rng(degree + 10), 6, drift, 0.02 * drift, 1e-3)
-    x = np.array([25.0, 70.0, 150.0])
-    total, dof = at(fitted(errors, degree), *x)
-    for i, weights in enumerate([*np.eye(3), np.array([-1.0, 0, 1])]):
-        wanted = by_hand(errors, degree, x, weights)
-        assert total[i] == pytest.approx(wanted[0], rel=1e-9)
-        assert dof[i] == pytest.approx(wanted[1], rel=1e-7)
-
-
-def test_a_component_without_an_axis_has_the_papers_variance() -> None:
-    """X = [1 ... 1]': s^2 (1 + 1/n), n - 1 degrees of freedom (Gilsinn & Ling 2004, eq. (14))."""
-    error = np.array([3.0, 1.0, 4.0, 1.0, 5.0])
-    segment = Segment(name="c", position=None, error=error, passes=np.arange(1, 6))
-    item = fit_component(readings([segment]), "c", Component(unit="mm")).estimate
-    model = model_of([(item, {"x": "2"})], axes=("x",))
-    found = predict(model, ["p"], np.zeros((1, 3))).variance(np.eye(1))
-    assert found.total == pytest.approx([4 * 6 / 5 * error.var(ddof=1)])
-    assert found.dof == pytest.approx([4.0])
-
-
 def test_welch_satterthwaite_over_components() -> None:
     """Blocks with known mean squares: 2, 3 and 5 mm^2 with 4, inf and 10 degrees of freedom."""
     items = [

@@ -66,14 +66,6 @@ def test_passes_are_pairs_of_number_and_direction() -> None:
         assert found.error[found.group == g] == pytest.approx(error[g])
 
 
-def test_without_direction_a_pass_is_its_number() -> None:
-    given = segment(np.random.default_rng(1), passes=4)
-    found = fit(given).instruments[0]
-    assert found.keys_read == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
-    assert found.fit.pass_dof == 3
-    assert found.reversal is None
-
-
 def test_without_a_pass_column_nothing_is_separated() -> None:
     given = replace(segment(np.random.default_rng(1)), passes=None)
     found = fit(given)
@@ -102,7 +94,7 @@ def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
     second = estimate("c", "x", [3.0, 0.3], C=2 * np.eye(2), D=D, s=0.5, pass_dof=9, repeat_dof=60)
     first = replace(first, n_passes=5, independent_covariance=np.eye(2), independent_s=1.5)
     second = replace(second, n_passes=10, independent_covariance=np.eye(2), independent_s=1.2)
-    found, _ = combine([first, second], [40, 80])
+    found = combine([first, second], [40, 80])
     precision = np.array([1 / (2 / 5 + 1 / 40), 1 / (2 / 10 + 0.25 / 80)])
     W = precision / precision.sum()
     assert found.coefficients == pytest.approx(W @ [[1.0, 0.1], [3.0, 0.3]])
@@ -162,15 +154,10 @@ def test_pooled_scatter_is_weighted_by_degrees_of_freedom() -> None:
     a = estimate("c", None, [1.0], C=np.eye(1), D=4 * np.eye(1), s=1.0, pass_dof=9, repeat_dof=70)
     b = estimate("c", None, [2.0], C=np.eye(1), D=1 * np.eye(1), s=3.0, pass_dof=3, repeat_dof=10)
     a, b = (replace(item, independent_covariance=np.eye(1), independent_s=1.0) for item in (a, b))
-    found, _ = combine([a, b], [10, 10])
+    found = combine([a, b], [10, 10])
     assert found.coefficients == pytest.approx([(9 * 1 + 1 * 2) / 10])
     assert found.pass_covariance[0, 0] == pytest.approx((9 * 4 + 3 * 1) / 12)
     assert found.s_repeat**2 == pytest.approx((70 * 1 + 10 * 9) / 80)
-
-
-def test_one_instrument_is_left_alone() -> None:
-    item = estimate("c", None, [1.0], C=np.eye(1))
-    assert combine([item], [5]) == (item, None)
 
 
 @pytest.mark.parametrize("degree", [0, 1, 3])
@@ -225,13 +212,3 @@ def test_an_instrument_without_scatter_has_no_weight() -> None:
     two = Segment(name="c", position=np.array([0.0, 9.0]), error=np.array([1.0, 2.0]), role="laser")
     with pytest.raises(InputError, match="do not scatter"):
         fit(segment(np.random.default_rng(2)), two)
-
-
-def test_the_noise_of_two_instruments_makes_wider_predictions_of_neither() -> None:
-    rng = np.random.default_rng(40)
-    found = fit(segment(rng, passes=8), segment(rng, passes=8, role="laser"))
-    alone = [item.fit.covariance for item in found.instruments]
-    for C in alone:
-        assert np.linalg.eigvalsh(C - found.estimate.covariance)[0] > 0
-    assert found.estimate.position_range == (0.0, 140.0)
-    assert [item.role for item in found.instruments] == ["lbb", "laser"]

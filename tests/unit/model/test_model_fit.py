@@ -62,24 +62,6 @@ def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -
     assert two_.independent_variance == pytest.approx(one_.independent_variance, rel=1e-9)
 
 
-def test_a_cubic_report_keeps_its_degrees_of_freedom(tmp_path: Path) -> None:
-    known = loaded(tmp_path, "components: {a: {of: x, unit: um, degree: 3}}\nequations: {Ex: a}\n")
-    p = np.linspace(0, 140, 8)
-    rng = np.random.default_rng(3)
-    error = 1e-3 * rng.standard_normal((6, 1)) + 1e-3 * rng.standard_normal((6, 8))
-    given = Segment(
-        name="a", position=np.tile(p, 6), error=error.ravel(), passes=np.repeat(np.arange(6), 8)
-    )
-    fit = fit_machine(known, readings([given]))
-    direct = estimates_from_fit(known, fit)
-    again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
-    points = np.array([[0.0, 0, 0], [60, 0, 0], [200, 0, 0]])
-    one, two = (predict(build_model(known, e), list("abc"), points) for e in (direct, again))
-    found, wanted = two.variance(np.eye(3)), one.variance(np.eye(3))
-    assert found.total == pytest.approx(wanted.total, rel=1e-9)
-    assert found.dof == pytest.approx(wanted.dof, rel=1e-6)
-
-
 def test_readings_win_over_coefficients_and_the_rest_stays(tmp_path: Path) -> None:
     known = loaded(
         tmp_path,
@@ -128,17 +110,6 @@ def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, mes
     other = loaded(tmp_path, f"components: {{{change}}}\nequations: {{Ex: {equation}}}\n")
     with pytest.raises(InputError, match=message):
         estimates_from_report(other, read_components(path))
-
-
-def test_a_report_in_another_unit_of_the_same_kind(tmp_path: Path) -> None:
-    text = "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n"
-    known = loaded(tmp_path, text)
-    given = Segment(name="a", position=np.arange(5.0), error=np.array([1.0, 3, 2, 4, 1]))
-    fit = fit_machine(known, readings([given]))
-    path = reported(tmp_path, known, fit)
-    other = loaded(tmp_path, text.replace("unit: um", "unit: mm"))
-    found = estimates_from_report(other, read_components(path)).components["a"]
-    assert found.coefficients == pytest.approx(fit.components["a"].estimate.coefficients)
 
 
 def test_as_many_readings_as_coefficients_have_no_uncertainty(

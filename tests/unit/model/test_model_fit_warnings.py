@@ -14,10 +14,9 @@ from scipy import stats
 
 from mtu_cli.analyses.observability import observability
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import finding
 from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
-from mtu_cli.model.fit_warnings import FIRST, LIMITS, RAISE, fit_warnings, limit_warnings, limits_of
-from mtu_cli.stats.family import significant
+from mtu_cli.model.fit_warnings import FIRST, RAISE, fit_warnings, limit_warnings, limits_of
 from mtu_cli.stats.pass_tests import Shift
 
 MACHINES = 250
@@ -104,23 +103,6 @@ def test_a_single_doubted_row_comes_before_a_higher_degree(tmp_path: Path) -> No
         assert found.facts["advice"] == (FIRST if first else RAISE)
 
 
-def test_the_stated_amounts_are_those_planted(tmp_path: Path) -> None:
-    known = machine(tmp_path)
-    given = read_machine(np.random.default_rng(6), Drift(0.0))
-    for what, wanted in (("reversal", 6.0), ("passes-drift", 4.0)):
-        fit = fit_machine(known, planted(given, "dx_x", what))
-        item = fit.components["dx_x"].instruments[0]
-        shift = item.reversal if what == "reversal" else item.trend
-        assert shift is not None
-        assert abs(shift.value / 1e-3 - wanted) < 4 * shift.u / 1e-3
-
-
-def test_bonferroni() -> None:
-    p = dict.fromkeys("abcdefghi", 0.5) | {"j": 0.0049, "k": 0.0051}
-    assert significant({**p}) == {}
-    assert significant({name: p[name] for name in "abcdefghij"}) == {"j": 0.0049}
-
-
 def test_scatter_that_cannot_be_split_is_warned_of(tmp_path: Path) -> None:
     known = machine(tmp_path)
     given = read_machine(np.random.default_rng(7), Drift(1.0))
@@ -168,20 +150,6 @@ def test_runs_of_the_same_mean_are_warned_of(tmp_path: Path) -> None:
     assert trend_of(fit).p > 0.05
 
 
-def test_passes_one_way_of_the_same_mean_do_not_differ_however_many(tmp_path: Path) -> None:
-    """Each is up by a um at one end and down by it at the other, or the other way round."""
-    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
-    segment = Segment(
-        name="a",
-        position=np.tile(np.linspace(0, 90, 4), 6),
-        error=1e-3 * np.tile([1.0, 0.0, 0.0, -1.0, -1.0, 0.0, 0.0, 1.0], 3),
-        passes=np.repeat(np.arange(6), 4),
-        direction=np.repeat([1], 24),
-    )
-    fit = fit_machine(known, readings([segment]))
-    assert trend_of(fit).p > 0.05
-
-
 def test_instruments_that_disagree(tmp_path: Path) -> None:
     known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
     rng = np.random.default_rng(8)
@@ -203,25 +171,6 @@ def test_instruments_that_disagree(tmp_path: Path) -> None:
     assert warned(9e-3) == 60
 
 
-@pytest.mark.parametrize(("name", "words"), [("dx_x", "mm"), ("ez_y", "mrad")])
-def test_a_component_that_repeats_too_well_is_asked_about(
-    tmp_path: Path, name: str, words: str
-) -> None:
-    """A thousandth of the others' repeatability is a unit, a hundredth a good axis."""
-    known = machine(tmp_path)
-    given = read_machine(np.random.default_rng(6), Drift(0.0))
-
-    def small(factor: float) -> list[Finding]:
-        rows = given.code == given.components.index(name)
-        fit = fit_machine(known, replace(given, error=np.where(rows, factor, 1) * given.error))
-        return [item for item in fit_warnings(fit) if item.code == "implausible-size"]
-
-    (found,) = small(1e-3)
-    assert (found.facts["component"], found.facts["meant"]) == (name, words)
-    assert small(1e-2) == []
-    assert small(0) == []
-
-
 @pytest.mark.parametrize("what", KINDS)
 def test_what_u_of_a_part_holds_nothing_of_is_told_with_it(tmp_path: Path, what: str) -> None:
     """A reversal and a drift of the passes are; a misfit is among the repeatability of u."""
@@ -233,25 +182,6 @@ def test_what_u_of_a_part_holds_nothing_of_is_told_with_it(tmp_path: Path, what:
     assert limits == ([] if what == "lack-of-fit" else found)
     assert limits_of(fit_warnings(fit), COMPONENTS) == limits
     assert limits_of(fit_warnings(fit), set(COMPONENTS) - {"ez_y"}) == []
-
-
-def test_instruments_that_disagree_are_told_of_their_component(tmp_path: Path) -> None:
-    known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
-    rng, p = np.random.default_rng(8), np.linspace(0, 140, 8)
-
-    def read(role: str, shift: float) -> Segment:
-        error = 1e-3 * rng.standard_normal((6, 1)) + 1e-3 * rng.standard_normal((6, 8)) + shift
-        passes = np.repeat(np.arange(6), 8)
-        return Segment(
-            name="a", position=np.tile(p, 6), error=error.ravel(), passes=passes, role=role
-        )
-
-    fit = fit_machine(known, readings([read("lbb", 0.0), read("laser", 9e-3)]))
-    (found,) = limits_of(limit_warnings(fit), {"a"})
-    assert found.code == "instruments-disagree"
-    assert found.code in LIMITS
-    # Words of the message are no components of it.
-    assert limits_of(limit_warnings(fit), {"the", "on", "line"}) == []
 
 
 @pytest.mark.parametrize("passes", [4, 5])

@@ -10,7 +10,6 @@ import pytest
 from model_examples import FloatArray, Segment, loaded, readings
 from numpy.typing import NDArray
 
-from mtu_cli.files.machine import covariance_fault
 from mtu_cli.model.estimation import shared_passes
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
@@ -187,20 +186,6 @@ def test_times_must_overlap(tmp_path: Path) -> None:
     assert groups(tmp_path, [first, replace(second, time=late)]) == 0
 
 
-def test_two_pairs_make_two_groups(tmp_path: Path) -> None:
-    rng = np.random.default_rng(7)
-    machine = loaded(
-        tmp_path,
-        "components: {a: {of: x, unit: mm}, b: {of: x, unit: mm}, c: {of: x, unit: mm},"
-        " d: {of: x, unit: mm}, e: {of: x, unit: mm}}\nequations: {Ex: a + b + c + d + e}\n",
-    )
-    base = segments(rng.standard_normal((PASSES, 5)), rng)[0]
-    setups = {"a": "1", "b": "2", "c": "1", "d": "2", "e": "3"}
-    given = [replace(base, name=name, setup=setup) for name, setup in setups.items()]
-    found = shared_passes(fit_machine(machine, readings(given)).components)
-    assert [group.components for group in found] == [("a", "c"), ("b", "d")]
-
-
 def test_a_cubic_shares_its_level_and_slope(tmp_path: Path) -> None:
     """Cross blocks of C are T S T'/n whatever the degree: powers are no pass's own."""
     p = np.linspace(0, 90, 8)
@@ -235,30 +220,3 @@ def test_a_cubic_shares_its_level_and_slope(tmp_path: Path) -> None:
     a, b = np.array(found)[:, :4] @ g, np.array(found)[:, 4:] @ h
     error = np.sqrt((a.var() * b.var() + true**2) / machines)
     assert abs(np.cov(a, b)[0, 1] - true) < 4.5 * error
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_of_passes_that_broke_off_it_is_a_covariance_all_the_same(
-    seed: int, tmp_path: Path
-) -> None:
-    """Variances by one design and covariances by another need not be one: a length between two
-    features could have a variance below 0.
-    """
-    rng = np.random.default_rng(seed)
-    states = rng.standard_normal((PASSES, 5)) @ np.linalg.cholesky(D).T
-    states[:, 2:4] = states[:, 0:2] * [1.4, 1.2]
-    own = [
-        replace(item, **{key: getattr(item, key)[:-2] for key in ("position", "error", "passes")})
-        if item.name == "b"
-        else replace(item, error=item.error + 1e-3 * rng.standard_normal(len(item.error)))
-        for item in segments(states, np.random.default_rng(seed + 100))
-    ]
-    fit = fit_machine(loaded(tmp_path, MACHINE), readings(own))
-    (group,) = fit.joint
-    start = 0
-    for name, width in zip(group.components, group.widths, strict=True):
-        block = group.covariance[start : start + width, start : start + width]
-        variances = np.diag(fit.components[name].estimate.covariance)
-        np.testing.assert_allclose(np.diag(block), variances, rtol=1e-12)
-        start += width
-    assert covariance_fault(group.covariance.tolist(), start) is None

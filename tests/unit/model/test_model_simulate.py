@@ -12,8 +12,13 @@ from model_examples import FloatArray, estimate, model_of, stated
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.simulate import PartsPlan, SimulatedPoints, simulate_points
-from mtu_cli.model.simulate_readings import ReadingsPlan, simulate_readings
+from mtu_cli.model.simulate import (
+    PartsPlan,
+    ReadingsPlan,
+    SimulatedPoints,
+    simulate_points,
+    simulate_readings,
+)
 
 IDS = ["a", "b", "c", "d"]
 POINTS = np.array([[0.0, 0, 0], [100, 0, 0], [100, 80, 0], [0, 80, 0]])
@@ -42,20 +47,6 @@ def shaped(found: SimulatedPoints, plan: PartsPlan) -> FloatArray:
     return np.asarray(errors)
 
 
-def test_more_parts_leave_the_earlier_ones() -> None:
-    more = replace(PLAN, parts=9)
-    assert (shaped(simulate(more), more)[:3] == shaped(simulate(), PLAN)).all()
-
-
-def test_more_repeats_leave_the_parts() -> None:
-    more = replace(PLAN, repeats=5)
-    assert (shaped(simulate(more), more)[:, :2] == shaped(simulate(), PLAN)).all()
-    exact = replace(PLAN, cmm_u=0.0)
-    other = replace(exact, repeats=7)
-    one, two = shaped(simulate(exact), exact), shaped(simulate(other), other)
-    assert (two == one[:, :1]).all()
-
-
 def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> None:
     few = simulate_readings(machine(), READ, 1)
     many = simulate_readings(machine(), replace(READ, passes=8), 1)
@@ -64,12 +55,6 @@ def test_more_passes_leave_the_earlier_ones_and_parts_do_not_move_readings() -> 
         first = [i for i, other in enumerate(many.component) if other == name][: len(rows)]
         assert (many.error[first] == few.error[rows]).all()
     assert (simulate_readings(machine(), READ, 2).error != few.error).all()
-
-
-def test_a_component_does_not_change_the_readings_of_those_before_it() -> None:
-    alone = model_of([(machine().terms[0].estimate, {"x": "1"})], axes=("x",))
-    few, many = simulate_readings(alone, READ, 1), simulate_readings(machine(), READ, 1)
-    assert (many.error[: len(few.error)] == few.error).all()
 
 
 def test_moments_of_readings() -> None:
@@ -126,19 +111,6 @@ def test_moments_of_parts() -> None:
     assert (np.abs(means.mean(axis=0) - expected) < 4.5 * np.sqrt(np.diag(wanted) / 4000)).all()
     within = np.diff(errors, axis=1).ravel()
     assert within.var() == pytest.approx(2e-6, rel=4.5 * np.sqrt(2 / len(within)))
-
-
-def test_a_cubic_has_the_declared_pass_covariance() -> None:
-    whole = np.zeros((4, 4))
-    whole[:2, :2] = D
-    model = model_of([(estimate("a", "x", [0, 0, 0, 1e-9], D=whole), {"x": "1"})], axes=("x",))
-    plan = ReadingsPlan(passes=3000, directions=(1,), positions={"x": np.array([0.0, 100.0])})
-    errors = simulate_readings(model, plan, 5).error.reshape(3000, 2)
-    X = np.array([[1, 0], [1, 100.0]])
-    wanted = X @ D @ X.T
-    se = np.sqrt((np.outer(np.diag(wanted), np.diag(wanted)) + wanted**2) / 3000)
-    assert (np.abs(np.cov(errors.T) - wanted) < 4.5 * se).all()
-    assert errors.mean(axis=0) == pytest.approx([0, 1e-3], abs=4.5 * np.sqrt(wanted.max() / 3000))
 
 
 QUIET = PartsPlan(parts=4, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=2, minutes=0.5)
@@ -242,13 +214,6 @@ def test_equations_at_their_bounds() -> None:
     assert (simulate(plan, model=quiet()).measured[2::4, 1] == 80).all()
     far = replace(QUIET, effects=(("y", parse("1e6 - 80")),))
     assert simulate(far, model=quiet()).measured[:, 1].max() == 1e6
-
-
-def test_scatters_of_one_axis_add_up() -> None:
-    one = replace(QUIET, scatter=(("x", parse("5e-3")),))
-    two = replace(QUIET, scatter=(("x", parse("2e-3")), ("x", parse("3e-3"))))
-    both = [simulate(plan, model=quiet()).measured for plan in (one, two)]
-    assert both[0] == pytest.approx(both[1], abs=1e-15)
 
 
 def test_a_feature_whose_place_is_not_known(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, drift, line, machine
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.estimates import leftover_estimate, temperature_estimate, through_positions
-from mtu_cli.model.machine_model import ThermalBasis, design, sensors_of, theta
+from mtu_cli.model.fit import through_positions
+from mtu_cli.model.machine_model import design, drift_terms, sensors_of, temperatures, theta
 from mtu_cli.model.prediction import predict
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
@@ -78,29 +78,6 @@ def test_covariance_of_coefficients_and_leftover(tmp_path: Path) -> None:
     assert more - without == pytest.approx(expected, rel=1e-9, abs=1e-18)
 
 
-def test_without_thermal_models_nothing_changes(tmp_path: Path) -> None:
-    """At the reference temperature the mean is the cold one; without drifts all is."""
-    model, cold = machine(tmp_path, line(), angle()), machine(tmp_path)
-    assert cold.drifts() == ()
-    assert cold.covariates() == ()
-    assert sensors_of(cold) == {}
-    before = predict(cold, IDS, POINTS)
-    at = predict(model, IDS, POINTS, dict.fromkeys(SENSORS, 20.0))
-    assert (at.mean == before.mean).all()
-    # No covariance, leftover or sensor noise was stated: not a digit of it changes either.
-    assert (at.covariance == before.covariance).all()
-    assert [term.estimate.name for term in model.terms][: len(cold.terms)] == [
-        term.estimate.name for term in cold.terms
-    ]
-
-
-def test_a_drift_of_a_component_that_no_equation_uses_is_no_term(tmp_path: Path) -> None:
-    other = drift("roll", "x", ("T_z_degC",), np.array([[1.0]]))
-    model = machine(tmp_path, line(), other)
-    assert [item.component for item in model.drifts()] == ["px"]
-    assert "T_z_degC" not in model.covariates()
-
-
 def test_missing_sensors_are_named_with_their_component(tmp_path: Path) -> None:
     model = machine(tmp_path, line(), angle())
     assert set(SENSORS) <= set(model.covariates())
@@ -125,19 +102,6 @@ def test_a_thermal_model_without_sensors_leaves_its_leftover(tmp_path: Path) -> 
     assert more == pytest.approx(np.tile(one, (4, 4)), rel=1e-9)
 
 
-def test_estimates_of_terms() -> None:
-    own = line(covariance=np.diag([1.0, 2.0, 3.0, 4.0]), leftover=np.diag([5.0, 6.0]))
-    first, second = temperature_estimate(own), leftover_estimate(own)
-    assert (first.name, second.name) == ("px.temperature", "px.leftover")
-    assert first.coefficients / UM == pytest.approx([1.5, -0.8, 0.01, 0.004])
-    assert np.diag(first.covariance) / UM**2 == pytest.approx([1.0, 2.0, 3.0, 4.0])
-    assert not first.pass_covariance.any()
-    assert not second.coefficients.any()
-    assert np.diag(second.pass_covariance) / UM**2 == pytest.approx([5.0, 6.0])
-    assert not second.covariance.any()
-    assert (first.s_repeat, second.s_repeat) == (0.0, 0.0)
-
-
 def test_polynomials_through_positions() -> None:
     """Exactly where there are as many powers as positions, else by least squares."""
     p = np.array([0.0, 75.0, 200.0, 300.0])
@@ -151,8 +115,7 @@ def test_polynomials_through_positions() -> None:
         assert straight[:, s] == pytest.approx(expected, rel=1e-9)
 
 
-def lagged_basis() -> ThermalBasis:
-    return ThermalBasis(estimate=line(time_constants=(30.0, 0.0)))
+LAGGED = line(time_constants=(30.0, 0.0))
 
 
 def test_lags_follow_the_times_of_the_rows() -> None:
@@ -163,11 +126,11 @@ def test_lags_follow_the_times_of_the_rows() -> None:
     expected = first_order_lag(a[:, None], time, np.array([30.0]))[0, :, 0]
     order = rng.permutation(np.repeat(np.arange(25), 2))
     at = {"T_a_degC": a[order], "T_b_degC": b[order], "time_min": time[order]}
-    found = lagged_basis().temperatures(at, 50)
+    found = temperatures(LAGGED, at, 50)
     assert found[:, 0] == pytest.approx(expected[order], rel=1e-12)
     assert (found[:, 1] == b[order]).all()
     place = {"x": np.linspace(0.0, 100.0, 50)}
-    rows = lagged_basis().rows(place, at, 50)
+    rows = drift_terms(LAGGED, {})[0].columns(place, at, 50)
     rise = np.column_stack([expected[order], b[order]]) - 20
     assert rows[:, :2] == pytest.approx(rise, rel=1e-10)
     assert rows[:, 2:] == pytest.approx(place["x"][:, None] * rise, rel=1e-10, abs=1e-12)
@@ -179,31 +142,18 @@ def test_a_sensor_without_lag_is_every_rows_own() -> None:
         "T_a_degC": np.array([20.0, 20.4, 22.0]), "T_b_degC": np.array([20.0, 26.0, 21.0]),
         "time_min": np.array([0.0, 0.0, 30.0]),
     }  # fmt: skip
-    found = lagged_basis().temperatures(at, 3)
+    found = temperatures(LAGGED, at, 3)
     assert (found[:, 1] == at["T_b_degC"]).all()
     assert found[0, 0] == found[1, 0] == pytest.approx(20.2, rel=1e-15)
-
-
-def test_two_parts_that_both_count_their_time_from_0_are_refused() -> None:
-    """A part of 26 degC must not take the temperatures of one of 20 degC."""
-    part, time = np.full(3, 20.0), np.array([0.0, 2.0, 4.0])
-    at = {
-        "T_a_degC": np.append(part, part + 6), "T_b_degC": np.full(6, 20.0),
-        "time_min": np.append(time, time),
-    }  # fmt: skip
-    with pytest.raises(InputError, match="T_a_degC: contradicts 20 degC at the same time"):
-        lagged_basis().temperatures(at, 6)
 
 
 def test_without_times_all_temperatures_count_as_settled() -> None:
     a, b = np.linspace(20.0, 26.0, 6), np.full(6, 21.0)
     untimed: dict[str, FloatArray | float] = {"T_a_degC": a, "T_b_degC": b}
     for at in (untimed, untimed | {"T_b_degC": 21.0, "time_min": 5.0}):
-        found = lagged_basis().temperatures(at, 6)
+        found = temperatures(LAGGED, at, 6)
         assert found == pytest.approx(np.column_stack([a, b]), rel=1e-15)
-    one = lagged_basis().temperatures(
-        {"T_a_degC": 24.0, "T_b_degC": 21.0, "time_min": np.arange(6.0)}, 6
-    )
+    one = temperatures(LAGGED, {"T_a_degC": 24.0, "T_b_degC": 21.0, "time_min": np.arange(6.0)}, 6)
     assert one == pytest.approx(np.tile([24.0, 21.0], (6, 1)), rel=1e-14)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -67,24 +66,6 @@ def test_a_drift_of_the_machine_file_goes_through_its_positions(tmp_path: Path) 
     assert drift.temperature_range is None
 
 
-def test_a_drift_that_is_the_same_everywhere(tmp_path: Path) -> None:
-    drift = thermal_from_machine_file(loaded(tmp_path, MACHINE))["yaw_y"]
-    assert (drift.of, drift.degree, drift.position_range) == ("y", 0, None)
-    rises = {"T_03_degC": np.array([21.5, 20.0])}
-    arcsec = pi / 648000
-    assert drift.drift(np.array([0.0, 900]), rises) == pytest.approx([3 * arcsec, 0], abs=1e-18)
-
-
-def test_fewer_powers_than_positions_are_the_least_squares_line(tmp_path: Path) -> None:
-    text = (
-        "components: {a: {of: x, unit: mm, thermal: {positions_mm: [0, 1, 2], degree: 1, "
-        "gradients: {T_a_degC: [0, 0, 6]}}}}\nequations: {Ex: a}\n"
-    )
-    # Slope sum((p - 1) g)/sum((p - 1)^2) = 3, mean 2 at p = 1.
-    drift = thermal_from_machine_file(loaded(tmp_path, text))["a"]
-    assert drift.coefficients[:, 0] == pytest.approx([-1, 3], abs=1e-12)
-
-
 DRIFT: dict[str, Any] = {
     "of": "y", "unit": "um", "degree": 1, "sensors": ["T_a_degC", "T_b_degC"],
     "reference_temperature_degC": 20, "time_constants_min": [0, 40],
@@ -126,12 +107,6 @@ def test_a_report_wins_over_the_machine_file(tmp_path: Path, machine: LoadedMach
     assert drift.temperature_range is not None
     assert drift.temperature_range.tolist() == [[19, 26], [20, 25]]
     assert (drift.of, drift.position_range, drift.reference) == ("y", (0, 200), 20)
-
-
-def test_a_report_in_another_unit_of_the_same_kind(tmp_path: Path, machine: LoadedMachine) -> None:
-    found = thermal_from_report(machine, report(tmp_path, pos_y=DRIFT | {"unit": "nm"}))
-    np.testing.assert_allclose(found["pos_y"].coefficients[0], [1.5e-6, 2e-6], rtol=1e-15)
-    np.testing.assert_allclose(found["pos_y"].leftover[0, 0], 0.25e-12, rtol=1e-15)
 
 
 def test_a_report_without_sensors(tmp_path: Path, machine: LoadedMachine) -> None:

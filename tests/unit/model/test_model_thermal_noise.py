@@ -9,8 +9,8 @@ import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, line, machine
 
 from mtu_cli.model.machine_model import MachineModel, design
-from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.temperatures import temperature_blocks, temperature_gradients
+from mtu_cli.model.prediction import predict
+from mtu_cli.model.temperatures import temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray
 
 U = {"T_a_degC": 0.1, "T_b_degC": 0.2, "T_c_degC": 0.05}
@@ -108,31 +108,6 @@ def test_gradients_are_finite_differences(tmp_path: Path) -> None:
         assert found[name] == pytest.approx(step, rel=1e-9, abs=1e-15)
 
 
-def test_one_block_a_sensor_with_noise(tmp_path: Path) -> None:
-    model = machine(tmp_path, line(sensor_u=(0.1, 0.0)), angle())
-    rows = design(model, POINTS, EACH)
-    blocks = temperature_blocks(model, POINTS, EACH, rows.levers)
-    assert [block.names for block in blocks] == [("T_a_degC",)]
-    cold = machine(tmp_path)
-    assert temperature_blocks(cold, POINTS, {}, design(cold, POINTS, {}).levers) == []
-
-
-def measurand(found: Prediction) -> float:
-    """Variance of the difference of the errors in x at the second and the third point."""
-    A = np.zeros((1, 8))
-    A[0, 2], A[0, 4] = -1.0, 1.0
-    return float(found.variance(A).total[0])
-
-
-@pytest.mark.parametrize("at", [ROOM, EACH], ids=["one room", "a room a point"])
-def test_variance_of_a_length_is_that_of_its_covariance(
-    tmp_path: Path, at: dict[str, FloatArray | float]
-) -> None:
-    found = predict(noisy(tmp_path), IDS, POINTS, at)
-    C = found.covariance
-    assert measurand(found) == pytest.approx(C[2, 2] + C[4, 4] - 2 * C[2, 4], rel=1e-9)
-
-
 def lagged(covariates: dict[str, FloatArray], taus: dict[str, float]) -> dict[str, FloatArray]:
     """First-order lags by a loop, in the order of time."""
     order = np.argsort(covariates["time_min"], kind="stable")
@@ -170,21 +145,6 @@ def test_noise_comes_through_a_lag_as_drawn_histories_have_it(
         seen = lagged(at | noisy, tau) | {"T_c_degC": noisy["T_c_degC"]}
         draws[k] = predict(settled, IDS, POINTS, seen).mean - base
     check(found, draws)
-
-
-def test_lagged_noise_of_a_cold_start_is_shared_by_neighbours(tmp_path: Path) -> None:
-    """u_0 = T_0, u_1 = w T_0 + (1 - w) T_1 with w = (1 - exp(-k))/k, k = dt/tau."""
-    model = machine(tmp_path, line(time_constants=(40.0, 0.0), sensor_u=(0.3, 0.0)))
-    quiet = machine(tmp_path, line(time_constants=(40.0, 0.0)))
-    at: dict[str, FloatArray | float] = {
-        "T_a_degC": np.array([20.0, 20.5]), "T_b_degC": 21.0, "time_min": np.array([0.0, 2.0])
-    }  # fmt: skip
-    points = np.tile(POINTS[1], (2, 1))
-    found, less = (predict(m, IDS[:2], points, at).covariance for m in (model, quiet))
-    w = (1 - np.exp(-2 / 40)) / (2 / 40)
-    one = (0.3 * (1.5 + 0.01 * POINTS[1, 0]) * 1e-3) ** 2
-    own = (found - less)[np.ix_([0, 2], [0, 2])]
-    assert own == pytest.approx(one * np.array([[1, w], [w, w**2 + (1 - w) ** 2]]), rel=1e-9)
 
 
 def test_rows_with_the_same_temperatures_share_one_reading(tmp_path: Path) -> None:

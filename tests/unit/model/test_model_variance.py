@@ -182,19 +182,6 @@ def test_variance_scales_with_the_square_of_all_errors(seed: int, factor: float)
     assert two.variance(A).dof == pytest.approx(one.variance(A).dof, rel=1e-9)
 
 
-@STEADY
-@given(seeds, st.permutations(range(4)))
-def test_the_order_of_points_does_not_matter(seed: int, order: list[int]) -> None:
-    found = case(seed, 3, 4, joint=False)
-    ids = np.array(["a", "b", "c", "d"])
-    one = predict(found.model, list(ids), found.points)
-    two = predict(found.model, list(ids[order]), found.points[order])
-    A = np.random.default_rng(seed).normal(size=(3, 8))
-    moved = A.reshape(3, 4, 2)[:, order].reshape(3, 8)
-    assert two.variance(moved).total == pytest.approx(one.variance(A).total, rel=1e-9)
-    assert two.mean[two.row("c", "y")] == one.mean[one.row("c", "y")]
-
-
 def test_a_feature_used_twice_is_one_visit() -> None:
     """The middle of three features in L1 - L2 moves with its whole error, not two draws."""
     part = estimate("c", "x", [0.0, 0.0], s=2.0)

@@ -11,11 +11,12 @@ from model_examples import FloatArray, estimate, model_of
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.simulate import PartsPlan, simulate_points
-from mtu_cli.model.simulate_readings import (
+from mtu_cli.model.simulate import (
+    PartsPlan,
     ReadingsPlan,
     cut_warnings,
-    pass_draws,
+    pass_root,
+    simulate_points,
     simulate_readings,
 )
 
@@ -45,8 +46,8 @@ def scaled(item: ComponentEstimate, by: FloatArray) -> ComponentEstimate:
 
 
 def covariance_drawn(item: ComponentEstimate) -> FloatArray:
-    ((_, root),) = pass_draws(model_of([(item, {"x": "1"})], axes=("x",))).blocks
-    return root @ root.T
+    root = pass_root(model_of([(item, {"x": "1"})], axes=("x",)))
+    return np.asarray(root @ root.T)
 
 
 def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
@@ -130,18 +131,15 @@ def test_what_is_not_known_of_passes_together_is_drawn_apart() -> None:
     (group,) = model.joint
     none = np.full_like(D, np.nan)
     apart, alike = replace(group, pass_covariance=none), replace(group, covariance=none)
-    for changed, terms_of in ((apart, [(0,), (1,)]), (alike, [(1, 0)])):
+    single = D * [[1, 1, 0], [1, 1, 0], [0, 0, 1]]
+    for changed, wanted in ((apart, single), (alike, D)):
         unknown = replace(model, joint=(changed,))
-        blocks = pass_draws(unknown).blocks
-        assert [terms for terms, _ in blocks] == terms_of
-        for terms, root in blocks:
-            whole = D[np.ix_([2, 0, 1], [2, 0, 1])] if len(terms) > 1 else D[:2, :2]
-            wanted = D[2:, 2:] if terms == (1,) else whole
-            np.testing.assert_allclose(root @ root.T, wanted, rtol=1e-6, atol=1e-18)
+        root = pass_root(unknown)
+        np.testing.assert_allclose(root @ root.T, wanted, rtol=1e-6, atol=1e-18)
         assert cut_warnings(unknown) == []
     alone = estimate("a", "x", [0.0, 0.0], D=np.full((2, 2), np.nan))
     with pytest.raises(InputError, match="pass-to-pass covariance of a"):
-        pass_draws(model_of([(alone, {"x": "1"})], axes=("x",)))
+        pass_root(model_of([(alone, {"x": "1"})], axes=("x",)))
 
 
 @pytest.mark.parametrize(("correlation", "seen"), [(0.9, False), (1.05, False), (1.3, True)])
@@ -149,30 +147,6 @@ def test_passes_drawn_much_as_predicted_are_not_told(correlation: float, seen: b
     D = np.array([[1e-6, correlation * 1e-8], [correlation * 1e-8, 1e-10]])
     one = estimate("a", "x", [0.0, 0.0], C=D * np.eye(2) / 10, D=D)
     assert bool(cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))) == seen
-
-
-def test_the_largest_cut_of_all_is_told() -> None:
-    """Passes that differ by less than nothing: not drawn at all."""
-    one = estimate("a", "x", [0.0], C=np.array([[1e-7]]), D=np.array([[-1e-6]]))
-    (warned,) = cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))
-    assert warned.message.startswith("the pass-to-pass variance is estimated below zero (a)")
-
-
-def test_those_that_are_used_are_drawn_together_though_a_third_is_not_known() -> None:
-    model, D = together()
-    (group,) = model.joint
-    whole = np.full((4, 4), np.nan)
-    whole[:3, :3] = group.pass_covariance
-    wider = replace(
-        group,
-        components=("b", "a", "c"),
-        widths=(1, 2, 1),
-        covariance=np.zeros((4, 4)),
-        pass_covariance=whole,
-    )
-    ((terms, root),) = pass_draws(replace(model, joint=(wider,))).blocks
-    assert terms == (1, 0)
-    np.testing.assert_allclose(root @ root.T, D[np.ix_([2, 0, 1], [2, 0, 1])], atol=1e-18)
 
 
 def test_of_components_read_together_those_are_named_that_are_cut() -> None:

@@ -10,11 +10,11 @@ import pytest
 from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 
+from mtu_cli.close_loop_sealed.model_slice import reading_layout
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.model.fit import fit_machine
 from mtu_cli.model.passes import passes_of
-from mtu_cli.model.reading_layout import reading_layout
 
 IntArray = NDArray[np.int64]
 
@@ -88,13 +88,6 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     layout = reading_layout(split, np.arange(len(WAY)), "x", "a")
     assert layout.pairs == layout.passes
     assert layout.passes == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
-
-
-def test_files_of_both_directions_keep_their_passes_to_themselves() -> None:
-    """A pass there that ends one file, a pass back that begins the next."""
-    given = in_files(one_way_passes(), (NUMBER > 5).astype(np.int64))
-    layout = reading_layout(given, np.arange(len(WAY)), "x", "a")
-    assert layout.passes == ("1/2", "3/4", "5", "6", "7/8", "9/10")
 
 
 def test_files_that_take_turns_on_one_clock_are_in_order_of_time() -> None:

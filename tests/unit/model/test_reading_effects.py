@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mtu_cli.files.machine import LoadedMachine, load_machine
-from mtu_cli.model.reading_layout import effects_on_readings
+from mtu_cli.model.fit import effects_on_readings
 
 MACHINE = """\
 schema: mtu/machine/1

@@ -18,10 +18,10 @@ from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.passes import fellows, runs_of, ways
+from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
 from mtu_cli.reports.fit_components import document
 
@@ -58,34 +58,54 @@ def there_and_back(seed: int, *, one_way: bool = False, shared: float = 3.0) -> 
     return found
 
 
-def test_passes_of_one_number_are_a_run() -> None:
-    keys = np.array([[0, 1], [0, 2], [1, 1]])
-    code = np.array([0, 0, 1, 1, 2, 2])
-    sign = np.array([1, -1, 1, -1, 1, -1])
-    way = ways(code, sign, 3)
-    assert way.tolist() == [0, 0, 0]
-    assert runs_of(keys, np.arange(3), way).tolist() == [0, 1, 2]
+def told(text: str) -> list[str]:
+    """Pairs that are found in a sequence such as 1+ 2-."""
+    words = text.split()
+    number = np.array([int(word[:-1]) for word in words])
+    way = np.array([1 if word[-1] == "+" else -1 for word in words])
+    return [f"{words[i]}{words[j]}" for i, j in fellows(number, way)]
 
 
-def test_passes_that_each_run_one_way_are_paired_in_their_order() -> None:
-    """All there before all back: the n-th of each of a file; what is over stays alone."""
-    keys = np.array([[0, 1], [0, 2], [0, 3], [0, 4], [0, 5], [1, 1], [1, 2]])
-    sign = np.array([1, 1, 1, -1, -1, -1, 1])
-    way = ways(np.arange(7), sign, 7)
-    assert way.tolist() == sign.tolist()
-    assert runs_of(keys, np.arange(7), way).tolist() == [0, 1, 2, 0, 1, 3, 3]
-    # The other way round in time: 5 4 back, 3 2 1 there.
-    assert runs_of(keys, np.arange(7)[::-1], way).tolist() == [3, 2, 1, 2, 1, 0, 0]
-    # Of a pass without a direction, or both, nothing is told: not of its file either.
-    half = np.array([1, -1, 0, 1, -1, -1, 1])
-    assert runs_of(keys, np.arange(7), half).tolist() == [0, 1, 2, 3, 4, 5, 5]
+@pytest.mark.parametrize(
+    ("passes", "pairs"),
+    [
+        ("1+ 2- 3+ 4- 5+", "1+2- 3+4-"),
+        ("0+ 1- 2+ 3-", "0+1- 2+3-"),
+        ("1- 2+ 3- 4+", "2+1- 4+3-"),
+        ("1+ 2- 3+ 5+ 6-", "1+2- 5+6-"),
+        # Two counts, up or down, or of any order.
+        ("1+ 2+ 3+ 1- 2- 3-", "1+1- 2+2- 3+3-"),
+        ("1+ 2+ 3+ 3- 2- 1-", "1+1- 2+2- 3+3-"),
+        ("1+ 3+ 4+ 5+ 1- 2- 4- 5-", "1+1- 4+4- 5+5-"),
+        ("2+ 3+ 4+ 5+ 1- 2- 3- 4-", "2+2- 3+3- 4+4-"),
+        ("5+ 1- 6+ 2- 7+ 3-", "5+1- 6+2- 7+3-"),
+        # Numbers that stand twice: files of several days.
+        ("1+ 1+ 1- 2-", "1+1- 1+2-"),
+        ("1+ 2+ 1+ 2+ 1- 2- 1- 2-", "1+1- 2+2- 1+1- 2+2-"),
+        ("1+ 2+", ""),
+    ],
+)
+def test_passes_that_each_run_one_way_are_paired(passes: str, pairs: str) -> None:
+    assert told(passes) == pairs.split()
 
 
-def test_a_pass_that_is_missing_leaves_its_fellow_alone(tmp_path: Path) -> None:
-    """1 there, 2 back, 3 there, (4 is lost), 5 there, 6 back: neighbours are runs, 3 is none."""
-    keys = np.array([[0, 1], [0, 2], [0, 3], [0, 5], [0, 6]])
-    way = np.array([1, -1, 1, 1, -1])
-    assert runs_of(keys, np.arange(5), way).tolist() == [0, 0, 1, 2, 2]
+@pytest.mark.parametrize("lost", range(1, 13))
+def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
+    """In turns, and two and four blocks of all there before all back."""
+    number = np.delete(np.arange(1, 13), lost - 1)
+    place = number - 1
+    for step, way in (
+        (1, 1 - 2 * (place % 2)),
+        (6, np.where(place < 6, 1, -1)),
+        (3, 1 - 2 * (place // 3 % 2)),
+    ):
+        found = [(number[i], number[j]) for i, j in fellows(number, way)]
+        there = number[way > 0]
+        assert found == [(n, n + step) for n in there if n + step != lost]
+
+
+def test_a_run_is_of_one_file_unless_files_have_one_direction(tmp_path: Path) -> None:
+    """A pass that is missing leaves its fellow alone."""
     known = loaded(tmp_path, MACHINE)
     given = [
         replace(item, **{key: getattr(item, key)[item.passes != 4] for key in COLUMNS})
@@ -93,139 +113,6 @@ def test_a_pass_that_is_missing_leaves_its_fellow_alone(tmp_path: Path) -> None:
     ]
     fit = fit_machine(known, readings(given)).components["a"].instruments[0].fit
     assert fit.pairs.tolist() == [[0, 1], [3, 4], [5, 6], [7, 8]]
-
-
-@pytest.mark.parametrize("lost", range(1, 13))
-def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
-    """There and back in turns, two and three blocks of all there before all back: each pass but
-    the fellow of the lost one keeps its own.
-    """
-    number = np.delete(np.arange(1, 13), lost - 1)
-    place = number - 1
-    for way, fellow in (
-        (1 - 2 * (place % 2), (place ^ 1)),
-        (np.where(place < 6, 1, -1), (place + 6) % 12),
-        (1 - 2 * (place // 3 % 2), place // 6 * 6 + (place % 6 + 3) % 6),
-    ):
-        wanted = {frozenset((a, b)) for a, b in zip(place, fellow, strict=True) if b != lost - 1}
-        found = {frozenset(place[list(pair)].tolist()) for pair in fellows(number, way)}
-        assert found == wanted
-        # A count of each direction's own.
-        if (place < 6).all() or (way[place < 6] > 0).all():
-            own = np.where(place < 6, place, place - 6)
-            assert {frozenset(place[list(p)].tolist()) for p in fellows(own, way)} == wanted
-
-
-@pytest.mark.parametrize("lost", [(1, 4), (2, 3), (5, 6), (6, 7), (4, 9), (3, 12), (2, 4, 6)])
-def test_passes_that_are_lost_in_turns_part_no_others(lost: tuple[int, ...]) -> None:
-    number = np.setdiff1d(np.arange(1, 13), lost)
-    way = np.where(number % 2 == 1, 1, -1)
-    wanted = [(n, n + 1) for n in range(1, 13, 2) if not {n, n + 1} & set(lost)]
-    assert [(number[i], number[j]) for i, j in fellows(number, way)] == wanted
-
-
-@pytest.mark.parametrize(
-    ("there", "back"),
-    [
-        ([1, 2, 3, 4, 5], [5, 4, 3, 2, 1]),
-        ([4, 1, 5, 3, 2], [2, 5, 1, 4, 3]),
-        ([1, 3, 4, 5], [1, 2, 4, 5]),
-        ([2, 3, 4, 5], [1, 2, 3, 4]),
-    ],
-)
-def test_passes_of_one_number_are_fellows_in_any_order(there: list[int], back: list[int]) -> None:
-    number = np.array(there + back)
-    way = np.repeat([1, -1], [len(there), len(back)])
-    found = {(int(number[i]), int(number[j])) for i, j in fellows(number, way)}
-    assert found == {(n, n) for n in set(there) & set(back)}
-
-
-def told(text: str) -> list[str]:
-    """Pairs that are found in a sequence such as 1+ 2-."""
-    words = text.split()
-    number = np.array([int(word[:-1]) for word in words])
-    way = np.array([1 if word[-1] == "+" else -1 for word in words])
-    return sorted(f"{words[i]}{words[j]}" for i, j in fellows(number, way))
-
-
-@pytest.mark.parametrize(
-    ("passes", "pairs"),
-    [
-        ("1+ 2- 3+ 4- 1- 2+ 3- 4+", "1+2- 3+4- 1-2+ 3-4+"),
-        ("1+ 2- 3+ 4- 4+ 5- 6+ 7-", "1+2- 3+4- 4+5- 6+7-"),
-        ("1+ 2- 3+ 4- 5+ 6- 1- 2+", "1+2- 3+4- 5+6- 1-2+"),
-        ("1+ 2+ 3+ 4+ 5+ 5- 6- 7- 8- 9-", "1+5- 2+6- 3+7- 4+8- 5+9-"),
-        # The next day begins where the machine stands.
-        ("1+ 2- 3+ 1- 2+ 3-", "1+2- 1-2+"),
-        ("1+ 2- 3+ 4- 5+ 1- 2+ 3- 4+ 5-", "1+2- 3+4- 1-2+ 3-4+"),
-    ],
-)
-def test_a_number_that_coincides_by_chance_decides_nothing(passes: str, pairs: str) -> None:
-    assert told(passes) == sorted(pairs.split())
-
-
-@pytest.mark.parametrize(
-    ("passes", "pairs"),
-    [
-        ("5+ 1- 6+ 2- 7+ 3-", "5+1- 6+2- 7+3-"),
-        ("1+ 2+ 3+ 6- 5- 4-", "1+6- 2+5- 3+4-"),
-        ("1+ 2+ 4- 3- 5+ 6+ 8- 7-", "1+4- 2+3- 5+8- 6+7-"),
-        ("1+ 2- 2+ 1-", "1+1- 2-2+"),
-        # A programme, and the same driven the other way.
-        ("1+ 2+ 3+ 4- 1- 2- 3- 4+", "1+1- 2+2- 3+3- 4-4+"),
-        ("1+ 2- 3- 1- 2+ 3+", "1+1- 2-2+ 3-3+"),
-        ("1+ 2+ 3- 1- 2- 3+", "1+1- 2+2- 3-3+"),
-    ],
-)
-def test_one_day_that_counts_in_its_own_way(passes: str, pairs: str) -> None:
-    assert told(passes) == sorted(pairs.split())
-
-
-def test_days_whose_way_back_counts_down() -> None:
-    day = "1+ 2+ 3+ 4+ 4- 3- 2- 1-"
-    assert told(f"{day} {day}") == sorted(2 * ["1+1-", "2+2-", "3+3-", "4+4-"])
-    # One is lost on the way back.
-    assert told(f"{day} 1+ 2+ 3+ 4+ 4- 2- 1-") == sorted([*2 * ["1+1-", "2+2-", "4+4-"], "3+3-"])
-
-
-@pytest.mark.parametrize("order", ["there back there back", "there there back back", "turns"])
-@pytest.mark.parametrize("lost", range(20))
-def test_days_that_count_anew_are_apart(order: str, lost: int) -> None:
-    """Two days of five runs, in files of a direction or in turns; one pass is lost."""
-    day, run, back = (item.ravel() for item in np.indices((2, 5, 2)))
-    keys = {
-        "there back there back": (run, back, day),
-        "there there back back": (run, day, back),
-        "turns": (back, run, day),
-    }
-    sequence = np.delete(np.lexsort(keys[order]), lost)
-    pairs = fellows(run[sequence] + 1, 1 - 2 * back[sequence])
-    gone = {(int(day[i]), int(run[i])) for i in np.setdiff1d(np.arange(20), sequence)}
-    found = [{(int(day[i]), int(run[i])) for i in sequence[list(pair)]} for pair in pairs]
-    assert sorted(map(sorted, found)) == [
-        [(d, r)] for d in (0, 1) for r in range(5) if (d, r) not in gone
-    ]
-
-
-@pytest.mark.parametrize(
-    ("way", "wanted"),
-    [
-        # Counted anew where one is lost: neighbours of one orientation, or blocks.
-        ("+--+-+-", [(0, 1), (3, 4), (5, 6)]),
-        ("-+-+", [(0, 1), (2, 3)]),
-        ("++--++--", [(0, 2), (1, 3), (4, 6), (5, 7)]),
-        ("+++---", [(0, 3), (1, 4), (2, 5)]),
-        ("++++", []),
-    ],
-)
-def test_passes_counted_anew_are_neighbours_or_blocks(
-    way: str, wanted: list[tuple[int, int]]
-) -> None:
-    signs = np.array([1 if sign == "+" else -1 for sign in way])
-    for begin in (0, 1, 7):
-        assert fellows(np.arange(begin, begin + len(way)), signs) == wanted
-    # Of numbers that do not ascend only the sequence is used.
-    assert fellows(np.arange(len(way))[::-1].copy(), signs) == wanted
 
 
 def test_components_are_joint_only_where_their_runs_are_the_same(tmp_path: Path) -> None:
@@ -349,24 +236,6 @@ def test_a_setup_of_its_own_makes_a_pass_no_part_of_a_run(tmp_path: Path) -> Non
             assert (item.estimate.half_differences is not None) == (dof == 4 and name != "axy")
 
 
-def test_the_report_carries_what_runs_tell(tmp_path: Path) -> None:
-    """Read back, it gives the same prediction, its squares and their degrees of freedom."""
-    known = loaded(tmp_path, MACHINE.replace("of: y, unit: mm", "of: y, unit: um, degree: 2"))
-    fit = fit_machine(known, readings(there_and_back(2)))
-    own = estimates_from_fit(known, fit)
-    results = document(fit_result("m", fit, own)).record()
-    source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
-    report = components_from(source, {"schema": "mtu/fit-components/1", "results": results})
-    place, A = np.array([[30.0, 70.0, 0.0]]), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, -2.0]])
-    first, second = (
-        predict(build_model(known, estimates), ["p"], place).variance(A)
-        for estimates in (own, estimates_from_report(known, report))
-    )
-    assert second.total == pytest.approx(first.total, rel=1e-9)
-    assert second.dof == pytest.approx(first.dof, rel=1e-9)
-    np.testing.assert_allclose(second.squares.of_part, first.squares.of_part, rtol=1e-7, atol=1e-15)
-
-
 @pytest.mark.parametrize("shared", [3.0, 0.0])
 def test_further_readings_share_what_these_did(tmp_path: Path, shared: float) -> None:
     """The table's factor: D within a direction, of the two of a run K where it is positive."""
@@ -394,7 +263,3 @@ def test_further_readings_share_what_these_did(tmp_path: Path, shared: float) ->
     np.testing.assert_allclose(
         found[~same], (X @ K @ X.T)[~same], rtol=1e-6, atol=1e-9 * found.max()
     )
-
-
-def test_a_number_that_stands_twice_in_a_direction_is_of_several_days() -> None:
-    assert told("1+ 1+ 1- 2-") == ["1+1-"]

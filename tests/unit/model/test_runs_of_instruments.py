@@ -17,7 +17,7 @@ from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
-from mtu_cli.model.estimation import combine
+from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.reports.fit_components import document
@@ -142,8 +142,8 @@ def test_a_line_of_one_way_is_brought_to_the_mean_of_both(way: int, tmp_path: Pa
         coefficients=plain[1].coefficients - np.array([0.5 * way * back.value, 0.0]),
         covariance=plain[1].covariance + np.diag([0.25 * back.u**2, 0.0]),
     )
-    wanted, agree = combine([plain[0], moved], [len(both.error), len(alone.error)])
+    wanted = combine([plain[0], moved], [len(both.error), len(alone.error)])
     np.testing.assert_allclose(fit.estimate.coefficients, wanted.coefficients, rtol=1e-9)
     np.testing.assert_allclose(fit.estimate.covariance, wanted.covariance, rtol=1e-9)
-    assert fit.agreement_p == pytest.approx(agree)
+    assert fit.agreement_p == pytest.approx(agreement(plain[0], moved))
     assert abs(fit.estimate.coefficients[0]) < 4 * np.sqrt(fit.estimate.covariance[0, 0])

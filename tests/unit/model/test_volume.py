@@ -10,7 +10,7 @@ from model_examples import loaded
 from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.features import grid_of, grid_warnings
+from mtu_cli.model.features import grid_of
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 
@@ -27,7 +27,7 @@ def grid(
     folder: Path, text: str, machine: str = SPACE
 ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     known = loaded(folder, machine)
-    return grid_of(known, build_model(known, estimates_from_fit(known, None)), text)
+    return grid_of(known, build_model(known, estimates_from_fit(known, None)), text)[:2]
 
 
 def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
@@ -70,34 +70,17 @@ def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:
     ("text", "extra", "told"),
     [
         ("3", "", []),
-        ("3,2", "", []),
         ("3,2,1", "", []),
-        ("3,2,4", "", ["--grid 3,2,4: z enters no equation and has no places in the grid"]),
-        (
-            "3,2",
-            "constants: {y: 30.0}\n",
-            ["--grid 3,2: y has one place, 30 mm, at which a constant of the machine fixes it"],
-        ),
+        ("3,2,4", "", ["--grid 3,2,4: z has one place: it enters no equation"]),
+        ("3,2", "constants: {y: 30.0}\n", ["--grid 3,2: y has one place: a constant fixes it"]),
     ],
 )
-def test_an_axis_with_other_places_than_asked_for_is_told(
+def test_an_axis_with_fewer_places_than_asked_for_is_told(
     tmp_path: Path, text: str, extra: str, told: list[str]
 ) -> None:
     known = loaded(tmp_path, SPACE + extra)
-    found = grid_warnings(known, build_model(known, estimates_from_fit(known, None)), text)
+    _, _, found = grid_of(known, build_model(known, estimates_from_fit(known, None)), text)
     assert [item.message for item in found] == told
-
-
-def test_z_without_a_count_is_told_to_be_in_the_middle(tmp_path: Path) -> None:
-    deep = SPACE.replace("60]}", "60]}, z: {travel_mm: [0, 50]}").replace("y*sq", "(y + z)*sq")
-    known = loaded(tmp_path, deep)
-    model = build_model(known, estimates_from_fit(known, None))
-    (found,) = grid_warnings(known, model, "3,2")
-    assert found.message == (
-        "--grid 3,2: z has one place, the middle of its travel, 25 mm: --grid 3,2,N gives it N"
-    )
-    assert grid_warnings(known, model, "3,2,1") == []
-    assert grid_warnings(known, model, "3") == []
 
 
 @pytest.mark.parametrize("text", ["", "a", "0", "3,-1", "2,2,2,2", "1.5", "3,"])

@@ -16,7 +16,7 @@ from measured_examples import part_file, points, study, with_measured
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import anova, figures
+from mtu_cli.reports import figures
 from mtu_cli.reports.anova import document
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.part_figures import anova as figure
@@ -160,21 +160,6 @@ def test_tables_and_verdict(planted: AnovaResult) -> None:
     assert "MS between" not in text
 
 
-def test_of_many_tables_those_of_the_largest_errors_are_listed() -> None:
-    result = analysed(study(8, 2, 4), "anova", k=3)
-    found = result.features
-    size = np.abs(found.one_way.mean) + 3 * found.u_future
-    assert list(found.order) == list(np.argsort(-size))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(anova, "SHOWN", 4)
-        patch.setattr(anova, "WORST", 3)
-        text = shown(result)
-    assert "Features: the 3 of 6 with the largest errors\n" in text
-    first = found.tables.labels[found.order[0]]
-    below = text.partition("Features: ")[2].splitlines()
-    assert below[3].split()[:2] == [first[1], first[2]]
-
-
 @pytest.mark.parametrize("parts", [1, 5, 60])
 def test_pictures_of_any_number_of_parts(parts: int) -> None:
     result = analyse_variance(study(parts, 1 + parts % 2, 2), None, "reml", Settings())
@@ -218,16 +203,6 @@ def test_picture_marks_outliers(planted: AnovaResult) -> None:
     assert s_repeat**2 / (s_part**2 + s_repeat**2) == pytest.approx(share)
     (legend,) = drawn.legends
     assert "outlier among the parts" in [t.get_text() for t in legend.get_texts()]
-
-
-def test_what_is_drawn_first() -> None:
-    """A part that is an outlier in y of b: b comes before larger errors elsewhere."""
-    found = study(21, 2, 4)
-    measured = found.measured.copy()
-    measured[:, 0] += np.where(found.feature == 2, 0.05, 0.0)
-    measured[(found.part == 3) & (found.feature == 1), 1] += 0.12
-    result = analyse_variance(with_measured(found, measured), None, "reml", Settings())
-    assert [name for _, name in result.shown][:2] == ["b", "c"]
 
 
 @pytest.mark.parametrize("operations", [1, 6])

@@ -8,13 +8,14 @@ from typing import Any, TypeGuard
 
 import numpy as np
 import pytest
+from compare_trials import predicted
 from matplotlib.axes import Axes
 from matplotlib.quiver import Quiver
 from matplotlib.text import Text
 
-from mtu_cli.analyses.compare import Compared, CompareResult, Verdict
-from mtu_cli.analyses.compare.evidence import PredictedItems, evidence
-from mtu_cli.analyses.compare.verdicts import Pooled, judged, summarised
+from mtu_cli.analyses.compare import Compared, CompareResult
+from mtu_cli.analyses.compare.evidence import Pooled, judged, summarised
+from mtu_cli.analyses.compare.evidence import compared as evidence
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import document, verdict_text
@@ -44,20 +45,10 @@ def compared(labels: Labels, seed: int) -> Compared:
     # A feature is predicted once, whatever the operation.
     one = {label[1:]: 0.01 * rng.standard_normal() for label in labels}
     u2 = np.full(m, 0.005**2)
-    predicted = PredictedItems(
-        mean=np.array([one[label[1:]] for label in labels]),
-        total=u2,
-        coefficients=0.2 * u2,
-        scatter=0.8 * u2,
-        independent=0.64 * u2,
-        holes=np.full(m, np.nan),
-        of_mean=0.2 * u2[None],
-        of_part=0.8 * u2[None],
-        dof=np.array([np.inf]),
-        joint={},
-    )
+    means = np.array([one[label[1:]] for label in labels])
+    known = predicted(means, 0.2 * u2, 0.8 * u2, 0.64 * u2, (np.inf, np.inf))
     tables = MeasuredTables(labels=tuple(labels), parts=tuple("12345"), cells=cells)
-    found, _ = judged(evidence(tables, predicted, K), None)
+    found, _ = judged(evidence(tables, known, np.eye(m), K), None)
     return decreed(found, under=(0,))
 
 
@@ -67,15 +58,13 @@ def decreed(
     """The same with these faults and no other."""
     rows = range(len(found.labels))
     no = tuple(False for _ in rows)
-    names = {True: "under-predicted", False: "consistent"}
-    verdicts = [names[i in under] if i in under or i not in biased else "biased" for i in rows]
     return replace(
         found,
         biased=tuple(i in biased for i in rows),
         under_predicted=tuple(i in under for i in rows),
         over_predicted=no,
         withheld=no,
-        verdicts=tuple(verdicts),  # type: ignore[arg-type]  # literals
+        pooled=(),
     )
 
 
@@ -218,7 +207,7 @@ def test_a_sentence_an_operation_and_kind_and_a_line_an_item(two: CompareResult)
     assert " ".join(text.split()).startswith(f"{drilled['verdict_text']}. ")
     assert max(map(len, text.splitlines())) <= 100
     (line,) = [line for line in text.splitlines() if line.startswith("drilled 2 x")]
-    assert line.startswith("drilled 2 x  biased, under- ")
+    assert line.startswith("drilled 2 x  under-predicted, ")
 
 
 def test_what_only_the_pooled_scatter_shows_is_stated(two: CompareResult) -> None:
@@ -240,12 +229,8 @@ def test_what_only_the_pooled_scatter_shows_is_stated(two: CompareResult) -> Non
 def test_words_for_what_was_not_tested(two: CompareResult) -> None:
     m = len(two.features.labels)
     nothing: tuple[None, ...] = (None,) * m
-    one: tuple[Verdict] = ("consistent",)
-    none = replace(
-        two.features, biased=nothing, under_predicted=nothing, over_predicted=nothing,
-        verdicts=nothing,
-    )  # fmt: skip
-    few = replace(none, biased=(True, *(False,) * (m - 1)), verdicts=("biased", *one * (m - 1)))
+    none = replace(two.features, biased=nothing, under_predicted=nothing, over_predicted=nothing)
+    few = replace(none, biased=(True, *(False,) * (m - 1)))
     assert verdict_text(summarised(none)[0]) == "drilled features: not tested"
     drilled, milled = map(verdict_text, summarised(few))
     assert drilled.startswith("drilled features: biased (1 of 48: mean off by ")

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from graph_examples import SHIPPED, graph_of, shipped
 
-from mtu_cli.analyses.graph.check import check_graph
 from mtu_cli.analyses.graph.simulate import simulate_graph
 from mtu_cli.analyses.graph.sweep import Sweep, sweep_graph
 from mtu_cli.cli.measurement import net_for
@@ -154,7 +153,7 @@ def test_long_names_end_on_the_paper(tmp_path: Path) -> None:
 
 
 def test_report_of_a_check() -> None:
-    result = check_graph(shipped("bore-to-bore"))
+    result = shipped("bore-to-bore")
     made = report.check(result, lambda: None)
     results, (header, rows) = made.record(), made.rows()
     order = [step for fired in results["firing_order"] for step in fired]
@@ -308,15 +307,6 @@ places:
 transitions:
   - {do: ratio, in: ['x$\q$', 'x$\q$'], out: 'y$_{$'}
 """
-
-
-@pytest.mark.parametrize("text", ["a$b", "$a$", r"\$a$", r"$\frac{$", "no sign"])
-def test_literal_text_is_shown_as_it_is(text: str) -> None:
-    from matplotlib.figure import Figure
-
-    with house_style():
-        shown = Figure().text(0, 0, text)
-    assert shown._preprocess_math(shown.get_text()) == (text, False)  # type: ignore[attr-defined]  # what is drawn
 
 
 @pytest.mark.parametrize("of", [["P1"], ["VA.i", "VA.j"]])

@@ -70,16 +70,6 @@ def test_the_report_lists_the_passes_of_every_run(tmp_path: Path) -> None:
     assert numbers == [[1, 1], [2, 2], [3, 3]]
 
 
-def test_passes_without_a_way_back_are_told_apart(tmp_path: Path) -> None:
-    known = loaded(tmp_path, MACHINE)
-    alone = [1, 2, 3, 4, 5], [1, -1, 1, -1, 1]
-    one = [1, 2, 3], [1, 1, 1]
-    given = [segment("a", *alone), segment("b", *one), segment("c", *one)]
-    fit = fit_machine(known, readings(given))
-    found = reported(known, fit)["b"]["runs"]
-    assert [len(run["passes"]) for run in found] == [1, 1, 1]
-
-
 def test_passes_of_several_files_are_named_with_their_file(tmp_path: Path) -> None:
     known = loaded(tmp_path, MACHINE.replace(", c: {of: x, unit: mm}", "").replace(" + c", ""))
     there, back = ([1, 2], [1, 1]), ([1, 2], [-1, -1])
@@ -132,11 +122,3 @@ def test_a_trend_through_files_without_times_says_so(tmp_path: Path) -> None:
     for silent in (clocked, readings(one_file)):
         fit = fit_machine(known, silent)
         assert "order-of-files" not in codes_of(known, fit)
-
-
-def test_without_passes_there_are_no_runs(tmp_path: Path) -> None:
-    known = loaded(tmp_path, MACHINE)
-    given = [Segment(name=name, position=P, error=np.array([0.1, 0.3, 0.2, 0.5])) for name in "abc"]
-    fit = fit_machine(known, readings(given))
-    found = reported(known, fit)
-    assert found["a"]["runs"] is None

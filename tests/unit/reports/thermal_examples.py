@@ -7,17 +7,21 @@ from itertools import product
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import Candidate, CycleRms, HeldOut, PositionTest
-from mtu_cli.analyses.thermal_fit.gradients import Gradients
 from mtu_cli.analyses.thermal_fit.result import (
+    Candidate,
     ComponentDrift,
     Curve,
+    CycleRms,
+    Gradients,
+    HeldOut,
     Intercept,
+    PositionTest,
     Residuals,
     ThermalFit,
 )
 from mtu_cli.findings import finding
-from mtu_cli.model.estimates import ThermalEstimate, through_positions
+from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.model.fit import through_positions
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UNITS
 
@@ -178,7 +182,7 @@ def many_positions() -> ComponentDrift:
     found = cubic()
     long = {name: f"T_upper_left_column_behind_cover_{name}" for name in SENSORS}
     curves = [
-        replace(curve, position=place, cycle=f"2024-03-{number:02d} warm-up")
+        curve._replace(position=place, cycle=f"2024-03-{number:02d} warm-up")
         for curve, place, number in product(found.curves[:1], np.linspace(0, 300, 9), range(1, 25))
     ]
     first = found.at_positions[0].gradients

@@ -7,7 +7,8 @@ import pytest
 import statsmodels.api as sm  # type: ignore[import-untyped]
 from scipy.stats import binom, chi2, f, t
 
-from mtu_cli.stats.family import holm, hotelling_p, p_of_none, squared_distance
+from mtu_cli.close_loop_sealed.stats.none_of_all import p_of_none, squared_distance
+from mtu_cli.stats.family import holm, hotelling_p
 
 
 def test_holm_by_hand() -> None:

@@ -8,13 +8,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from mtu_cli.close_loop_sealed.stats.batched_squares import batched_squares_left
 from mtu_cli.stats.least_squares import (
     FloatArray,
     batched_least_squares,
-    batched_squares_left,
     beside,
     least_squares,
-    orthonormal,
     triangle,
 )
 
@@ -310,23 +309,6 @@ def test_a_triangle_has_the_squares_and_products_of_the_rows(n: int, k: int, ord
     # Backward stable: an error of n k eps of the columns' lengths (Higham 2002, theorem 19.4).
     assert (np.abs(R.T @ R - Z.T @ Z) <= 10 * n * k * EPS * np.outer(size, size)).all()
     np.testing.assert_array_equal(given, Z)
-
-
-@pytest.mark.parametrize(("n", "k"), [shape for shape in SHAPES if shape[0] >= shape[1]])
-def test_columns_are_orthonormal_and_give_the_rows_back(n: int, k: int) -> None:
-    Z = drawn(n, k)
-    Q, R = orthonormal(Z)
-    size = np.linalg.norm(Z, axis=0)
-    assert np.abs(Q.T @ Q - np.eye(k)).max() <= 10 * n * k * EPS
-    assert (np.abs(Q @ R - Z) <= 10 * n * k * EPS * size).all()
-    np.testing.assert_array_equal(R, triangle(Z))
-
-
-@pytest.mark.parametrize(("n", "k"), SHAPES)
-def test_they_are_those_of_numpy(n: int, k: int) -> None:
-    Z = drawn(n, k)
-    size = np.linalg.norm(Z, axis=0)
-    assert (np.abs(triangle(Z) - np.linalg.qr(Z, mode="r")) <= 10 * n * k * EPS * size).all()
 
 
 @pytest.mark.parametrize(("n", "k"), [(0, 0), (4, 0), (0, 4)])

@@ -132,7 +132,7 @@ def test_distribution_functions_of_sums(name: str) -> None:
     terms, below = SUMS[name]
     found = known(*terms)
     p = np.linspace(0.5, 1.0 - 2e-6, 20_001)[1:]
-    assert np.max(np.abs(below(found(p)) - p)) <= 1.1e-6
+    assert np.max(np.abs(below(found(p)) - p)) <= 1e-6
 
 
 def test_a_heavy_tail_beside_a_rectangle() -> None:

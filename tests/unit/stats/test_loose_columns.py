@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from mtu_cli.stats.loose_columns import Loose, beside_lines_and_columns, loose_columns
+from mtu_cli.close_loop_sealed.stats.loose_columns import (
+    Loose,
+    beside_lines_and_columns,
+    loose_columns,
+)
 
 
 def joint(values: np.ndarray, there: np.ndarray, smooth: np.ndarray) -> tuple[np.ndarray, int]:

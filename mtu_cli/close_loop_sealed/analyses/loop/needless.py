@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from mtu_cli.close_loop_sealed.analyses.loop.jointly import jointly
 from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
-from mtu_cli.stats.family import p_of_none
+from mtu_cli.close_loop_sealed.stats.none_of_all import p_of_none
 
 
 def needless(prepared: Prepared, steps: Sequence[Step], alpha: float) -> Step | None:

@@ -17,8 +17,8 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.same_in_all import vary_alike
 from mtu_cli.close_loop_sealed.analyses.loop.state import State, Step
 from mtu_cli.close_loop_sealed.stats.column_groups import MemberColumns
+from mtu_cli.close_loop_sealed.stats.none_of_all import p_of_none
 from mtu_cli.close_loop_sealed.stats.stratified import StratifiedFit
-from mtu_cli.stats.family import p_of_none
 from mtu_cli.stats.least_squares import FloatArray
 
 FAMILIES = ("thermal-growth",)

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.close_loop_sealed.model.effect_search import Waves
-from mtu_cli.stats.least_squares import FloatArray, batched_squares_left
+from mtu_cli.close_loop_sealed.stats.batched_squares import batched_squares_left
+from mtu_cli.stats.least_squares import FloatArray
 
 SAME = 1e-4
 """Share of a wave up to which another one leaves nothing of it: a hundredth of its amplitude."""

@@ -27,9 +27,9 @@ from mtu_cli.close_loop_sealed.analyses.loop.prepare import Prepared
 from mtu_cli.close_loop_sealed.analyses.loop.scatter_rivals import ROTATION
 from mtu_cli.close_loop_sealed.analyses.loop.state import Step
 from mtu_cli.close_loop_sealed.stats.alike_lines import apart_from_whole, p_alike
+from mtu_cli.close_loop_sealed.stats.loose_columns import beside_lines_and_columns, log_variance_u
 from mtu_cli.close_loop_sealed.stats.mean_squares import EntryNoise
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.loose_columns import beside_lines_and_columns, log_variance_u
 
 FEWEST = 4
 """Degrees of freedom that tell a scatter: its u is a third of it then."""

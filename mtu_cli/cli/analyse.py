@@ -1,0 +1,246 @@
+"""The commands on readings, predictions and measured parts: what each reads, calculates, reports,
+and when its gates are met.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import fitted_drift, modelled, one_direction
+from mtu_cli.cli.values import known_name
+from mtu_cli.findings import Finding, counted, error, finding, listed
+from mtu_cli.model.settings import Settings
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.compare import CompareResult
+    from mtu_cli.analyses.fit_components import FitResult
+    from mtu_cli.reports.document import Document
+
+OUTLYING = ("outlying-value", "sensor-spike")
+"""Checks that name single rows."""
+
+
+def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
+    """Readings to the components of a machine."""
+    from mtu_cli.analyses.fit_components import fit_result
+    from mtu_cli.model.fit import estimates_from_fit, fit_machine, machine_warnings
+    from mtu_cli.model.fit_warnings import fit_warnings
+    from mtu_cli.reports import fit_components as report
+
+    machine, readings = inputs.machine, inputs.readings
+    if readings is None:
+        raise inputs.missing("--lbb FILE or --laser FILE", "lbb", "laser")
+    fit = fit_machine(machine, readings)
+    estimates = estimates_from_fit(machine, fit)
+    says = {name: item.says for name, item in machine.machine.components.items() if item.says}
+    k = settings.coverage_factor
+    result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
+    warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit, inputs.suspicions)]
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=[*warnings, *result.warnings],
+        gates={"drift": lambda _: _drifting(result)},
+    )
+
+
+def _drifting(result: FitResult) -> str | None:
+    """Passes that drift in one direction, or differ by more than repeatability: what has a star
+    in the table.
+    """
+    found = [
+        f"{name} ({text})"
+        for test, text in (("drift", "pass to pass"), ("trend", "trend"))
+        for name, component in result.components.items()
+        for instrument in component.instruments
+        if test in instrument.tests and instrument.tests[test].significant
+    ]
+    return f"drift in {', '.join(dict.fromkeys(found))}" if found else None
+
+
+def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
+    """Drift readings with temperatures to thermal models."""
+    from mtu_cli.analyses.thermal_fit import METHODS
+    from mtu_cli.reports import thermal_fit as report
+
+    method = inputs.options.model
+    known_name("--model", "model", method, METHODS)
+    fit = fitted_drift(inputs, inputs.drift, method)
+    warnings = inputs.machine.warnings if inputs.files("machine") else ()
+    return Outcome.of(
+        report.document(fit, settings.digits),
+        warnings=[*warnings, *fit.warnings, *_without_outliers(inputs, method)],
+    )
+
+
+def _without_outliers(inputs: Inputs, method: str) -> list[Finding]:
+    """What the models are without the rows that the checks call outlying, which stay in the fit."""
+    import numpy as np
+
+    readings = inputs.drift
+    outlying = [each for each in inputs.suspicions if each.code in OUTLYING]
+    rows = {(each.file, row) for each in outlying for row in each.facts["rows"]}
+    if not rows:
+        return []
+    files = [readings.sources[i].shown for i in readings.file_index.tolist()]
+    keep = [place not in rows for place in zip(files, readings.row.tolist(), strict=True)]
+    fit = fitted_drift(inputs, readings.where(np.array(keep)), method)
+    found = []
+    for name, drift in fit.components.items():
+        held = drift.held_out
+        before, after = (held.before, held.after) if held else (drift.rms_before, drift.rms_after)
+        facts = {"component": name, "count": counted(len(rows), "outlying row")}
+        facts |= {"before": drift.shown(before), "after": drift.shown(after)}
+        found.append(finding("without-outliers", **facts, rms="held-out rms" if held else "rms"))
+    return found
+
+
+def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
+    """Errors of the features of a part, or of a grid over the machine's travels."""
+    from mtu_cli.analyses import predict_points as analysis
+    from mtu_cli.model.features import grid_of
+    from mtu_cli.reports import predict_points as report
+
+    found, grid = modelled(inputs), inputs.options.grid
+    if grid is None:
+        result = analysis.predict_points(found.model, inputs.part, settings, inputs.at)
+    else:
+        ids, places, beyond = grid_of(inputs.machine, found.model, grid)
+        result = analysis.predict_places(found.model, ids, places, settings, inputs.at, beyond)
+    matrix = bool(inputs.options.covariance)
+    document = report.document(result, settings.digits, grid=bool(grid), with_covariance=matrix)
+    known = dict(zip(result.prediction.ids, result.conformance, strict=True))
+    warnings = [*found.warnings, *result.warnings]
+    return _predicted(document, warnings, known, "position_um at a feature")
+
+
+def lengths(inputs: Inputs, settings: Settings) -> Outcome:
+    """Feature-to-feature lengths."""
+    from mtu_cli.analyses.lengths import predict_lengths
+    from mtu_cli.reports import lengths as report
+
+    found = modelled(inputs)
+    result = predict_lengths(found.model, inputs.part, settings, inputs.at)
+    warnings = [*found.warnings, *inputs.part.warnings, *one_direction(inputs, found.model)]
+    known: dict[str, Any] = dict(zip(result.ids, result.conformance, strict=True))
+    known["the whole part"] = result.joint_conformance
+    document = report.document(result, settings.digits)
+    return _predicted(document, [*warnings, *result.warnings], known, "tolerance_um at a length")
+
+
+def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
+    """Right angles between rows and columns of features."""
+    from mtu_cli.analyses.orthogonality import predict_orthogonality
+    from mtu_cli.reports import orthogonality as report
+
+    found = modelled(inputs)
+    result = predict_orthogonality(found.model, inputs.part, settings, inputs.at)
+    warnings = [*found.warnings, *one_direction(inputs, found.model), *result.warnings]
+    known = {each.id: each.conformance for each in result.angles}
+    document = report.document(result, settings.digits)
+    return _predicted(document, warnings, known, "tolerance_arcsec at an angle")
+
+
+def _predicted(
+    document: Document, warnings: list[Finding], known: dict[str, Any], key: str
+) -> Outcome:
+    """A prediction with its gate: what does not conform with a probability above a limit, of the
+    conformance that is `known` by name where the `key` states a tolerance.
+    """
+
+    def nonconforming(limit: float) -> str | None:
+        checked = {name: 1 - each.probability for name, each in known.items() if each is not None}
+        if not checked:
+            raise error("gate-undefined", gate="nonconforming", expected=f"{key} of the part")
+        above = [
+            f"{name} {100 * p:.{2 if p < 0.995 else 4}g} %"
+            for name, p in checked.items()
+            if p > limit
+        ]
+        what = f"probability of a nonconforming part above {100 * limit:g} %"
+        return f"{what}: {', '.join(above)}" if above else None
+
+    return Outcome.of(document, warnings=warnings, gates={"nonconforming": nonconforming})
+
+
+def anova(inputs: Inputs, settings: Settings) -> Outcome:
+    """The scatter of measured parts, split."""
+    from mtu_cli.analyses.anova import METHODS, analyse_variance
+    from mtu_cli.reports import anova as report
+
+    method: Any = inputs.options.method
+    known_name("--method", "method", method, METHODS)
+    datum = inputs.chosen.datum or "none"
+    result = analyse_variance(inputs.points, inputs.part_if_any, method, settings, datum)
+
+    def unusual(_: float) -> str | None:
+        if result.unusual is None:
+            raise error("gate-undefined", gate="unusual", expected="four or more measured parts")
+        outliers = listed(item.part for item in result.unusual)
+        return f"outliers among the parts: {outliers}" if result.unusual else None
+
+    document = report.document(result, settings.digits)
+    return Outcome.of(document, warnings=result.warnings, gates={"unusual": unusual})
+
+
+def compare(inputs: Inputs, settings: Settings) -> Outcome:
+    """Predicted against measured parts."""
+    from mtu_cli.analyses.compare import compare as analysis
+    from mtu_cli.reports import compare as report
+
+    found = modelled(inputs)
+    datum = inputs.chosen.datum or "none"
+    result = analysis(found.model, inputs.part, inputs.points, settings, datum, inputs.at)
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=[*found.warnings, *result.warnings],
+        gates={gate: partial(_failing, result, gate) for gate in ("biased", "under-predicted")},
+    )
+
+
+def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
+    """The items that meet a gate, and operations whose pooled features do. Of parts too few to
+    distinguish bias from scatter a mean that is off meets both.
+    """
+    from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
+
+    met: list[str] = []
+    judged = False
+    for kind in (each for each in (result.features, result.lengths) if each is not None):
+        verdicts = kind.biased if gate == "biased" else kind.under_predicted
+        few = kind.one_way.parts < FEWEST_PARTS
+        for label, verdict, biased, alone in zip(
+            kind.labels, verdicts, kind.biased, few, strict=True
+        ):
+            answers = (verdict, biased) if alone else (verdict,)
+            judged |= any(answer is not None for answer in answers)
+            met += [" ".join(filter(None, label))] if any(answers) else []
+    if not judged:
+        expected = (
+            "two or more parts, in which features or lengths of the part were measured, "
+            "and a machine that was read in enough passes"
+        )
+        raise error("gate-undefined", gate=gate, expected=expected)
+    pooled = [item for item in result.feature_summaries if item.pooled_fault == gate]
+    met += [f"{item.operation} features pooled".strip() for item in pooled]
+    return listed(met) if met else None
+
+
+def correct(inputs: Inputs, settings: Settings) -> Outcome:
+    """Measured points minus the modelled error."""
+    from mtu_cli.analyses.correct import correct as analysis
+    from mtu_cli.analyses.correct import unused_warmth
+    from mtu_cli.reports import correct as report
+
+    reference = inputs.machine.machine.reference_temperature_degC
+    part = inputs.part_if_any
+    rounds: Iterable[Any] = (*part.part.circles, *part.part.spheres) if part else ()
+    # What no equation needs a calibrated diameter may.
+    found = modelled(inputs, [item.temperature for item in rounds if item.temperature])
+    result = analysis(found.model, part, inputs.points, settings, inputs.at)
+    warmth = unused_warmth(found.model, inputs.points, reference)
+    warnings = [*found.warnings, *warmth, *result.warnings]
+    return Outcome.of(report.document(result, settings.digits), warnings=warnings)

@@ -1,0 +1,279 @@
+"""The propagation of uncertainty through a graph: to first order, and as a Monte Carlo model.
+
+Everything random enters at a place: the scatter of a probing, or a constant with its uncertainty.
+All of them are one vector X = mean + F z of k inputs, z independent of mean 0 and variance 1; every
+place is an array of trials of it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.files.graph_contract import Graph
+from mtu_cli.findings import InputError, finding, listed
+from mtu_cli.model.graph.constructions import rotation
+from mtu_cli.model.graph.net import MeasurementGraph, Output, start_value
+from mtu_cli.model.graph.transitions import Values
+from mtu_cli.stats.blocks import Draws, Quantiles
+from mtu_cli.stats.coverage import t_quantile
+from mtu_cli.stats.distributions import Distribution, shape_moments
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.workspace import Workspace
+from mtu_cli.units import UM
+
+LARGEST = 1e150
+"""Beyond it the square of a value is not finite."""
+ROUNDING = 256 * float(np.finfo(np.float64).eps)
+"""Share of the largest coordinate below which a nominal is 0, and a difference no derivative."""
+STILL = 1e-13
+"""Scatter below this share of the dimensions is rounding: the output does not vary."""
+KEPT_BYTES = 16 << 20
+PROBING = ("u1_axis", "u2_probe", "u3_perpendicular")
+"""Sources of the scatter of a probing, in the terms of Stryczek."""
+SHAPES = {
+    "rectangular": Distribution(
+        kind="rectangular", u=1.0, half_width=shape_moments("rectangular")[0] ** -0.5
+    ),
+    "triangular": Distribution(
+        kind="triangular", u=1.0, half_width=shape_moments("triangular")[0] ** -0.5
+    ),
+}
+"""Of variance 1 (JCGM 101:2008, 6.4)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """One independent group of c inputs: a probed place, or a constant.
+
+    `covariances` (c, c) by source.
+    """
+
+    place: str
+    covariances: dict[str, FloatArray]
+    distribution: str = "normal"
+
+    @property
+    def factor(self) -> FloatArray:
+        """The symmetric root F (c, c) of their sum: F F' = C."""
+        values, vectors = np.linalg.eigh(sum(self.covariances.values()))
+        root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T
+        return root
+
+
+def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
+    """The random inputs among the places `wanted`; normal ones first, in the file's order.
+
+    Of a probing: u_w = sqrt(u1^2 + u2^2 + u3^2) along its direction, u1 across (Stryczek, eq. (1)
+    and what follows it). n probings of one place share what the axis and the surface do to
+    them: their mean has u2/sqrt(n).
+    """
+    groups = []
+    for item in graph.transitions:
+        name = item.out[0]
+        if item.do != "meas" or name not in wanted:
+            continue
+        stated = item.uncertainty.model_dump(exclude_unset=True) if item.uncertainty else {}
+        probing = graph.uncertainty.model_copy(update=stated)
+        n = graph.repeats if item.repeats is None else item.repeats
+        u1, u2, u3 = (UM * u for u in (probing.axis_um, probing.probe_um, probing.perpendicular_um))
+        point = graph.places[name].kind == "point"
+        along = np.outer(item.along, item.along) if point and item.along else np.eye(1)
+        parts = (u1**2 * np.eye(len(along)), u2**2 / n * along, u3**2 * along)
+        groups.append(Noise(name, dict(zip(PROBING, parts, strict=True))))
+    for name, place in graph.places.items():
+        if name in wanted and place.u:
+            groups.append(Noise(name, {name: np.array([[place.u**2]])}, place.distribution))
+    groups = [item for item in groups if any(map(np.any, item.covariances.values()))]
+    return sorted(groups, key=lambda item: item.distribution != "normal")
+
+
+class Inputs:
+    """All random inputs of the places `wanted` as one vector, and how to draw it.
+
+    `mean` (k,), `u` (k,) the standard uncertainty of each, `factor` F (k, k), `rows` where each
+    group stands, `normal` whether all are.
+    """
+
+    def __init__(self, graph: Graph, wanted: Collection[str]) -> None:
+        self.noises = noises(graph, wanted)
+        factors = [item.factor for item in self.noises]
+        ends = np.cumsum([0, *map(len, factors)])
+        self.rows = [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
+        self.k = int(ends[-1])
+        self.normal = all(item.distribution == "normal" for item in self.noises)
+        self.mean, self.factor = np.zeros(self.k), np.zeros((self.k, self.k))
+        self._at: dict[str, int | slice] = {}
+        for item, F, rows in zip(self.noises, factors, self.rows, strict=True):
+            self.mean[rows] = start_value(graph.places[item.place]).ravel()
+            self.factor[rows, rows] = F
+            self._at[item.place] = rows.start if len(F) == 1 else rows
+        self.u = np.sqrt(np.sum(self.factor**2, axis=1))
+        self._scale = np.diag(self.factor).copy()
+        off = [F - np.diag(np.diag(F)) for F in factors]
+        self._mixed = [rows for rest, rows in zip(off, self.rows, strict=True) if np.any(rest)]
+        for rows in self._mixed:
+            self._scale[rows] = 1.0
+        self._fixed = {
+            name: start_value(graph.places[name]) for name in wanted if name not in self._at
+        }
+
+    def values(self, X: FloatArray) -> Values:
+        """The start places, from X (k, m); what is not random stands still."""
+        values: Values = {name: X[at] for name, at in self._at.items()}
+        for name, value in self._fixed.items():
+            values[name] = np.broadcast_to(value, (*value.shape[:-1], X.shape[1]))
+        return values
+
+    def draw(self, rng: np.random.Generator, m: int, work: Workspace) -> FloatArray:
+        """z (k, m): independent, of mean 0 and variance 1."""
+        z = work.array("z", (self.k, m))
+        others = [item.distribution for item in self.noises if item.distribution != "normal"]
+        rng.standard_normal(out=z[: self.k - len(others)])
+        for row, shape in zip(z[self.k - len(others) :], others, strict=True):
+            SHAPES[shape].draw(rng, row, work)
+        return z
+
+    def scaled(self, z: FloatArray) -> FloatArray:
+        """X = mean + F z (k, m), in the place of z: a second array would not stay in cache."""
+        for rows in self._mixed:
+            z[rows] = self.factor[rows, rows] @ z[rows]
+        z *= self._scale[:, None]
+        z += self.mean[:, None]
+        return z
+
+
+class GraphTrials:
+    """n `outputs` of a graph, and what stands behind them, as a function of the random inputs.
+
+    To first order: `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,). As a
+    Monte Carlo model: m simulation cycles a block, every place of a cycle from one draw of the
+    inputs. The first-order form c.x of the outputs is drawn along and serves as control variate: of
+    the whole distribution where all inputs are normal, of the mean and u where some are not. Of
+    what `jumps` (n,), which a random input reaches through the equation language's step, it is nil:
+    the mean of 0 and 1 is the share of 1.
+    """
+
+    def __init__(self, graph: MeasurementGraph, outputs: Iterable[Output]) -> None:
+        self.graph, self.outputs = graph, tuple(outputs)
+        self.names = tuple(map(str, self.outputs))
+        start, self.steps = graph.needed(self.outputs)
+        self.inputs = Inputs(graph.graph, start)
+        behind = [graph.needed([item])[1] for item in self.outputs]
+        jumps = [any(step.may_jump for step in steps) for steps in behind]
+        self.jumps = np.array(jumps, dtype=bool) & (self.inputs.k > 0)
+        # What rounding is a share of: the part's largest coordinate for a length, 1 for a ratio.
+        part = float(np.max(np.abs(self.inputs.mean), initial=1.0))
+        self.sizes = np.array([1.0 if x.unit in ("1", "rad") else part for x in self.outputs])
+        self.nominal, self.gradient = self._derivatives()
+        with np.errstate(over="ignore", invalid="ignore"):
+            self.u = np.sqrt(np.sum((self.gradient @ self.inputs.factor) ** 2, axis=1))
+        smooth = ~self.jumps
+        u = (self.u * smooth)[:, None]
+        self.linear_mean, self.linear_variance = self.nominal, u[:, 0] ** 2
+        self.linear_quantiles: Quantiles | None = None
+        if self.inputs.normal:
+            self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
+        self._linear = (self.gradient * smooth[:, None]) @ self.inputs.factor
+        self._work = Workspace()
+        # glibc gives memory back to the system beyond twice the largest block that it has seen
+        # freed (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked
+        # for again: a third of the time. One large block, freed and never touched, moves that
+        # bound, and what the constructions of a block free is there for those of the next.
+        np.empty(KEPT_BYTES, dtype=np.uint8)
+
+    def _derivatives(self) -> tuple[FloatArray, FloatArray]:
+        """Nominal outputs and their derivatives, by central differences over one standard
+        uncertainty of each input, all in one batch.
+
+        (f(x + u_i e_i) - f(x - u_i e_i)) / (2 u_i), as JCGM 100:2008, 5.1.3, note 2, allows: exact
+        for what is of second order in the inputs; it differs from the derivative by what is of
+        third order in u over the dimensions of the part. Where one of both has no finite value it
+        is 0, and the trials tell whether the output has one.
+        """
+        inputs, k = self.inputs, self.inputs.k
+        X = np.repeat(inputs.mean[:, None], 2 * k + 1, axis=1)
+        X[np.arange(k), 1 + np.arange(k)] += inputs.u
+        X[np.arange(k), 1 + k + np.arange(k)] -= inputs.u
+        with np.errstate(all="ignore"):
+            values = self.run(X)
+            half = 0.5 * (values[:, 1 : k + 1] - values[:, k + 1 :])
+        nominal, change = values[:, 0].copy(), np.where(np.isfinite(half), half, 0.0)
+        nominal[np.abs(nominal) <= ROUNDING * self.sizes] = 0.0
+        floor = ROUNDING * np.maximum(np.abs(nominal), self.sizes)
+        change[np.abs(change) <= floor[:, None]] = 0.0
+        return nominal, np.divide(change, inputs.u, out=np.zeros_like(change), where=inputs.u > 0)
+
+    def shares(self, *, by_place: bool = False) -> dict[str, FloatArray]:
+        """Shares (n,) of the first-order variance by source: c C_s c' of the covariance C_s that
+        the source has over c C c', nan where that is 0 (JCGM 100:2008, 5.1.2); `by_place`: by the
+        place where they come in.
+        """
+        found: dict[str, FloatArray] = {}
+        for item, rows in zip(self.inputs.noises, self.inputs.rows, strict=True):
+            c = self.gradient[:, rows]
+            for source, covariance in item.covariances.items():
+                name = item.place if by_place else source
+                with np.errstate(over="ignore", invalid="ignore"):
+                    total = np.where(self.u > 0, self.u**2, np.nan)
+                    part = np.einsum("ni,ij,nj->n", c, covariance, c) / total
+                found[name] = found.get(name, 0.0) + part
+        return found
+
+    def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
+        """Outputs (n, m) for inputs X (k, m); frames are compared with their nominal."""
+        values, m = self.inputs.values(X), X.shape[1]
+        for step in self.steps:
+            step.run(values)
+        rows = np.empty((len(self.outputs), m)) if into is None else into
+        turned: dict[str, FloatArray] = {}
+        for row, item in zip(rows, self.outputs, strict=True):
+            value = values[item.place]
+            if item.kind == "frame" and item.index >= 3:
+                if item.place not in turned:
+                    turned[item.place] = rotation(value, self.graph.nominal[item.place])
+                row[:] = turned[item.place][item.index - 3]
+            else:
+                row[:] = value.reshape(-1, m)[item.index]
+        return rows
+
+    def draw(self, rng: np.random.Generator, m: int) -> Draws:
+        """Values and first-order values (outputs, m).
+
+        Raises InputError for the first transition behind them that has no finite value.
+        """
+        n = len(self.names)
+        z = self.inputs.draw(rng, m, self._work)
+        linear = np.matmul(self._linear, z, out=self._work.array("linear", (n, m)))
+        linear += self.linear_mean[:, None]
+        X = self.inputs.scaled(z)
+        with np.errstate(all="ignore"):
+            values = self.run(X, self._work.array("values", (n, m)))
+        # What is not a number compares as neither.
+        if not (values.max() < LARGEST and values.min() > -LARGEST):
+            self._raise_not_finite(X)
+        for i in np.flatnonzero((self.u == 0.0) & ~self.jumps):
+            if np.all(np.abs(values[i] - self.nominal[i]) <= STILL * self.sizes[i]):
+                values[i] = self.nominal[i]
+        return Draws(values=values, linear=linear)
+
+    def _raise_not_finite(self, X: FloatArray) -> None:
+        """Raises InputError for the first transition that has no finite value at all inputs X."""
+        values, m = self.inputs.values(X), X.shape[1]
+        for step in self.steps:
+            with np.errstate(all="ignore"):
+                step.run(values)
+            made = np.concatenate([values[name].reshape(-1, m) for name in step.outputs])
+            bad = np.any(~(np.abs(made) < LARGEST), axis=0)
+            if not np.any(bad):
+                continue
+            what = f"{step.do} of {listed(step.outputs)}"
+            where = f" below {LARGEST:g} in {np.count_nonzero(bad)} of {m} Monte Carlo trials"
+            where += step.why_not_finite(values, int(np.argmax(bad)))
+            expected = "a step that is defined for all values its inputs may take: bounded "
+            expected += "distributions or smaller uncertainties where it needs them"
+            fault = finding("no-finite-value", what=what, where=where, expected=expected)
+            raise InputError([fault.at(**self.graph.place_of(step.index))])
