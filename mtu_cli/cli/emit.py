@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import SUSPICIOUS, WRITTEN, Options, option_name
+from mtu_cli.cli.options import MADE, SUSPICIOUS, WRITTEN, Options, option_name
 from mtu_cli.files.csv_table import number
-from mtu_cli.files.source import SYNTHETIC, begins_with, given_path
-from mtu_cli.files.write import check_targets, made_ready, overwrites
+from mtu_cli.files.source import SYNTHETIC, begins_with, given_path, same
+from mtu_cli.files.write import check_targets, made_ready
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
@@ -32,16 +32,6 @@ if TYPE_CHECKING:
 STANDARD_OUTPUT = Path("-")
 MOST_ALIKE = 20
 """Warnings of one code that are shown."""
-MADE: dict[str, dict[str, tuple[str, ...]]] = {
-    "simulate": {
-        "write_lbb": ("lbb", "laser"),
-        "write_cmm": ("cmm",),
-        "write_drift": ("drift",),
-    },
-    "fit-components": {"out": ("components",)},
-    "thermal-fit": {"out": ("components",)},
-}
-"""Roles of a study's files that a command is there to make, anew too, by its option."""
 USED = {
     "k": ("coverage factor", "coverage_factor"),
     **{name: (name, name) for name in ("seed", "digits", "correlation", "trials")},
@@ -328,7 +318,7 @@ def check_outputs(inputs: Inputs) -> None:
     for name, target in files.items():
         makes = MADE.get(options.command, {}).get(name, ())
         made = [role for role in makes if not options.values.get(role)]
-        if any(role not in made and overwrites(target, path) for role, path in named):
+        if any(role not in made and same(target, path) for role, path in named):
             place = {"file": given_path(target), "expected": "another name"}
             problems.append(finding("not-overwritten", reason="it is an input", **place))
     try:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pydantic import ValidationError
 
-from mtu_cli.cli.options import ROLES, Options
+from mtu_cli.cli.options import MADE, ROLES, Options
 from mtu_cli.cli.values import assigned, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, direction_sign
@@ -69,9 +69,20 @@ class Inputs:
         options, path = self.options, self.study_file
         if path is None or (options.study is None and (options.machine or options.file)):
             return None
-        study = load_study(path)
+        study = load_study(path, made=self._made())
         self.sources.append(study.source)
         return study
+
+    def _made(self) -> dict[str, Path]:
+        """The files that the call makes, by their role in a study."""
+        makes = MADE.get(self.options.command, {})
+        values = {name: self.options.values.get(name) for name in makes}
+        return {
+            role: path
+            for name, path in values.items()
+            if isinstance(path, Path)
+            for role in makes[name]
+        }
 
     @property
     def study_file(self) -> Path | None:

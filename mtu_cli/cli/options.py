@@ -196,7 +196,7 @@ CHOICES = {
     "correlation": _text(
         "HOW", "shared: full covariance; independent: as the papers", shown="shared"
     ),
-    "k": Option(float, "K", "Coverage factor of U = k u", shown="2"),
+    "k": Option(float, "K", "Coverage factor of U = k u", shown="2; of a budget, for 95 %"),
     "digits": Option(int, "N", "Significant digits of u that matter", shown="2"),
     "seed": Option(int, "N", "Seed of the random numbers"),
     "trials": Option(int, "N", "Monte Carlo trials; without it the count adapts"),
@@ -303,3 +303,13 @@ OPTIONS: dict[str, Option] = {
 """By the name of the parameter; behind a colon which of several of that name it is."""
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
 """Options that name files to read."""
+MADE: dict[str, dict[str, tuple[str, ...]]] = {
+    "simulate": {
+        "write_lbb": ("lbb", "laser"),
+        "write_cmm": ("cmm",),
+        "write_drift": ("drift",),
+    },
+    "fit-components": {"out": ("components",)},
+    "thermal-fit": {"out": ("components",)},
+}
+"""Roles of a study's files that a command is there to make, anew too, by its option."""

@@ -455,7 +455,10 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     except (RecursionError, ValueError) as fault:
         why = "it is nested too deeply" if isinstance(fault, RecursionError) else str(fault)
         raise error("not-readable", reason=why, **place) from None
-    return source, data
+    # What was fitted to synthetic data is no more than that.
+    inputs = data.get("inputs") if isinstance(data, dict) else None
+    made = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())
+    return replace(source, synthetic=made), data
 
 
 def _number(text: str) -> int | float:

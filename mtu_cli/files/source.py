@@ -68,6 +68,14 @@ def resolved(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
+def same(path: Path, other: Path) -> bool:
+    """Whether writing to one path changes the file of the other, whatever links are between."""
+    try:
+        return resolved(path) == resolved(other) or path.samefile(other)
+    except OSError:
+        return False
+
+
 def given_path(path: Path) -> str:
     """The name of a file to write in messages: the path as the user wrote it."""
     # A name need not be UTF-8; JSON must be.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -18,7 +19,7 @@ from mtu_cli.files.contract import (
     present,
     short,
 )
-from mtu_cli.files.source import file_fault, resolved
+from mtu_cli.files.source import file_fault, resolved, same
 from mtu_cli.files.yaml_file import read_yaml
 
 STUDY_NAME = "mtu.yaml"
@@ -101,8 +102,11 @@ def find_study(start: Path) -> Path | None:
     return None
 
 
-def load_study(path: Path, role: str = "study", *, there: bool = True) -> LoadedStudy:
-    """Reads and checks a study file; the files that it names must be `there`.
+def load_study(
+    path: Path, role: str = "study", *, there: bool = True, made: Mapping[str, Path] | None = None
+) -> LoadedStudy:
+    """Reads and checks a study file; the files that it names must be `there`, but for those that
+    are `made` (by their role): what a call writes it does not read.
 
     Raises InputError with all faults of the file, each with its line.
     """
@@ -114,6 +118,8 @@ def load_study(path: Path, role: str = "study", *, there: bool = True) -> Loaded
         for key in (*SINGLE, *SEVERAL):
             given = getattr(study, key)
             names = present(given) if key in SEVERAL else [(0, given)] if given else []
+            new = (made or {}).get(key)
+            names = [(i, name) for i, name in names if new is None or not same(folder / name, new)]
             if names:
                 files[key] = tuple(folder / name for _, name in names)
             for index, name in names if there else ():

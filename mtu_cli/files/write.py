@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.files.source import given_path, resolved, system_reason
+from mtu_cli.files.source import given_path, resolved, same, system_reason
 from mtu_cli.findings import Finding, InputError, error, finding
 
 
@@ -175,19 +175,11 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         if target in seen and _is_replaceable(target):
             findings.append(finding("appears-twice", what="the output", **place))
         seen.add(target)
-        if any(overwrites(path, source) for source in inputs):
+        if any(same(path, source) for source in inputs):
             facts = {"reason": "it is an input", "expected": "another name"}
             findings.append(finding("not-overwritten", **facts, **place))
     if findings:
         raise InputError(findings)
-
-
-def overwrites(path: Path, other: Path) -> bool:
-    """Whether writing to `path` changes the file `other`, whatever links are between."""
-    try:
-        return resolved(path) == resolved(other) or path.samefile(other)
-    except OSError:
-        return False
 
 
 def _is_replaceable(target: Path) -> bool:

@@ -202,13 +202,15 @@ CAPABILITY = declare(
     parts | len(values) | number of parts | parts, count
     *limits
     pp | | (high - low)/(6 s) | pp, index()
-    pp_interval95 | pp_interval | its 95 % interval (chi-squared) | 95 %, interval, u=pp
+    pp_interval95 | pp_interval | its 95 % interval (chi-squared) | 95 %, interval, u=hundredth()
     ppk | | nearer limit less mean over 3 s; of a position high/(99.73 % quantile) | ppk, index()
-    ppk_interval95 | ppk_interval | its 95 % interval (noncentral t) | 95 %, interval, u=ppk
+    ppk_interval95 | ppk_interval | its 95 % interval (noncentral t) | 95 %, interval, u=hundredth()
     cp | | pp with s_moving for s | cp, index()
     cpk | | ppk with s_moving for s | cpk, index()
     """,
     limits=_in_units(LIMITS),
+    # Two decimals as the indices have, at two digits of u.
+    hundredth=lambda item: 0.1,
     index=lambda value, u, digits: MISSING if np.isnan(value) else f"{value:.2f}",
 )
 

@@ -84,16 +84,6 @@ class Distribution:
         return fourth * (1.0 + 2.0 * d + d**2 / 5.0) / (second * (1.0 + d / 3.0)) ** 2 - 3.0
 
     @property
-    def correlated_share(self) -> float:
-        """What a scale S of its own leaves of a coefficient with another input; 1 without one.
-
-        A deviation of standard deviation u times S has the covariance r u u' E(S) and the
-        variance u^2 E(S^2). nan where a t has no variance.
-        """
-        drawn = self.drawn_variance
-        return 1.0 if drawn == 0.0 else self.u * self.mean_scale / math.sqrt(drawn)
-
-    @property
     def mean_scale(self) -> float:
         """E(S) of the scale S of what is drawn: 1 without one and for limits that are inexact.
 

@@ -10,10 +10,12 @@ import argparse
 import gzip
 import hashlib
 import json
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +40,25 @@ def planned(*, judging: bool, only: str = "", scale: float = 1.0) -> list[tuple[
     return [(kind, index) for _, _, kind, index in sorted(places, key=lambda place: place[:2])]
 
 
-def state() -> str:
-    """Of the installed package: one of other code says other things."""
+def installed() -> Path:
+    """The package that this environment has installed, never one that lies in the working folder:
+    `python -m` would import that first, and judge it under the other's name.
+    """
+    asked = "import mtu_cli; print(mtu_cli.__file__)"
+    alone = [sys.executable, "-I", "-c", asked]
+    there = subprocess.run(alone, check=True, capture_output=True, text=True).stdout.strip()
+    sys.path[:] = [path for path in sys.path if Path(path or ".").resolve() != Path.cwd()]
+    sys.path.append(str(Path(there).parents[1]))
     import mtu_cli
 
+    if Path(mtu_cli.__file__).resolve() != Path(there).resolve():
+        raise SystemExit(f"{mtu_cli.__file__} is imported, installed is {there}")
+    return Path(there).parent
+
+
+def state(folder: Path) -> str:
+    """Of the package's code: that of another says other things."""
     code = hashlib.sha256()
-    folder = Path(mtu_cli.__file__).parent
     for path in sorted(path for path in folder.rglob("*") if path.suffix in (".py", ".yaml")):
         code.update(path.read_bytes())
     return code.hexdigest()[:12]
@@ -83,7 +98,8 @@ def identity(item: Record) -> tuple[str, int, int]:
 def draw(given: argparse.Namespace) -> None:
     """Appends what is missing of a shard."""
     shard, of = map(int, given.shard.split("/"))
-    base, code = 2 if given.judging else 1, state()
+    base, folder = 2 if given.judging else 1, installed()
+    code = state(folder)
     held = list(read(given.out)) if given.out.exists() else []
     if given.out.exists() and not given.out.read_bytes().endswith(b"\n"):
         # The last line of a run that was stopped: it ends here, and is not read.
@@ -94,14 +110,22 @@ def draw(given: argparse.Namespace) -> None:
     there = {identity(item) for item in held}
     plan = planned(judging=given.judging, only=given.only, scale=given.scale)
     left = [(k, i) for k, i in plan[shard::of] if (k.name, base, i) not in there][: given.most]
+    print(f"{len(left)} sets to {folder}", file=sys.stderr, flush=True)
     start = time.monotonic()
-    for done, (kind, index) in enumerate(left, 1):
-        line = record(kind, base, index) | {"state": code}
-        with given.out.open("a") as lines:
-            lines.write(json.dumps(line, separators=(",", ":")) + "\n")
-        if done % 20 == 0 or done == len(left):
-            spent = time.monotonic() - start
-            print(f"{spent:6.0f} s  {done} of {len(left)} sets", file=sys.stderr, flush=True)
+    # A command is made for one call: what many leave behind ends with their process.
+    with get_context("fork").Pool(1, maxtasksperchild=50) as pool:
+        tasks = [(kind.name, base, index) for kind, index in left]
+        for done, line in enumerate(pool.imap(_named, tasks), 1):
+            with given.out.open("a") as lines:
+                lines.write(json.dumps(line | {"state": code}, separators=(",", ":")) + "\n")
+            if done % 20 == 0 or done == len(left):
+                spent = time.monotonic() - start
+                print(f"{spent:6.0f} s  {done} of {len(left)} sets", file=sys.stderr, flush=True)
+
+
+def _named(task: tuple[str, int, int]) -> Record:
+    name, base, index = task
+    return record(next(kind for kind in KINDS if kind.name == name), base, index)
 
 
 def main() -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,8 @@ from loop_bench.rows import ROWS, table
 from loop_bench.sets import KINDS, Kind, drawn
 from shop_day import Rivals, ShopDay, effect, runs, whitened
 from shop_day.oracle import margins_of
+
+import mtu_cli
 
 RECORDS = Path(__file__).parents[1] / "loop_bench" / "records.jsonl.gz"
 EACH = ("null-normal", "pairs-1", "laser-1", "missing-1", "hidden-scale", "offset-step",
@@ -87,6 +92,19 @@ def test_records_of_another_state_are_not_mixed(
     monkeypatch.setattr("sys.argv", ["loop_bench", str(out)])
     with pytest.raises(SystemExit, match="another state"):
         records.main()
+
+
+def test_what_is_judged_is_installed_and_does_not_lie_beside(tmp_path: Path) -> None:
+    beside = tmp_path / "mtu_cli"
+    beside.mkdir()
+    (beside / "__init__.py").write_text("raise RuntimeError('the wrong one')\n")
+    asked = [sys.executable, "-m", "loop_bench", "out.jsonl", "--only", "reversal", "--most", "1"]
+    environment = os.environ | {"PYTHONPATH": str(RECORDS.parents[1])}
+    run = subprocess.run(asked, cwd=tmp_path, env=environment, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert f"1 sets to {Path(mtu_cli.__file__).parent}" in run.stderr
+    (line,) = read(tmp_path / "out.jsonl")
+    assert line["state"] == records.state(Path(mtu_cli.__file__).parent)
 
 
 def stated(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -75,8 +76,11 @@ def _of_inseparable(drift: ComponentDrift) -> Iterator[Finding]:
     """Sensors whose gradients are reliable together only, of the position with the most."""
     for group in max((at.inseparable for at in drift.at_positions), key=len, default=()):
         first, *others = group.sensors
-        u = "?" if group.u is None else f"{group.u / drift.size:.2g}"
-        shown = f"{group.value / drift.size:.3g} +- {u} {drift.unit.name} per degC"
+        value, u = group.value / drift.size, (group.u or 0.0) / drift.size
+        # Both to the second digit of u.
+        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else 3
+        error = f" ± {u:.{places}f}" if u > 0 else ""
+        shown = f"{value:.{places}f}{error} {drift.unit.name} per degC"
         where = "" if group.position is None else f" at {group.position:g} mm"
         yield finding(
             "not-separable",

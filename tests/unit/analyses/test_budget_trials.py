@@ -93,7 +93,8 @@ def test_a_t_in_a_copula_has_a_smaller_coefficient(dof: int) -> None:
     mean, square = (float(np.sum(density * s**-n) / np.sum(density)) for n in (1, 2))
     factor = mean / math.sqrt(square)
     item = Distribution(kind="normal", u=1.0, dof=float(dof))
-    assert item.correlated_share == pytest.approx(factor, rel=1e-3 if dof == 3 else 1e-6)
+    share = item.mean_scale / math.sqrt(item.drawn_variance)
+    assert share == pytest.approx(factor, rel=1e-3 if dof == 3 else 1e-6)
     result = evaluated(
         "equations: {p: a, q: b, s: c}\n"
         f"inputs:\n  a: {{value: 0, u: 1, dof: {dof}}}\n  b: {{value: 0, u: 1}}\n"

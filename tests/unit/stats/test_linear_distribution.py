@@ -187,3 +187,12 @@ def test_where_it_is_not_known() -> None:
 def test_all_normal_terms_are_one() -> None:
     found = known(*((c, Distribution(kind="normal", u=2.0)) for c in (3.0, -4.0)))
     assert at(found, 0.975) == pytest.approx(10.0 * float(ndtri(0.975)), rel=1e-14)
+
+
+@pytest.mark.parametrize("half_width", [1e-3, 1e-6, 1e-9])
+def test_a_negligible_input_changes_nothing(half_width: float) -> None:
+    """Inexact limits of a trapezoid cancel at small phases."""
+    terms = [(1.0, Distribution(kind="normal", u=1.0)), (1.0, bounded("rectangular", 1 / 3))]
+    small = (half_width, bounded("triangular", 1 / 6, inexact=0.1))
+    for p in (0.6, 0.975, 0.9999):
+        assert at(known(*terms, small), p) == pytest.approx(at(known(*terms), p), abs=2e-6)
