@@ -141,11 +141,11 @@ class BlockPlan:
     def shares(self) -> FloatArray:
         """Probabilities (n,), rising, of the quantiles that are kept at either end of a block.
 
-        From that of the second ordered value, denser towards both ends, and alike about the middle
+        From that of the first ordered value, denser towards both ends, and alike about the middle
         one, (1 - p)/2: the partner of a in an interval of probability p is 1 - p - a.
         """
         end = 0.5 * (1.0 - self.probability)
-        first = min(2.0 / (self.size + 1), end)
+        first = min(1.0 / (self.size + 1), end)
         return end + (end - first) * np.sin(np.linspace(-np.pi / 2, np.pi / 2, QUANTILES))
 
     def weights(self, m: int) -> FloatArray:
