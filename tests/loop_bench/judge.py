@@ -155,7 +155,11 @@ def searched_hold(record: Record) -> Iterator[bool]:
             stated = (effect["searched"].get(name) or [None, None])[1]
             if stated and effect["name"] in record["truth"]["names"]:
                 several = stated if isinstance(stated[0], list) else [stated]
-                yield any(low <= value <= high for low, high in several)
+                # An end that the data leave open is null.
+                yield any(
+                    (low is None or low <= value) and (high is None or value <= high)
+                    for low, high in several
+                )
 
 
 def classes(record: Record) -> list[set[str]]:
