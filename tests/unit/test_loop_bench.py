@@ -230,3 +230,19 @@ def test_a_record_is_small_and_plain() -> None:
     own = record(kind_of("reversal"), 1, 0)
     assert json.loads(json.dumps(own)) == own
     assert len(json.dumps(own)) < 3000
+
+
+@pytest.mark.parametrize(
+    ("ends", "holds"),
+    [
+        ([1.0, 2.0], False),
+        ([None, 2.0], False),
+        ([1.0, None], True),
+        ([[1.0, 2.0], [2.5, None]], True),
+    ],
+)
+def test_a_set_that_is_open_at_an_end_holds_all_beyond(ends: list[object], holds: bool) -> None:
+    effect = {"name": "warm-up-x", "searched": {"tau_min": [2.0, ends]}}
+    truth = {"names": ["warm-up-x"], "searched": {"tau_min": 3.0}}
+    found = judge.searched_hold({"report": {"effects": [effect]}, "truth": truth})
+    assert list(found) == [holds]
