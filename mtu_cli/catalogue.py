@@ -216,11 +216,39 @@ CATALOGUE: dict[str, Kind] = {
         "errors{operation}: parts set up by hand? --datum offset,rotation removes it"
     ),
     "feature-scatters": _warning(
-        "feature {feature} scatters from part to part far more than the others: {s} um, they "
-        "{others} um ({p} among all features)"
+        "{what} scatters far more than the others, which no effect explains: {s} um, they {others} "
+        "um ({p})"
     ),
     "axis-without-equation": _warning("the machine has no equation E{axis}: {consequence}"),
     "axis-not-measured": _warning("{what} have no {axis}_mm: {consequence}"),
+    # The closed loop.
+    "too-few": _warning("not judged: {what}"),
+    "sparse-table": _warning(
+        "more than half of the cells{of} were not measured: the search has little power"
+    ),
+    "outliers-set-aside": _warning("excluded as outliers from the search{of}: {entries}"),
+    "max-effects": _warning(
+        "the search{of} stopped at {most}, and more would pass (--max-effects)"
+    ),
+    "datum-freed": _warning(
+        "the best-fit alignment ({datum}) was removed from each part: unseen are {unseen}"
+    ),
+    "passes-apart": _warning(
+        "the passes of {component} stand {apart:.2g} {unit} apart (standard deviation), single "
+        "readings scatter by {s:.2g} {unit}: it counts as scatter from pass to pass"
+    ),
+    "covariate-is-the-error": _warning(
+        "{covariate} explains all of the errors{of}: it seems to be the measurement itself under "
+        "another name (--exclude {effect})"
+    ),
+    "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
+    "nothing-added": _warning("no effect is added: what is written is the machine as it was"),
+    "written-class": _warning(
+        "of effects that this data cannot separate the likeliest is written: {names}"
+    ),
+    "written-unexplained": _warning(
+        "what is written is tentative, as no effect explains all that is left: {names}"
+    ),
     # Comparison and correction.
     "sign-turned": _warning(
         "with the other sign the prediction would explain {percent:.0f} % of the bias (sum of "
@@ -269,6 +297,17 @@ CATALOGUE: dict[str, Kind] = {
         "the instruments disagree on {component} (p = {p:.2g}): u of the combined line is too small"
     ),
     "grid-of-fewer-axes": _warning("--grid {grid}: {reason}"),
+    # Tables of readings.
+    "passes-paired": _warning(
+        "passes of {component} run one way: one there and one back are judged as one pass ({pairs})"
+    ),
+    "instruments-together": _warning(
+        "{component} was read by {instruments}: their passes stand in one table"
+    ),
+    "drift-not-removed": _warning(
+        "the readings of {component} do not have {columns} in every row: its known drift with "
+        "temperature stays in them"
+    ),
     # Thermal models.
     "no-effect-of-temperature": _warning("{component}: no {what} in the model: {reason}"),
     "order-of-cycles": _warning("{component}: {reason}"),

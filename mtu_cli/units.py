@@ -185,11 +185,6 @@ def parameter_units_of(powers: Powers, like: str) -> list[str]:
     return alike or [name for name in found if not name.startswith("arcsec")] or found
 
 
-def um_text(value: float) -> str:
-    """mm in micrometres, of two significant digits, for messages."""
-    return f"{float(f'{value / UM:.2g}'):g}"
-
-
 def p_text(p: float) -> str:
     """A p value for messages: "p = 0.012", "p <0.001"."""
     return "p <0.001" if p < 1e-3 else f"p = {p:.3f}"

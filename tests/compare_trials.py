@@ -15,6 +15,7 @@ from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
+from mtu_cli.files.study import Datum
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import MachineModel, build_model
@@ -28,7 +29,6 @@ from mtu_cli.model.simulate import (
     simulate_readings,
 )
 from mtu_cli.model.variance import Block
-from mtu_cli.model.visits import Datum
 from mtu_cli.stats.least_squares import FloatArray
 
 GRID = np.linspace(10.0, 140.0, 14)

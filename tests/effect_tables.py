@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
+from mtu_cli.model.residuals import ResidualTable
 
 FloatArray = NDArray[np.float64]
 
@@ -62,8 +62,6 @@ def table(
         features=tuple(f"H{i + 1}" for i in range(H)),
         errors=np.zeros((P, H, A)),
         repeats=np.full((P, H), 3) if repeats is None else repeats,
-        repeat_variance=np.ones(A),
-        repeat_dof=2 * P * H,
         places=np.broadcast_to(at, (P, H, 3)).copy(),
         operations=operations,
         operation=np.arange(H) % len(operations),

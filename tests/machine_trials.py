@@ -23,7 +23,6 @@ from mtu_cli.stats.coverage import coverage_factor
 FloatArray = NDArray[np.float64]
 
 Z = 127.0
-LEVER = 100.0
 POINTS = np.array([[10.0, 10.0, Z], [10.0, 140.0, Z], [140.0, 140.0, Z]])
 PAIRS = [(0, 1), (1, 2), (0, 2)]
 POSITIONS = np.linspace(10.0, 150.0, 8)

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from model_examples import Segment, loaded
 from numpy.typing import NDArray
 
-from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
+from mtu_cli.findings import Finding
+from mtu_cli.model.estimates import Estimates
+from mtu_cli.model.fit import estimates_from_fit
+from mtu_cli.model.reading_residuals import reading_tables
+from mtu_cli.model.residuals import ResidualTable
 
 Floats = NDArray[np.float64]
+Table = TypeVar("Table")
 
 MACHINE = """
 components:
@@ -46,7 +52,14 @@ def run(
     )
 
 
-def only(found: tuple[tuple[ResidualTable, ...], object]) -> ResidualTable:
+def tables_of(
+    machine: LoadedMachine, known: Estimates | None, found: Readings
+) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
+    """The tables of readings; without anything else known, by the machine file."""
+    return reading_tables(machine, known or estimates_from_fit(machine, None), found)
+
+
+def only(found: tuple[tuple[Table, ...], object]) -> Table:
     (table,) = found[0]
     return table
 

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
 from mtu_cli.files.points import Points
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.model.variance import drawable_passes
 
 Floats = NDArray[np.float64]
@@ -171,12 +171,11 @@ def warm(points: Points, seed: int = 3) -> Points:
 def check_against_loop(
     model: MachineModel, points: Points, table: ResidualTable, at: dict[str, float] | None = None
 ) -> None:
-    """Means, counts, places and the variance of repeats, cell by cell."""
+    """Means, counts and places, cell by cell."""
     axes = ["xyz".index(axis) for axis in table.axes]
     errors = residuals(model, points, axes, at or {})
     cells = by_cell(points, errors)
     places = by_cell(points, points.nominal)
-    squares, dof = np.zeros(len(axes)), 0
     for p, part in enumerate(table.parts):
         for h, feature in enumerate(table.features):
             own = cells.get((part, feature), [])
@@ -188,14 +187,7 @@ def check_against_loop(
             np.testing.assert_allclose(table.errors[p, h], mean, rtol=0, atol=1e-13)
             place = sum(places[part, feature]) / len(own)
             np.testing.assert_allclose(table.places[p, h], place, rtol=1e-14)
-            squares += sum((error - mean) ** 2 for error in own)
-            dof += len(own) - 1
     assert len(cells) == (table.repeats > 0).sum()
-    assert table.repeat_dof == dof
-    if dof:
-        np.testing.assert_allclose(table.repeat_variance, squares / dof, rtol=1e-9)
-    else:
-        assert np.isnan(table.repeat_variance).all()
 
 
 def stacked(model: MachineModel, points: Points) -> tuple[Prediction, Floats]:

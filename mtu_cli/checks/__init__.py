@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.csv_table import LISTED_FAULTS
+from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.model.visits import Visits, axes_of, distinct, freed, visits_of
 
@@ -80,7 +81,7 @@ class PointsData:
     table: Any
     part: Any = None
     travels: Travels = field(default_factory=dict)
-    datum: Literal["none", "offset", "offset,rotation"] = "none"
+    datum: Datum = "none"
 
     @cached_property
     def visits(self) -> Visits:

@@ -91,7 +91,7 @@ COMMANDS = {
         ("unusual",),
     ),
     "close-loop": Command(
-        "close_loop_sealed.cli.close_loop",
+        "cli.close_loop",
         "study machine part components lbb laser cmm drift at datum alpha max_effects effects "
         f"exclude write_machine write_components seed {OUT}",
         "Measured minus model: effects that the machine does not declare, named and added to it.",

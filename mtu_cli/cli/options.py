@@ -190,7 +190,8 @@ CHOICES = {
     "grid": _text("N or NX,NY,NZ", "A grid over the travels instead of a part; --plot draws a map"),
     "datum": _text(
         "DATUM",
-        "Best-fit alignment removed from each part: none, offset or offset,rotation",
+        "Best-fit alignment removed from each part: none, offset, offset,rotation or (of a ring) "
+        "offset,diameter",
         shown="none",
     ),
     "correlation": _text(

@@ -1,19 +1,67 @@
-"""Files of candidate families of effects (``mtu/effects/1``): what stands in them."""
+"""Files of families of effects (``mtu/effects/1``): their contract, names and equations.
+
+Names in braces stand for what the data has: ``{a}`` and ``{b}`` for axes, ``{n}`` for the axis
+normal to both, ``{each}`` for every axis of the errors at once, ``{T}`` for a temperature
+column, ``{c}`` for a column that counts parts and ``{v}`` for any other numeric column. A name
+followed by ``0``, ``_low`` or ``3`` in the braces is a number of the data: ``{a0}`` its centre,
+``{a_low}`` its lowest value, ``{a3}`` sum d^4 / sum d^2 with d = a - a0.
+"""
 
 from __future__ import annotations
 
+import math
 import re
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field
 
-from mtu_cli.files.contract import Contract, Name, optional, wrong
+from mtu_cli.files.contract import (
+    IDENTIFIER,
+    Contract,
+    Faults,
+    Name,
+    check_contract,
+    optional,
+    present,
+    wrong,
+)
+from mtu_cli.files.covariates import (
+    COVARIATES,
+    NUMBER,
+    POSITIONS,
+    column_dimensions,
+    is_covariate,
+)
 from mtu_cli.files.machine_contract import AxisName, EquationText, ParameterUnitName
+from mtu_cli.files.source import Source
+from mtu_cli.files.yaml_file import YamlPath, read_yaml
+from mtu_cli.findings import Finding, InputError, error, finding, nearest
+from mtu_cli.language import Node, check_dimension, check_known, linear_form, names, parse
+from mtu_cli.language.functions import MACHINE_FUNCTIONS
+from mtu_cli.language.parser import BRACED
+from mtu_cli.language.tree import filled_tree, first_column, literal_value, shown, walk
+from mtu_cli.units import LENGTH, PARAMETER_UNITS, internal
 
 MAX_GRID = 500
 BOUNDS = ("span", "spacing", "low", "high")
 """What the ends of a search may be given in."""
+AXIS_MARKS = ("a", "b", "n", "each")
+COLUMN_MARKS = ("T", "c", "v")
+STAND_INS = dict.fromkeys(AXIS_MARKS, "x") | {"T": "T_any_degC", "c": "sequence", "v": "{v}"}
+"""Columns that the names in braces are checked as; of {v} nothing is known."""
+CHOSEN = "chosen"
+LANGUAGE = (*POSITIONS, "pi", CHOSEN, *COVARIATES, *MACHINE_FUNCTIONS)
+SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
+"""Effects on the scatter are no equations: close-loop knows these."""
+COLUMNS = "a parameter, a position, a column that `needs` names, or {a} {b} {T} {c} {v}"
+NAMED = f"{IDENTIFIER}; {{each}} in a parameter's"
+_BRACES = re.compile(r"\{(\w+?)(_low|0|3)?\}", re.ASCII)
+_EQUATION = re.compile(r"E(?:[xyz]|\{(?:a|b|n|each)\})")
 
+# The contract.
 
 Text = Annotated[str, Field(min_length=1)]
 _FAMILY = "[a-z][a-z0-9-]*"
@@ -30,6 +78,32 @@ FamilyName = Annotated[
 ]
 EffectEquations = Annotated[dict[Name, EquationText], Field(min_length=1)]
 EffectParameters = Annotated[dict[Name, ParameterUnitName], Field(min_length=1)]
+WORDS = {
+    "A": "its first axis, or component",
+    "B": "its second axis",
+    "value": "its parameter with u",
+    "size": "the same without its sign",
+    "twice": "twice its size",
+    "wave": "the root of the sum of squares of its parameters",
+    "searched": "what was searched",
+    "at": "the first part after a step",
+    "covariate": "the column that it depends on",
+    "chosen": "the feature, part or operation",
+    "values": "all parameters by name",
+    "row": "part, or pass",
+    "column": "feature, or position",
+}
+"""What a sentence may name of an effect."""
+
+
+def _sentence(text: str) -> str:
+    words = set(re.findall(r"{([^{}]*)}", text))
+    if not words <= WORDS.keys():
+        raise wrong(f"names in braces that are one of: {', '.join(WORDS)}")
+    return text
+
+
+Sentence = Annotated[str, AfterValidator(_sentence)]
 Kind = Literal["mean", "offset", "outlier", "scatter"]
 
 
@@ -62,16 +136,6 @@ class Search(Contract):
         "Values on either side of a grid between values", 2
     )
 
-    @model_validator(mode="before")
-    @classmethod
-    def _log(cls, data: Any) -> Any:
-        if isinstance(data, dict) and "log" in data and "grid" not in data:
-            if not isinstance(data["log"], bool):
-                raise wrong("`log: true`, or `grid: log`")
-            rest = {key: value for key, value in data.items() if key != "log"}
-            return rest | {"grid": "log" if data["log"] else "linear"}
-        return data
-
 
 Searched = Annotated[dict[Name, Search], Field(max_length=1)]
 
@@ -95,6 +159,12 @@ class Family(Contract):
     separates_readings: Text | None = optional(
         "The same of readings of a component, where it is not the same"
     )
+    sentence: Sentence = optional(
+        "What it does, with its size: {A} {B} its axes; (gains|loses) by the sign of the first "
+        "parameter",
+        "",
+    )
+    sentence_readings: Sentence = optional("The same of readings of a component", "")
     kind: Kind = optional("What of the errors it changes", "mean")
     over: Literal["feature", "part", "operation"] | None = optional(
         "`chosen` is 1 on one of these, 0 on the others"
@@ -108,6 +178,9 @@ class Family(Contract):
     members: Annotated[list[MemberTemplate], Field(min_length=1)] | None = optional(
         "Several forms of the family, tested apart"
     )
+    margins: list[MemberTemplate] = optional(
+        "Terms of lower order that are estimated beside a product wherever it is", []
+    )
 
 
 class Effects(Contract):
@@ -115,3 +188,311 @@ class Effects(Contract):
 
     schema_: Literal["mtu/effects/1"] = Field(alias="schema")
     effects: Annotated[list[Family], Field(min_length=1)]
+
+
+# What is checked beyond the contract.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Template:
+    """One form of a family: `trees` by key and names as in the file (``E{a}``, ``dir_{a}``), linear
+    in the parameters, whose `units` are given; `readings`: not for points.
+    """
+
+    units: dict[str, str]
+    trees: dict[str, Node]
+    searched: str | None
+    search: Search | None
+    readings: bool
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """What the equations name beside their parameters: columns, positions, numbers of them."""
+        used = dict.fromkeys(name for tree in self.trees.values() for name in names(tree))
+        return tuple(name for name in used if name not in {*self.units, self.searched, CHOSEN})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadedFamily:
+    """A checked family: `name` of its candidates with axes in braces, its forms, its margins."""
+
+    family: Family
+    name: str
+    templates: tuple[Template, ...]
+    margins: tuple[Template, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectLibrary:
+    """Families of candidates, and the files that they are of."""
+
+    families: tuple[LoadedFamily, ...]
+    sources: tuple[Source, ...]
+
+
+def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLibrary:
+    """Reads and checks an effects file, a list of families or with its `schema`; `taken` says whose
+    the names are that it must not use.
+
+    Raises InputError with all faults of the file, each with its line.
+    """
+    families: list[LoadedFamily] = []
+
+    def check(effects: Effects, faults: Faults) -> None:
+        listed = present(effects.effects)
+        named = [(index, _name(family)) for index, family in listed]
+        faults.once(("effects",), named, "the name of a family's candidates")
+        for index, family in listed:
+            here: YamlPath = ("effects", index)
+            if owner := (taken or {}).get(family.family):
+                faults.add((*here, "family"), "name-taken", taken=owner, value=family.family)
+            before = len(faults.findings)
+            loaded = _loaded(family, here, faults)
+            families.extend([loaded] if len(faults.findings) == before else [])
+
+    try:
+        document = read_yaml(path, "effects")
+    except InputError as fault:
+        raise InputError([_braces_hint(own, path) for own in fault.findings]) from None
+    if isinstance(document.data, list):
+        lines = {("effects", *own): line for own, line in document.lines.items()}
+        lines[()] = document.line_of() or 1
+        data = {"schema": "mtu/effects/1", "effects": document.data}
+        document = replace(document, data=data, lines=lines)
+    check_contract(document, Effects, "effects", check)
+    return EffectLibrary(families=tuple(families), sources=(document.source,))
+
+
+def _braces_hint(fault: Finding, path: Path) -> Finding:
+    """YAML takes braces for keys within [...] and {...}."""
+    if fault.line is None or fault.code != "not-readable":
+        return fault
+    text = path.read_text("utf-8-sig", "replace").splitlines()[fault.line - 1 : fault.line]
+    if not marks(*text):
+        return fault
+    example = "['dir_{a}']" if "[" in text[0] else "{'E{a}': k*x}"
+    hint = f"names with braces on lines of their own, or in quotes: {example}"
+    return replace(fault, expected=hint, meant=())
+
+
+def marks(*texts: str) -> set[str]:
+    """The placeholders of texts; literal names have none.
+
+    >>> sorted(marks("{a0}*dir_{b}"))
+    ['a', 'b']
+    """
+    found = {name for text in texts for name, _ in _BRACES.findall(text)}
+    return found & {*AXIS_MARKS, *COLUMN_MARKS}
+
+
+def filled(text: str, binding: Mapping[str, str]) -> str:
+    """A text with its names in braces filled in, numbers of the data left as they are."""
+    for mark, name in binding.items():
+        text = text.replace("{" + mark + "}", name)
+    return text
+
+
+def number_of(raw: str) -> tuple[str, str] | None:
+    """Column and kind of a number of the data: ``{a0}`` -> (``{a}``, ``0``), ``{load0}`` ->
+    (``load``, ``0``); None for other names.
+    """
+    match = _BRACES.fullmatch(raw)
+    if match is None or match[2] is None:
+        return None
+    return ("{" + match[1] + "}" if marks(raw) else match[1]), match[2]
+
+
+def _forms(family: Family, path: YamlPath) -> list[tuple[MemberTemplate, YamlPath]]:
+    """The sound forms of a family, each with its path."""
+    found = [(own, (*path, "members", index)) for index, own in present(family.members)]
+    if family.parameters is None or family.equations is None:
+        return found
+    of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
+    return [(MemberTemplate.model_construct(**of_family), path), *found]
+
+
+def _texts(form: MemberTemplate) -> list[str]:
+    return [text for both in form.equations.items() for text in both]
+
+
+def _name(family: Family) -> str:
+    used = marks(*(text for form, _ in _forms(family, ()) for text in _texts(form)))
+    return family.name or family.family + ("-{a}" if "a" in used else "")
+
+
+def _loaded(family: Family, path: YamlPath, faults: Faults) -> LoadedFamily:
+    _check_keys(family, path, faults)
+    forms, margins = _forms(family, path), []
+    for index, margin in present(family.margins):
+        # A margin has what is searched where its equations name it.
+        held = {name for text in margin.equations.values() for name in re.findall(r"\w+", text)}
+        search = {name: item for name, item in family.search.items() if name in held}
+        margins.append((margin.model_copy(update={"search": search}), (*path, "margins", index)))
+    used = [text for form, _ in (*forms, *margins) for text in _texts(form)]
+    _check_marks(family, marks(_name(family), *used), path, faults)
+    return LoadedFamily(
+        family=family,
+        name=_name(family),
+        templates=tuple(_template(form, family, where, faults) for form, where in forms),
+        margins=tuple(_template(form, family, where, faults) for form, where in margins),
+    )
+
+
+def _check_keys(family: Family, path: YamlPath, faults: Faults) -> None:
+    """Which keys go with the kind of a family, and with each other."""
+    keys = faults.given(*path)
+    own = [key for key in ("parameters", "equations", "search") if key in keys]
+    if family.kind == "scatter":
+        if family.family not in SCATTERS:
+            expected = f"a family that is one of: {', '.join(SCATTERS)}"
+            faults.add((*path, "kind"), "wrong-value", value=family.kind, expected=expected)
+        for key in [*own, *(key for key in keys if key == "members")]:
+            faults.add((*path, key), "misplaced", key=key, where="effects on the mean")
+    elif "members" in keys:
+        for key in own[:1]:
+            faults.add((*path, key), "misplaced", key=key, where="each of `members`")
+    else:
+        for key in ("parameters", "equations"):
+            if key not in own:
+                faults.add(path, "missing-key", key=key)
+    if family.kind == "outlier" and family.over is None:
+        expected = "over: feature, part or operation"
+        faults.add(path, "missing-key", key="over", expected=expected)
+
+
+def _check_marks(family: Family, used: set[str], path: YamlPath, faults: Faults) -> None:
+    """Which names in braces go with each other: `used` are those of the name and the equations."""
+    name = _name(family)
+    for mark in sorted(marks(name) - {"a", "b", "n"}):
+        where = "equations, a name has {a}, {b} or {n}"
+        faults.add((*path, "name"), "misplaced", key=f"{{{mark}}}", where=where, value=name)
+    for key in ("says", "separates", "separates_readings"):
+        for mark in sorted(marks(getattr(family, key) or "") - marks(name)):
+            other = f"it in the name '{name}'"
+            faults.add((*path, key), "incomplete", what=f"`{{{mark}}}`", other=other)
+    for mark, other in (("b", "{a}"), ("n", "{b}")):
+        if mark in used and other[1] not in used:
+            faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)
+    if "each" in used and used & {*AXIS_MARKS} != {"each"}:
+        faults.add(path, "misplaced", key="{each}", where="a family without {a} and {b}")
+
+
+def _template(form: MemberTemplate, family: Family, path: YamlPath, faults: Faults) -> Template:
+    """The template, whose faults are added: of names, of the search, of equations."""
+    before, taken = len(faults.findings), dict.fromkeys(LANGUAGE, "part of the equation language")
+    places = [("parameters", name) for name in form.parameters]
+    places += [("search", name) for name in form.search]
+    for key, name in places:
+        own = dict.fromkeys(form.parameters if key == "search" else (), "a parameter") | taken
+        faults.symbol((*path, key, name), filled(name, {"each": "each"}), own, NAMED)
+    searched, search = next(iter(form.search.items()), (None, None))
+    if search is not None:
+        _check_search(search, family, (*path, "search", str(searched)), faults)
+    trees: dict[str, Node] = {}
+    for key, text in form.equations.items():
+        here = (*path, "equations", key)
+        if not _EQUATION.fullmatch(key):
+            expected = "Ex, Ey, Ez, E{a}, E{b}, E{n} or E{each}"
+            faults.add(here, "wrong-value", value=key, expected=expected)
+        elif key == "E{each}" and len(form.equations) > 1:
+            faults.add(here, "misplaced", key=key, where="an effect with no other equation")
+        with faults.collected(here):
+            trees[key] = parse(text, name=BRACED)
+            _check_equation(trees[key], key, form.parameters, searched, family)
+    if len(faults.findings) == before:
+        used = {name for tree in trees.values() for name in names(tree)}
+        unused = [((*path, *place), place[1]) for place in places if place[1] not in used]
+        if family.over is not None and CHOSEN not in used:
+            unused.append(((*path, "equations"), CHOSEN))
+        for where, name in unused:
+            faults.add(where, "not-applicable", reason="it is in no equation", value=name)
+    return Template(
+        units=dict(form.parameters),
+        trees=trees,
+        searched=searched,
+        search=search,
+        readings=form.readings,
+    )
+
+
+def _is_column(raw: str, family: Family) -> bool:
+    """Whether a name is a position, a column of the data or a number of one."""
+    number = number_of(raw)
+    plain = filled(raw if number is None else number[0], STAND_INS)
+    return plain in (*POSITIONS, *family.needs, STAND_INS["v"]) or is_covariate(plain)
+
+
+def _check_equation(
+    tree: Node, key: str, parameters: Mapping[str, str], searched: str | None, family: Family
+) -> None:
+    """An equation is linear in its parameters, which all its terms have, and these are lengths.
+
+    Raises InputError with its faults.
+    """
+    known = {*parameters, searched} | ({CHOSEN} if family.over is not None else set())
+    unknown = []
+    for name, column in names(tree).items():
+        if name not in known and not _is_column(name, family):
+            facts = {"value": name, "meant": nearest(name, parameters), "expected": COLUMNS}
+            unknown.append(finding("unknown-name", what="name", column=column, **facts))
+        elif "each" in marks(name) and key != "E{each}":
+            unknown.append(finding("misplaced", key=name, where="E{each}", column=column))
+    if unknown:
+        raise InputError(unknown)
+    form = linear_form(tree, parameters, parameters)
+    _check_units(tree, parameters, searched)
+    if form.remainder is not None:
+        reason, expected = "a term without a parameter", "parameters in every term"
+        raise error("not-applicable", reason=reason, column=1, expected=expected)
+
+
+def _check_units(tree: Node, parameters: Mapping[str, str], searched: str | None) -> None:
+    """Checks an equation as it will be written, with numbers of the data as literals, which have no
+    unit; the term of a fault is shown as in the file.
+    """
+    columns = {CHOSEN: NUMBER}
+    for name in names(tree).keys() - {*parameters, searched}:
+        if (own := column_dimensions(filled(name, STAND_INS))) is not None:
+            columns[name] = own
+    literals = {name: 1.0 for name in names(tree) if name == searched or number_of(name)}
+    written = filled_tree(tree, literals)
+    units = {name: PARAMETER_UNITS[unit] for name, unit in parameters.items()}
+    try:
+        check_dimension(written, internal(LENGTH), {}, parameters=units, columns=columns)
+    except InputError as fault:
+        texts: dict[object, str] = {
+            (first_column(after), shown(after)): shown(before)
+            for before, after in zip(walk(tree), walk(written), strict=True)
+        }
+        raise InputError(
+            replace(each, value=texts.get((each.column, each.value)) or each.value)
+            for each in fault.findings
+        ) from None
+
+
+def _check_search(search: Search, family: Family, path: YamlPath, faults: Faults) -> None:
+    """The ends of a grid: expressions in `BOUNDS`, and something between them."""
+    used, values = set[str](), dict[str, list[float]](from_=[], to=[])
+    for key, found in values.items():
+        for text in getattr(search, key):
+            with faults.collected((*path, key.rstrip("_"))):
+                tree = parse(text)
+                check_known(tree, BOUNDS)
+                used |= names(tree).keys()
+                found += [] if (value := literal_value(tree)) is None else [value]
+    if search.of is None and (used or search.grid in ("between", "frequency")):
+        expected = "the position or column that span, low and the grid are of"
+        faults.add(path, "missing-key", key="of", expected=expected)
+    elif search.of is not None and not _is_column(search.of, family):
+        faults.add((*path, "of"), "unknown-name", what="name", value=search.of, expected=COLUMNS)
+    low, high = max(values["from_"], default=-math.inf), min(values["to"], default=math.inf)
+    # Of several bounds the largest `from` counts, and an expression may be it.
+    ends = {"from": low if len(values["from_"]) == len(search.from_) else math.inf, "to": high}
+    if search.grid == "between":
+        return
+    for key, value in ends.items():
+        if search.grid in ("log", "frequency") and value <= 0:
+            faults.add((*path, key), "wrong-value", value=f"{value:g}", expected="more than 0")
+    if low >= high:
+        expected = f"more than {low:g}, where the search begins"
+        faults.add((*path, "to"), "wrong-value", value=f"{high:g}", expected=expected)

@@ -21,13 +21,12 @@ from mtu_cli.files.machine_contract import (
     Effect,
     EquationName,
     Machine,
-    Parameter,
 )
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, counted, finding, suggestion
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS, check_finite
-from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, internal
+from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, Unit, internal
 
 ROUNDING = 1e-6
 """Relative to the standard deviations: what printed digits may leave of an asymmetry."""
@@ -45,7 +44,7 @@ class LoadedMachine(Loaded):
     """A checked machine with its equations written as linear forms in the components.
 
     `forms` by equation (``Ex``); `effect_forms` one such mapping an effect, linear in the
-    effect's parameters and in the components.
+    effect's parameters and components and in those of the machine.
     """
 
     machine: Machine
@@ -87,8 +86,8 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
             return
         forms.update(_linear_forms(machine, machine.equations, {}, ("equations",), faults))
         for index, effect in present(machine.effects):
-            path, parameters = ("effects", index, "equations"), effect.parameters
-            effect_forms.append(_linear_forms(machine, effect.equations, parameters, path, faults))
+            path, own = ("effects", index, "equations"), _units(effect)
+            effect_forms.append(_linear_forms(machine, effect.equations, own, path, faults))
             _check_effect(effect, index, faults)
 
     machine = check_contract(document, Machine, "machine", check)
@@ -141,6 +140,7 @@ def _check_names(machine: Machine, faults: Faults) -> None:
         entries += [((key, name), name, what) for name in faults.given(key)]
     for i, effect in effects:
         entries += [(("effects", i, "parameters", name), name, "") for name in effect.parameters]
+        entries += [(("effects", i, "components", name), name, "") for name in effect.components]
     taken = dict.fromkeys(("pi", *MACHINE_FUNCTIONS), "part of the equation language")
     taken |= dict.fromkeys(POSITIONS, "a position")
     for path, name, what in entries:
@@ -269,8 +269,17 @@ def _check_sensors(sensors: Iterable[str], path: YamlPath, faults: Faults) -> No
 
 
 def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
-    """What an effect is of, its covariance, and the ranges of the data that it was found in."""
+    """What an effect is of, its components, its covariance, and the ranges of the data that it was
+    found in.
+    """
     path: YamlPath = ("effects", index)
+    for name, item in effect.components.items():
+        own = (*path, "components", name)
+        _check_component(item, own, faults)
+        if item.coefficients is None:
+            faults.add(own, "incomplete", what="a component of an effect", other="`coefficients`")
+        if name in effect.parameters:
+            faults.add(own, "name-taken", value=name, taken="a parameter")
     axis, components = effect.axis, faults.keys("components")
     if axis is not None and axis not in components:
         several = axis and len(set(axis)) == len(axis) and set(axis) <= set(POSITIONS)
@@ -283,12 +292,12 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
         for i, (name, parameter) in enumerate(effect.parameters.items()):
             u, s = parameter.u, sqrt(max(0.0, rows[i][i]))
             if "u" in parameter.model_fields_set and abs(u - s) > PRINTED * max(u, s):
-                own, other = (*path, "parameters", name, "u"), "the covariance of the effect"
-                faults.add(own, "contradicts", value=u, other=other, expected=f"{s:.6g}, or none")
+                of_u, other = (*path, "parameters", name, "u"), "the covariance of the effect"
+                faults.add(of_u, "contradicts", value=u, other=other, expected=f"{s:.6g}, or none")
     if faults.is_faulty(*path, "equations"):
         return
     used = _used(effect)
-    columns = sorted(used - set(effect.parameters))
+    columns = sorted(used - _units(effect).keys())
     for name in effect.seen:
         if name not in columns:
             faults.unknown((*path, "seen", name), name, columns, "column")
@@ -298,6 +307,12 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
     _check_sensors(set(effect.within) - used, (*path, "within"), faults)
 
 
+def _units(effect: Effect) -> dict[str, Unit]:
+    """The units of an effect's parameters and components."""
+    units = {name: PARAMETER_UNITS[item.unit] for name, item in effect.parameters.items()}
+    return units | {name: UNITS[item.unit] for name, item in effect.components.items()}
+
+
 def _used(effect: Effect) -> set[str]:
     return {name for text in effect.equations.values() for name in names(parse(text))}
 
@@ -305,17 +320,16 @@ def _used(effect: Effect) -> set[str]:
 def _linear_forms(
     machine: Machine,
     equations: Mapping[EquationName, str],
-    parameters: Mapping[str, Parameter],
+    own: Mapping[str, Unit],
     path: YamlPath,
     faults: Faults,
 ) -> dict[str, LinearForm]:
     """Equations in mm as linear forms, those of them that are sound: readable, of known names,
-    linear in the components and `parameters`, each term a length.
+    linear in the components and an effect's `own` by their units, each term a length.
 
     Names whose own entry is faulty are known. A hint names what is the effect's before positions,
     then what is the machine's. Constants are no columns, whatever their names.
     """
-    own = {name: PARAMETER_UNITS[item.unit] for name, item in parameters.items()}
     components, constants = faults.keys("components"), faults.keys("constants")
     covariates = [name for _, name in present(machine.covariates)]
     known = (*own, *POSITIONS, *components, *constants, *COVARIATES, *covariates)

@@ -225,11 +225,12 @@ class Effect(Contract):
     )
     covariate: str | None = None
     says: str | None = optional("What it is, in words")
-    parameters: dict[str, Parameter]
+    parameters: dict[str, Parameter] = optional("By the names that its equations have", {})
+    components: dict[str, Component] = optional("Its own, such as the table of a smooth effect", {})
     covariance: Matrix | None = optional(
         "Covariance over the parameters in their order, in their units"
     )
-    equations: Equations = Field(description="mm; linear in the parameters")
+    equations: Equations = Field(description="mm; linear in its parameters and components")
     alike: dict[Name, Numbers] = optional(
         "Of what was searched (`pitch_mm`): other values that fit its data as well", {}
     )

@@ -32,6 +32,8 @@ MAX_TRIALS = 10_000_000_000
 """Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
 MAX_DIGITS = 4
 
+Datum = Literal["none", "offset", "offset,rotation", "offset,diameter"]
+"""Best-fit alignment that may be removed from each part; of a ring its centre and diameter."""
 Share = Annotated[float, Field(gt=0, lt=1)]
 FileName = Annotated[str, Field(min_length=1)]
 FileNames = Annotated[
@@ -58,9 +60,7 @@ class Settings(Contract):
     )
     probability: Share | None = optional("Coverage probability")
     alpha: Share | None = optional("Family-wise rate of close-loop")
-    datum: Literal["none", "offset", "offset,rotation"] | None = optional(
-        "Freedoms of the part coordinate system"
-    )
+    datum: Datum | None = optional("Best-fit alignment removed from each part")
     max_effects: Annotated[int, Field(ge=1)] | None = optional("Causes that close-loop may add")
     zeroed: Literal["auto", "cycle", "never"] | None = optional(
         "Whether the drift probe was zeroed in every cycle"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 
 from mtu_cli.findings import InputError, finding, shorten, suggestion
@@ -146,3 +147,33 @@ def to_text(node: Node, outer: int = 0) -> str:
 
 def _wrap(text: str, needed: bool) -> str:
     return f"({text})" if needed else text
+
+
+def filled_tree(node: Node, filling: Mapping[str, float | str]) -> Node:
+    """The tree with its names as `filling` says; sums with a negative number are turned."""
+    match node:
+        case Name(name, column):
+            new = filling.get(name, name)
+            return Name(new, column) if isinstance(new, str) else Number(new, column)
+        case Call("+" | "-" as sign, (left, right), column):
+            new_left, new_right = filled_tree(left, filling), filled_tree(right, filling)
+            if isinstance(new_right, Number):
+                if new_right.value == 0.0:
+                    return new_left
+                if new_right.value < 0.0:
+                    # x - -5 and x + 5 are the same number, bit by bit.
+                    turned = Number(-new_right.value, new_right.column)
+                    return Call("+" if sign == "-" else "-", (new_left, turned), column)
+            return Call(sign, (new_left, new_right), column)
+        case Call(function, arguments, column):
+            return Call(function, tuple(filled_tree(item, filling) for item in arguments), column)
+    return node
+
+
+_TWO_PI = re.compile(r"(^|\(|[+-] )6\.283185307179586\*")
+
+
+def filled_text(tree: Node, filling: Mapping[str, float | str]) -> str:
+    """The equation with its names as `filling` says: another name, or a number in full."""
+    # The parser folds 2*pi to one number: written so again, it reads as what it is.
+    return _TWO_PI.sub(r"\g<1>2*pi*", to_text(filled_tree(tree, filling)))

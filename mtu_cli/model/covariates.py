@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mtu_cli.files.csv_table import DECIMALS
+from mtu_cli.files.csv_table import number as number_in
 from mtu_cli.files.points import Points
+from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.model.machine_model import (
     AXES,
@@ -18,7 +22,7 @@ from mtu_cli.model.machine_model import (
     without_coordinate,
 )
 from mtu_cli.model.temperatures import moment_problem
-from mtu_cli.model.visits import MOST_TOLD, IntArray
+from mtu_cli.model.visits import MOST_TOLD, BoolArray, Cells, IntArray, axes_of, only_rows
 from mtu_cli.stats.least_squares import FloatArray
 
 Values = dict[str, FloatArray | float]
@@ -150,3 +154,212 @@ def rows_of(
         name: value if np.ndim(value) == 0 else np.asarray(value)[rows]
         for name, value in values.items()
     }
+
+
+# As tables.
+
+FEW_ROWS = 0.05
+"""Share of the rows up to which they are left out: without its covariate an effect cannot be named,
+and looks like one that the library lacks."""
+FEW_TEXTS = 0.1
+"""Share of the cells that are texts up to which the others are what the column holds."""
+ROUNDING = 1e-12
+"""Means of repeats that differ by less than this share of their size are equal."""
+FEWEST = 8
+"""Points that must agree for a column to repeat what was measured."""
+CLEAR = 3.0
+"""Standard deviation of the errors over what rounding may make of them, from which on agreement at
+every point is no chance: about one in four at each (2/3 of the density of a normal law, 0.4).
+"""
+DRAWN_MM = 0.1
+"""The coarsest digit that a nominal place is written to."""
+
+
+def table_covariates(
+    columns: Columns, cells: Cells, measured: Points | Readings, rows: IntArray
+) -> tuple[dict[str, FloatArray], list[Finding]]:
+    """Numeric columns (n,) as tables that broadcast to (parts, columns).
+
+    (1, 1) where nothing differs, (parts, 1) where nothing does within a part, (1, columns)
+    where nothing does within a column, else the cells' means; missing cells hold the mean of
+    their part. A column of text is left out, one with gaps with a warning; `rows` (n,) of what
+    was `measured`.
+    """
+    found: dict[str, FloatArray] = {}
+    gaps: list[str] = []
+    files = measured.file_index[rows]
+    for name, column in columns.items():
+        if column.dtype == object:
+            continue
+        known = np.isfinite(column)
+        if known.all():
+            found[name] = _smallest(column.astype(np.float64), cells)
+            continue
+        lost = f"{name} ({int((~known).sum())} of {len(known)} rows"
+        bare = [measured.sources[f].shown for f in np.unique(files) if not known[files == f].any()]
+        gaps.append(f"{lost}, all of {' and '.join(bare)})" if bare else f"{lost})")
+    if not gaps:
+        return found, []
+    consequence = "no effect of such a column can be tested"
+    return found, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
+
+
+def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
+    everywhere = np.zeros(len(column), np.int64)
+    for code, shape in ((everywhere, (1, 1)), (cells.part, (-1, 1)), (cells.column, (1, -1))):
+        first = np.unique(code, return_index=True)[1]
+        if (column == column[first][code]).all():
+            return column[first].reshape(shape)
+    means = cells.means(column)
+    table = cells.table(means)
+    for axis in (1, 0):
+        low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
+        if (high - low <= ROUNDING * np.abs(means).max()).all():
+            return np.asarray(low)
+    return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
+
+
+def without_gaps(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
+    """The points without the `gap_rows` of covariates but `needed` ones, whose gaps are faults."""
+    columns = {k: v for k, v in point_columns(points).items() if k not in needed}
+    groups = (points.part, points.feature, points.file_index)
+    gone, warned = gap_rows(columns, groups, points, np.arange(len(points)))
+    return (only_rows(points, ~gone) if warned else points), warned
+
+
+def gap_rows(
+    columns: Mapping[str, NDArray[Any]],
+    groups: Sequence[IntArray],
+    measured: Points | Readings,
+    rows: IntArray,
+    whose: str = "",
+) -> tuple[BoolArray, list[Finding]]:
+    """Which of the `rows` (n,) of what was `measured` to leave out, for they lack one of the
+    `columns` (n,) that nearly all others have; the columns with the fewest gaps come first.
+
+    None for columns that are the same everywhere, nor for gaps that are all that there is of one
+    code of `groups`: a part, feature, pass, target or file.
+    """
+    empty: dict[str, BoolArray] = {}
+    for name, column in columns.items():
+        lost = column.dtype != object and ~np.isfinite(column)
+        if np.any(lost) and len(np.unique(column[~np.asarray(lost)])) > 1:
+            empty[name] = np.asarray(lost)
+    gone, named = np.zeros(len(rows), bool), []
+    for name in sorted(empty, key=lambda name: int(empty[name].sum())):
+        both = gone | empty[name]
+        whole = any(len(np.unique(code)) > len(np.unique(code[~both])) for code in groups)
+        if both.sum() <= FEW_ROWS * len(gone) and not whole:
+            gone = both
+            named.append(name)
+    if not named:
+        return gone, []
+    first = rows[int(gone.argmax())]
+    place = f"{measured.sources[measured.file_index[first]].shown}, row {measured.row[first]}"
+    lost_rows = f"{int(gone.sum())} of {len(gone)} rows{whose} left out, the first {place}"
+    return gone, [finding("missing-values", what="cells", names=named, consequence=lost_rows)]
+
+
+def text_warnings(measured: Points | Readings) -> list[Finding]:
+    """One warning of all columns that are texts by more than a few of their cells, with the texts
+    that such a column has beside numbers: these may be meant.
+    """
+    texts = []
+    for name, column in measured.covariates.items():
+        if column.dtype != object:
+            continue
+        cells = {i: text for i, text in enumerate(map(str, column)) if text}
+        words = [
+            i
+            for i, text in cells.items()
+            if all(number_in(text, sign) is None for sign in DECIMALS)
+        ]
+        if len(words) <= FEW_TEXTS * len(cells):
+            continue
+        texts.append(repr(name))
+        if len(words) < len(cells):
+            i = words[0]
+            source = measured.sources[measured.file_index[i]]
+            first = f"{cells[i]!r} in {source.shown}, row {measured.row[i]}"
+            count = f"texts in {len(words)} of {len(cells)} cells"
+            meant = "where that means not known, leave it empty"
+            texts[-1] += f" ({count}, the first {first}; {meant})"
+    facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
+    return [finding("not-tested", **facts)] if texts else []
+
+
+def _is_word(cell: str) -> bool:
+    """Whether a cell is no number, with a decimal point or with a comma."""
+    return all(number_in(cell, sign) is None for sign in DECIMALS)
+
+
+def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:
+    """The points without the columns that repeat their errors or nominal places, and warnings of
+    these: an effect proportional to errors would explain everything and mean nothing, one to a
+    nominal coordinate is the scale or squareness that is tested by itself. Columns that the model's
+    equations need are left.
+
+    A column repeats what was measured where it is proportional to it at every point, to the last
+    digit of both: in um, with the other sign, or as the diameter of a position.
+    """
+    held: dict[str, tuple[str, str]] = {}
+    written = None
+    for name, column in points.covariates.items():
+        if name in needed or column.dtype == object:
+            continue
+        written = written or list(_written(points))
+        step = _least_step(column.astype(np.float64))
+        for what, words, values, digit in written:
+            both = np.isfinite(column) & np.isfinite(values)
+            own, said = column[both].astype(np.float64), values[both]
+            if len(own) < FEWEST or not said.any():
+                continue
+            factor = float(own @ said / (said @ said))
+            # Of drawn places the least distance is no last digit.
+            last = min(step, abs(factor) * DRAWN_MM) if what == NOMINAL else step
+            most = 0.51 * (last + abs(factor) * digit)
+            apart = np.abs(own - factor * said)
+            if abs(factor) * float(said.std()) > CLEAR * most and (apart <= most).all():
+                held[name] = what, words
+                break
+    warned = []
+    for what in (MEASURED, NOMINAL):
+        items = [
+            f"{name!r} ({words})" for name, (own_what, words) in held.items() if own_what == what
+        ]
+        if items:
+            reason = f"they repeat {what}"
+            warned.append(finding("not-tested", what="effects", items=items, reason=reason))
+    left = {name: column for name, column in points.covariates.items() if name not in held}
+    return (replace(points, covariates=left) if held else points), warned
+
+
+MEASURED, NOMINAL = "what was measured", "the nominal place"
+Written = tuple[str, str, FloatArray, float]
+"""What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit."""
+
+
+def _written(points: Points) -> Iterator[Written]:
+    axes = axes_of(points)
+    errors = points.measured[:, axes] - points.nominal[:, axes]
+    digit = max((_least_step(points.measured[:, axis], 1e-9) for axis in axes), default=0.0)
+    for axis in axes:
+        # Before the coordinate as measured, which is near it.
+        yield NOMINAL, f"the nominal {AXES[axis]}", points.nominal[:, axis], 0.0
+    for k, axis in enumerate(axes):
+        yield MEASURED, f"the error along {AXES[axis]}", errors[:, k], digit
+        yield MEASURED, f"the coordinate {AXES[axis]}", points.measured[:, axis], digit
+    for count in range(2, len(axes) + 1):
+        length = np.sqrt((errors[:, :count] ** 2).sum(axis=1))
+        yield MEASURED, "the length of the error", length, count * digit
+
+
+def _least_step(values: FloatArray, rounding: float = 0.0) -> float:
+    """The least that two of the values (n,) differ by, not by `rounding` or less; 0 where all are
+    equal.
+    """
+    steps = np.unique(values)
+    apart = np.diff(steps)
+    # Each gap beside its own two values: one that is far off says nothing of the others.
+    least = np.maximum(rounding, 1e-9 * np.maximum(np.abs(steps[1:]), np.abs(steps[:-1])))
+    return float(apart[apart > least].min()) if (apart > least).any() else 0.0

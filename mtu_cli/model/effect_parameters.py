@@ -10,7 +10,12 @@ import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import Finding, counted, finding
-from mtu_cli.model.estimates import ComponentEstimate, EffectEstimates, JointPasses
+from mtu_cli.model.estimates import (
+    ComponentEstimate,
+    EffectEstimates,
+    JointPasses,
+    stated_component,
+)
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, Unit
 
@@ -57,12 +62,14 @@ def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EffectParameters:
-    """The parameters of all effects of a machine, as components that are known.
+    """The parameters of all effects of a machine, as components that are known; `own` are the
+    effects' own components, as the file states them.
 
-    `renames` by effect: its parameters' names in equations -> ``effect.parameter``.
+    `renames` by effect: the names in its equations -> ``effect.parameter``.
     """
 
     components: dict[str, ComponentEstimate]
+    own: dict[str, ComponentEstimate]
     joint: tuple[JointPasses, ...]
     renames: tuple[dict[str, str], ...]
 
@@ -72,6 +79,7 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
     or, of effects all of whose parameters are `reported`, with the report's joint covariance.
     """
     components: dict[str, ComponentEstimate] = {}
+    tables: dict[str, ComponentEstimate] = {}
     joint: list[JointPasses] = []
     renames = []
     together: list[str] = []
@@ -79,6 +87,9 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
     for effect in machine.machine.effects:
         rename = {name: f"{effect.name}{EFFECT_MARK}{name}" for name in effect.parameters}
         own, group = effect_estimates(effect, rename)
+        for name, entry in effect.components.items():
+            rename[name] = f"{effect.name}{EFFECT_MARK}{name}"
+            tables[rename[name]] = stated_component(rename[name], entry)
         renames.append(rename)
         components |= own
         if all(_knows(known, item) for item in own.values()):
@@ -91,7 +102,9 @@ def effects_of(machine: LoadedMachine, reported: EffectEstimates | None) -> Effe
         for i, name in enumerate(together):
             components[name] = _reported(components[name], reported.values[rows[i]], C[i, i])
         joint.append(_known_together(tuple(together), C))
-    return EffectParameters(components=components, joint=tuple(joint), renames=tuple(renames))
+    return EffectParameters(
+        components=components, own=tables, joint=tuple(joint), renames=tuple(renames)
+    )
 
 
 def _knows(known: Mapping[str, Unit], stated: ComponentEstimate) -> bool:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mtu_cli.files.machine_contract import Component
+from mtu_cli.files.reports_read import ReportedComponent
 from mtu_cli.model.basis import Powers, Shape, TableShape
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import Unit
+from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -237,4 +239,56 @@ def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
         covariance=np.zeros_like(drift.leftover),
         pass_covariance=drift.leftover,
         pass_dof=drift.leftover_dof,
+    )
+
+
+def stated_component(name: str, entry: Component) -> ComponentEstimate:
+    """A component whose coefficients a file states, without a covariance as known. `u_future`, the
+    standard uncertainty of a future observation, is all that many published tables give: it counts
+    as repeatability, independent from point to point, or, without an axis, as shared by all points
+    of a part.
+    """
+    unit, coefficients = UNITS[entry.unit], np.asarray(entry.coefficients, float)
+    f, k = unit.to_internal, len(coefficients)
+    C = np.zeros((k, k)) if entry.covariance is None else np.asarray(entry.covariance, float)
+    D, repeat = entry.pass_covariance, entry.s_repeat or 0.0
+    if entry.u_future is not None and entry.of is None:
+        D = [[entry.u_future**2]]
+    elif entry.u_future is not None:
+        repeat = entry.u_future
+    q, table = min(2, k), stated_table(entry)
+    T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q)
+    overall = dof_or(entry.dof)
+    return ComponentEstimate(
+        name=name,
+        of=entry.of,
+        unit=unit,
+        coefficients=coefficients * f,
+        covariance=C * f**2,
+        pass_covariance=T @ np.asarray(np.zeros((q, q)) if D is None else D) @ T.T * f**2,
+        s_repeat=repeat * f,
+        pass_dof=0.0 if D is None else dof_or(entry.pass_dof, overall),
+        repeat_dof=dof_or(entry.repeat_dof, overall),
+        table=table,
+        # A table says nothing of what is beyond it.
+        position_range=None if table is None else (float(table.at[0]), float(table.at[-1])),
+    )
+
+
+def dof_or(stated: float | None, missing: float = np.inf) -> float:
+    """Degrees of freedom as stated, else `missing`."""
+    return missing if stated is None else float(stated)
+
+
+def stated_table(entry: Component | ReportedComponent) -> TableShape | None:
+    """The table that a file states; None of a polynomial."""
+    if entry.at_mm is None:
+        return None
+    square = (UM if UNITS[entry.unit].dimension == LENGTH else ARCSEC) ** 2
+    return TableShape(
+        at=np.asarray(entry.at_mm, float),
+        roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
+        between=(entry.between_um2 or 0.0) * square,
+        own=(entry.own_um2_per_mm3 or 0.0) * square,
+        own_dof=dof_or(getattr(entry, "own_dof", None)),
     )

@@ -233,11 +233,11 @@ def _fit_instrument(
         passes=read.only(fit.groups) if read is not None and fit.separated else read,
         fit=fit,
         profile=profile,
-        rounding=_rounding(readings, rows, UNITS[component.unit]),
+        rounding=reading_rounding(readings, rows, UNITS[component.unit]),
     )
 
 
-def _rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
+def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, in the file
     and unit where it is coarsest.
     """

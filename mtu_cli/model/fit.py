@@ -23,7 +23,7 @@ from mtu_cli.files.reports_read import (
 from mtu_cli.findings import Finding, InputError, finding, suggestion
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.linear import LinearForm
-from mtu_cli.model.basis import Powers, TableShape
+from mtu_cli.model.basis import Powers
 from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
 from mtu_cli.model.estimates import (
@@ -32,12 +32,15 @@ from mtu_cli.model.estimates import (
     Estimates,
     JointPasses,
     ThermalEstimate,
+    dof_or,
+    stated_component,
+    stated_table,
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
 from mtu_cli.model.machine_model import AXES, TIME
 from mtu_cli.model.passes import IntArray, passes_read
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
-from mtu_cli.units import ARCSEC, LENGTH, PARAMETER_UNITS, UM, UNITS
+from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 SAME_TEMPERATURE = 1e-9
 """degC; less is the rounding of a number that went through text."""
@@ -100,7 +103,8 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
         if name in of_effects and len(rows):
             of = machine.machine.components[name].of
             group, passes = passes_read(readings, rows, of)
-            columns = reading_columns(readings, rows, passes.runs[group], of)
+            axis = error_axis(machine, name)
+            columns = reading_columns(readings, rows, passes.runs[group], axis)
             places = reading_places(readings, rows, of)
             effects, own = effects_on_readings(machine, name, places, columns)
             error[rows] -= effects
@@ -108,16 +112,25 @@ def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Reading
     return replace(readings, error=error), warned
 
 
+def error_axis(machine: LoadedMachine, component: str) -> str:
+    """The axis along which a component is an error: that which it is a function of, else the only
+    one whose equation has it; its own name where there are several or none.
+    """
+    of = machine.machine.components[component].of
+    along = {key[1:] for key, form in machine.forms.items() if component in form.coefficients}
+    return of or (along.pop() if len(along) == 1 else component)
+
+
 def reading_columns(
-    readings: Readings, rows: IntArray, run: IntArray, of: str | None
+    readings: Readings, rows: IntArray, run: IntArray, axis: str
 ) -> dict[str, np.ndarray]:
-    """Columns (n,) of the readings `rows` of a component along the axis `of`; `sequence` counts
+    """Columns (n,) of the readings `rows` of a component, an error along `axis`; `sequence` counts
     their runs, from `run` 0.
     """
     found: dict[str, np.ndarray] = {"sequence": run + 1.0}
     sign = readings.direction[rows].astype(np.float64)
-    if of is not None and sign.any():
-        found[f"dir_{of}"] = np.where(sign == 0, np.nan, sign)
+    if sign.any():
+        found[f"dir_{axis}"] = np.where(sign == 0, np.nan, sign)
     others = {TIME: readings.time_min, **readings.covariates}
     for name, column in others.items():
         own = column[rows]
@@ -163,6 +176,10 @@ def effects_on_readings(
             name: p.value * PARAMETER_UNITS[p.unit].to_internal
             for name, p in effect.parameters.items()
         }
+        for name, item in effect.components.items():
+            own_table = stated_component(name, item)
+            place = along[own_table.of] if own_table.of else np.zeros(len(places))
+            values[name] = own_table.shape.columns(place) @ own_table.coefficients
         # An equation of the effect, and the same of the machine, that hold the component.
         both = next((name for name in form if component in levers(machine.forms, name)), None)
         own = {} if both is None else levers(form, both)
@@ -221,58 +238,11 @@ def beaten_warnings(
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:
     """The components whose coefficients the machine file states."""
     entries = machine.machine.components.items()
-    return {name: _stated(name, entry) for name, entry in entries if entry.coefficients is not None}
-
-
-def _stated(name: str, entry: Component) -> ComponentEstimate:
-    """Without a covariance the coefficients are taken as known. `u_future`, the standard
-    uncertainty of a future observation, is all that many published tables give: it counts as
-    repeatability, independent from point to point, or, without an axis, as shared by all points of
-    a part.
-    """
-    unit, coefficients = UNITS[entry.unit], np.asarray(entry.coefficients, float)
-    f, k = unit.to_internal, len(coefficients)
-    C = np.zeros((k, k)) if entry.covariance is None else np.asarray(entry.covariance, float)
-    D, repeat = entry.pass_covariance, entry.s_repeat or 0.0
-    if entry.u_future is not None and entry.of is None:
-        D = [[entry.u_future**2]]
-    elif entry.u_future is not None:
-        repeat = entry.u_future
-    q, table = min(2, k), _table(entry)
-    T = (table or Powers(k - 1)).of_line(entry.pass_center_mm or 0.0, q)
-    overall = _dof(entry.dof)
-    return ComponentEstimate(
-        name=name,
-        of=entry.of,
-        unit=unit,
-        coefficients=coefficients * f,
-        covariance=C * f**2,
-        pass_covariance=T @ np.asarray(np.zeros((q, q)) if D is None else D) @ T.T * f**2,
-        s_repeat=repeat * f,
-        pass_dof=0.0 if D is None else _dof(entry.pass_dof, overall),
-        repeat_dof=_dof(entry.repeat_dof, overall),
-        table=table,
-        # A table says nothing of what is beyond it.
-        position_range=None if table is None else (float(table.at[0]), float(table.at[-1])),
-    )
-
-
-def _dof(stated: float | None, missing: float = np.inf) -> float:
-    return missing if stated is None else float(stated)
-
-
-def _table(entry: Component | ReportedComponent) -> TableShape | None:
-    """The table that a file states; None of a polynomial."""
-    if entry.at_mm is None:
-        return None
-    square = (UM if UNITS[entry.unit].dimension == LENGTH else ARCSEC) ** 2
-    return TableShape(
-        at=np.asarray(entry.at_mm, float),
-        roughness=(entry.roughness_um2_per_mm3 or 0.0) * square,
-        between=(entry.between_um2 or 0.0) * square,
-        own=(entry.own_um2_per_mm3 or 0.0) * square,
-        own_dof=_dof(getattr(entry, "own_dof", None)),
-    )
+    return {
+        name: stated_component(name, entry)
+        for name, entry in entries
+        if entry.coefficients is not None
+    }
 
 
 def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> Estimates:
@@ -330,7 +300,7 @@ def _shape(entry: Component | ReportedComponent) -> str:
 
 
 def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
-    unit, table = UNITS[item.unit], _table(item)
+    unit, table = UNITS[item.unit], stated_table(item)
     f, k = unit.to_internal, len(item.coefficients)
     T = (table or Powers(k - 1)).of_line(item.pass_center_mm, min(2, k)) * f
     return ComponentEstimate(
@@ -341,8 +311,8 @@ def _reported(name: str, item: ReportedComponent) -> ComponentEstimate:
         covariance=np.asarray(item.covariance, float) * f**2,
         pass_covariance=T @ np.asarray(item.pass_covariance_moment, float) @ T.T,
         s_repeat=item.s_repeat * f,
-        pass_dof=_dof(item.pass_dof),
-        repeat_dof=_dof(item.repeat_dof),
+        pass_dof=dof_or(item.pass_dof),
+        repeat_dof=dof_or(item.repeat_dof),
         n_passes=item.n_passes,
         independent_covariance=_scaled(item.covariance_independent, np.eye(k) * f),
         independent_s=None if item.s is None else item.s * f,
@@ -454,9 +424,9 @@ def _reported_drift(name: str, item: ReportedDrift) -> ThermalEstimate:
         reference=item.reference_temperature_degC,
         coefficients=np.array(item.coefficients, float).reshape(powers, sensors) * f,
         covariance=np.array(item.covariance, float).reshape(size, size) * f**2,
-        coefficient_dof=_dof(item.coefficient_dof),
+        coefficient_dof=dof_or(item.coefficient_dof),
         leftover=np.array(item.leftover_covariance, float) * f**2,
-        leftover_dof=_dof(item.leftover_dof),
+        leftover_dof=dof_or(item.leftover_dof),
         time_constants=np.array(item.time_constants_min, float),
         sensor_u=np.array(item.sensor_u_degC, float),
         temperature_range=None if ranges is None else np.array(ranges, float).reshape(sensors, 2),

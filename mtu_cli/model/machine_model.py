@@ -147,7 +147,7 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     effects = effects_of(machine, estimates.effects)
     parts: list[Part] = [(machine.forms, {})]
     parts += zip(machine.effect_forms, effects.renames, strict=True)
-    found = estimates.components | effects.components
+    found = estimates.components | effects.components | effects.own
     levers = _levers(parts)
     terms = [Term(estimate=found[name], levers=levers[name]) for name in found if name in levers]
     _check_terms(machine, terms, [name for name in levers if name not in found])

@@ -89,15 +89,13 @@ def passes_of(
 def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, Passes]:
     """The passes of the readings `rows` (n,) of a component along the axis `of`, numbered or not.
 
-    Without an axis directions do not count, and every reading without a number is a pass of its
-    own; with one they are repeats of pass 0.
+    Without an axis every reading without a number is a pass of its own; with one they are repeats
+    of pass 0.
     """
     has, sign = readings.has_pass[rows], readings.direction[rows].astype(np.int64)
     numbers = np.where(has, readings.pass_number[rows], 0)
-    if of is None:
-        sign = np.zeros(len(rows), np.int64)
-        if not has.all():
-            numbers = np.arange(1, len(rows) + 1)
+    if of is None and not has.all():
+        numbers = np.arange(1, len(rows) + 1)
     return passes_of(readings, rows, numbers, sign)
 
 

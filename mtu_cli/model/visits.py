@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 MOST_TOLD = 10_000
 
 
@@ -156,26 +159,34 @@ def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) ->
     )
 
 
-Datum = Literal["none", "offset", "offset,rotation"]
 ROUNDING = 1e-9
 """A direction or an error below this share of what it is left of is rounding."""
 
 
 def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """Columns (n * a, k), k <= 4, of small rigid motions: the errors that each of them gives.
+    """Columns (n * a, k), k <= 4, of small motions: the errors that each of them gives.
 
     `places` (n, 3) in mm, of which x and y are used; rows are (feature, axis of `axes`),
     features first. An offset along each axis, in the errors' own unit (mm of error a mm of
-    offset); with rotation, where x and y are among the axes, (-y, x) about the centre of the
-    features, mm of error a radian.
+    offset). Where x and y are among the axes: with rotation (-y, x) about the mean of the features,
+    mm of error a radian; with the diameter of a ring, whose points they are, (x, y)/r about its
+    centre, mm of error a mm of radius.
     """
     n, a = len(places), len(axes)
     columns = [] if datum == "none" else list(np.tile(np.eye(a), n))
-    if datum == "offset,rotation" and {0, 1} <= {*axes}:
-        centred = places[:, :2] - places[:, :2].mean(axis=0)
-        turned = np.zeros((n, a))
-        turned[:, axes.index(0)], turned[:, axes.index(1)] = -centred[:, 1], centred[:, 0]
-        columns.append(turned.ravel())
+    if datum in ("offset,rotation", "offset,diameter") and {0, 1} <= {*axes}:
+        x, y = (places[:, :2] - places[:, :2].mean(axis=0)).T
+        along = -y, x
+        if datum == "offset,diameter":
+            # x^2 + y^2 = 2 a x + 2 b y + c on a circle about (a, b).
+            circle = np.column_stack([2 * x, 2 * y, np.ones(n)])
+            centre = np.linalg.lstsq(circle, x**2 + y**2, rcond=None)[0]
+            x, y = x - centre[0], y - centre[1]
+            r = np.maximum(np.hypot(x, y), 1e-300)
+            along = x / r, y / r
+        moved = np.zeros((n, a))
+        moved[:, axes.index(0)], moved[:, axes.index(1)] = along
+        columns.append(moved.ravel())
     return np.column_stack(columns) if columns else np.zeros((n * a, 0))
 
 
@@ -211,27 +222,157 @@ def projector(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatA
     return without(Q, np.eye(len(Q)))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motions:
+    """The motions of some rows of a table in the columns that all of them have.
+
+    `rows` (m,), `columns` (h,), `Q` (h * A, k) orthonormal, rows of it (column, axis).
+    """
+
+    rows: IntArray
+    columns: IntArray
+    Q: FloatArray
+
+
+def motions_of(
+    datum: Datum,
+    places: FloatArray,
+    operation: IntArray,
+    axes: tuple[int, ...],
+    there: BoolArray,
+) -> tuple[Motions, ...]:
+    """What each row is free to move by, in each operation on its own.
+
+    Rows at nominal `places` (N, H, 3) mm have values where they are `there` (N, H); `operation`
+    (H,) codes; `axes` (0, 1, 2) those of the errors.
+    """
+    found: list[Motions] = []
+    for code in np.unique(operation) if datum != "none" else ():
+        own = np.flatnonzero(operation == code)
+        flat = np.nan_to_num(places[:, own]).reshape(len(places), -1)
+        alike = np.column_stack([there[:, own], flat])
+        _, first, kind = np.unique(alike, axis=0, return_index=True, return_inverse=True)
+        for k, row in enumerate(first.tolist()):
+            columns = own[there[row, own]]
+            if len(columns):
+                rows = np.flatnonzero(kind.reshape(-1) == k)
+                Q = basis(np.nan_to_num(places[row, columns]), axes, datum)
+                found.append(Motions(rows=rows, columns=columns, Q=Q))
+    return tuple(found)
+
+
+def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -> FloatArray:
+    """Values (rows or 1, H, A, R) less their least-squares motions; others stay as they are.
+
+    The first dimension stays 1 where all rows have the same motions.
+    """
+    if not motions:
+        return values
+    alike = all(len(own.rows) == rows for own in motions)
+    if len(values) == 1 < rows and not alike:
+        values = np.broadcast_to(values, (rows, *values.shape[1:]))
+    result = values.copy()
+    for own in motions:
+        index = np.ix_(np.arange(1) if len(values) == 1 else own.rows, own.columns)
+        m, h, a, r = (block := result[index]).shape
+        flat = block.transpose(1, 2, 0, 3).reshape(h * a, m * r)
+        result[index] = without(own.Q, flat).reshape(h, a, m, r).transpose(2, 0, 1, 3)
+    return result
+
+
 def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, bool]:
     """The points with each visit's freedoms taken out, and whether all visits are complete:
     each has every feature of its operation.
-
-    A least-squares motion of k <= 4 parameters a visit, its columns made once for all visits
-    of the same features.
     """
     if datum == "none" or not axes:
         return points, True
     visits = visits_of(points)
     errors = visits.errors.copy()
     there = np.asarray(np.isfinite(errors[:, :, list(axes)]).all(axis=2))
-    patterns, of_visit = np.unique(there, axis=0, return_inverse=True)
-    for p, present in enumerate(patterns):
-        Q = basis(visits.nominal[present], axes, datum)
-        index = np.ix_(of_visit.reshape(-1) == p, present, list(axes))
-        block = errors[index]
-        errors[index] = without(Q, block.reshape(len(block), -1).T).T.reshape(block.shape)
+    places = np.broadcast_to(visits.nominal, errors.shape)
+    one = np.zeros(there.shape[1], np.int64)
+    motions = motions_of(datum, places, one, axes, there)
+    left = without_motions(errors[:, :, list(axes), None], motions, len(there))
+    errors[:, :, list(axes)] = left[..., 0]
     complete = True
     for operation in np.unique(visits.operation):
         own = there[visits.operation == operation]
         complete &= bool((own == own.any(axis=0)).all())
     changed = errors[visits.of_point, points.feature]
     return replace(points, measured=points.nominal + changed), complete
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cells:
+    """The cells of `parts` x `columns` that n measurements fall into; `cell` (n,) is
+    part * columns + column.
+
+    `order` (n,) sorts the measurements by cell, `starts` and `count` (m,) are the runs of the m
+    cells that hold any, `there` (m,) their numbers.
+    """
+
+    parts: int
+    columns: int
+    cell: IntArray
+    order: IntArray
+    starts: IntArray
+    count: IntArray
+    there: IntArray
+
+    @cached_property
+    def index(self) -> IntArray:
+        """The place (n,) of each measurement's cell among the m."""
+        place = np.zeros(self.parts * self.columns, np.int64)
+        place[self.there] = np.arange(len(self.there))
+        return place[self.cell]
+
+    @property
+    def part(self) -> IntArray:
+        """The part of each measurement."""
+        return self.cell // self.columns
+
+    @property
+    def column(self) -> IntArray:
+        """The column of each measurement."""
+        return self.cell % self.columns
+
+    def means(self, values: FloatArray) -> FloatArray:
+        """Means (m, ...) of values (n, ...); equal values keep their digits."""
+        ordered = values[self.order]
+        origin = ordered[self.starts]
+        if len(self.starts) == len(ordered):
+            return origin
+        away = ordered - np.repeat(origin, self.count, axis=0)
+        weight = self.count.reshape(-1, *(1,) * (values.ndim - 1))
+        found: FloatArray = origin + np.add.reduceat(away, self.starts, axis=0) / weight
+        return found
+
+    def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
+        """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
+        found = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
+        found[self.there] = means
+        return found.reshape(self.parts, self.columns, *means.shape[1:])
+
+    @cached_property
+    def repeats(self) -> IntArray:
+        """Measurements in every cell, (parts, columns)."""
+        return np.bincount(self.cell, minlength=self.parts * self.columns).reshape(
+            self.parts, self.columns
+        )
+
+
+def cells_of(part: IntArray, column: IntArray, parts: int, columns: int) -> Cells:
+    """Gathers measurements by their codes `part` and `column` (n,)."""
+    cell = part.astype(np.int64) * columns + column
+    order = np.argsort(cell, kind="stable")
+    ordered = cell[order]
+    starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
+    return Cells(
+        parts=parts,
+        columns=columns,
+        cell=cell,
+        order=order,
+        starts=starts,
+        count=np.diff(np.r_[starts, len(cell)]),
+        there=ordered[starts],
+    )

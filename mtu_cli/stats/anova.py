@@ -22,15 +22,14 @@ _BLOCK = 1 << 15
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cells:
     """What an analysis needs of the data: per table and part the count n (tables, parts) and
-    the mean above `origin` (tables,), one of the table's values; the sum of squares within each
-    part, `within_part` (tables, parts), and within all of them, `within` (tables,).
+    the mean above `origin` (tables,), one of the table's values; the sum of squares within all
+    parts, `within` (tables,).
     """
 
     origin: FloatArray
     n: FloatArray
     mean: FloatArray
     within: FloatArray
-    within_part: FloatArray
 
     @property
     def present(self) -> BoolArray:
@@ -98,7 +97,6 @@ def cells_of(
         n=n.reshape(tables, parts),
         mean=mean.reshape(tables, parts),
         within=squares,
-        within_part=within,
     )
 
 

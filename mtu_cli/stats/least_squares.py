@@ -117,13 +117,6 @@ def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, Flo
     return b, np.einsum("km,km->m", z, z)
 
 
-def beside(rows: FloatArray, first: int) -> FloatArray:
-    """The last columns of `rows` (n, first + k) beside the first ones, as at most k rows: squares
-    and products are those of what the first leave of them.
-    """
-    return triangle(rows)[first:, first:]
-
-
 def gram_schmidt(
     X: FloatArray, y: FloatArray, least: FloatArray, undetermined: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -44,15 +44,13 @@ class Outstanding:
     """Family-wise p values, each adjusted for all rows, columns, groups and kinds.
 
     `by_row` (rows,) the smallest for the row as a whole (its distance and its mean over the
-    columns of each group), `by_cell` (rows, columns) for single entries. `row_kind` tells
-    which statistic of the row was smallest: 0 distance, 1 mean. `limit` (columns,) is the
-    deviation from the column's mean, over its sample deviation, beyond which an entry's p is at
-    most the rate; nan where no entry can get there.
+    columns of each group), `by_cell` (rows, columns) for single entries. `limit`
+    (columns,) is the deviation from the column's mean, over its sample deviation, beyond which an
+    entry's p is at most the rate; nan where no entry can get there.
     """
 
     by_row: FloatArray
     by_cell: FloatArray
-    row_kind: NDArray[np.int64]
     limit: FloatArray
 
 
@@ -164,12 +162,10 @@ def _outstanding(
     count: FloatArray,
 ) -> Outstanding:
     largest = (count - 1) / np.sqrt(np.maximum(count, 1.0))
-    # Of equals the mean says more: it has a sign.
     return Outstanding(
         limit=np.where(limit < largest, limit, np.nan),
         by_row=np.minimum(distance, mean),
         by_cell=entries,
-        row_kind=(mean <= distance).astype(np.int64),
     )
 
 

@@ -101,7 +101,7 @@ def smooth_profile(
             white = (vectors / np.sqrt(values)) @ vectors.T
             G, z = white @ G, white @ z
     s2 = sse / nu
-    bend, covariance, amplitude2 = _averaged(G, z, B, sse, nu)
+    bend, covariance, amplitude2 = averaged(G, z, B, sse, nu)
     return SmoothProfile(
         knots=knots,
         bend=bend,
@@ -144,7 +144,7 @@ def _own_bends(left: FloatArray, y: FloatArray, sse: float, nu: int) -> tuple[fl
     return float(OWN[best]), dof, float(beside[best])
 
 
-def _averaged(
+def averaged(
     G: FloatArray, z: FloatArray, B: FloatArray, sse: float, nu: int
 ) -> tuple[FloatArray, FloatArray, float]:
     """Mean (T,) and covariance (T, T) of f over the posterior of its amplitude, and the mean of

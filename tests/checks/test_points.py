@@ -14,8 +14,8 @@ from mtu_cli import checks
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding
-from mtu_cli.model.visits import Datum
 
 
 def found_of(table: Points, datum: Datum = "none") -> list[Finding]:

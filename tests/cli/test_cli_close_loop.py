@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from cli_runner import Listing, Result, done, listing, mtu, report
@@ -74,7 +75,7 @@ def test_the_effect_is_named_alone(first: Run) -> None:
     assert results["undeclared_effect_found"] is True
     (effect,) = results["effects"]
     assert (effect["name"], effect["class"]) == ("backlash-x", ["backlash-x"])
-    assert effect["equations"] == {"Ex": "lost_motion*dir_x"}
+    assert effect["equations"] == {"Ex": "lost_motion*dir_x + level_x"}
     assert effect["folds"]["chose_it"] == effect["folds"]["of"] > 1
     assert effect["p_familywise"] < 0.05
     parameter = effect["parameters"]["lost_motion"]
@@ -124,8 +125,8 @@ def test_the_table_says_it_first_and_in_words(first: Run) -> None:
     heading, *rest = first.result.stdout.splitlines()
     assert heading == "Undeclared effects: named"
     said = " ".join(rest[:3])
-    assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal, short .*\(backlash-x\)", said)
-    assert "Held-out parts: rms 3." in said
+    assert re.search(r"X loses \d\.\d+ ± 0\.\d+ um at reversal \(backlash-x\)", said)
+    assert "error of held-out parts falls from 3." in said
     assert max(map(len, first.result.stdout.splitlines())) <= 100
     assert "mtu: gate found: verdict named: backlash-x\n" in first.result.stderr
 
@@ -166,13 +167,18 @@ def test_the_extended_machine_has_nothing_left(first: Run, tmp_path: Path) -> No
 def test_other_commands_take_the_extended_machine(first: Run) -> None:
     call = ("predict-points", "-p", PART, "--lbb", READINGS)
     plain = report(*call, "-m", MACHINE)["results"]["points"]
-    effect = first.results["effects"][0]["parameters"]["lost_motion"]
+    (effect,) = first.results["effects"]
+    lost, level = effect["parameters"].values()
     for sign in (-1, 1):
         moved = report(*call, "-m", first.machine, "--at", f"dir_x={sign}")["results"]["points"]
         for old, new in zip(plain, moved, strict=True):
-            assert new["Ex_um"] - old["Ex_um"] == pytest.approx(sign * effect["value"])
+            assert new["Ex_um"] - old["Ex_um"] == pytest.approx(
+                sign * lost["value"] + level["value"]
+            )
             assert new["Ey_um"] == old["Ey_um"]
-            assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(effect["u"] ** 2, rel=1e-6)
+            assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(
+                np.array([sign, 1]) @ effect["covariance"] @ [sign, 1], rel=1e-6
+            )
     message = done(mtu(*call, "-m", first.machine), 2).stderr
     assert "is missing; expected --at dir_x=VALUE" in message
 

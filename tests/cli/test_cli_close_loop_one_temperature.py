@@ -59,22 +59,22 @@ def warned(folder: Path, *at: str) -> list[tuple[str, str]]:
 def test_what_parts_of_one_temperature_show_is_that_of_it(lacks: str, tmp_path: Path) -> None:
     study(tmp_path, (26.0, 26.0), lacks)
     found, text = closed(tmp_path)
-    (effect,) = found["effects"]
+    effect, *others = found["effects"]
     assert effect["family"] == lacks
-    # The step itself is of no temperature: its level is.
-    assert ("level" in effect["parameters"]) == (lacks == "step")
+    # A constant beside a step is an offset by itself.
+    assert [own["name"] for own in others] == ["offset-x"] * (lacks == "step")
+    assert ("level_x" in effect["parameters"]) == (lacks in ("scale", "squareness"))
     assert effect["found_at_degC"] == {"T_room_degC": 26.0}
-    level = "the level of " if lacks == "step" else ""
-    said = f"{effect['name']} is that of T_room_degC = 26, the same in all this data: what "
-    said = level + said
-    assert f"{said}it is at 20 degC" in text
+    said = "All this data is of T_room_degC = 26: what these effects are at 20 degC is not known."
+    assert said in text
     assert "T_room_degC: [26.0, 26.0]" in (tmp_path / "m.yaml").read_text("utf-8")
     # Half a kelvin is a thermometer's matter.
     last = ["sequence=12"] if lacks == "step" else []
     assert warned(tmp_path, "T_room_degC=26.4", *last) == []
     ((code, words),) = warned(tmp_path, "T_room_degC=20", *last)
     assert code == "outside-effect-range"
-    assert f"({effect['name']}) have T_room_degC at 26: extrapolated to 20" in words
+    assert f"({effect['name']})" in words
+    assert "have T_room_degC at 26: extrapolated to 20" in words
     ((code, words),) = warned(tmp_path, *last)
     assert code == "outside-effect-range"
     assert "have T_room_degC at 26: no value is given" in words
@@ -89,7 +89,7 @@ def test_at_20_degC_and_of_other_columns_nothing_is_told(
     study(tmp_path, T, "scale", name)
     found, text = closed(tmp_path)
     assert found["effects"][0]["found_at_degC"] == {}
-    assert "the same in all this data" not in text
+    assert "All this data" not in text
     assert "within" not in (tmp_path / "m.yaml").read_text("utf-8")
     assert warned(tmp_path) == []
 
@@ -97,9 +97,9 @@ def test_at_20_degC_and_of_other_columns_nothing_is_told(
 def test_a_hundredth_of_a_kelvin_is_no_change(tmp_path: Path) -> None:
     """A growth by that much would be of thousands of um/m/K, and as uncertain."""
     study(tmp_path, (26.0, 26.01), "scale")
-    found, text = closed(tmp_path)
+    found, text = closed(tmp_path, "--detail")
     assert [effect["name"] for effect in found["effects"]] == ["scale-x"]
-    assert re.search(r"is that of T_room_degC = 26(.01)?, the same in all this data", text)
+    assert re.search(r"All this data is of T_room_degC = 26(.01)?: ", text)
     assert "thermal-growth-x, thermal-growth-y" in text.partition("not tested: ")[2]
 
 
@@ -114,20 +114,21 @@ def test_another_temperature_that_changes_says_nothing_of_the_one_that_does_not(
     (tmp_path / "cmm.csv").write_text(text, "utf-8")
     found, said = closed(tmp_path)
     assert found["effects"][0]["found_at_degC"] == {"T_room_degC": 26.0}
-    assert "is that of T_room_degC = 26, the same in all this data" in said
+    assert "All this data is of T_room_degC = 26: " in said
     told = dict(warned(tmp_path, "T_room_degC=20", "T_spindle_degC=28"))
     assert "have T_room_degC at 26: extrapolated to 20" in told["outside-effect-range"]
 
 
 def test_what_cannot_be_of_a_temperature_is_of_none(tmp_path: Path) -> None:
-    """A growth that is excluded, and a temperature that changes, which tells the growth."""
+    """What is excluded, and a temperature that changes, which shows the growth."""
     study(tmp_path, (26.0, 26.0), "scale")
-    found, _ = closed(tmp_path, "--exclude", "thermal-growth")
+    families = ("thermal-growth", "thermal-drift", "thermal-squareness")
+    found, _ = closed(tmp_path, *(word for own in families for word in ("--exclude", own)))
     assert found["effects"][0]["found_at_degC"] == {}
     study(tmp_path, (24.0, 28.0), "scale")
     found, text = closed(tmp_path)
     assert all(effect["found_at_degC"] == {} for effect in found["effects"])
-    assert "the same in all this data" not in text
+    assert "All this data" not in text
 
 
 def test_points_tell_by_their_own_column_where_an_effect_holds(tmp_path: Path) -> None:

@@ -35,8 +35,7 @@ def test_lost_motion_from_one_part_on_is_told_with_its_part(first: int, tmp_path
         "-o", "o.json", cwd=tmp_path,
     )  # fmt: skip
     said = " ".join(done(result).stdout.split())
-    assert f"at reversal, too far from both sides, from part {first} on (backlash-step-y)" in said
-    assert "after a move to + Y stands" in said
+    assert f"um at reversal from part {first} on (backlash-step-y)" in said
     found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
     assert found["verdict"] == "named"
     (effect,) = found["effects"]

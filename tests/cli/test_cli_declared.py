@@ -19,6 +19,7 @@ CALLS = {
     "orthogonality": ["gilsinn-ling --trials 20000"],
     "anova": ["gilsinn-ling-parts", "undeclared"],
     "compare": ["gilsinn-ling-parts", "undeclared"],
+    "close-loop": ["undeclared"],
     "thermal-fit": ["valdes-ring --model ridge"],
     "correct": ["valdes-ring -c RIDGE"],
     "budget": [f"budgets/{GAUGE} --trials 20000", f"budgets/{IMPEDANCE} --trials 20000"],

@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from cli_runner import prepared
+from loop_examples import effect, on_table, parameter, result
 from model_examples import run_command
-from numpy.typing import NDArray
 from support import read_components
 
+from mtu_cli.analyses.close_loop.result import FoundEffect, Searched
+from mtu_cli.cli import close_loop
 from mtu_cli.cli.emit import Outcome, check_outputs, execute
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.close_loop_sealed.cli.close_loop import _tables as tables_of
-from mtu_cli.close_loop_sealed.cli.close_loop_choices import read_choices
-from mtu_cli.close_loop_sealed.cli.close_loop_files import FoundOn, Known, written
-from mtu_cli.close_loop_sealed.files.extend_machine import WrittenEffect, extended_machine
+from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.machine import load_machine
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
@@ -231,48 +229,28 @@ def test_a_position_given_by_at_takes_no_place_of_the_points(
         assert ("option-not-used" in codes) == bool(at)
 
 
-@dataclass(frozen=True)
-class Effect:
-    """What close-loop finds, in internal units."""
-
-    name: str
-    parameters: tuple[tuple[str, str, float, float], ...]
-    covariance: NDArray[np.float64]
-    equations: dict[str, str]
-    covariate: str | None = None
-    family: str = "family"
-    axis: str | None = "x"
-    says: str = "what it is"
-    searched: dict[str, tuple[float, float, float]] = field(default_factory=dict)
-    alike: Sequence[float] = ()
-    p_familywise: float = 0.001
-    class_names: Sequence[str] = ("only",)
-    component: str | None = None
-
-
 JOINT = np.array([[0.09, 0.02, 0.001], [0.02, 0.25, 0.03], [0.001, 0.03, 0.04]])
+"""Of the parameters of what was found, in their units."""
 FACTORS = np.array([1e-3, np.pi / 648000, 1e-6])
-FOUND = [
-    Effect(
-        "backlash-x",
-        (("lost_motion", "um", 2e-3, 0.3e-3),),
-        JOINT[:1, :1] * 1e-6,
-        {"Ex": "lost_motion*dir_x"},
-        "dir_x",
-        class_names=("backlash-x", "trend-x"),
-    ),
-    Effect(
-        "turn",
-        (
-            ("angle", "arcsec", 3 * FACTORS[1], 0.5 * FACTORS[1]),
-            ("scale", "um/m", 7e-6, 0.2e-6),
-        ),
-        JOINT[1:, 1:] * np.outer(FACTORS, FACTORS)[1:, 1:],
-        {"Ex": "-angle*(y - 40) + scale*(x - 50)", "Ey": "angle*(x - 50)"},
-        searched={"pitch_mm": (10.0, 9.5, 10.5)},
-        alike=(20.0, 4.0),
-    ),
-]
+BACKLASH = effect(
+    "backlash-x",
+    parameter("lost_motion", "um", 2.0, 0.3),
+    covariate="dir_x",
+    equations={"Ex": "lost_motion*dir_x"},
+    classes=(("backlash-x", 0.6), ("trend-x", 0.3)),
+    rows=(0,),
+)
+TURN = effect(
+    "turn",
+    parameter("angle", "arcsec", 3.0, 0.5),
+    parameter("scale", "um/m", 7.0, 0.2),
+    covariance=JOINT[1:, 1:] * np.outer(FACTORS, FACTORS)[1:, 1:],
+    equations={"Ex": "-angle*(y - 40) + scale*(x - 50)", "Ey": "angle*(x - 50)"},
+    searched={"pitch_mm": Searched(value=10.0, intervals=((9.5, 10.5),))},
+    rows=(1, 2),
+)
+FOUND = [BACKLASH, TURN]
+APART = [replace(item, rows=()) for item in FOUND]
 
 
 def inputs_of(work: Path, monkeypatch: pytest.MonkeyPatch, **values: Any) -> Inputs:
@@ -284,32 +262,15 @@ def inputs_of(work: Path, monkeypatch: pytest.MonkeyPatch, **values: Any) -> Inp
     return Inputs(Options("close-loop", paths))
 
 
-def made(
-    inputs: Inputs, effects: Sequence[Effect], covariance: Any = None, found_on: Any = None
-) -> list[str]:
-    """Writes what is asked for, and gives the codes of the warnings."""
-    found = modelled(inputs)
-    known = Known(estimates=found.estimates, fit=found.fit)
-    held_out = {"before": {"rms_um": 5.0}, "after": {"rms_um": 3.5}}
-    worth = [held_out] * len(effects)
-    result = written(inputs, known, Settings(), effects, covariance, worth, found_on)
-    for path, content in result.files.items():
+def made(inputs: Inputs, effects: Sequence[FoundEffect]) -> list[str]:
+    """Writes what is asked for as if `effects` were found, and gives the codes of the warnings."""
+    tables, earlier, _ = close_loop._tables(inputs, "none")
+    covariance = JOINT * np.outer(FACTORS, FACTORS)
+    found = result(on_table(*effects, table=tables[0], covariance=covariance))
+    files, warnings = close_loop._written(inputs, earlier, Settings(), found)
+    for path, content in files.items():
         path.write_bytes(content)
-    return [warning.code for warning in result.warnings]
-
-
-@pytest.mark.parametrize("judged", ["cmm", "lbb"])
-def test_a_loop_tells_of_a_pitch_that_was_not_told(
-    judged: str, work: Path, untold: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    given = {"machine": "machine.yaml", "part": "part.yaml", judged: [f"{judged}.csv"]}
-    if judged == "cmm":
-        given["lbb"] = ["lbb.csv"]
-    inputs = inputs_of(work, monkeypatch, **given)
-    _, _, warnings = tables_of(inputs, read_choices(inputs))
-    assert [item.message for item in warnings if item.code == "not-separable"] == [untold]
-    beyond = [item.message for item in warnings if item.code == "outside-effect-range"]
-    assert ["effects[0] (trend-y)" in text for text in beyond] == [True] * (judged == "cmm")
+    return [warning.code for warning in warnings]
 
 
 WRITE = {"write_machine": "new.yaml", "write_components": "new.json"}
@@ -340,17 +301,15 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     _, old, _ = run_command(monkeypatch, work, "predict-points", "-m", "machine.yaml", *call)
     inputs = inputs_of(work, monkeypatch, **given, **WRITE)
     assert len(inputs.points.parts) == 5
-    joint = JOINT * np.outer(FACTORS, FACTORS)
-    on = [FoundOn(seen={"dir_x": [-1.0, 1.0]}), FoundOn(within={"T_room_degC": [25.6, 26.4]})]
-    assert made(inputs, FOUND, joint, on) == []
+    assert made(inputs, FOUND) == ["written-class"]
     entry, turn = load_machine(work / "new.yaml").machine.effects
-    assert [entry.seen, turn.seen] == [{"dir_x": [-1.0, 1.0]}, {}]
-    assert [entry.within, turn.within] == [{}, {"T_room_degC": [25.6, 26.4]}]
-    assert [entry.alike, turn.alike] == [{}, {"pitch_mm": [20.0, 4.0]}]
+    assert entry.seen == {"dir_x": [-1.0, 1.0]}
+    assert turn.seen == {"y": [0.0, 160.0], "x": [0.0, 200.0]}
     assert entry.found["parts"] == 5
     assert [item["path"] for item in entry.found["files"]] == ["cmm.csv"]
     assert entry.found["class"] == ["backlash-x", "trend-x"]
-    assert entry.found["held_out"]["after"] == {"rms_um": 3.5}
+    assert turn.found["searched"] == {"pitch_mm": {"value": 10.0, "intervals": [[9.5, 10.5]]}}
+    assert entry.found["held_out"]["after"] == {"rms_um": pytest.approx(2.0)}
     call = ["predict-points", "-m", "new.yaml", *call[:3], "--at", "dir_x=1"]
     code, new, told = run_command(monkeypatch, work, *call, "-c", "new.json")
     assert code == 0, told
@@ -377,7 +336,7 @@ def test_the_components_report_is_the_fits_and_more(
         monkeypatch, work, "fit-components", "-m", "machine.yaml", "--lbb", "lbb.csv"
     )
     inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    made(inputs, FOUND)
+    made(inputs, APART)
     report = json.loads((work / "new.json").read_text())
     effects = report["results"].pop("effects")
     assert json.dumps(report["results"]) == json.dumps(fit["results"])
@@ -395,10 +354,10 @@ def test_a_second_round_keeps_what_the_first_found(
 ) -> None:
     work = prepared(tmp_path / "work")
     first = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    made(first, FOUND, JOINT * np.outer(FACTORS, FACTORS))
+    made(first, FOUND)
     given = {"machine": "new.yaml", "components": ["new.json"]}
     targets = {"write_machine": "third.yaml", "write_components": "third.json"}
-    made(inputs_of(work, monkeypatch, **given, **targets), FOUND[:1])
+    made(inputs_of(work, monkeypatch, **given, **targets, lbb=["lbb.csv"]), APART[:1])
     assert (work / "third.yaml").read_bytes().startswith((work / "new.yaml").read_bytes())
     effects = read_components(work / "third.json").effects
     assert effects is not None
@@ -412,18 +371,18 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
 ) -> None:
     """axy + f: Ex = dx_x - y (axy + f)."""
     work = prepared(tmp_path / "work")
-    covariance = np.array([[1e-12]])
-    jump = Effect(
+    jump = effect(
         "step",
-        (("jump", "urad", 5e-6, 1e-6),),
-        covariance,
-        {"Ex": "jump*step(time_min - 3)"},
+        parameter("jump", "urad", 5.0, 1.0),
+        equations={"Ex": "jump*step(time_min - 3)"},
         component="axy",
     )
-    shift = Effect(
-        "backlash", (("shift", "um", 1e-3, 1e-6),), covariance, {"Ex": "shift*dir_x"},
+    shift = effect(
+        "backlash",
+        parameter("shift", "um", 1.0, 0.001),
+        equations={"Ex": "shift*dir_x"},
         component="dx_x",
-    )  # fmt: skip
+    )
     inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
     assert made(inputs, [jump, shift]) == []
     effects = load_machine(work / "new.yaml").machine.effects
@@ -438,9 +397,9 @@ def test_what_no_equation_describes_is_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work = prepared(tmp_path / "work")
-    outlier = Effect("feature-outlier", (("shift", "um", 1e-3, 1e-4),), np.array([[1e-8]]), {})
+    outlier = effect("feature-outlier", parameter("shift", "um", 1.0, 0.1), equations={})
     inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    assert made(inputs, [outlier, FOUND[0]]) == ["effect-not-written"]
+    assert made(inputs, [outlier, replace(BACKLASH, classes=())]) == ["effect-not-written"]
     assert [item.name for item in load_machine(work / "new.yaml").machine.effects] == ["backlash-x"]
     assert made(inputs, [outlier]) == ["effect-not-written", "nothing-added"]
     assert (work / "new.yaml").read_bytes() == (work / "machine.yaml").read_bytes()
@@ -522,18 +481,14 @@ def test_targets_are_refused_before_anything_runs(
 def test_choices_of_the_study_and_of_the_call(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    work = prepared(tmp_path / "work")
-    monkeypatch.chdir(work)
+    monkeypatch.chdir(prepared(tmp_path / "work"))
 
-    def chosen(**values: Any) -> tuple[float, int, str]:
-        choices = read_choices(Inputs(Options("close-loop", {"study": Path("s.yaml")} | values)))
-        return choices.alpha, choices.max_effects, choices.datum
+    def chosen(**values: Any) -> tuple[Any, ...]:
+        own = Inputs(Options("close-loop", {"study": Path("s.yaml")} | values)).chosen
+        return own.alpha, own.max_effects, own.datum
 
-    head = "schema: mtu/study/1\n"
-    (work / "s.yaml").write_text(head)
-    assert chosen() == (0.05, 4, "none")
-    settings = "settings: {alpha: 0.01, max_effects: 2, datum: offset}\n"
-    (work / "s.yaml").write_text(head + settings)
+    study = "schema: mtu/study/1\nsettings: {alpha: 0.01, max_effects: 2, datum: offset}\n"
+    Path("s.yaml").write_text(study)
     assert chosen() == (0.01, 2, "offset")
     given: dict[str, Any] = {"alpha": 0.1, "max_effects": 1, "datum": "offset,rotation"}
     assert chosen(**given) == (0.1, 1, "offset,rotation")

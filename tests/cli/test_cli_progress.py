@@ -14,7 +14,6 @@ from cli_runner import done, mtu, prepared
 from mtu_cli.cli import emit
 from mtu_cli.cli.commands import app
 from mtu_cli.cli.emit import late_bar
-from mtu_cli.close_loop_sealed.stats import side_by_side
 
 
 class Terminal(io.StringIO):
@@ -66,33 +65,22 @@ def test_what_is_done_at_once_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> 
     assert terminal.getvalue() == ""
 
 
-def closed(folder: Path, threads: int, monkeypatch: pytest.MonkeyPatch) -> bytes:
-    """The report on a loop that was closed by so many threads."""
-    words = "close-loop --cmm cmm.csv --max-effects 1 --exclude cyclic --exclude warm-up -q"
-    monkeypatch.setattr(side_by_side, "available_threads", lambda: threads)
-    monkeypatch.setattr(sys, "argv", ["mtu", *words.split(), "-o", "out.json"])
-    monkeypatch.chdir(folder)
-    app(sys.argv[1:], standalone_mode=False)
-    return Path("out.json").read_bytes()
-
-
 def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whether folds are searched in a second process or not, and with the same report."""
+    """On a terminal alone, and with the same report."""
     done(mtu("simulate", "--parts", "5", "--write-cmm", "cmm.csv", cwd=prepared(tmp_path)))
     monkeypatch.setattr(emit, "DELAY_S", 0.0)
     monkeypatch.setattr(emit, "EVERY_S", 0.0)
+    monkeypatch.chdir(tmp_path)
+    call = ["close-loop", "--cmm", "cmm.csv", "--max-effects", "1", "-q", "-o", "out.json"]
     reports = set()
-    for threads in (1, 2):
-        terminal = terminal_of(monkeypatch)
-        reports.add(closed(tmp_path, threads, monkeypatch))
-        seen = terminal.getvalue()
+    for stream in (terminal_of(monkeypatch), io.StringIO()):
+        monkeypatch.setattr(sys, "stderr", stream)
+        app(call, standalone_mode=False)
+        reports.add(Path("out.json").read_bytes())
+        seen = stream.getvalue()
         shares = [int(share) for share in re.findall(r"(\d+)%", seen)]
-        assert "close-loop" in seen
+        assert ("close-loop" in seen) == stream.isatty()
         assert shares == sorted(shares)
-        assert shares[-1] == 100
-        assert len(set(shares)) > threads
-    quiet = io.StringIO()
-    monkeypatch.setattr(sys, "stderr", quiet)
-    reports.add(closed(tmp_path, 1, monkeypatch))
-    assert "close-loop" not in quiet.getvalue()
+        assert not shares or shares[-1] == 100
+        assert (len(set(shares)) > 2) == stream.isatty()
     assert len(reports) == 1

@@ -21,13 +21,12 @@ import numpy as np
 from fuzz.cases import Case
 from fuzz.messages import unclean
 from fuzz.samples import Kind, Sample
-from mtu_cli.close_loop_sealed.files.effect_templates import load_effects
-from mtu_cli.close_loop_sealed.files.extend_machine import WrittenEffect, extended_machine
-from mtu_cli.close_loop_sealed.model.effect_library import effect_library
 from mtu_cli.files import csv_file
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.csv_file import _Body, read_table
 from mtu_cli.files.csv_table import CellFaults
+from mtu_cli.files.effects import load_effects
+from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
 from mtu_cli.files.headers import POINTS, READINGS, TableSpec
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
@@ -36,6 +35,7 @@ from mtu_cli.files.readings import Components, Readings, read_readings
 from mtu_cli.files.reports_read import read_report
 from mtu_cli.files.study import load_study
 from mtu_cli.findings import InputError
+from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.graph.net import load_graph
 
 LIMIT_S = 10.0

@@ -15,7 +15,7 @@ from support import CONFIGS, DATA
 from watched_process import MTU
 
 from fuzz.table_damage import sheet_of
-from mtu_cli.close_loop_sealed.model.effect_library import BUILT_IN
+from mtu_cli.model.effect_library import BUILT_IN
 
 Kind = Literal[
     "readings", "drift", "points", "machine", "part", "study", "effects", "budget", "graph",

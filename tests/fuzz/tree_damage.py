@@ -15,9 +15,6 @@ Place = tuple[Any, Any]
 """A list or mapping, and the index or key of a value in it."""
 
 
-YAML_SIGNS = ("&a [1]", "*a", "!!int 3", "!!float 1", "!!str 1", "!x y", "? a", "- 1", "{<<: 1}")
-
-
 class _Raw:
     """Texts that go into the file as they are, without quotes."""
 

@@ -34,6 +34,7 @@ from mtu_cli.analyses.anova.outliers import (
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Label, Method, analysed
 from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
 from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding
 from mtu_cli.model.measured import (
     MeasuredTables,
@@ -45,7 +46,7 @@ from mtu_cli.model.measured import (
     roundings,
 )
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import Datum, axes_of, freed, incomplete_datum, only_features, visits_of
+from mtu_cli.model.visits import axes_of, freed, incomplete_datum, only_features, visits_of
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:

@@ -23,6 +23,7 @@ from mtu_cli.analyses.compare.evidence import (
 )
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns, used_columns
 from mtu_cli.model.effect_columns import with_effect_columns
@@ -43,7 +44,6 @@ from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.model.visits import (
-    Datum,
     IntArray,
     axes_of,
     freed,

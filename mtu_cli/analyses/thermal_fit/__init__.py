@@ -30,7 +30,6 @@ from mtu_cli.stats.residuals import condition_number, normality_p, variance_infl
 from mtu_cli.units import LENGTH, UNITS
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
-ZEROED = ("auto", "cycle", "never")
 _ROUNDING_OF_COUNT = 1e-6
 MOST_POINTS = 400
 """Points of one curve of a picture."""
@@ -48,7 +47,7 @@ def thermal_fit(
 
     `components` are (axis, unit) of the machine's, None without a machine: then positions are
     taken as they stand, and lengths are reported in um, angles in arcsec. `reference` in degC;
-    `method` one of METHODS; `zeroed` one of ZEROED (auto: the first readings or a test decide).
+    `method` one of METHODS; `zeroed` auto (the first readings or a test decide), cycle or never.
     Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles are held out.
 
     Raises InputError without sensors, where a temperature is not given, or where the readings

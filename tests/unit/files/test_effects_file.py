@@ -10,12 +10,12 @@ import jsonschema
 import pytest
 import yaml
 
-from mtu_cli.close_loop_sealed.files.effect_templates import LoadedEffects, load_effects
-from mtu_cli.close_loop_sealed.model.effect_library import BUILT_IN, effect_library
 from mtu_cli.files.contract import json_schema
+from mtu_cli.files.effects import EffectLibrary, load_effects
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import names, parse, to_text
 from mtu_cli.language.parser import BRACED
+from mtu_cli.model.effect_library import BUILT_IN, effect_library
 
 BACKLASH = """\
 - family: play
@@ -27,7 +27,7 @@ BACKLASH = """\
 """
 
 
-def load(tmp_path: Path, text: str) -> LoadedEffects:
+def load(tmp_path: Path, text: str) -> EffectLibrary:
     (tmp_path / "e.yaml").write_text(dedent(text), encoding="utf-8")
     return load_effects(tmp_path / "e.yaml")
 
@@ -54,11 +54,9 @@ def test_a_list_of_families_or_a_file_with_its_schema(tmp_path: Path) -> None:
     for loaded in (bare, full):
         (found,) = loaded.families
         assert found.name == "play-{a}"
-        assert found.marks() == {"a"}
         (template,) = found.templates
-        assert template.raw_names == ("dir_{a}",)
+        assert template.columns == ("dir_{a}",)
         assert template.units == {"lost_motion": "um"}
-    assert (bare.families[0].line, full.families[0].line) == (1, 3)
 
 
 def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:

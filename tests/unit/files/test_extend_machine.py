@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mtu_cli.close_loop_sealed.files.extend_machine import (
+from mtu_cli.files.extend_machine import (
     ExtendedMachine,
     WrittenEffect,
     extended_machine,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from mtu_cli.close_loop_sealed.files.effect_templates import filled_tree
 from mtu_cli.findings import Finding, InputError
 from mtu_cli.language import Node, check_dimension, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
+from mtu_cli.language.tree import filled_tree
 from mtu_cli.language.unit_algebra import check_consistent
 from mtu_cli.units import ANY, PARAMETER_UNITS, PLAIN, Powers, internal, unit_powers
 

@@ -10,7 +10,8 @@ import pytest
 from measured_examples import PLACES, points, study
 
 from mtu_cli.files.points import Points
-from mtu_cli.model.visits import Datum, basis, freed, freedoms, projector, visits_of
+from mtu_cli.files.study import Datum
+from mtu_cli.model.visits import basis, freed, freedoms, projector, visits_of
 
 XY = (0, 1)
 

@@ -9,14 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from effect_tables import table as points_table
+from effect_tables import table
 from model_examples import FloatArray, loaded, part_of, stated
 
 from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_points
-from mtu_cli.close_loop_sealed.model.residual_table import ResidualTable
-from mtu_cli.close_loop_sealed.model.seen_ranges import seen_ranges
 from mtu_cli.model.effect_ranges import _not_given, effect_warnings_at
 from mtu_cli.model.fit import effects_on_readings
 from mtu_cli.model.prediction import predict
@@ -86,37 +84,50 @@ def test_positions_and_columns_that_did_not_change(tmp_path: Path) -> None:
         "machine.yaml: effects[0] (bend) y from 10 to 30 mm extrapolated to 33 mm",
         "machine.yaml: effects[0] (bend) dir_x at 1 extrapolated to -1",
     ]
-
-
-def test_a_coordinate_that_the_machine_fixes_is_no_matter(tmp_path: Path) -> None:
+    # A coordinate that the machine fixes is no matter.
     text = PLACE.replace("(y - 20)**2", "z**2").replace("y: [10", "z: [10")
     assert told(tmp_path, text, {"dir_x": 1.0}, POINTS) == []
 
 
-def test_ranges_change_no_prediction_and_may_be_left_out(tmp_path: Path) -> None:
-    far = {"time_min": 1e3}
-    bare = ONE.replace("    seen: {time_min: [0, 100]}\n", "")
+def test_ranges_may_be_left_out_and_change_no_prediction(tmp_path: Path) -> None:
+    far, bare = {"time_min": 1e3}, ONE.replace("    seen: {time_min: [0, 100]}\n", "")
     assert told(tmp_path, bare, far, POINTS) == []
-    with_range, without = (
+    one, other = (
         predict(stated(tmp_path, MACHINE + text), ["1", "2", "3"], POINTS, far)
         for text in (ONE, bare)
     )
-    assert (with_range.mean == without.mean).all()
-    assert (with_range.covariance == without.covariance).all()
+    assert (one.mean == other.mean).all()
+    assert (one.covariance == other.covariance).all()
 
 
 @pytest.mark.parametrize(
-    ("value", "unit", "large"), [(900, "um", None), (-3, "mm", "-3"), (1100, "um", "1.1")]
+    ("value", "unit", "equation", "length", "degC", "large"),
+    [
+        (900, "um", "Ey: p*dir_x", 70, 20, None),
+        (-3, "mm", "Ey: p*dir_x", 70, 20, -3.0),
+        (1100, "um", "Ey: p*dir_x", 70, 20, 1.1),
+        # 11 um/m/K by 10 K over 24 m; with a temperature in kelvin 3 mm over one metre.
+        (11, "um/m/K", "Ex: p*x*(T_a_degC - 20)", 23640, 30, None),
+        (11, "um/m/K", "Ex: p*x*(T_a_degC - 20)", 1000, 293.15, 3.00465),
+    ],
 )
 def test_an_effect_of_more_than_a_millimetre(
-    tmp_path: Path, value: float, unit: str, large: str | None
+    tmp_path: Path,
+    value: float,
+    unit: str,
+    equation: str,
+    length: float,
+    degC: float,
+    large: float | None,
 ) -> None:
     text = f"  - name: e\n    parameters: {{p: {{value: {value}, u: 1, unit: {unit}}}}}\n"
-    model = stated(tmp_path, f"{MACHINE}{text}    equations: {{Ey: p*dir_x}}\n")
-    found = effect_warnings_at(model, POINTS, {"dir_x": 1.0})
+    text = f"{MACHINE}{text}    equations: {{{equation}}}\n".replace("[1.0, 0.1]", "[1.0, 0.0]")
+    points = np.array([[0.0, 20, 0], [length, 12, 0]])
+    found = effect_warnings_at(stated(tmp_path, text), points, {"dir_x": 1.0, "T_a_degC": degC})
     assert [item.code for item in found] == ([] if large is None else ["effect-too-large"])
-    if large is not None:
-        assert found[0].facts["value_mm"] == pytest.approx(float(large))
+    assert [item.facts["value_mm"] for item in found] == (
+        [] if large is None else [pytest.approx(large)]
+    )
 
 
 def test_every_prediction_warns(tmp_path: Path) -> None:
@@ -144,49 +155,19 @@ def test_readings_of_a_component_warn(tmp_path: Path) -> None:
         assert [item.code for item in found] == ["outside-effect-range"] * count
 
 
-def ranges_of(
-    covariates: dict[str, FloatArray], equations: dict[str, str]
-) -> dict[str, list[float]]:
+def ranges_of(**covariates: FloatArray) -> dict[str, list[float]]:
     """The ranges of three parts with two features, one of which was not measured."""
-    P, H = 3, 2
-    repeats = np.ones((P, H), np.int64)
-    repeats[2, 1] = 0
-    places = np.full((P, H, 3), np.nan)
-    places[..., 0], places[..., 1] = [10.0, 1000 / 3], 5.0
-    table = ResidualTable(
-        axes=("x",),
-        component=None,
-        unit="um",
-        parts=("1", "2", "3"),
-        features=("A", "B"),
-        errors=np.zeros((P, H, 1)),
-        repeats=repeats,
-        repeat_variance=np.ones(1),
-        repeat_dof=1,
-        places=places,
-        operations=("",),
-        operation=np.zeros(H, np.int64),
-        covariates=covariates,
-        common=np.zeros((1, H, 1, 0)),
-        of_part=np.zeros((1, H, 1, 0)),
-    )
-    return seen_ranges(table, equations)
+    repeats = np.array([[1, 1], [1, 1], [1, 0]])
+    places = np.array([[10.0, 5.0, np.nan], [1000 / 3, 5.0, np.nan]])
+    own = table(3, 2, axes=("x",), places=places, covariates=covariates, repeats=repeats)
+    return own.ranges(["x", "z", "load", "time_min"])
 
 
 def test_ranges_are_those_of_the_measured_cells() -> None:
     """A column in its smallest shape, positions, and what the equations do not use."""
-    covariates = {
-        "sequence": np.array([[1.0], [2.0], [3.0]]),
-        "time_min": np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]]),
-        "load": np.array([[7.0]]),
-    }
-    equations = {"Ex": "a*(x - 3)*time_min + b*load", "Ey": "b*step(sequence - 2.5)*z"}
-    assert ranges_of(covariates, equations) == {
-        "x": [10.0, 333.3334],
-        "time_min": [0.0, 4.0],
-        "load": [7.0, 7.0],
-        "sequence": [1.0, 3.0],
-    }
+    time = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]])
+    found = ranges_of(time_min=time, load=np.array([[7.0]]), sequence=np.arange(3.0)[:, None])
+    assert found == {"x": [10.0, 333.3334], "load": [7.0, 7.0], "time_min": [0.0, 4.0]}
 
 
 @pytest.mark.parametrize(
@@ -206,8 +187,7 @@ def test_ranges_are_those_of_the_measured_cells() -> None:
 )
 def test_what_was_seen_lies_within_its_range(values: list[float]) -> None:
     """Rounded outward, and by the range: counters and seconds since 1970 have few digits of it."""
-    column = np.array(values)[:, None]
-    low, high = ranges_of({"load": column}, {"Ex": "a*load"})["load"]
+    low, high = ranges_of(load=np.array(values)[:, None])["load"]
     slack = 2e-6 * (max(values) - min(values))
     assert min(values) - slack <= low <= min(values)
     assert max(values) <= high <= max(values) + slack
@@ -230,18 +210,6 @@ def test_large_numbers_are_told_apart(
     assert len(found) == (words is not None)
 
 
-@pytest.mark.parametrize(("length", "large"), [(23640.0, False), (1000.0, True)])
-def test_growth_of_a_long_axis_is_true(tmp_path: Path, length: float, large: bool) -> None:
-    """11 um/m/K by 10 K over 24 m; with a temperature in kelvin 3.2 mm over one metre."""
-    temperature = 293.15 if large else 30.0
-    text = "  - name: e\n    parameters: {p: {value: 11, u: 1, unit: um/m/K}}\n"
-    text += "    equations: {Ex: p*x*(T_a_degC - 20)}\n"
-    model = stated(tmp_path, MACHINE.replace("[1.0, 0.1]", "[1.0, 0.0]") + text)
-    points = np.array([[0.0, 20, 0], [length, 12, 0]])
-    found = effect_warnings_at(model, points, {"T_a_degC": temperature})
-    assert [item.code for item in found] == (["effect-too-large"] if large else [])
-
-
 @pytest.mark.parametrize(
     ("given", "told"),
     [
@@ -261,10 +229,3 @@ def test_what_an_effect_holds_within_is_asked_of_all_points(given: Any, told: st
     found = _not_given([own], values)  # type: ignore[list-item]  # all that it looks at
     assert [warned.code for warned in found] == ["outside-effect-range"] * (told is not None)
     assert told is None or told in found[0].message
-
-
-def test_a_column_called_as_a_parameter_is_no_column_of_an_equation() -> None:
-    own = points_table(3, 4, covariates={"jump": np.arange(3.0)[:, None], "load": np.ones((3, 1))})
-    equations = {"Ex": "jump*load"}
-    assert set(seen_ranges(own, equations)) == {"jump", "load"}
-    assert set(seen_ranges(own, equations, {"jump"})) == {"load"}

@@ -131,3 +131,14 @@ effects:
     assert more[0::2] == pytest.approx([2e-3, 5e-3, 5e-3])
     wider = np.diag(found.covariance - plain.covariance)[0::2]
     assert wider == pytest.approx([0.01e-6, 0.05e-6, 0.05e-6])
+
+
+def test_a_component_of_an_effect_counts_as_one_of_the_machine(tmp_path: Path) -> None:
+    table = """{of: x, unit: um, shape: table, at_mm: [0, 40, 80], coefficients: [0, 3, -1],
+      covariance: [[0.1, 0, 0], [0, 0.2, 0.1], [0, 0.1, 0.3]], roughness_um2_per_mm3: 1.0e-4}"""
+    effect = f"\neffects:\n  - name: e\n    equations: {{Ex: p}}\n    components: {{p: {table}}}\n"
+    declared = predict(stated(tmp_path, MACHINE + effect), IDS, POINTS)
+    plain = MACHINE.replace("equations: {Ex: a", f"  p: {table}\nequations: {{Ex: p + a")
+    own = predict(stated(tmp_path, plain), IDS, POINTS)
+    assert declared.mean == pytest.approx(own.mean, rel=1e-12)
+    assert declared.covariance == pytest.approx(own.covariance, rel=1e-9)

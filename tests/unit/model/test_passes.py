@@ -10,11 +10,11 @@ import pytest
 from model_examples import Segment, loaded, readings
 from numpy.typing import NDArray
 
-from mtu_cli.close_loop_sealed.model_slice import reading_layout
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.model.fit import fit_machine
 from mtu_cli.model.passes import passes_of
+from mtu_cli.model.reading_residuals import reading_layout
 
 IntArray = NDArray[np.int64]
 
@@ -86,8 +86,8 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     assert several.pass_dof == one.pass_dof
     np.testing.assert_allclose(several.covariance, one.covariance, rtol=1e-9)
     layout = reading_layout(split, np.arange(len(WAY)), "x", "a")
-    assert layout.pairs == layout.passes
-    assert layout.passes == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
+    assert layout.pairs == layout.parts
+    assert layout.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
 
 
 def test_files_that_take_turns_on_one_clock_are_in_order_of_time() -> None:
@@ -124,4 +124,4 @@ def test_passes_of_other_set_ups_are_rows_of_their_own() -> None:
     given = replace(given, pass_number=(NUMBER + 1) // 2, covariates={"setup": labels})
     layout = reading_layout(given, np.arange(len(WAY)), "x", "a")
     assert not layout.pairs
-    assert layout.passes == tuple(f"{i} {way}" for i in range(1, RUNS + 1) for way in "+-")
+    assert layout.parts == tuple(f"{i} {way}" for i in range(1, RUNS + 1) for way in "+-")

@@ -1,4 +1,4 @@
-"""Covariates of residual tables, and temperatures whose history or noise counts."""
+"""Covariates of residual tables: shapes, gaps, texts, errors again; lags and noise of sensors."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from compare_trials import made, study
 from model_examples import stated
 from numpy.typing import NDArray
 from residual_examples import (
@@ -23,10 +24,13 @@ from thermal_machines import SENSORS, line
 from thermal_machines import machine as warm_machine
 
 from mtu_cli.analyses.correct import correct
-from mtu_cli.close_loop_sealed.model.residual_table import residual_table
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
+from mtu_cli.model.covariates import FEW_ROWS, FEWEST, without_gaps, without_repeated
+from mtu_cli.model.residuals import residual_table
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.visits import only_rows
+from mtu_cli.stats.least_squares import FloatArray
 
 Floats = NDArray[np.float64]
 
@@ -194,3 +198,170 @@ def test_noise_of_temperatures_goes_where_it_is_shared(tmp_path: Path) -> None:
     each = thermal_points(4, 3, same_time=False)
     assert np.abs(added(each, "of_part")).max() < 1e-15
     assert np.abs(added(each, "common")).max() < 1e-15
+
+
+# Gaps.
+
+
+def with_gaps(**rows: list[int]) -> Points:
+    """Points with covariates of which some rows are empty."""
+    points = measured(5, 8, 2)
+    columns = {}
+    for name, empty in rows.items():
+        columns[name] = np.arange(len(points), dtype=float)
+        columns[name][empty] = np.nan
+    return replace(points, covariates=columns)
+
+
+def test_the_table_is_that_of_the_other_rows(tmp_path: Path) -> None:
+    model, points = stated(tmp_path, MACHINE), with_gaps(T_room_degC=[17], tool_parts=[17, 40])
+    kept = np.ones(len(points), bool)
+    kept[[17, 40]] = False
+    table, warned = residual_table(model, points)
+    other, _ = residual_table(model, only_rows(points, kept))
+    np.testing.assert_array_equal(table.errors, other.errors)
+    np.testing.assert_array_equal(table.repeats, other.repeats)
+    for name in ("T_room_degC", "tool_parts"):
+        np.testing.assert_array_equal(table.covariates[name], other.covariates[name])
+    assert codes(warned) == ["missing-values"]
+    file = points.sources[0].shown
+    assert warned[0].facts["names"] == ["T_room_degC", "tool_parts"]
+    first = f"2 of 80 rows left out, the first {file}, row {points.row[17]}"
+    assert warned[0].facts["consequence"] == first
+
+
+def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
+    """Of two columns whose gaps are too many together, the one that has fewer stays."""
+    points = with_gaps(rare=[3], often=[4, 5, 6, 7], most=list(range(30)))
+    assert 4 <= FEW_ROWS * len(points) < 5
+    kept, warned = without_gaps(points, ())
+    assert len(kept) == len(points) - 1
+    assert warned[0].facts["names"] == ["rare"]
+    table, told = residual_table(stated(tmp_path, MACHINE), points)
+    assert {"rare"} <= set(table.covariates)
+    assert not {"often", "most"} & set(table.covariates)
+    assert [item.facts["names"] for item in told] == [
+        ["rare"],
+        ["often (4 of 79 rows)", "most (29 of 79 rows)"],
+    ]
+
+
+def test_a_column_that_a_whole_file_lacks_is_told_with_the_file(tmp_path: Path) -> None:
+    points = with_gaps(T_room_degC=list(range(60, 80)), load=[0, 1, 2, 3, 79])
+    second = replace(points.sources[0], shown="b.csv")
+    index = (np.arange(len(points)) >= 60).astype(np.int64)
+    points = replace(points, file_index=index, sources=(*points.sources, second))
+    _, (told,) = residual_table(stated(tmp_path, MACHINE), points)
+    rows = ["T_room_degC (20 of 80 rows, all of b.csv)", "load (5 of 80 rows)"]
+    assert told.facts["names"] == rows
+
+
+def test_a_column_without_any_value_is_told(tmp_path: Path) -> None:
+    points = with_gaps(T_room_degC=list(range(80)))
+    table, (told,) = residual_table(stated(tmp_path, MACHINE), points)
+    assert told.message.startswith("cells missing (T_room_degC (80 of 80 rows, all of ")
+    assert "T_room_degC" not in table.covariates
+
+
+def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
+    machine = MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1)
+    assert machine != MACHINE
+    model, points = stated(tmp_path, machine), with_gaps(T_room_degC=[17])
+    with pytest.raises(InputError, match="empty cell"):
+        residual_table(model, points)
+    assert without_gaps(points, model.covariates()) == (points, [])
+
+
+@pytest.mark.parametrize("whole", ["part", "feature", "same"])
+def test_no_part_or_feature_goes_for_a_covariate(whole: str) -> None:
+    """Nor a row for one that is the same everywhere, of which there is nothing to test."""
+    points = measured(30, 30, 1)
+    column = np.arange(len(points), dtype=float)
+    if whole == "same":
+        column[:] = 7.0
+        column[3] = np.nan
+    else:
+        column[getattr(points, whole) == 4] = np.nan
+    points = replace(points, covariates={"batch": column, "empty": column * np.nan})
+    assert np.isnan(column).sum() <= FEW_ROWS * len(points)
+    assert without_gaps(points, ()) == (points, [])
+
+
+def test_gaps_are_told_where_the_datum_takes_points_too(tmp_path: Path) -> None:
+    points = with_gaps(tool_parts=[17])
+    alone = (points.part != 0) | (points.feature == 0)
+    kept = only_rows(points, alone)
+    _, warned = residual_table(stated(tmp_path, MACHINE), kept, None, "offset")
+    assert {"missing-values", "not-measured"} <= set(codes(warned))
+
+
+# Errors again.
+
+
+def written(seed: int = 1, digits: int = 4) -> Points:
+    """As a CMM writes it: 0.1 um unless said, errors of some 5 um."""
+    _, truth, part = study()
+    found = made(truth, part, seed, parts=6)
+    return replace(found, measured=np.round(found.measured, digits))
+
+
+def repeats(found: Points, column: FloatArray, needed: tuple[str, ...] = ()) -> str | None:
+    """The message on a column, which is taken out where there is one."""
+    load = np.mod(np.arange(len(found), dtype=np.float64), 7.0)
+    given = replace(found, covariates={"own": column, "load": load})
+    left, warned = without_repeated(given, needed)
+    assert ("own" in left.covariates) == (not warned)
+    assert "load" in left.covariates
+    return warned[0].message if warned else None
+
+
+WRITTEN = {
+    "the error along x": lambda e, m: e[:, 0],
+    "the error along y": lambda e, m: -np.round(1e3 * e[:, 1], 1),
+    "the coordinate x": lambda e, m: m[:, 0],
+    "the length of the error": lambda e, m: np.round(2e3 * np.hypot(e[:, 0], e[:, 1]), 2),
+}
+
+
+@pytest.mark.parametrize("words", WRITTEN)
+def test_what_a_measuring_machine_writes_of_the_error_is_taken_out(words: str) -> None:
+    """In mm or um, with the other sign, as the diameter of the position."""
+    found = written()
+    message = repeats(found, WRITTEN[words](found.measured - found.nominal, found.measured))
+    assert message is not None
+    assert f"'own' ({words})): they repeat what was measured" in message
+    own = WRITTEN[words](found.measured - found.nominal, found.measured)
+    assert repeats(found, own, needed=("own",)) is None
+
+
+def test_the_nominal_places_are_called_so() -> None:
+    """Their distances are no last digit, within which the places as measured agree as well."""
+    found = written()
+    for column in (found.nominal[:, 0], 1e3 * found.nominal[:, 0]):
+        message = repeats(found, column)
+        assert message is not None
+        assert "'own' (the nominal x)): they repeat the nominal place" in message
+
+
+def test_what_only_goes_with_the_error_stays() -> None:
+    """A cause of nearly all of it, the error less a part's own, one entry that is another; and
+    errors that are hardly more than the digits they are given to.
+    """
+    found = written()
+    own = (found.measured - found.nominal)[:, 0]
+    noise = np.random.default_rng(3).normal(scale=0.1 * own.std(), size=len(own))
+    other = own.copy()
+    other[5] += 0.5 * own.std()
+    for column in (own + noise, other, own - own.mean(), np.sign(own)):
+        assert repeats(found, column) is None
+    coarse = written(digits=2)
+    assert repeats(coarse, (coarse.measured - coarse.nominal)[:, 0]) is None
+
+
+@pytest.mark.parametrize("count", [FEWEST - 1, FEWEST])
+def test_of_few_points_nothing_is_said(count: int) -> None:
+    """Of one feature, so that the last digit of the coordinates shows."""
+    found = written()
+    few = only_rows(found, np.flatnonzero(found.feature == found.feature[0])[:count])
+    message = repeats(few, (few.measured - few.nominal)[:, 0])
+    assert (message is not None) == (count == FEWEST)

@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from compare_trials import fitted
 from model_examples import stated
 from numpy.typing import NDArray
 from residual_examples import (
     GROWING,
     MACHINE,
     UNCERTAIN,
+    by_cell,
     check_against_loop,
     check_factors,
     codes,
     measured,
+    moved,
     residuals,
     rows,
     warm,
     with_operations,
 )
 
-from mtu_cli.close_loop_sealed.model import residual_factors
-from mtu_cli.close_loop_sealed.model.residual_layout import filled
-from mtu_cli.close_loop_sealed.model.residual_table import residual_table
+from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.residuals import ResidualTable, filled, residual_table
 
 Floats = NDArray[np.float64]
+ROTATION: Datum = "offset,rotation"
+FREE: list[Datum] = ["offset", ROTATION]
 
 
 @pytest.mark.parametrize("keep", [1.0, 0.4])
@@ -51,15 +54,9 @@ def test_errors_are_means_of_measured_less_predicted(tmp_path: Path, keep: float
     check_against_loop(model, points, table)
 
 
-@pytest.mark.parametrize("piece", [1, 7, 8192])
 @pytest.mark.parametrize("machine", [GROWING, UNCERTAIN, MACHINE])
-def test_covariates_of_points_and_pieces(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int, machine: str
-) -> None:
-    """A temperature that differs between repeats, and constants of which some pieces see
-    nothing.
-    """
-    monkeypatch.setattr(residual_factors, "PIECE", piece)
+def test_covariates_of_points(tmp_path: Path, machine: str) -> None:
+    """A temperature that differs between repeats, and uncertain constants."""
     model = stated(tmp_path, machine)
     points = warm(measured(4, 5, 2, keep=0.7))
     table, _ = residual_table(model, points, {})
@@ -229,32 +226,172 @@ def test_places_and_temperatures_beyond_the_fit_are_told(tmp_path: Path) -> None
     assert set(codes(warned)) == {"outside-measured-range"}
 
 
-def test_a_table_takes_a_fraction_of_the_loop(tmp_path: Path) -> None:
-    model = stated(tmp_path, GROWING)
-    points = warm(measured(8, 10, 3))
-
-    def seconds(run: object) -> float:
-        start = time.process_time()
-        run()  # type: ignore[operator]  # a callable
-        return time.process_time() - start
-
-    loop = seconds(lambda: residuals(model, points, (0, 1), {}))
-    table = min(seconds(lambda: residual_table(model, points, {})) for _ in range(3))
-    assert table < loop / 4
+# What a datum frees.
 
 
-def test_an_axis_was_read_as_far_as_any_of_its_components() -> None:
-    """One along x goes farther at one end, another at the other; what has no axis tells nothing."""
-    model = fitted(9, 7)
-    ends = {0: (-20.0, 130.0), 1: (15.0, 900.0), 2: None}
-    terms = [
-        replace(
-            term,
-            estimate=replace(
-                term.estimate, position_range=ends.get(i, term.estimate.position_range)
-            ),
-        )
-        for i, term in enumerate(model.terms)
-    ]
-    found = residual_factors.read_ranges(replace(model, terms=tuple(terms)))
-    assert found == {"x": (-20.0, 900.0), "y": (10.0, 140.0)}
+def whole_parts(points: Points) -> Points:
+    """Parts lack features here, but all repeats of a part have the same."""
+    lacking = ((points.part == 1) & (points.feature == 2)) | (
+        (points.part == 3) & (points.feature < 2)
+    )
+    return rows(points, np.flatnonzero(~lacking))
+
+
+def check_against_motions(
+    model: MachineModel, points: Points, table: ResidualTable, datum: Datum
+) -> None:
+    """Least-squares motions of each measurement, fitted one by one."""
+    axes = ["xyz".index(axis) for axis in table.axes]
+    plain = residuals(model, points, axes, {})
+    left = moved(points, plain, axes, turning=datum == ROTATION)
+    for (part, feature), own in by_cell(points, left).items():
+        place = table.parts.index(part), table.features.index(feature)
+        np.testing.assert_allclose(table.errors[place], sum(own) / len(own), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("datum", FREE)
+@pytest.mark.parametrize("z", [False, True])
+def test_errors_less_the_motion_of_each_measurement(tmp_path: Path, datum: Datum, z: bool) -> None:
+    model = stated(tmp_path, MACHINE + ("  Ez: py + z*sq\n" if z else ""))
+    points = whole_parts(measured(5, 6, 3, z=z))
+    for found in (points, with_operations(points, ["drilled", "milled"])):
+        table, warned = residual_table(model, found, {}, datum)
+        assert warned == ()
+        assert table.datum == datum
+        check_against_motions(model, found, table, datum)
+
+
+@pytest.mark.parametrize("datum", FREE)
+def test_motions_of_parts_are_not_seen(tmp_path: Path, datum: Datum) -> None:
+    """Another offset and rotation of every measurement changes nothing, repeats included."""
+    model = stated(tmp_path, MACHINE)
+    points = whole_parts(measured(5, 6, 3))
+    rng = np.random.default_rng(5)
+    shift = rng.normal(0, 0.05, (5, 4, 3))[points.part, points.repeat]
+    turn = rng.normal(0, 1e-4, (5, 4))[points.part, points.repeat] * (datum == ROTATION)
+    x, y = points.nominal[:, 0], points.nominal[:, 1]
+    shift[:, :2] += turn[:, None] * np.column_stack([-y, x])
+    before, _ = residual_table(model, points, {}, datum)
+    after, _ = residual_table(model, replace(points, measured=points.measured + shift), {}, datum)
+    np.testing.assert_allclose(after.errors, before.errors, atol=1e-14)
+
+
+@pytest.mark.parametrize("datum", FREE)
+@pytest.mark.parametrize("turned", [False, True])
+@pytest.mark.parametrize("operations", [1, 2])
+def test_candidates_are_projected_as_errors_are(
+    tmp_path: Path, datum: Datum, turned: bool, operations: int
+) -> None:
+    """An effect added to the points adds its freed column: missing holes, operations and parts
+    that lay turned on the table.
+    """
+    model = stated(tmp_path, MACHINE)
+    points = with_operations(whole_parts(measured(5, 8, 2)), ["a", "b"][:operations])
+    if turned:
+        place = points.nominal.copy()
+        of = points.part == 2
+        place[of, :2] = np.column_stack([-place[of, 1], place[of, 0]]) + 300
+        points = replace(points, nominal=place, measured=place + points.measured - points.nominal)
+    plain, _ = residual_table(model, points, {}, "none")
+    before, _ = residual_table(model, points, {}, datum)
+    check_against_motions(model, points, before, datum)
+    effect = np.stack(
+        [1e-5 * plain.places[..., 0] ** 2 / 300, 2e-3 * np.sin(plain.places[..., 1] / 40)], axis=2
+    )
+    effect[2] *= 3
+    index = {name: h for h, name in enumerate(plain.features)}
+    own = np.array([index[_name(points, i, operations)] for i in range(len(points))])
+    added = points.measured.copy()
+    added[:, :2] += effect[points.part, own]
+    after, _ = residual_table(model, replace(points, measured=added), {}, datum)
+    freed = before.freed(effect[..., None])[..., 0]
+    difference = after.errors - before.errors
+    there = np.isfinite(difference)
+    assert there.all(axis=2).sum() == (before.repeats > 0).sum()
+    np.testing.assert_allclose(difference[there], freed[there], rtol=0, atol=1e-13)
+    # What is free already is not freed twice.
+    np.testing.assert_allclose(before.freed(freed[..., None])[..., 0], freed, atol=1e-15)
+
+
+def _name(points: Points, i: int, operations: int) -> str:
+    name = points.features[points.feature[i]]
+    return name if operations == 1 else f"{points.operations[points.operation[i]]} {name}"
+
+
+@pytest.mark.parametrize("datum", FREE)
+@pytest.mark.parametrize("machine", [MACHINE, MACHINE.replace(" + 0.002*dir_x", " + sq*dir_x")])
+def test_factors_are_projected(tmp_path: Path, datum: Datum, machine: str) -> None:
+    model = stated(tmp_path, machine)
+    points = whole_parts(measured(5, 6, 2))
+    plain, _ = residual_table(model, points, {})
+    free, _ = residual_table(model, points, {}, datum)
+    P, _, A = plain.errors.shape
+    for before, after in ((plain.common, free.common), (plain.of_part, free.of_part)):
+        for p in range(P):
+            h = np.flatnonzero(plain.repeats[p])
+            axes = np.eye(A)
+            columns = [np.tile(axes[k], len(h)) for k in range(A)]
+            if datum == ROTATION:
+                x, y = (plain.places[p, h, k] for k in (0, 1))
+                columns.append(np.column_stack([-(y - y.mean()), x - x.mean()]).ravel())
+            X = np.column_stack(columns)
+            M = np.eye(len(X)) - X @ np.linalg.pinv(X)
+            wide = (np.broadcast_to(f, (P, *f.shape[1:]))[p, h] for f in (before, after))
+            F, E = (own.reshape(len(h) * A, own.shape[-1]) for own in wide)
+            size = np.abs(F @ F.T).max()
+            np.testing.assert_allclose(E @ E.T, M @ F @ F.T @ M, rtol=0, atol=1e-10 * size)
+    complete, _ = residual_table(model, measured(5, 6, 2), {}, datum)
+    # What a direction shifts a part by is free.
+    assert len(complete.common) == len(complete.of_part) == 1
+
+
+def test_measurements_of_other_features_are_told(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE)
+    points = measured(4, 6, 2)
+    some = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature > 1)))
+    table, warned = residual_table(model, some, {}, ROTATION)
+    assert [item.code for item in warned] == ["missing-values"]
+    assert np.isfinite(table.errors).all()
+    # The table is free of motions as a whole, too.
+    np.testing.assert_allclose(
+        table.freed(table.errors[..., None])[..., 0], table.errors, atol=1e-14
+    )
+
+
+def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -> None:
+    model = stated(tmp_path, MACHINE)
+    points = measured(4, 5, 2)
+    one = rows(points, np.flatnonzero((points.part != 3) | (points.feature == 1)))
+    table, warned = residual_table(model, one, {}, "offset")
+    assert [item.code for item in warned] == ["not-measured"]
+    assert warned[0].facts["count"] == 2
+    assert table.parts == ("P0", "P1", "P2")
+    assert (table.repeats == 2).all()
+    assert table.covariates["sequence"].ravel().tolist() == [1, 2, 3]
+    first = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature == 0)))
+    table, _ = residual_table(model, first, {}, "offset")
+    assert (table.repeats == 1).all()
+    single = rows(points, np.flatnonzero(points.feature == 1))
+    with pytest.raises(InputError, match="takes all errors"):
+        residual_table(model, single, {}, "offset")
+
+
+def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
+    """Twelve points of a ring in each part, unevenly about it: what is left is the form."""
+    model, points = stated(tmp_path, MACHINE), measured(3, 12, 2)
+    angle = 2 * np.pi * (points.feature / 12) ** 1.3
+    place = points.nominal.copy()
+    place[:, :2] = 100 + 40 * np.column_stack([np.cos(angle), np.sin(angle)])
+    ring = replace(points, nominal=place, measured=place + points.measured - points.nominal)
+    before, _ = residual_table(model, ring, {}, "offset,diameter")
+    larger = 0.01 * (1 + ring.part[:, None]) * np.column_stack([np.cos(angle), np.sin(angle)])
+    moved = ring.measured.copy()
+    moved[:, :2] += larger + np.array([0.2, -0.1])
+    after, _ = residual_table(model, replace(ring, measured=moved), {}, "offset,diameter")
+    np.testing.assert_allclose(after.errors, before.errors, atol=1e-13)
+    lobed = ring.measured.copy()
+    lobed[:, :2] += (
+        0.01 * np.cos(2 * angle)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    )
+    form, _ = residual_table(model, replace(ring, measured=lobed), {}, "offset,diameter")
+    assert np.abs(form.errors - before.errors).max() > 5e-3

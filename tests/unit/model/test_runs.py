@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from reading_examples import only
 
 from mtu_cli.analyses.fit_components import fit_result
-from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
@@ -23,6 +22,7 @@ from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
+from mtu_cli.model.reading_residuals import reading_tables
 from mtu_cli.reports.fit_components import document
 
 FloatArray = NDArray[np.float64]

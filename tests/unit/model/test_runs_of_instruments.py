@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from reading_examples import only
 
 from mtu_cli.analyses.fit_components import fit_result
-from mtu_cli.close_loop_sealed.model.reading_tables import reading_tables
 from mtu_cli.files.reports_read import components_from
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
+from mtu_cli.model.reading_residuals import reading_tables
 from mtu_cli.model.variance import drawable_passes
 from mtu_cli.reports.fit_components import document
 

@@ -40,7 +40,6 @@ def compared(labels: Labels, seed: int) -> Compared:
         n=np.full((m, 5), 2.0),
         mean=0.01 * rng.standard_normal((m, 1)) + 0.003 * rng.standard_normal((m, 5)),
         within=np.full(m, 5e-6),
-        within_part=np.full((m, 5), 1e-6),
     )
     # A feature is predicted once, whatever the operation.
     one = {label[1:]: 0.01 * rng.standard_normal() for label in labels}

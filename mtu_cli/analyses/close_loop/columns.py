@@ -1,0 +1,147 @@
+"""Columns of effects in the coordinates of the strata, and their cross products."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.strata import NONE, IntArray, Strata
+from mtu_cli.stats.least_squares import FloatArray
+
+EMPTY = 1e-9
+"""Share of a column's size below which what is left of it in the strata is rounding."""
+DIGITS = 6
+MARKS = 3
+"""Projections by which a column is known."""
+PADDING = 0
+"""Index of the column of zeros that fills models of unequal size up."""
+
+
+class Columns:
+    """Unit columns, each stored in the strata where it is not zero.
+
+    A column that is there already, but for sign and size, is not added again.
+    """
+
+    def __init__(self, strata: Strata) -> None:
+        self.strata = strata
+        self.count = 0
+        S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
+        self._ends = np.array([0, *(part.stop for part in strata.slices)])
+        self._values = [np.zeros((1, int(n))) for n in strata.sizes]
+        self._G = [np.zeros((1, 1))] * S
+        self._used = np.ones(S, int)
+        self._rows = np.zeros((S, 0), int)
+        """Where a column stands among the values of a stratum; the first row there is zero."""
+        self._means = np.zeros((0, A))
+        self._known: dict[bytes, int] = {}
+        self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
+        self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
+        self._append(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
+
+    def add(
+        self, at: IntArray, X: FloatArray, means: FloatArray, sizes: FloatArray
+    ) -> tuple[IntArray, FloatArray]:
+        """Indices and factors (m,) of columns: x = factor * unit column; NONE and nan where nothing
+        of one is left.
+
+        `X` (m, n) at the coordinates `at` (n,), `means` (m, A) of the table, `sizes` (m,) their
+        norms over the table.
+        """
+        norms = np.linalg.norm(X, axis=1)
+        indices, factors = np.full(len(X), NONE), np.full(len(X), np.nan)
+        left = np.flatnonzero((norms > EMPTY * sizes) & (norms > 0))
+        units = X[left] / norms[left, None]
+        marks = units @ self._marks[at]
+        signs = np.where(marks[:, 0] < 0, -1.0, 1.0)
+        factors[left] = norms[left] * signs
+        keys = np.round(marks * signs[:, None], DIGITS)
+        new: list[int] = []
+        for i, key in enumerate(keys):
+            indices[left[i]] = self._known.setdefault(key.tobytes(), self.count + len(new))
+            if indices[left[i]] == self.count + len(new):
+                new.append(i)
+        if new:
+            own = left[new]
+            self._append(at, units[new] * signs[new, None], means[own] / factors[own, None])
+        return indices, factors
+
+    def add_alone(self, at: IntArray, units: FloatArray, means: FloatArray) -> IntArray:
+        """Indices (m,) of unit columns (m, n) at the coordinates `at` (n,), with means (m, A); no
+        others share them, for they have priors of their own.
+        """
+        first = self.count
+        self._append(at, units, means)
+        return np.arange(first, self.count)
+
+    def _append(self, at: IntArray, units: FloatArray, means: FloatArray) -> None:
+        self._new.append((at, units, means))
+        self.count += len(units)
+
+    def cross(self, one: IntArray, other: IntArray) -> FloatArray:
+        """Cross products (S, ...) in each stratum of columns with these indices."""
+        self._settle()
+        pairs = zip(self._G, self._rows, strict=True)
+        return np.stack([G[rows[one], rows[other]] for G, rows in pairs])
+
+    @property
+    def means(self) -> FloatArray:
+        """The means (K, A) of the unit columns over the table."""
+        self._settle()
+        return self._means
+
+    def _settle(self) -> None:
+        """Takes new columns into the cross products."""
+        if not self._new:
+            return
+        first, before = len(self._means), self._used.copy()
+        self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
+        self._rows = _roomy(self._rows, (len(before), self.count))
+        for at, units, _ in self._new:
+            ends = np.searchsorted(at, self._ends)
+            for s in np.flatnonzero(np.diff(ends)):
+                block = units[:, ends[s] : ends[s + 1]]
+                there = np.flatnonzero(block.any(axis=1))
+                rows = self._used[s] + np.arange(len(there))
+                self._used[s] += len(there)
+                values = self._values[s] = _roomy(self._values[s], (self._used[s], 0))
+                values[rows[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[there]
+                self._rows[s, first + there] = rows
+            first += len(units)
+        for s in np.flatnonzero(self._used > before):
+            old, new = before[s], self._used[s]
+            cross = self._values[s][old:new] @ self._values[s][:new].T
+            G = self._G[s] = _roomy(self._G[s], (new, new))
+            G[old:new, :new], G[:new, old:new] = cross, cross.T
+        self._new = []
+
+    def weighed(self, weights: FloatArray, one: IntArray, other: IntArray) -> FloatArray:
+        """The sum of these over the strata, by their weights (S,)."""
+        return np.asarray(np.tensordot(weights, self.cross(one, other), 1))
+
+    def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
+        """(S, K, B) products of the columns from the first on with coordinates Y (B, N)."""
+        self._settle()
+        found = np.zeros((len(self._values), self.count - first, len(Y)))
+        for s, part in enumerate(self.strata.slices):
+            rows = self._rows[s, first : self.count]
+            found[s, rows > 0] = self._values[s][rows[rows > 0]] @ Y[:, part].T
+        return found
+
+    def dense(self, indices: Sequence[int]) -> FloatArray:
+        """Columns as coordinates (k, N)."""
+        self._settle()
+        rows = self._rows[:, list(indices)]
+        pairs = zip(self._values, rows, strict=True)
+        return np.concatenate([values[own] for values, own in pairs], axis=1)
+
+
+def _roomy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
+    """An array of at least this shape, with room to grow: columns come one by one in a search."""
+    if all(a >= b for a, b in zip(array.shape, shape, strict=True)):
+        return array
+    room = [a if n <= a else n + n // 4 for n, a in zip(shape, array.shape, strict=True)]
+    found = np.zeros(room, array.dtype)
+    found[tuple(slice(n) for n in array.shape)] = array
+    return found

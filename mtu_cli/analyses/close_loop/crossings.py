@@ -1,0 +1,125 @@
+"""Where effects cancel: the temperature at which an axis is right, the place about which it turns.
+
+The sizes of an effect and of its margins are counted from somewhere; where their sum is 0 is not.
+Along one axis errors are a sum of sizes b_i times levers. Where the levers of some of them are
+K (s_i + r_i t), K the same for all and t a covariate or coordinate, these cancel at
+t = -(sum s_i b_i)/(sum r_i b_i): the ratio of two estimated sizes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
+from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.coverage import fieller
+from mtu_cli.stats.least_squares import FloatArray
+
+CELLS = 40
+"""Measured cells at which levers are compared."""
+SAME = 1e-9
+"""Relative; less is rounding."""
+
+
+class Term(NamedTuple):
+    """A size along one axis: its effect, value, degrees of freedom, row in the covariance and
+    lever.
+    """
+
+    effect: FoundEffect
+    value: float
+    dof: float
+    row: int
+    lever: Node
+
+
+def crossings(
+    effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
+) -> tuple[Crossing, ...]:
+    """All that are told to within the range of the data, and not farther than it from its middle;
+    of effects that are alone in their class. `covariance` is over the `rows` of the effects.
+    """
+    found: dict[tuple[str, str, frozenset[int]], Crossing] = {}
+    for axis in table.axes:
+        own = [effect for effect in effects if f"E{axis}" in effect.equations]
+        terms = [term for effect in own for term in _terms(effect, f"E{axis}")]
+        smooth = any(effect.table is not None for effect in own)
+        for name in dict.fromkeys(name for term in terms for name in names(term.lever)):
+            for group, centre, half, s, r in _groups(terms, name, table, smooth):
+                if any(len(term.effect.classes) > 1 for term in group):
+                    continue
+                J, rows = np.array([-s, r]), [term.row for term in group]
+                above, below = J @ [term.value for term in group]
+                C = J @ covariance[np.ix_(rows, rows)] @ J.T
+                dof = min(term.dof for term in group)
+                value, u, ends = fieller(above, below, C, dof)
+                if ends is None or ends[1] - ends[0] > 2 or abs(value) > 2:
+                    continue
+                low, high = (centre + half * end for end in ends)
+                found[axis, name, frozenset(rows)] = Crossing(
+                    axis=axis,
+                    covariate=name,
+                    effect=max(group, key=lambda term: bool(names(term.lever))).effect.name,
+                    whole=len(group) == len(terms) and not smooth,
+                    value=centre + half * value,
+                    u=half * u,
+                    interval95=(low, high),
+                )
+    return tuple(found.values())
+
+
+def _terms(effect: FoundEffect, key: str) -> Iterator[Term]:
+    if effect.over is not None or effect.table is not None or not effect.rows:
+        return
+    sizes = {p.name: (p, row) for p, row in zip(effect.all_parameters, effect.rows, strict=True)}
+    form = linear_form(parse(effect.equations[key]), sizes)
+    for name, lever in form.coefficients.items():
+        size, row = sizes[name]
+        yield Term(effect, size.value, size.dof, row, lever)
+
+
+def _groups(
+    terms: Sequence[Term], name: str, table: ResidualTable, smooth: bool
+) -> Iterator[tuple[list[Term], float, float, FloatArray, FloatArray]]:
+    """Terms that are K (s + r t) with one K, t = (name - centre)/half of its range: the first of
+    them rises with t, another does not in proportion to it. What is the same at all other places
+    and times (K = 1) is so by itself alone where all terms are of the group.
+    """
+    columns = _columns(table)
+    if name.startswith("dir_") or name not in columns:
+        return
+    low, high = columns[name].min(), columns[name].max()
+    centre, half = (low + high) / 2, (high - low) / 2
+    if not half > SAME * max(abs(low), abs(high)):
+        return
+    there = [columns | {name: centre + t * half} for t in (-1.0, 0.0, 1.0)]
+    ends = [np.array([evaluate(x.lever, own) * np.ones(CELLS) for x in terms]) for own in there]
+    middle, rise, bend = ends[1], (ends[2] - ends[0]) / 2, ends[2] - 2 * ends[1] + ends[0]
+    for first in range(len(terms)):
+        K = rise[first]
+        if np.abs(K).min() <= SAME * np.abs(K).max():
+            continue
+        s, r = middle / K, rise / K
+        size = np.abs(s).max(axis=1) + np.abs(r).max(axis=1)
+        alike = np.ptp(s, axis=1) + np.ptp(r, axis=1) + np.abs(bend / K).max(axis=1)
+        chosen = np.flatnonzero(alike <= SAME * size).tolist()
+        alone = np.ptp(K) <= SAME * np.abs(K).max()
+        if first not in chosen or (alone and (smooth or len(chosen) < len(terms))):
+            continue
+        s, r = s[chosen].mean(axis=1), r[chosen].mean(axis=1)
+        if np.linalg.matrix_rank(np.array([s, r]), tol=SAME) == 2:
+            yield [terms[i] for i in chosen], centre, half, s, r
+
+
+def _columns(table: ResidualTable) -> dict[str, FloatArray]:
+    """Values (n,) of coordinates and covariates at some of the measured cells, and their ends."""
+    there = table.there
+    values = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True)) | table.covariates
+    known = {name: np.broadcast_to(value, there.shape)[there] for name, value in values.items()}
+    chosen = np.linspace(0, int(there.sum()) - 1, CELLS).astype(int)
+    return {name: value[chosen] for name, value in known.items() if np.isfinite(value).all()}

@@ -1,0 +1,543 @@
+"""What does not depend on the errors: the candidates' columns in the strata, and kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.columns import PADDING, Columns
+from mtu_cli.analyses.close_loop.forms import Candidate, Form
+from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
+from mtu_cli.analyses.close_loop.strata import (
+    FEATURE,
+    INTERACTION,
+    NONE,
+    PART,
+    IntArray,
+    Levers,
+    Strata,
+)
+from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
+
+STEP_RAD = 0.35
+"""Angle between neighbouring members of a searched parameter."""
+FINE = 8
+"""Finer values a step of the library's grid, from which members at equal angles are chosen."""
+AROUND = 9
+"""Finer members around one of the grid."""
+SAME_RAD = 0.03
+"""Angle below which two members are one."""
+LEAST_LEFT = 1e-6
+"""Share of a column that must be left beside the margins."""
+DEPENDENT = 1e-4
+LEAST_KNOWN = 0.01
+"""Standard deviation along a direction of what the coefficients do not know, over that of an entry,
+below which it is left out.
+"""
+FEW = 30
+"""Values of a grid up to which all stay, weighed by the arc that each stands for."""
+SEEN = 0.25
+"""Share of a wave's amplitude that the targets must see."""
+FEWEST_PLACES = 6
+"""Different places along an axis from which on a smooth profile may be told."""
+RANK = 1e-4
+"""Share of a kernel's largest eigenvalue below which its directions are left out."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One form of a candidate at one value of what is searched.
+
+    `own` and `low` are indices of columns, of the effect's parameters and of its margins. Of each
+    parameter, its own and then the margins', `indices` is the column (-1: nothing of it is left)
+    and `factors` what its lever is of the unit column. `prior` is its share of the candidate's.
+    """
+
+    candidate: int
+    form: Form
+    value: float | None
+    chosen: int | None
+    own: tuple[int, ...]
+    factors: tuple[float, ...]
+    indices: tuple[int, ...]
+    low: tuple[int, ...]
+    prior: float
+    around: tuple[float, ...] = ()
+    alike: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kernel:
+    """A random function: in each of `strata` covariance V diag(k) V' of its coordinates, the mean
+    of the eigenvalues over the stratum's coordinates 1.
+    """
+
+    name: str
+    family: str
+    axis: str | None
+    named: bool
+    strata: tuple[int, ...]
+    vectors: tuple[FloatArray, ...]
+    values: tuple[FloatArray, ...]
+    along: str = ""
+    informed: float = 1.0
+    """Coordinates of its stratum over those that it moves: that many inform each of them."""
+
+
+@dataclass(kw_only=True)
+class Design:
+    """Candidates, members and kernels of a table."""
+
+    table: ResidualTable
+    strata: Strata
+    candidates: tuple[Candidate, ...]
+    columns: Columns
+    gaps: Missing
+    members: list[Member] = field(default_factory=list)
+    tested: int = 0
+    """Members of the grid; finer ones follow them."""
+    kernels: tuple[Kernel, ...] = ()
+    common: tuple[int, ...] = ()
+    """Columns in every model: the polynomial that the readings have lost, and the coefficients."""
+    deviations: dict[int, float] = field(default_factory=dict)
+    """Prior standard deviations of columns: of the coefficients, and of random functions."""
+    mean_variance: FloatArray
+    """Of the mean along each axis (A,), by the coefficients."""
+    unavailable: dict[str, str] = field(default_factory=dict)
+    _around: dict[int, tuple[int, ...]] = field(default_factory=dict)
+
+    @property
+    def of(self) -> IntArray:
+        """The candidate of each member."""
+        return np.array([member.candidate for member in self.members])
+
+    @property
+    def prior(self) -> FloatArray:
+        """The share of each member in its candidate's prior."""
+        return np.array([member.prior for member in self.members])
+
+    def name(self, member: int) -> str:
+        """The name of a member's candidate."""
+        return self.candidates[self.members[member].candidate].name
+
+    def axis(self, candidate: Candidate) -> int:
+        """The axis of a candidate of one; the first of errors that have none."""
+        return self.table.axes.index(candidate.axis or self.table.axes[0])
+
+    def around(self, m: int) -> tuple[int, ...]:
+        """Finer members around one of the grid."""
+        if m not in self._around:
+            parent = self.members[m]
+            found = []
+            if parent.around:
+                values = np.array(parent.around)
+                for item in evaluated(self, parent.form, values):
+                    found.append(len(self.members))
+                    self.members.append(made(self, parent.candidate, item, 0.0))
+            self._around[m] = tuple(found)
+        return self._around[m]
+
+
+def _seen(levers: Sequence[Levers], design: Design, G: int) -> tuple[IntArray, FloatArray]:
+    """Coordinates (n,) that levers reach and their values (G, k, n) there, the motions of the datum
+    taken out.
+    """
+    P, H, _ = design.table.errors.shape
+    freed = [_freed(lever, design.table) for lever in levers]
+    if design.gaps.count:
+        freed = [
+            {a: design.gaps.filled(v) if v.shape[-2:] == (P, H) else v for a, v in own.items()}
+            for own in freed
+        ]
+    return design.strata.of_levers(freed, G)
+
+
+def fitted_powers(table: ResidualTable) -> FloatArray:
+    """Orthonormal polynomials (H, k) in position that the readings of a table have lost already."""
+    if table.fitted_degree < 0:
+        return np.zeros((len(table.features), 0))
+    places = np.nan_to_num(table.mean_places)
+    along = places[:, int(np.argmax(np.ptp(places, axis=0)))]
+    degree = min(table.fitted_degree, len(np.unique(along)) - 1)
+    u = (along - along.mean()) / max(float(np.ptp(along)), 1e-300)
+    return np.asarray(np.linalg.qr(np.vander(u, degree + 1, increasing=True))[0])
+
+
+def _freed(lever: Levers, table: ResidualTable) -> Levers:
+    if not table.motions:
+        return lever
+    _P, H, A = table.errors.shape
+    G = max(values.shape[0] for values in lever.values())
+    p = max(values.shape[1] for values in lever.values())
+    full = np.zeros((p, H, A, G))
+    for a, values in lever.items():
+        full[:, :, a] = np.moveaxis(np.broadcast_to(values, (G, p, H)), 0, -1)
+    left = table.freed(full)
+    return {a: np.moveaxis(left[:, :, a], -1, 0) for a in range(A)}
+
+
+@dataclass(slots=True, kw_only=True)
+class Placed:
+    """A member before it is chosen: of its own columns (k, n) and of its margins what is not zero,
+    `at` the coordinates (n,); their means (k, A) and norms over the table, and an orthonormal basis
+    (k, n) of what is its own beside these.
+    """
+
+    form: Form
+    value: float | None
+    chosen: int | None
+    at: IntArray
+    own: FloatArray
+    low: FloatArray
+    means: FloatArray
+    norms: FloatArray
+    basis: FloatArray
+    weight: float = 1.0
+    around: tuple[float, ...] = ()
+    alike: list[float] = field(default_factory=list)
+
+
+def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
+    """The means (G, k, A) of columns over the table, and their norms (G, k)."""
+    P, H, A = table.errors.shape
+    mean, square = np.zeros((G, len(levers), A)), np.zeros((G, len(levers)))
+    for k, lever in enumerate(levers):
+        for a, values in lever.items():
+            mean[:, k, a] = values.mean(axis=(1, 2))
+            square[:, k] += np.mean(values**2, axis=(1, 2)) * P * H
+    return mean, np.sqrt(square)
+
+
+def evaluated(design: Design, form: Form, values: FloatArray | None) -> list[Placed]:
+    """The members of a form at some values; those of which the data see nothing are left out."""
+    own, lower = form.own(values), form.lower(values)
+    G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
+    if G == 0:
+        return []
+    at, X = _seen([*own, *lower], design, G)
+    means, norms = _means([*own, *lower], G, design.table)
+    # What no column has is no direction: most columns are of one stratum.
+    there = X.any(axis=(0, 1))
+    at, (X, Z) = at[there], np.split(X[:, :, there], [len(own)], axis=1)
+    sizes = np.linalg.norm(X, axis=2)
+    sound, inner = _bases(X, Z)
+    if form.bound.is_periodic:
+        sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
+    kept: BoolArray = np.any(inner, axis=2)
+    return [
+        Placed(
+            form=form,
+            value=None if values is None else float(values[g]),
+            chosen=None if form.chosen is None else int(g),
+            at=at,
+            own=X[g],
+            low=Z[g],
+            means=means[g],
+            norms=norms[g],
+            basis=inner[g][kept[g]],
+        )
+        for g in np.flatnonzero(sound)
+    ]
+
+
+def made(design: Design, c: int, item: Placed, prior: float) -> Member:
+    """The member with its columns among those of the design."""
+    X = np.concatenate([item.own, item.low])
+    indices, factors = design.columns.add(item.at, X, item.means, item.norms)
+    k = len(item.own)
+    own = dict.fromkeys(int(i) for i in indices[:k] if i != NONE)
+    low = dict.fromkeys(int(i) for i in indices[k:] if i != NONE and i not in own)
+    return Member(
+        candidate=c,
+        form=item.form,
+        value=item.value,
+        chosen=item.chosen,
+        own=tuple(own),
+        factors=tuple(factors.tolist()),
+        indices=tuple(indices.tolist()),
+        low=tuple(low),
+        prior=prior,
+        around=item.around,
+        alike=tuple(item.alike),
+    )
+
+
+def _bases(X: FloatArray, Z: FloatArray) -> tuple[BoolArray, FloatArray]:
+    """Of columns X (G, k, n) beside margins Z (G, m, n) orthonormal bases (G, k, n), zero where a
+    column is; and whether (G,) they are independent and something of each is left.
+    """
+    X, Z = _unit(X), _unit(Z)
+    there: BoolArray = np.any(X, axis=2)
+    if Z.shape[1]:
+        turned = Z.transpose(0, 2, 1)
+        gram = Z @ turned + 1e-12 * np.eye(Z.shape[1])
+        X = X - np.linalg.solve(gram, Z @ X.transpose(0, 2, 1)).transpose(0, 2, 1) @ Z
+    left = np.einsum("gkn,gkn->gk", X, X)
+    sound = there.any(axis=1) & np.all((left > LEAST_LEFT) | ~there, axis=1)
+    values, vectors = np.linalg.eigh(X @ X.transpose(0, 2, 1))
+    # Zero columns are zero eigenvalues, which stand first.
+    zero = np.arange(X.shape[1]) < (~there).sum(axis=1)[:, None]
+    sound &= np.all((values > DEPENDENT**2) | zero, axis=1)
+    scale = np.where(zero | (values <= 0), 0.0, 1 / np.sqrt(np.maximum(values, 1e-300)))
+    return sound, (vectors * scale[:, None, :]).transpose(0, 2, 1) @ X
+
+
+def _unit(X: FloatArray) -> FloatArray:
+    """Columns (G, k, n) of size 1, or 0."""
+    size = np.sqrt(np.einsum("gkn,gkn->gk", X, X))[..., None]
+    return np.asarray(np.divide(X, size, out=np.zeros_like(X), where=size > 0))
+
+
+def _angles(products: FloatArray) -> FloatArray:
+    """The largest principal angles of pairs of subspaces, by the products (g, k, k) of bases."""
+    if products.shape[1] == 1:
+        s = np.abs(products[:, 0])
+    else:
+        s = np.linalg.svd(products, compute_uv=False)
+    return np.asarray(np.arccos(np.clip(s[:, -1], -1.0, 1.0)))
+
+
+def grid_values(form: Form) -> FloatArray | None:
+    """The values of a form's grid, finer where members may lie between."""
+    grid = form.grid
+    if grid is None or not form.continuous or len(grid) < 2:
+        return grid
+    search = form.bound.template.search
+    at = np.linspace(0, len(grid) - 1, FINE * (len(grid) - 1) + 1)
+    scale = np.log(grid) if search is not None and search.grid == "log" else grid
+    if search is not None and search.grid == "frequency":
+        return np.asarray(1 / np.interp(at, np.arange(len(grid)), 1 / grid))
+    found = np.interp(at, np.arange(len(grid)), scale)
+    return np.exp(found) if search is not None and search.grid == "log" else np.asarray(found)
+
+
+def arcs_of(items: Sequence[Placed]) -> FloatArray:
+    """Angles between each member of a form and the next, of as many columns."""
+    bases = np.array([item.basis for item in items])
+    return _angles(bases[:-1] @ bases[1:].transpose(0, 2, 1))
+
+
+def _spaced(kept: list[Placed]) -> list[Placed]:
+    """Members at equal angles along what is searched; few stay all, weighed by their arcs."""
+    if len(kept) < 2 or kept[0].value is None:
+        return kept
+    width = max(len(item.basis) for item in kept)
+    kept = [item for item in kept if len(item.basis) == width]
+    arcs = arcs_of(kept)
+    if len(kept) < FEW:
+        ends = np.concatenate([arcs[:1], arcs, arcs[-1:]])
+        for item, weight in zip(kept, (ends[1:] + ends[:-1]) / 2, strict=True):
+            item.weight = float(weight)
+        return kept
+    along = np.concatenate([[0.0], np.cumsum(arcs)])
+    at = np.linspace(0, along[-1], max(2, round(along[-1] / STEP_RAD) + 1))
+    chosen = np.unique(np.minimum(np.searchsorted(along, at - 1e-9), len(kept) - 1))
+    for j, i in enumerate(chosen):
+        low = (chosen[j - 1] + i) // 2 if j else i
+        high = (chosen[j + 1] + i) // 2 if j + 1 < len(chosen) else i
+        near = np.unique(np.linspace(low, high, AROUND).astype(int))
+        kept[i].around = tuple(float(kept[q].value or 0.0) for q in near)
+    return [kept[i] for i in chosen]
+
+
+def _distinct(placed: list[Placed]) -> list[Placed]:
+    """Without members that span what an earlier one spans, which is then told what else it is."""
+    if not placed:
+        return []
+    used = np.unique(np.concatenate([item.at for item in placed]))
+    kept: list[int] = []
+    for width in sorted({len(item.basis) for item in placed}):
+        alike = [i for i, item in enumerate(placed) if len(item.basis) == width]
+        first: list[int] = []
+        bases = np.zeros((len(alike), width, len(used)))
+        for i in alike:
+            item, n = placed[i], len(first)
+            basis = np.zeros((width, len(used)))
+            basis[:, np.searchsorted(used, item.at)] = item.basis
+            least = STEP_RAD / 2 if item.around else SAME_RAD
+            products = bases[:n].reshape(n * width, len(used)) @ basis.T
+            products = products.reshape(n, width, width)
+            # The least cosine of all is at most their root mean square.
+            near = np.einsum("gkl,gkl->g", products, products) > width * np.cos(least) ** 2
+            angles = np.full(n, np.pi)
+            angles[near] = _angles(products[near])
+            if near.any() and angles.min() < least:
+                if item.value is not None:
+                    placed[first[int(np.argmin(angles))]].alike.append(item.value)
+                continue
+            bases[n] = basis
+            first.append(i)
+        kept += first
+    return [placed[i] for i in sorted(kept)]
+
+
+def design_of(
+    table: ResidualTable,
+    strata: Strata,
+    candidates: Sequence[Candidate],
+    scale: float,
+    gaps: Missing,
+) -> Design:
+    """The columns of all candidates that a table can test; errors are in units of `scale` (mm)."""
+    columns = Columns(strata)
+    common, deviations = list[int](), dict[int, float]()
+    for power in fitted_powers(table).T:
+        at, X = strata.of_levers([{0: power[None, None]}], 1)
+        indices, _ = columns.add(at, X[0], np.zeros((1, 1)), np.ones(1))
+        common += [int(i) for i in indices if i != NONE]
+    factors = [
+        {a: table.common[None, :, :, a, k] for a in range(table.common.shape[2])}
+        for k in range(table.common.shape[3])
+    ]
+    if factors:
+        at, X = strata.of_levers(factors, 1)
+        U, sizes, units = np.linalg.svd(X[0], full_matrices=False)
+        kept = sizes > LEAST_KNOWN * scale
+        means = (U[:, kept] / sizes[kept]).T @ _means(factors, 1, table)[0][0]
+        indices = columns.add_alone(at, units[kept], means)
+        common += indices.tolist()
+        deviations = dict(zip(indices.tolist(), (sizes[kept] / scale).tolist(), strict=True))
+    design = Design(
+        table=table,
+        strata=strata,
+        candidates=tuple(candidates),
+        columns=columns,
+        gaps=gaps,
+        common=tuple(common),
+        deviations=deviations,
+        mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
+    )
+    for c, candidate in enumerate(candidates):
+        if candidate.kind in ("scatter", "offset"):
+            continue
+        distinct = _distinct(
+            [
+                item
+                for form in candidate.forms
+                for item in _spaced(evaluated(design, form, grid_values(form)))
+            ]
+        )
+        total = sum(item.weight for item in distinct)
+        design.members += [made(design, c, item, item.weight / total) for item in distinct]
+        if not distinct and candidate.unavailable is None:
+            design.unavailable[candidate.name] = "this data cannot tell it from an offset"
+    design.tested = len(design.members)
+    design.kernels = tuple(_kernels(table, strata))
+    return design
+
+
+# Kernels.
+
+
+def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
+    P, _, _A = strata.shape
+    parts, features = strata.of(PART), strata.of(FEATURE)
+    walk = np.minimum.outer(np.arange(P), np.arange(P)) + 1.0
+    places = table.mean_places
+    known = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
+    if P > 3:
+        made = {strata.axis[s]: _of_parts(strata, s, walk) for s in parts}
+        yield from _nameless("walk", made, parts, table)
+    if features and len(known) > 1 and len(places) > FEWEST_PLACES:
+        apart = np.linalg.norm(places[:, None, known] - places[None, :, known], axis=-1)
+        near = np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)
+        made = {strata.axis[s]: _of_features(strata, s, near) for s in features}
+        yield from _nameless("field", made, features, table)
+    for a, name in enumerate(table.axes):
+        for i in known:
+            along = "xyz"[i]
+            if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
+                continue
+            rough = smooth_covariance(places[:, i])
+            s = _profile_stratum(strata, a)
+            if s is None:
+                continue
+            vectors, values = _of_features(strata, s, rough)
+            own = along == name or table.component is not None
+            yield Kernel(
+                name=f"profile-{name}" if own else f"profile-{name}-{along}",
+                family="profile",
+                axis=name if own else f"{name}{along}",
+                named=True,
+                along=along,
+                strata=(s,),
+                vectors=(vectors,),
+                values=(values,),
+                informed=len(vectors) / float(np.any(vectors != 0.0, axis=1).sum()),
+            )
+
+
+def _profile_stratum(strata: Strata, a: int) -> int | None:
+    for kind in (FEATURE, INTERACTION):
+        for s in strata.of(kind):
+            if strata.axis[s] == a:
+                return s
+    return None
+
+
+def _nameless(
+    name: str,
+    made: dict[int, tuple[FloatArray, FloatArray]],
+    strata: Sequence[int],
+    table: ResidualTable,
+) -> Iterator[Kernel]:
+    groups = [(s,) for s in strata] + ([tuple(strata)] if len(strata) > 1 else [])
+    axes = dict(zip(strata, made, strict=True))
+    for group in groups:
+        alone = len(group) == 1
+        yield Kernel(
+            name=f"{name}-{table.axes[axes[group[0]]]}" if alone else name,
+            family=name,
+            axis=table.axes[axes[group[0]]] if alone else None,
+            named=False,
+            strata=tuple(group),
+            vectors=tuple(made[axes[s]][0] for s in group),
+            values=tuple(made[axes[s]][1] for s in group),
+        )
+
+
+def smooth_covariance(places: FloatArray) -> FloatArray:
+    """Covariance (H, H) of an integrated Wiener process about its line, at places (H,)."""
+    span = np.ptp(places)
+    u = (places - places.mean()) / span
+    distance = np.abs(u[:, None] - u[None, :])
+    Q = np.linalg.qr(np.column_stack([np.ones(len(u)), u]))[0]
+    M = np.eye(len(u)) - Q @ Q.T
+    found: FloatArray = M @ (distance**3 / 12) @ M
+    return found
+
+
+def _of_parts(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvectors and values of a covariance over parts (P, P) in a stratum of the parts."""
+    P, _H, _A = strata.shape
+    n = strata.slices[s].stop - strata.slices[s].start
+    basis = strata.of_parts[:, P - n :]
+    return _eigen(basis.T @ K @ basis, n)
+
+
+def _of_features(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same of one over features (H, H), alike in all parts."""
+    P, H, A = strata.shape
+    place = strata.place[strata.slices[s]]
+    _a, i, j = np.unravel_index(place, (A, P, H))
+    shared = np.flatnonzero(i == 0)
+    basis = strata.of_features[strata.axis[s]][:, j[shared]]
+    spread = strata.spread[strata.slices[s]][shared]
+    inner = (basis.T @ K @ basis) / np.outer(spread, spread)
+    vectors, values = _eigen(inner, len(shared))
+    full = np.zeros((len(place), vectors.shape[1]))
+    full[shared] = vectors
+    return full, values
+
+
+def _eigen(K: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
+    values, vectors = np.linalg.eigh((K + K.T) / 2)
+    values = np.maximum(values, 0.0)
+    kept = values > RANK * values[-1]
+    return vectors[:, kept][:, ::-1], values[kept][::-1] * (n / values.sum())
+
+
+__all__ = ["PADDING", "Design", "Kernel", "Member", "design_of"]

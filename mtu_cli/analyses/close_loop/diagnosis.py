@@ -1,0 +1,152 @@
+"""The diagnosis of one table: outliers, search, verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.estimate import without_aliases
+from mtu_cli.analyses.close_loop.forms import Candidate
+from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
+from mtu_cli.analyses.close_loop.likelihood import Likelihood
+from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
+from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet
+from mtu_cli.analyses.close_loop.posed import Posed, free_lines, posed
+from mtu_cli.model.residuals import ResidualTable
+
+LEAST_MEAN = 1e-9
+"""Of a unit column, from which on an effect moves the mean."""
+OF_PARTS = {"rotation-scatter", "scale-scatter"}
+"""Scatter effects that make a pattern of part x feature."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Offset:
+    """A mean that is not zero, with its p and its class: names with their posterior."""
+
+    name: str
+    p: float
+    credible: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """What one table says: the model, its entries the strongest first, scatter effects and offsets
+    with their p, checks that fired, and the verdict.
+    """
+
+    posed: Posed
+    likelihood: Likelihood
+    models: ModelSet
+    model: Model
+    entries: tuple[Entry, ...]
+    scatter: tuple[tuple[str, float], ...]
+    offsets: tuple[Offset, ...]
+    checks: tuple[tuple[str, float], ...]
+    fired: tuple[str, ...]
+    nameless: bool
+    p: float
+    outliers: BoolArray
+    verdict: str
+
+    @property
+    def names(self) -> list[str]:
+        """The names of all effects."""
+        named = [entry.name for entry in self.entries]
+        named += [name for name, _ in self.scatter]
+        return named + [offset.name for offset in self.offsets]
+
+    @property
+    def classes(self) -> list[tuple[str, ...]]:
+        """The class of each."""
+        found = [tuple(name for name, _, _ in entry.credible) for entry in self.entries]
+        found += [(name,) for name, _ in self.scatter]
+        return found + [tuple(name for name, _ in offset.credible) for offset in self.offsets]
+
+
+def diagnosed(
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    *,
+    alpha: float,
+    most: int,
+    seed: int,
+) -> Diagnosis:
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
+    there = np.isfinite(table.errors).all(axis=2) & table.there
+    steps = np.zeros(table.errors.shape[2])
+    steps[: len(table.resolution)] = table.resolution
+    hit = outliers(table.errors, there, free_lines(table), steps)
+    if hit.any():
+        errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
+        table = replace(table, errors=errors)
+    problem = posed(table, candidates)
+    likelihood = problem.likelihood()
+    gate = Gate(likelihood, np.random.default_rng(seed))
+    models = ModelSet(likelihood, gate, alpha=alpha, most=most)
+    model, entries = models.entries(without_aliases(models, models.search()))
+    scatter = models.scatter(model)
+    p = gate(models.columns(model), tuple(name for name, _ in scatter)).p
+    offsets = [
+        Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
+        for c in candidates
+        if c.kind == "offset" and p.get(c.name, 1.0) <= alpha
+    ]
+    checks = tuple((name, p[name]) for name in CHECKS if name in p)
+    fired = [name for name, value in checks if value <= alpha]
+    if OF_PARTS & {name for name, _ in scatter}:
+        fired = [name for name in fired if name != "pattern"]
+    nameless = any(entry.overtaken for entry in entries) or models.nameless_wins(model)
+    found = Diagnosis(
+        posed=problem,
+        likelihood=likelihood,
+        models=models,
+        model=model,
+        entries=entries,
+        scatter=tuple(scatter),
+        offsets=tuple(offsets),
+        checks=checks,
+        fired=tuple(fired),
+        nameless=nameless,
+        p=gate(()).smallest,
+        outliers=hit,
+        verdict="none",
+    )
+    return replace(found, verdict=_verdict(found))
+
+
+def _offset_class(
+    models: ModelSet, model: Model, offset: Candidate
+) -> tuple[tuple[str, float], ...]:
+    """The offset, and effects that would make the same mean: beside them no level need be left."""
+    design, like, a = models.design, models.likelihood, models.design.axis(offset)
+    total, best = models.additions(model)
+    logs = {offset.name: 0.0}
+    for i in np.flatnonzero(np.isfinite(total)):
+        item = best[i]
+        if item < 0 or models.names[i] in {design.name(m) for m in models.members(model)}:
+            continue
+        means = design.columns.means[list(design.members[item].own), a]
+        if not np.any(np.abs(means) > LEAST_MEAN):
+            continue
+        level, u, _ = level_of(like, like.fit(models.columns((*model, item))), a)
+        # Of the offset its own column is paid for, as of the effect its.
+        paid = 0.5 * np.log1p(design.strata.shape[0])
+        logs[models.names[i]] = float(
+            total[i] - models.value(model) - 0.5 * (level / u) ** 2 + paid
+        )
+    odds = {name: np.exp(log) for name, log in logs.items() if log > -np.log(WINDOW)}
+    return tuple((name, float(x / sum(odds.values()))) for name, x in odds.items())
+
+
+def _verdict(found: Diagnosis) -> str:
+    if found.fired or found.nameless:
+        return "unexplained"
+    if not found.names:
+        return "none"
+    if any(len(own) > 1 for own in found.classes):
+        return "class"
+    credible = 1 - 0.95
+    return "class" if any(entry.nameless > credible for entry in found.entries) else "named"

@@ -1,0 +1,360 @@
+"""Sizes of the effects of a model, with their margins, the level, and what was searched."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtri, logsumexp
+
+from mtu_cli.analyses.close_loop.design import (
+    DEPENDENT,
+    Design,
+    Member,
+    Placed,
+    arcs_of,
+    evaluated,
+    grid_values,
+    made,
+)
+from mtu_cli.analyses.close_loop.gate import mean_of
+from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
+from mtu_cli.analyses.close_loop.model_set import Model, ModelSet
+from mtu_cli.analyses.close_loop.strata import NONE
+from mtu_cli.model.effect_library import TableData
+from mtu_cli.stats.least_squares import FloatArray
+
+NEWTON = 4
+STEP = 1e-4
+"""Of the logarithm of a searched value, for the derivative of a column."""
+COVERED = 0.95
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Searched:
+    """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
+    of intervals; `values` with their posterior `shares`.
+    """
+
+    name: str
+    value: float
+    intervals: tuple[Interval, ...]
+    values: FloatArray
+    shares: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Size:
+    """A parameter in internal units with its u and degrees of freedom.
+
+    `role`: own of the effect, of a margin, the level, or a change of what was searched.
+    """
+
+    name: str
+    unit: str
+    value: float
+    u: float
+    dof: float
+    role: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tangent:
+    """The derivative of an effect by the logarithm of what is searched, at its `sizes`: the `index`
+    of its unit column and its norm.
+    """
+
+    index: int
+    norm: float
+    sizes: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One mean effect of a model: its member, sizes, and the rows of them in the covariance."""
+
+    member: Member
+    sizes: tuple[Size, ...]
+    rows: tuple[int, ...]
+    searched: Searched | None
+    tangent: Tangent | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimates:
+    """All mean effects of a model; `covariance` (k, k) of their sizes, then of the levels of all
+    axes, internal units; `levels` (A,) are what is left of the mean beside the effects.
+    """
+
+    effects: tuple[Estimate, ...]
+    levels: tuple[Size, ...]
+    covariance: FloatArray
+    fit: Fit
+
+
+def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
+    """What the data say of the searched parameter of one effect of a model.
+
+    The 95 % set is the union of the profile-likelihood set and of the highest-posterior set, the
+    prior uniform in the angle between columns: the first alone forgets values that the search
+    could have hit.
+    """
+    design, like = models.design, models.likelihood
+    member = design.members[item]
+    if member.value is None:
+        return None
+    rest = tuple(x for x in models.members(model) if x != item)
+    base = like.fit(like.closure(rest))
+    items = evaluated(design, member.form, grid_values(member.form))
+    width = max(len(one.basis) for one in items)
+    items = [one for one in items if len(one.basis) == width]
+    values = np.array([one.value for one in items], float)
+    order = np.argsort(values)
+    items, values = [items[i] for i in order], values[order]
+    gains = _gains(like, base, items)
+    arcs = arcs_of(items)
+    ends = np.concatenate([arcs[:1], arcs, arcs[-1:]]) if len(arcs) else np.ones(2)
+    logs = gains / 2 + np.log(np.maximum((ends[1:] + ends[:-1]) / 2, 1e-12))
+    shares = np.exp(logs - logsumexp(logs))
+    near = gains.max() - gains <= chdtri(1, 1 - COVERED)
+    ranked = np.argsort(-shares, kind="stable")
+    near[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
+    return Searched(
+        name=member.form.bound.template.searched or "",
+        value=float(values[int(np.argmax(gains))]),
+        intervals=_intervals(values, near),
+        values=values,
+        shares=shares,
+    )
+
+
+def without_aliases(models: ModelSet, model: Model) -> Model:
+    """The model with a smooth profile in the place of each wave whose pitch has several intervals,
+    where the profile is credible: regular places cannot decide between the aliases of a wave, and
+    of these each predicts other errors between the places.
+    """
+    for item in model:
+        found = searched_set(models, model, item) if item >= 0 else None
+        if found is None or len(found.intervals) < 2:
+            continue
+        axis = models.design.candidates[models.design.members[item].candidate].axis
+        own = [-1 - k for k in models.named if models.design.kernels[k].axis == axis]
+        credible = models.credible(tuple(x for x in model if x != item))
+        model = tuple(next((k for k in own if k in credible), x) if x == item else x for x in model)
+    return model
+
+
+def _gains(like: Likelihood, base: Fit, items: Sequence[Placed]) -> FloatArray:
+    """The chi^2 that each of some members of a form explains beside a fitted model, its margins and
+    the common columns, the strata's variances those of the fit with the best of them.
+    """
+    labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].own)
+    X = np.array([np.concatenate([item.own, item.low]) for item in items])
+    weights, found = base.weights, np.zeros(len(items))
+    Z, y = like.design.columns.dense(base.columns), base.residual
+    for _ in range(2):
+        root = np.sqrt(weights)[labels]
+        Q = np.linalg.qr((Z * root).T)[0]
+        target = y * root - Q @ (Q.T @ (y * root))
+        M = X * root[at]
+        across = M @ Q[at]
+        K = M @ M.transpose(0, 2, 1) - across @ across.transpose(0, 2, 1)
+        c = (M @ target[at])[..., None]
+        # What the margins explain is not the effect's.
+        beside = K[:, :k, k:] @ _inverse(K[:, k:, k:])
+        own = _inverse(K[:, :k, :k] - beside @ K[:, k:, :k])
+        free = c[:, :k] - beside @ c[:, k:]
+        found = (free.transpose(0, 2, 1) @ own @ free)[:, 0, 0]
+        best = int(np.argmax(found))
+        sizes = (_inverse(K[best : best + 1]) @ c[best : best + 1])[0, :, 0]
+        left = target + Q @ (sizes @ across[best])
+        left[at] -= sizes @ M[best]
+        squares = np.bincount(labels, left**2, minlength=len(weights))
+        R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
+        weights = like.weights(np.maximum(R, 1e-12), base.dof)
+    return found
+
+
+def _inverse(K: FloatArray) -> FloatArray:
+    """Inverses (G, k, k) of cross products, without the directions in which nothing is left."""
+    return np.asarray(np.linalg.pinv(K, rcond=DEPENDENT**2, hermitian=True)) if K.size else K
+
+
+def _intervals(values: FloatArray, near: FloatArray) -> tuple[Interval, ...]:
+    """Runs of values in a set; a gap of one value is bridged, as the grid may miss a peak."""
+    inside = np.flatnonzero(near)
+    groups = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
+    last = len(values) - 1
+    return tuple(
+        (
+            float((values[max(group[0] - 1, 0)] + values[group[0]]) / 2),
+            float((values[min(group[-1] + 1, last)] + values[group[-1]]) / 2),
+        )
+        for group in groups
+        if len(group)
+    )
+
+
+def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
+    """The member of an effect at the likeliest value of what is searched (Gauss-Newton from the
+    grid's best), and its derivative there.
+    """
+    design, like = models.design, models.likelihood
+    member = design.members[item]
+    if member.value is None or not member.form.continuous:
+        return item, None
+    rest = tuple(x for x in models.members(model) if x != item)
+    grid = np.asarray(member.form.grid)
+    low, high = float(grid.min()), float(grid.max())
+    value, best = float(member.value), item
+    top = float(like.log_likelihood([like.closure((*rest, item))])[0])
+    for _ in range(NEWTON):
+        tangent = _tangent(design, like, rest, best)
+        if tangent is None:
+            return best, None
+        fit = like.fit((*like.closure((*rest, best)), tangent.index))
+        change = fit.beta[len(like.closure((*rest, best)))] / tangent.norm
+        new = float(np.clip(value * np.exp(np.clip(change, -0.3, 0.3)), low, high))
+        items = evaluated(design, member.form, np.array([new]))
+        if not items:
+            break
+        m = len(design.members)
+        design.members.append(made(design, member.candidate, items[0], 0.0))
+        now = float(like.log_likelihood([like.closure((*rest, m))])[0])
+        if now <= top + 1e-9:
+            break
+        value, best, top = new, m, now
+    return best, _tangent(design, like, rest, best)
+
+
+def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) -> Tangent | None:
+    """The derivative of an effect by the logarithm of what is searched, at its estimated sizes."""
+    member = design.members[m]
+    assert member.value is not None
+    columns = like.closure((*rest, m))
+    fit = like.fit(columns)
+    sizes = []
+    for index, factor in zip(member.indices, member.factors, strict=True):
+        at = columns.index(index) if index in columns else -1
+        sizes.append(fit.beta[at] / factor if at >= 0 and factor else 0.0)
+    near = np.array([member.value * np.exp(STEP), member.value * np.exp(-STEP)])
+    items = evaluated(design, member.form, near)
+    if len(items) != 2:
+        return None
+    k = len(items[0].own)
+    slope = np.einsum("k,kn->n", sizes[:k], items[0].own - items[1].own) / (2 * STEP)
+    mean = np.einsum("k,ka->a", sizes[:k], (items[0].means - items[1].means)[:k]) / (2 * STEP)
+    norms = np.linalg.norm(slope[None], axis=1)
+    (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
+    if index == NONE:
+        return None
+    return Tangent(index=int(index), norm=float(norm), sizes=np.array(sizes))
+
+
+def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates:
+    """Generalised least squares of all effects of a model at once; with the 95 % `sets` of what was
+    searched, if wanted.
+    """
+    design, like = models.design, models.likelihood
+    found, tangents = [], []
+    for item in models.members(model):
+        searched = searched_set(models, model, item) if sets else None
+        best, tangent = polished(models, model, item)
+        if searched is not None and design.members[best].value is not None:
+            searched = replace(searched, value=float(design.members[best].value or 0.0))
+        found.append((best, tangent, searched))
+        tangents += [] if tangent is None else [tangent.index]
+    smooth = (item for item in model if item < 0)
+    closure = models.columns((*(best for best, _, _ in found), *smooth))
+    columns: Columns = tuple(dict.fromkeys((*closure, *tangents)))
+    fit = like.fit(columns)
+    rows: list[FloatArray] = []
+    effects = []
+    used: set[int] = set()
+    for best, tangent, searched in found:
+        member = design.members[best]
+        first = len(rows)
+        sizes = []
+        names = _parameters(member)
+        for (name, unit, role), index, factor in zip(
+            names, member.indices, member.factors, strict=True
+        ):
+            row = np.zeros(len(fit.beta))
+            if index >= 0 and index not in used:
+                row[fit.columns.index(index)] = 1 / factor
+                used.add(index)
+            sizes.append((name, unit, role))
+            rows.append(row)
+        if tangent is not None and tangent.index not in used:
+            row = np.zeros(len(fit.beta))
+            norm = float(np.linalg.norm(tangent.sizes))
+            row[fit.columns.index(tangent.index)] = norm / tangent.norm
+            rows.append(row)
+            name = f"{member.form.bound.template.searched}_change"
+            sizes.append((name, member.form.bound.change_unit(), "searched"))
+        effects.append((member, first, sizes, searched, tangent))
+    J = np.array(rows).reshape(len(rows), len(fit.beta))
+    A = len(design.table.axes)
+    means = design.columns.means[np.array(fit.columns, int)].reshape(len(fit.beta), A)
+    whole = np.concatenate([J, -means.T])
+    covariance = whole @ fit.covariance @ whole.T
+    values = whole @ fit.beta
+    grand = np.array([mean_of(like, fit.weights, fit.dof, a) for a in range(A)])
+    dof = np.array([_dof(fit, row) for row in whole])
+    values[len(J) :] += grand[:, 0]
+    covariance[len(J) :, len(J) :] += np.diag(np.nan_to_num(grand[:, 1]))
+    dof[len(J) :] = np.nan_to_num(grand[:, 2], nan=np.inf)
+    u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+
+    def size(i: int, name: str, unit: str, role: str) -> Size:
+        return Size(
+            name=name, unit=unit, value=float(values[i]), u=float(u[i]), dof=float(dof[i]),
+            role=role,
+        )  # fmt: skip
+
+    told = tuple(
+        Estimate(
+            member=member,
+            sizes=tuple(size(first + i, *item) for i, item in enumerate(sizes)),
+            rows=tuple(range(first, first + len(sizes))),
+            searched=searched,
+            tangent=tangent,
+        )
+        for member, first, sizes, searched, tangent in effects
+    )
+    axes = design.table.axes
+    unit = design.table.unit
+    levels = tuple(size(len(J) + a, f"level_{axes[a]}", unit, "level") for a in range(A))
+    return Estimates(effects=told, levels=levels, covariance=covariance, fit=fit)
+
+
+def _dof(fit: Fit, row: FloatArray) -> float:
+    """Degrees of freedom of a sum of sizes: of the largest part in it."""
+    if not row.any():
+        return np.inf
+    i = int(np.argmax(np.abs(row) * np.sqrt(np.diag(fit.covariance))))
+    return fit.effective_dof(i)
+
+
+def _parameters(member: Member) -> list[tuple[str, str, str]]:
+    """(name, unit, role) of each parameter, its own and then those of the margins."""
+    own = [(name, unit, "own") for name, unit in member.form.bound.parameters.items()]
+    lower = [
+        (name, unit, "margin")
+        for item in member.form.margins
+        for name, unit in item.parameters.items()
+    ]
+    return own + lower
+
+
+def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
+    """Levers of all parameters of a member on other data, the numbers of its own data in place."""
+    value = None if member.value is None else np.array([member.value])
+    found = []
+    for bound in (member.form.bound, *member.form.margins):
+        for lever in replace(bound, data=data).columns(value):
+            g = member.chosen or 0
+            found.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
+    return found

@@ -1,0 +1,518 @@
+"""The gate: one family-wise test of every effect that may be lacking beside a model.
+
+Westfall-Young min-p over candidates, random functions, offsets, scatter effects and remainder
+checks, on null tables made from the model's own residual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import gammaincc, log_ndtr, stdtr
+
+from mtu_cli.analyses.close_loop.design import Design, Kernel
+from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
+from mtu_cli.analyses.close_loop.missing import BoolArray
+from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
+from mtu_cli.stats.least_squares import FloatArray
+
+PERMUTATIONS = 299
+SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
+FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
+"""What a datum takes from each part cannot scatter."""
+CHECKS = ("pattern", "walk", "field", "walk-field")
+AMPLITUDES = np.geomspace(1e-2, 1e4, 30)
+"""Variances of a random function over the stratum's, among which the largest likelihood is."""
+LEAST_LEFT = 2e-3
+"""Share of a column's information that must be left beside base and margins."""
+LEAST_SHARE = 1e-4
+"""Of a column's information that a stratum has, to be asked."""
+ALMOST_ONE = 1 - 1e-9
+AT_HAND = 100_000
+"""Numbers of null tables that are made at once."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gated:
+    """Adjusted p beside a model: of candidates (C,), named random functions, offsets (A,), scatter
+    effects and checks, by name; `family` is -log of the p of each before adjustment.
+    """
+
+    p: dict[str, float]
+
+    @property
+    def smallest(self) -> float:
+        """The p of anything being there."""
+        return min(self.p.values(), default=1.0)
+
+
+class Gate:
+    """Tests of one table; `rng` draws the null tables."""
+
+    def __init__(self, likelihood: Likelihood, rng: np.random.Generator) -> None:
+        self.likelihood, self.rng = likelihood, rng
+        self.design: Design = likelihood.design
+        self.strata = self.design.strata
+        self._drawn: dict[Columns, tuple[list[str], FloatArray]] = {}
+
+    def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> Gated:
+        """Adjusted p of everything beside a model of these columns and scatter effects."""
+        key = tuple(sorted(columns))
+        if key not in self._drawn:
+            self._drawn[key] = self._tests(columns)
+        names, T = self._drawn[key]
+        T = np.where(np.isin(names, scatter), 0.0, T)
+        adjusted = _adjusted(T)
+        return Gated(
+            p={n: float(p) for n, p, t in zip(names, adjusted, T[0], strict=True) if t > 0}
+        )
+
+    def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
+        """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
+        design = self.design
+        fit = self.likelihood.fit(columns)
+        Y, cells = self._null(fit)
+        names = [candidate.name for candidate in design.candidates]
+        best = self._candidates(columns, fit, Y)
+        blocks = [best]
+        named = [kernel for kernel in design.kernels if kernel.named]
+        ratios = [one_sided(self._kernel(kernel, fit, Y)) for kernel in named]
+        blocks.append(np.array(ratios).T if ratios else np.zeros((len(Y), 0)))
+        names += [kernel.name for kernel in named]
+        offsets, own = self._offsets(len(Y), fit)
+        blocks.append(offsets)
+        names += own
+        tests, own = self._scatter(cells)
+        blocks.append(tests)
+        names += own
+        checks, own = self._checks(fit, Y)
+        blocks.append(checks)
+        names += own
+        return names, np.concatenate(blocks, axis=1)
+
+    # Null tables.
+
+    def _null(self, fit: Fit) -> tuple[FloatArray, FloatArray]:
+        """Coordinates (B + 1, N) of the residual and of null tables, refitted as it is; and the
+        cells (P, H, A) of the interaction.
+
+        Means of parts and features are rotated, all axes alike; cells of the interaction permuted
+        among the parts within each feature, so that heavy tails and features that scatter more
+        stay. Where features have no scatter of their own (readings), all are rotated. What is known
+        of the parts' scatter beforehand are further coordinates of the sphere on which they turn.
+        """
+        strata, like, rng = self.strata, self.likelihood, self.rng
+        B = PERMUTATIONS
+        up = np.sqrt(like.n / fit.dof)
+        Y = np.zeros((B + 1, len(fit.residual)))
+        null = Y[1:]
+        crossed = bool(strata.of(FEATURE)) or strata.shape[0] == 1
+        for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
+            self._rotated(null, strata.of(kind), fit, up)
+        inner = np.isin(strata.labels(), strata.of(INTERACTION))
+        cells = strata.table(np.where(inner, fit.residual * up[strata.labels()], 0.0))
+        w = fit.weights[strata.labels()]
+        X = self.design.columns.dense(fit.columns)
+        P, H, _A = strata.shape
+        for rows in self._blocks():
+            if crossed and inner.any():
+                order = np.tile(np.arange(P), (rows.stop - rows.start, H, 1))
+                within = np.swapaxes(rng.permuted(order, axis=2), 1, 2)
+                mixed = cells[within, np.arange(H)] / np.sqrt(1 - 1 / H)
+                turned = strata.coordinates(mixed)
+                for s in strata.of(INTERACTION):
+                    null[rows, strata.slices[s]] = turned[:, strata.slices[s]]
+            if fit.columns:
+                null[rows] -= ((null[rows] * w) @ X.T) @ fit.covariance @ X
+        Y[0] = fit.residual
+        return Y, cells
+
+    def _blocks(self) -> Iterator[slice]:
+        """Null tables, as many at once as a processor keeps at hand."""
+        step = max(1, AT_HAND // int(np.prod(self.strata.shape)))
+        for first in range(0, PERMUTATIONS, step):
+            yield slice(first, min(first + step, PERMUTATIONS))
+
+    def _rotated(self, null: FloatArray, group: list[int], fit: Fit, up: FloatArray) -> None:
+        strata, like, rng = self.strata, self.likelihood, self.rng
+        sizes = {int(strata.sizes[s]) for s in group}
+        together = [group] if len(sizes) == 1 else [[s] for s in group]
+        for own in together:
+            if not own:
+                continue
+            n = int(strata.sizes[own[0]])
+            more = round(like.extra_dof[own].max())
+            Z = np.stack([fit.residual[strata.slices[s]] * up[s] for s in own])
+            if more:
+                beside = rng.normal(size=(len(own), more))
+                beside /= np.linalg.norm(beside, axis=1)[:, None]
+                Z = np.concatenate(
+                    [Z, beside * np.sqrt(like.extra[own] * up[own] ** 2)[:, None]], 1
+                )
+            turned = _turned(Z, len(null), n, rng)
+            for i, s in enumerate(own):
+                null[:, strata.slices[s]] = turned[:, i]
+
+    # Tests.
+
+    def _candidates(self, base: Columns, fit: Fit, Y: FloatArray) -> FloatArray:
+        """-log p (B + 1, C) of the best member of each candidate."""
+        at, lp = self._members(base, fit, Y)
+        best = np.zeros((len(Y), len(self.design.candidates)))
+        if len(at):
+            of = self.design.of[at]
+            for c in np.unique(of):
+                best[:, c] = lp[:, of == c].max(axis=1)
+        return best
+
+    def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """-log p of every member (B + 1, M): score statistics beside base and margins at the fitted
+        null, in each stratum as a normal deviate, with the variance that is left there beside what
+        the margins explain; together by the strata's information (Liptak 1958).
+        """
+        design, columns, w = self.design, self.design.columns, fit.weights
+        held = set(base)
+        groups: dict[tuple[Columns, int], list[int]] = {}
+        for m in range(design.tested):
+            member = design.members[m]
+            low = tuple(i for i in member.low if i not in held)
+            if not set(member.own) <= held | set(low):
+                groups.setdefault((low, len(member.own)), []).append(m)
+        U = columns.products(Y)
+        at: list[FloatArray] = []
+        lps: list[FloatArray] = []
+        sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
+        # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
+        squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
+        least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
+        for (low, k), members in groups.items():
+            own = np.array([design.members[m].own for m in members])
+            good, tested = self._tested(own, np.array(low, int), base, w, U)
+            known, vectors = np.linalg.eigh(tested.information)
+            total = np.zeros((*tested.size.shape, len(Y)))
+            for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
+                score = tested.score(s, U[s], w[s])
+                among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
+                stat = np.sum((vectors[s].transpose(0, 2, 1) @ score) ** 2 / among, axis=1)
+                left = np.maximum(squares[:, s] - tested.explained[s], least[s])
+                ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
+                power = max(float(fit.dof[s] - tested.used[s]) - 1 - k / 2, 0.5)
+                deviance = -power * np.log1p(-ratio)
+                total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
+            D = np.sum(total * np.linalg.solve(tested.information.sum(axis=0), total), axis=1).T
+            at.append(np.array(members)[good])
+            lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
+        if not at:
+            return np.zeros(0, int), np.zeros((len(Y), 0))
+        return np.concatenate(at), np.concatenate(lps, axis=1)
+
+    def _tested(
+        self, own: IntArray, low: IntArray, base: Columns, w: FloatArray, U: FloatArray
+    ) -> tuple[BoolArray, _Tested]:
+        """Which of the members' columns `own` (M, k) can be told from others, and these."""
+        inner = self.design.columns.cross
+        b = np.array([*base, *self.design.common], int)
+        bb, xb, zb = (inner(i[..., None], b) for i in (b, own, low))
+        A = np.tensordot(w, bb, 1)
+        A = A + np.diag(1e-10 * np.diag(A) + self.likelihood.ridge(b))
+        T, L = (np.tensordot(w, item, 1) @ np.linalg.inv(A) for item in (xb, zb))
+        W, X = w[:, None, None], w[:, None, None, None]
+        shared = zb @ L.T
+        zz = W * (inner(low[:, None], low) - shared - _t(shared) + L @ bb @ L.T)
+        xz = inner(own[:, :, None], low)
+        xz = X * (xz - xb @ L.T - T @ _t(zb)[:, None] + T @ bb[:, None] @ L.T)
+        xx = inner(own[:, :, None], own[:, None, :])
+        first = np.einsum("s,smkk->mk", w, xx)
+        shared = xb @ _t(T)
+        xx = X * (xx - shared - _t(shared) + T @ bb[:, None] @ _t(T))
+        inverse = np.linalg.pinv(zz.sum(axis=0), rcond=1e-8, hermitian=True)
+        C = xz.sum(axis=0) @ inverse
+        rest = xz - C @ zz[:, None]
+        shared = xz @ _t(C)
+        information = xx - shared - _t(rest @ _t(C))
+        whole = information.sum(axis=0)
+        size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
+        each = size[:, :, None] * size[:, None, :]
+        apart = np.linalg.eigvalsh(whole / each)[:, 0]
+        good = np.all(size**2 > LEAST_LEFT * first, axis=1) & (apart > 1e-5)
+        y = W * (U[:, low] - L @ U[:, b])
+        sizes = inverse @ y.sum(axis=0)
+        return good, _Tested(
+            own=own[good],
+            base=b,
+            of_base=T[good],
+            of_low=C[good],
+            rest=rest[:, good],
+            size=size[good],
+            information=information[:, good] / each[good],
+            low=y,
+            sizes=sizes,
+            explained=np.einsum("zn,szn->sn", sizes, 2 * y - zz @ sizes),
+            used=np.einsum("zy,syz->s", inverse, zz),
+        )
+
+    def _kernel(self, kernel: Kernel, fit: Fit, Y: FloatArray) -> FloatArray:
+        """Twice the log likelihood ratio (B + 1,) of one more variance component."""
+        found = np.zeros((len(AMPLITUDES), len(Y)))
+        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+            part = Y[:, self.strata.slices[s]]
+            total = (part**2).sum(axis=1) + self.likelihood.extra[s]
+            z2 = (part @ V) ** 2
+            rest = np.maximum(total - z2.sum(axis=1), 1e-9 * total)
+            spread = 1 + AMPLITUDES[:, None] * k
+            left = rest + (z2 @ (1 / spread).T).T
+            found += fit.dof[s] * np.log(np.maximum(total, 1e-300) / np.maximum(left, 1e-300))
+            found -= np.log(spread).sum(axis=1)[:, None]
+        return np.asarray(np.maximum(found.max(axis=0), 0.0))
+
+    def _offsets(self, rows: int, fit: Fit) -> tuple[FloatArray, list[str]]:
+        """-log p of each axis' mean against the scatter of parts and features, and of the level
+        that effects leave of it: where these are counted from is arbitrary.
+        """
+        names, columns = [], []
+        for candidate in self.design.candidates:
+            if candidate.kind != "offset" or candidate.unavailable:
+                continue
+            a = self.design.axis(candidate)
+            mean, variance, nu = mean_of(self.likelihood, fit.weights, fit.dof, a)
+            if not np.isfinite(variance):
+                continue
+            level, u, _ = level_of(self.likelihood, fit, a)
+            least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
+            own = self.rng.exponential(size=rows)
+            own[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
+            names.append(candidate.name)
+            columns.append(own)
+        return (np.array(columns).T if columns else np.zeros((rows, 0))), names
+
+    def _scatter(self, cells: FloatArray) -> tuple[FloatArray, list[str]]:
+        """-log p (B + 1, k) of likelihood ratios of one more variance within the interaction, its
+        cells (P, H, A) permuted freely.
+        """
+        table, strata = self.design.table, self.strata
+        P, H, A = strata.shape
+        inner = strata.of(INTERACTION)
+        chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
+        levers: dict[str, FloatArray | None] = {}
+        for c in self.design.candidates:
+            if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
+                continue
+            if c.name == "operation-scatter":
+                levers[c.name] = None
+            elif (lever := lever_of(c.name, table.axes, table.mean_places)) is not None:
+                levers[c.name] = lever.ravel()
+        if len(table.operations) < 2:
+            levers.pop("operation-scatter", None)
+        if not levers or P < 5 or len(inner) < A:
+            return np.zeros((PERMUTATIONS + 1, 0)), []
+        flat = cells.reshape(P * H, A)
+        squares = (flat * flat).sum(axis=1)
+        found = np.zeros((PERMUTATIONS + 1, len(levers)))
+
+        def parts(drawn: IntArray, of: FloatArray) -> None:
+            """What of the sum of squares belongs to each effect, of some permutations."""
+            for k, lever in enumerate(levers.values()):
+                if lever is None:
+                    of[:, k] = squares[drawn] @ chosen
+                else:
+                    E = flat[drawn].reshape(len(drawn), P, H * A)
+                    of[:, k] = ((E @ lever) ** 2).sum(axis=1)
+
+        order = np.arange(P * H)
+        parts(order[None], found[:1])
+        for rows in self._blocks():
+            drawn = self.rng.permuted(np.tile(order, (rows.stop - rows.start, 1)), axis=1)
+            parts(drawn, found[1:][rows])
+        n = float(sum(self.likelihood.drawn[s] for s in inner))
+        total = max(float(squares.sum()), 1e-300)
+        kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
+        found = np.clip(found, 1e-9 * total, ALMOST_ONE * total)
+        for k, lever in enumerate(levers.values()):
+            share = float(chosen.mean())
+            a, b = (n * share, n * (1 - share)) if lever is None else (P - 1.0, n - (P - 1.0))
+            one, other = found[:, k], total - found[:, k]
+            L = n * np.log(total / n) - a * np.log(one / a) - b * np.log(other / b)
+            L = L / (1 + kurtosis / 2) if lever is None else np.where(one / a > other / b, L, 0.0)
+            found[:, k] = one_sided(L)
+        return found, list(levers)
+
+    def _checks(self, fit: Fit, Y: FloatArray) -> tuple[FloatArray, list[str]]:
+        """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
+        field, both; where more is left than rounding.
+        """
+        strata, table, like = self.strata, self.design.table, self.likelihood
+        P, H, A = strata.shape
+        names, found = [], []
+        squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
+        rough = squares > fit.dof * like.least
+        inner = [s for s in strata.of(INTERACTION) if rough[s]]
+        if P > 3 and H > 3 and inner:
+            # Singular values are the same in all orthonormal coordinates.
+            share = np.zeros(len(Y))
+            for rows in (slice(0, 1), *(slice(r.start + 1, r.stop + 1) for r in self._blocks())):
+                E = np.zeros((rows.stop - rows.start, A * P * H))
+                for s in inner:
+                    part = strata.slices[s]
+                    E[:, strata.place[part]] = Y[rows, part] * strata.spread[part]
+                E = E.reshape(-1, A, P, H)
+                E = E if P <= H else np.swapaxes(E, 2, 3)
+                values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
+                share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
+            names.append("pattern")
+            found.append(share)
+        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
+        places = table.mean_places[:, np.isfinite(table.mean_places).all(axis=0)]
+        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        near = {
+            "walk": (PART, np.exp(-lag / 2), strata.of_parts),
+            "field": (FEATURE, np.exp(-apart / (0.15 * max(apart.max(), 1e-300))), None),
+        }
+        for name, (kind, K, basis) in near.items():
+            group = [s for s in strata.of(kind) if rough[s]]
+            if not group or min(like.n[s] for s in group) < 4:
+                continue
+            total = np.zeros(len(Y))
+            for s in group:
+                n = int(strata.sizes[s])
+                B = strata.of_features[strata.axis[s]][:, -n:] if basis is None else basis[:, -n:]
+                values, vectors = np.linalg.eigh(B.T @ K @ B)
+                z = (Y[:, strata.slices[s]] @ vectors) ** 2
+                total += z @ values / np.maximum(z.sum(axis=1), 1e-300)
+            names.append(name)
+            found.append(total)
+        return _calibrated(found, len(Y)), names
+
+
+def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
+    """The unit pattern (H, A) of a small turn or growth of a whole part."""
+    own = ["xyz".index(axis) for axis in axes if axis in "xyz"]
+    if len(own) < len(axes):
+        return None
+    q = places[:, own] - places[:, own].mean(axis=0)
+    if "rotation" in name:
+        if not {"x", "y"} <= set(axes):
+            return None
+        found = np.zeros_like(q)
+        i, j = axes.index("x"), axes.index("y")
+        found[:, i], found[:, j] = -q[:, j], q[:, i]
+        q = found
+    size = np.linalg.norm(q)
+    return q / size if size > 0 else None
+
+
+def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
+    """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
+    and degrees of freedom (nan: not testable).
+    """
+    mean, u2, nu = mean_of(likelihood, fit.weights, fit.dof, a)
+    slopes = likelihood.design.columns.means[np.array(fit.columns, int), a]
+    u2 += float(slopes @ fit.covariance @ slopes)
+    return mean - float(slopes @ fit.beta), float(np.sqrt(u2)), nu
+
+
+def mean_of(
+    likelihood: Likelihood, weights: FloatArray, dof: FloatArray, a: int
+) -> tuple[float, float, float]:
+    """The mean over the table along axis `a`, in units of the scale, its variance and degrees of
+    freedom: parts and features both scatter, v = m_part + m_feature - m_interaction over P H
+    (Satterthwaite 1946), and the coefficients are uncertain.
+    """
+    strata = likelihood.design.strata
+    P, H, _ = strata.shape
+    m: dict[str, tuple[float, float]] = {}
+    for s, kind in enumerate(strata.kinds):
+        if strata.axis[s] == a and kind != LINE and weights[s] > 0:
+            m[kind] = (1 / weights[s], dof[s])
+    mean = float(likelihood.grand[a])
+    if PART not in m:
+        return mean, np.nan, np.nan
+    own = [m[PART]] + ([m[FEATURE]] if FEATURE in m else [])
+    inner = m.get(INTERACTION, (0.0, np.inf))
+    v = max(sum(x for x, _ in own) - (inner[0] if len(own) > 1 else 0.0), *(x for x, _ in own))
+    terms = own + ([inner] if len(own) > 1 else [])
+    nu = v**2 / sum(x**2 / d for x, d in terms)
+    return mean, float(v / (P * H) + likelihood.design.mean_variance[a]), float(nu)
+
+
+def _turned(Z: FloatArray, rows: int, n: int, rng: np.random.Generator) -> FloatArray:
+    """Vectors Z (g, n + more) turned at random, all alike: the first n coordinates (rows, g, n)."""
+    g, whole = Z.shape
+    if n == 0:
+        return np.zeros((rows, g, 0))
+    # A random rotation takes an orthonormal basis of the g vectors to a random g-frame.
+    _Q, R = np.linalg.qr(Z.T)
+    frame = np.linalg.qr(rng.normal(size=(rows, whole, min(g, whole))))[0]
+    signs = rng.choice([-1.0, 1.0], size=(rows, 1, frame.shape[2]))
+    return np.asarray(np.swapaxes((frame * signs) @ R, 1, 2)[:, :, :n])
+
+
+def one_sided(ratio: FloatArray) -> FloatArray:
+    """-log p of twice a log likelihood ratio of a variance that may be 0: by half it is 0 without
+    it, by half chi^2 with one degree of freedom (Self & Liang 1987).
+    """
+    return np.asarray(-log_ndtr(-np.sqrt(np.maximum(ratio, 0.0))))
+
+
+def _calibrated(found: list[FloatArray], rows: int) -> FloatArray:
+    """-log p (rows, k) of statistics by a gamma law fitted to their null rows."""
+    columns = []
+    for x in found:
+        mean, var = x[1:].mean(), max(float(x[1:].var()), 1e-300)
+        low = x[1:].min() - 0.1 * abs(x[1:].min())
+        shape, scale = (mean - low) ** 2 / var, var / max(mean - low, 1e-300)
+        # Null rows that are all alike, as of readings without any scatter, say nothing.
+        p = gammaincc(shape, np.maximum(x - low, 0.0) / scale) if mean > low else np.ones(rows)
+        columns.append(-np.log(np.maximum(p, 1e-300)))
+    return np.array(columns).T if columns else np.zeros((rows, 0))
+
+
+def _adjusted(T: FloatArray) -> FloatArray:
+    """Family-wise p of each column of -log p T (B + 1, k), the first row observed.
+
+    The best of many members is calibrated by their effective number, 1/mean(p) - 1, as Sidak would.
+    """
+    number = np.maximum(1 / np.exp(-T[1:]).mean(axis=0) - 1, 0.2)
+    inner = np.log1p(-np.exp(-np.maximum(T, 1e-12)))
+    family = -np.log(-np.expm1(number * inner) + 1e-300)
+    family[:, T[0] == 0] = 0
+    null = np.sort(family[1:].max(axis=1))
+    B = len(null)
+    return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Tested:
+    """Members' columns x = `own` (M, k) less what of them the `base` (b,) and their margins explain
+    in all strata at once, by coefficients `of_base` (M, k, b) and `of_low` (M, k, z).
+
+    Divided by `size` (M, k) they have the `information` (S, M, k, k) in the strata, its sum with a
+    diagonal of 1; `rest` (S, M, k, z) are their products with the margins there. Of data n the
+    margins' products `low` (S, z, n), fitted `sizes` (z, n), the sums of squares that they have
+    `explained` (S, n) and degrees of freedom `used` (S,).
+    """
+
+    own: IntArray
+    base: IntArray
+    of_base: FloatArray
+    of_low: FloatArray
+    rest: FloatArray
+    size: FloatArray
+    information: FloatArray
+    low: FloatArray
+    sizes: FloatArray
+    explained: FloatArray
+    used: FloatArray
+
+    def score(self, s: int, U: FloatArray, w: float) -> FloatArray:
+        """Scores (M, k, n) in a stratum beside the fitted margins, of products U (K, n) of all
+        columns with the data.
+        """
+        score: FloatArray = w * (U[self.own] - self.of_base @ U[self.base])
+        score -= self.of_low @ self.low[s] + self.rest[s] @ self.sizes
+        return score / self.size[:, :, None]
+
+
+def _t(matrices: FloatArray) -> FloatArray:
+    return np.asarray(np.swapaxes(matrices, -1, -2))

@@ -1,0 +1,232 @@
+"""Likelihood of models of mean effects on one table: fits and marginal likelihoods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import chdtri, logsumexp
+
+from mtu_cli.analyses.close_loop.columns import PADDING
+from mtu_cli.analyses.close_loop.design import Design, Kernel
+from mtu_cli.analyses.close_loop.strata import IntArray
+from mtu_cli.stats.least_squares import FloatArray
+
+QUANTILES = (np.arange(12) + 0.5) / 12
+ZELLNER_SIOW = 1 / chdtri(1, 1 - QUANTILES)
+"""Quantiles of g/n where g ~ inverse gamma(1/2, n/2): a Cauchy law of sizes in units of the
+information of one observation (Zellner & Siow 1980)."""
+TINY = 1e-9
+ITERATIONS = 5
+
+Columns = tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """Generalised least squares: sizes `beta` (k,) of unit columns, `covariance` (k, k), residual
+    (N,), weights (S,) = 1/variance and degrees of freedom (S,) of the strata. `shares` (S, k) is
+    how much of a column's information comes from each stratum.
+    """
+
+    columns: Columns
+    beta: FloatArray
+    covariance: FloatArray
+    residual: FloatArray
+    weights: FloatArray
+    dof: FloatArray
+    shares: FloatArray
+
+    def effective_dof(self, i: int) -> float:
+        """Satterthwaite's degrees of freedom of size i."""
+        share = self.shares[:, i]
+        return float(1 / np.sum(share**2 / self.dof)) if share.any() else np.inf
+
+
+class Likelihood:
+    """Errors `y` (N,) of a design and their means `grand` (A,), in units of its scale.
+
+    `n` (S,) are the degrees of freedom of the strata, with those of what is known beforehand;
+    `R0` (S,) the sums of squares; `least` (S,) variances that rounding alone gives.
+    """
+
+    def __init__(
+        self,
+        design: Design,
+        y: FloatArray,
+        grand: FloatArray,
+        n: FloatArray,
+        known: tuple[FloatArray, FloatArray],
+        least: FloatArray,
+    ) -> None:
+        self.design, self.y, self.grand = design, y, grand
+        strata = design.strata
+        self.drawn = n
+        """Degrees of freedom (S,) of the coordinates themselves."""
+        own = np.array([y[part] @ y[part] for part in strata.slices])
+        self.extra, self.extra_dof = known
+        self.n = n + self.extra_dof
+        self.R0 = own + self.extra
+        self.least = np.maximum(least, TINY**2)
+        self._b = np.zeros((len(n), 0))
+
+    @property
+    def b(self) -> FloatArray:
+        """Products (S, K) of the errors with all columns."""
+        columns = self.design.columns
+        if self._b.shape[1] < columns.count:
+            new = columns.products(self.y[None], self._b.shape[1])[:, :, 0]
+            self._b = np.concatenate([self._b, new], axis=1)
+        return self._b
+
+    def closure(self, members: Sequence[int]) -> Columns:
+        """Columns of a model: those of its members, then those of their margins."""
+        items = [self.design.members[m] for m in members]
+        own = dict.fromkeys(i for item in items for i in item.own)
+        return tuple(own | dict.fromkeys(i for item in items for i in item.low))
+
+    def ridge(self, columns: IntArray) -> FloatArray:
+        """Prior precisions of columns: those of fitted coefficients and of random functions have a
+        known variance.
+        """
+        found = np.full(columns.shape, TINY)
+        found[columns == PADDING] = 1.0
+        for index, deviation in self.design.deviations.items():
+            found[columns == index] = deviation**-2
+        return found
+
+    def smooth(self, fit: Fit, kernel: Kernel) -> Columns:
+        """The directions of a random function as columns; its variance is the likeliest beside a
+        fit.
+        """
+        _, amplitude = self.kernel_gain(fit, kernel)
+        columns, found = self.design.columns, list[int]()
+        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+            part = self.design.strata.slices[s]
+            at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
+            indices = columns.add_alone(at, V.T, means).tolist()
+            deviations = np.sqrt(amplitude * k / fit.weights[s]).tolist()
+            self.design.deviations.update(zip(indices, deviations, strict=True))
+            found += indices
+        return tuple(found)
+
+    def weights(self, R: FloatArray, dof: FloatArray) -> FloatArray:
+        """1/variance of the strata from their sums of squares; 0 where nothing of one is left."""
+        least, there = (x.reshape(-1, *[1] * (R.ndim - 1)) for x in (self.least, self.n > 0))
+        return np.asarray(np.where(there, dof / np.maximum(R, dof * least + TINY**3), 0.0))
+
+    def profile(self, models: IntArray, beside: Columns = ()) -> tuple[FloatArray, FloatArray]:
+        """Residual sums of squares (S, M) of models (M, k) with the columns `beside` each, the
+        strata's variances at the maximum of each, and the effective number of entries (M, k) that
+        inform each column. What a prior takes of a size counts as residual.
+        """
+        M, k = models.shape
+        shared = np.array([*beside, *self.design.common], int)
+        cross = self.design.columns.cross
+        G, Gb, Gz = (
+            cross(models[:, :, None], models[:, None, :]),
+            cross(models[:, :, None], shared),
+            cross(shared[:, None], shared),
+        )
+        own, of_shared = np.einsum("smii->smi", G), np.einsum("szz->sz", Gz)
+        b, bz = self.b[:, models], self.b[:, shared]
+        ridge, prior = np.eye(k) * self.ridge(models)[:, :, None], self.ridge(shared)
+        n, floor = self.n[:, None], TINY * self.R0[:, None] + TINY**2
+        w = np.broadcast_to(self.weights(self.R0, self.n)[:, None], (len(n), M))
+        R = np.broadcast_to(self.R0[:, None], w.shape)
+        A = np.zeros((M, k + len(shared), k + len(shared)))
+        for _ in range(ITERATIONS):
+            A[:, :k, :k] = np.einsum("sm,smij->mij", w, G) + ridge
+            A[:, :k, k:] = np.einsum("sm,smiz->miz", w, Gb)
+            A[:, k:, :k] = np.swapaxes(A[:, :k, k:], 1, 2)
+            A[:, k:, k:] = np.tensordot(w, Gz, (0, 0)) + np.diag(prior)
+            found = np.concatenate([np.einsum("sm,smi->mi", w, b), w.T @ bz], axis=1)
+            beta, z = np.split(np.linalg.solve(A, found[..., None])[..., 0], [k], axis=1)
+            left = 2 * b - np.einsum("smij,mj->smi", G, beta)
+            left -= 2 * np.einsum("smiz,mz->smi", Gb, z)
+            R = self.R0[:, None] - np.einsum("mi,smi->sm", beta, left)
+            R = R - np.einsum("mz,smz->sm", z, 2 * bz[:, None] - z @ Gz)
+            R = R + of_shared @ (z**2 * prior / np.maximum(w.T @ of_shared, 1e-300)).T
+            R = np.maximum(R, floor)
+            w = self.weights(R, np.broadcast_to(n, R.shape))
+        info = w[..., None] * own
+        counted = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
+        return R, counted
+
+    def log_likelihood(self, models: Sequence[Columns]) -> FloatArray:
+        """Largest log likelihood (M,) of models against none, the strata's variances maximised."""
+        R, _ = self.profile(self._filled(models))
+        least = (self.least * self.n)[:, None] + TINY**2
+        whole = np.maximum(self.R0[:, None], least)
+        return np.asarray(-0.5 * self.n @ np.log(np.maximum(R, least) / whole))
+
+    def _filled(self, models: Sequence[Columns]) -> IntArray:
+        width = max((len(model) for model in models), default=0)
+        filled = np.full((len(models), max(width, 1)), PADDING)
+        for i, model in enumerate(models):
+            filled[i, : len(model)] = model
+        return filled
+
+    def evidence(self, models: Sequence[Columns], beside: Columns = ()) -> FloatArray:
+        """Log marginal likelihood (M,) of models against none, `beside` the columns of random
+        functions.
+
+        Sizes have a g-prior with the Zellner-Siow law of g, so that the evidence is not bounded
+        (Liang et al. 2008); the strata's variances are maximised; every column is paid for,
+        margins too.
+        """
+        filled = self._filled([*models, ()])
+        R, counted = self.profile(filled, beside)
+        R, whole = R[:, :-1], R[None, :, -1:]
+        there = filled[:-1] != PADDING
+        k = there.sum(axis=1)
+        n = (counted[:-1] * there).sum(axis=1) / np.maximum(k, 1)
+        g = n * ZELLNER_SIOW[:, None]
+        floor = (self.least * self.n)[None, :, None] + TINY**2
+        shrunk = np.maximum(R + (whole - R) / (1 + g[:, None]), floor)
+        logs = -0.5 * np.einsum("s,gsm->gm", self.n, np.log(shrunk / np.maximum(whole, floor)))
+        logs -= 0.5 * k * np.log1p(g)
+        return np.asarray(logsumexp(logs, axis=0) - np.log(len(g)))
+
+    def fit(self, columns: Columns) -> Fit:
+        """Generalised least squares, each stratum's variance its residual sum of squares over the
+        residual degrees of freedom.
+        """
+        design = self.design
+        columns = tuple(columns) + design.common
+        at = np.array(columns, int)
+        G, b, ridge = design.columns.cross(at[:, None], at), self.b[:, at], np.diag(self.ridge(at))
+        w, dof = self.weights(self.R0, self.n), self.n.copy()
+        beta, V = np.zeros(0), np.zeros((0, 0))
+        for _ in range(6 if columns else 1):
+            V = np.linalg.inv(np.einsum("s,sij->ij", w, G) + ridge)
+            beta = V @ (w @ b)
+            R = self.R0 - 2 * b @ beta + np.einsum("i,sij,j->s", beta, G, beta)
+            used = w * np.einsum("ij,sji->s", V, G)
+            dof = np.maximum(self.n - used, 1.0)
+            w = self.weights(np.maximum(R, TINY * self.R0), dof)
+        shares = w[:, None] * np.einsum("ij,sjk,ki->si", V, G, V) / np.diag(V)[None, :]
+        left = self.y - beta @ design.columns.dense(columns) if columns else self.y
+        return Fit(
+            columns=columns, beta=beta, covariance=V, residual=left, weights=w, dof=dof,
+            shares=shares,
+        )  # fmt: skip
+
+    def kernel_gain(self, fit: Fit, kernel: Kernel) -> tuple[float, float]:
+        """Log Bayes factor of a random function beside a fitted model, its amplitude averaged over
+        the law that sizes of columns have, a Cauchy law in units of the information of one
+        coordinate; and its likeliest variance.
+        """
+        c = np.tan(np.pi / 2 * QUANTILES) ** 2 * kernel.informed
+        logs = np.zeros(len(c))
+        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+            part = fit.residual[self.design.strata.slices[s]]
+            least = fit.dof[s] * self.least[s] + TINY**2
+            total = max(float(part @ part + self.extra[s]), least)
+            z2 = (part @ V) ** 2
+            spread = 1 + c[:, None] * k
+            left = np.maximum(total - z2.sum(), TINY * total) + (z2 / spread).sum(axis=1)
+            logs += -0.5 * np.log(spread).sum(axis=1)
+            logs += -0.5 * fit.dof[s] * np.log(left / total)
+        return float(logsumexp(logs) - np.log(len(c))), float(c[int(np.argmax(logs))])

@@ -1,0 +1,321 @@
+"""The set of models: from nothing by additions, drops and swaps, each through the gate.
+
+A model is a tuple of members of candidates and of named random functions. Its evidence is the
+marginal likelihood with the prior of its candidates. Classes, rivals and posteriors are read from
+the models that were met (Occam's window, Madigan & Raftery 1994).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from scipy.special import logsumexp
+
+from mtu_cli.analyses.close_loop.columns import PADDING
+from mtu_cli.analyses.close_loop.design import Design
+from mtu_cli.analyses.close_loop.gate import SCATTERS, Gate
+from mtu_cli.analyses.close_loop.likelihood import Columns, Likelihood
+from mtu_cli.stats.least_squares import FloatArray
+
+BEAM = 3
+SHARE = 0.95
+"""Posterior of a class."""
+WINDOW = 20.0
+"""Times less likely than the best, down to which a model counts (Madigan & Raftery 1994)."""
+CLOSE = 25.0
+"""Of the log evidence: a candidate further than this from the best needs no finer members."""
+ODDS = 3.0
+"""Prior odds of a nameless effect against one of the library."""
+ROUNDS = 4
+
+Item = int
+"""A member m of a candidate, or -1 - k for random function k."""
+Model = tuple[Item, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """One effect of a model: its item, family-wise p, gain in log evidence over the model without
+    it, its class with posteriors, and whether a nameless effect is credible or likelier.
+    """
+
+    item: Item
+    name: str
+    p: float
+    gain: float
+    posterior: float
+    credible: tuple[tuple[str, Item, float], ...]
+    nameless: float
+    overtaken: bool
+
+
+class ModelSet:
+    """Models of one table and what they say."""
+
+    def __init__(self, likelihood: Likelihood, gate: Gate, *, alpha: float, most: int) -> None:
+        self.likelihood, self.gate = likelihood, gate
+        self.design: Design = likelihood.design
+        self.alpha, self.most = alpha, most
+        self.named = [k for k, kernel in enumerate(self.design.kernels) if kernel.named]
+        self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.named]
+        self.names = [c.name for c in self.design.candidates]
+        self.names += [self.design.kernels[k].name for k in self.named]
+        self.met: dict[Model, float] = {}
+        self.stopped = False
+        self._smooth: dict[tuple[int, ...], Columns] = {}
+        self._added: dict[Model, tuple[FloatArray, list[Item]]] = {}
+
+    # What a model is.
+
+    def place(self, item: Item) -> int:
+        """Index of an item's candidate among `names`."""
+        if item >= 0:
+            return self.design.members[item].candidate
+        return len(self.design.candidates) + self.named.index(-1 - item)
+
+    def members(self, model: Model) -> tuple[int, ...]:
+        """The mean effects of a model."""
+        return tuple(item for item in model if item >= 0)
+
+    def columns(self, model: Model) -> Columns:
+        """The columns of a model, and the directions of its random functions."""
+        found = self.likelihood.closure(self.members(model))
+        for item in sorted(item for item in model if item < 0):
+            key = (*found, item)
+            if key not in self._smooth:
+                fit = self.likelihood.fit(found)
+                kernel = self.design.kernels[-1 - item]
+                self._smooth[key] = self.likelihood.smooth(fit, kernel)
+            found += self._smooth[key]
+        return found
+
+    def evidence(self, model: Model) -> float:
+        """Log marginal likelihood times prior, against no effect."""
+        key = tuple(sorted(model))
+        if key not in self.met:
+            self.met[key] = self._marginal(key) - np.log(len(self.names)) * len(key)
+        return self.met[key]
+
+    def value(self, model: Model) -> float:
+        """Log marginal likelihood of a model, in the units of its additions."""
+        return self._marginal(tuple(sorted(model)))
+
+    def _marginal(self, model: Model) -> float:
+        columns = self.likelihood.closure(self.members(model))
+        base = float(self.likelihood.evidence([columns])[0]) if columns else 0.0
+        kernels = [-1 - item for item in model if item < 0]
+        if kernels:
+            fit = self.likelihood.fit(columns)
+            base += sum(
+                self.likelihood.kernel_gain(fit, self.design.kernels[k])[0] for k in kernels
+            )
+        return base
+
+    # Additions.
+
+    def additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
+        """Log marginal likelihood of a model with each candidate added, averaged over the
+        candidate's members, and the likeliest item of each. Where a grid is coarse against the
+        data, finer members share the prior of its best one.
+        """
+        key = tuple(sorted(model))
+        if key not in self._added:
+            self._added[key] = self._additions(key)
+        total, best = self._added[key]
+        return total.copy(), list(best)
+
+    def _additions(self, model: Model) -> tuple[FloatArray, list[Item]]:
+        design, like = self.design, self.likelihood
+        members, tested = self.members(model), range(design.tested)
+        smooth = self.columns(model)[len(like.closure(members)) :]
+        base = self._marginal(model) - float(like.evidence([like.closure(members)], smooth)[0])
+        models = [like.closure((*members, m)) for m in tested]
+        logs = like.evidence(models, smooth) + base
+        weighed = logs + np.log(design.prior[: design.tested])
+        of = design.of[: design.tested]
+        total = np.full(len(self.names), -np.inf)
+        best: list[Item] = [0] * len(self.names)
+        for c in np.unique(of):
+            own = np.flatnonzero(of == c)
+            total[c], best[c] = logsumexp(weighed[own]), int(own[np.argmax(weighed[own])])
+        taken = {self.place(item) for item in model}
+        for c in np.flatnonzero(total > total.max(initial=-np.inf) - CLOSE):
+            m = best[c]
+            fine = design.around(m) if c not in taken else ()
+            if fine:
+                share = np.log(design.members[m].prior / len(fine))
+                models = [like.closure((*members, q)) for q in fine]
+                finer = like.evidence(models, smooth) + base + share
+                others = weighed[(of == c) & (np.arange(design.tested) != m)]
+                total[c] = logsumexp(np.concatenate([others, finer]))
+                best[c] = fine[int(np.argmax(finer))]
+        fit = like.fit(like.closure(members))
+        base = self._marginal(model)
+        for i, k in enumerate(self.named):
+            j = len(design.candidates) + i
+            total[j] = base + like.kernel_gain(fit, design.kernels[k])[0]
+            best[j] = -1 - k
+        return total, best
+
+    def without_name(self, model: Model) -> FloatArray:
+        """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
+        fit = self.likelihood.fit(self.likelihood.closure(self.members(model)))
+        base = self._marginal(tuple(sorted(model)))
+        gains = [self.likelihood.kernel_gain(fit, self.design.kernels[k])[0] for k in self.nameless]
+        found: FloatArray = base + np.array(gains) + np.log(ODDS)
+        return found
+
+    def _passing(self, model: Model) -> list[Item]:
+        """Items that pass the gate beside a model, the likeliest first; beside others only those
+        that make the model likelier, their prior counted: each of them is one more test.
+        """
+        p = self.gate(self.columns(model)).p
+        total, best = self.additions(model)
+        for item in model:
+            total[self.place(item)] = -np.inf
+        least = self._marginal(tuple(sorted(model))) + np.log(len(self.names)) if model else -np.inf
+        order = [
+            i
+            for i in np.argsort(-total, kind="stable")
+            if total[i] > least and p.get(self.names[i], 1.0) <= self.alpha
+        ]
+        return [best[i] for i in order]
+
+    # Search.
+
+    def search(self) -> Model:
+        """The likeliest model that only effects which pass the gate lead to: forward from the
+        first few, each model refined by drop and swap.
+        """
+        self.evidence(())
+        stack: list[tuple[Model, Model]] = [((item,), ()) for item in self._passing(())[:BEAM]]
+        done: set[Model] = set()
+        closed: set[Model] = set()
+        while stack:
+            model, before = stack.pop(0)
+            model = self._refined(model)
+            key = tuple(sorted(model))
+            if key in done:
+                # What was added leads back: the model before has no further effect.
+                closed |= {before} & done
+                continue
+            done.add(key)
+            more = self._passing(model)[:1]
+            if more and len(model) >= self.most:
+                self.stopped, more = True, []
+            stack += [((*model, item), key) for item in more]
+            if not more:
+                closed.add(key)
+        return max(sorted(closed), key=self.evidence, default=())
+
+    def _refined(self, model: Model) -> Model:
+        """Drops what no longer passes the gate and swaps single effects, until nothing improves."""
+        for _ in range(ROUNDS):
+            before = model
+            for item in tuple(model):
+                model = self._revised(model, item)
+                if model != before:
+                    break
+            self.evidence(model)
+            if model == before:
+                break
+        return model
+
+    def _revised(self, model: Model, item: Item) -> Model:
+        """The model with the likeliest that passes in the place of one item, or nothing."""
+        rest = tuple(x for x in model if x != item)
+        p = self.gate(self.columns(rest)).p
+        total, best = self.additions(rest)
+        passes = np.array([p.get(name, 1.0) <= self.alpha for name in self.names])
+        total[~passes] = -np.inf
+        for x in rest:
+            total[self.place(x)] = -np.inf
+        c = int(np.argmax(total))
+        if not np.isfinite(total[c]):
+            return rest
+        if total[c] > total[self.place(item)] + 1e-9 or best[c] != item:
+            return tuple(best[c] if x == item else x for x in model)
+        return model
+
+    def credible(self, model: Model) -> list[Item]:
+        """The likeliest items of the candidates in the window beside a model."""
+        total, best = self.additions(model)
+        near = np.flatnonzero(total > total.max(initial=-np.inf) - np.log(WINDOW))
+        return [best[i] for i in near]
+
+    # What a model says.
+
+    def entries(self, model: Model) -> tuple[Model, tuple[Entry, ...]]:
+        """The effects of a model, the strongest first; without those that are margins of others."""
+        low = {i for m in self.members(model) for i in self.design.members[m].low}
+        model = tuple(
+            item for item in model if item < 0 or not set(self.design.members[item].own) <= low
+        )
+        found = [self._entry(model, item) for item in model]
+        return model, tuple(sorted(found, key=lambda entry: -entry.gain))
+
+    def _entry(self, model: Model, item: Item) -> Entry:
+        rest = tuple(x for x in model if x != item)
+        total, best = self.additions(rest)
+        for x in rest:
+            total[self.place(x)] = -np.inf
+        smooth = self.without_name(rest) if self.nameless else np.zeros(0)
+        without = self._marginal(tuple(sorted(rest)))
+        # What is less likely than nothing explains nothing.
+        c = self.place(item)
+        total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
+        # One that holds the effect as a margin says more than it: it has to pass by itself.
+        passing = self.gate(self.columns(rest)).p
+        own = set(self.design.members[item].own) if item >= 0 else {PADDING}
+        for i in np.flatnonzero(np.isfinite(total)):
+            low = self.design.members[best[i]].low if best[i] >= 0 else ()
+            if own <= set(low) and passing.get(self.names[i], 1.0) > self.alpha:
+                total[i] = -np.inf
+        both = np.concatenate([total, smooth])
+        posterior = np.exp(both - logsumexp(both))
+        order = np.argsort(-posterior, kind="stable")
+        count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
+        credible = [int(i) for i in order[:count]]
+        if c not in credible:
+            credible.insert(0, c)
+        named = [i for i in credible if i < len(self.names)]
+        named.sort(key=lambda i: (i != c, -posterior[i]))
+        items = [item if i == c else best[i] for i in named]
+        return Entry(
+            item=item,
+            name=self.names[c],
+            p=passing.get(self.names[c], 1.0),
+            gain=float(total[c] - without),
+            posterior=float(posterior[c]),
+            credible=tuple(
+                (self.names[i], x, float(posterior[i])) for i, x in zip(named, items, strict=True)
+            ),
+            nameless=float(posterior[len(self.names) :].sum()),
+            overtaken=bool(len(smooth) and smooth.max() > total[c]),
+        )
+
+    def nameless_wins(self, model: Model) -> bool:
+        """Whether a nameless effect in the place of several of a model's is likelier than it."""
+        if not self.nameless:
+            return False
+        prior = -np.log(len(self.names))
+        whole = self._marginal(tuple(sorted(model))) if model else 0.0
+        return any(
+            self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > whole
+            for n in range(max(len(model) - 1, 0))
+            for rest in combinations(model, n)
+        )
+
+    def scatter(self, model: Model) -> list[tuple[str, float]]:
+        """Scatter effects that pass beside a model, one after another, with their p."""
+        found: list[tuple[str, float]] = []
+        while True:
+            p = self.gate(self.columns(model), tuple(name for name, _ in found)).p
+            names = [name for name, _ in found]
+            hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
+            if not hits:
+                return found
+            value, name = min(hits)
+            found.append((name, value))

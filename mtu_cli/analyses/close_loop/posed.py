@@ -1,0 +1,268 @@
+"""A table of residuals posed as a problem of strata, candidates and a likelihood."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.analyses.close_loop.design import (
+    Design,
+    design_of,
+    smooth_covariance,
+)
+from mtu_cli.analyses.close_loop.forms import Candidate
+from mtu_cli.analyses.close_loop.likelihood import Likelihood
+from mtu_cli.analyses.close_loop.missing import Missing, interaction, missing
+from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
+from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
+
+NOTABLE = 0.05
+"""Share of the level's predicted variance from which a line's scatter is a stratum of its own."""
+FEWEST_FOR_BENDS = 3
+VOID = 1e-6
+"""Share of a stratum's coordinates below which nothing of it is left."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Posed:
+    """A table ready to be searched; errors count in units of `scale` (mm)."""
+
+    table: ResidualTable
+    design: Design
+    missing: Missing
+    scale: float
+    steps: FloatArray
+    """Resolution (A,) in units of the scale."""
+
+    @property
+    def strata(self) -> Strata:
+        """Of the table."""
+        return self.design.strata
+
+    def likelihood(self) -> Likelihood:
+        """Of the table's errors."""
+        strata = self.strata
+        errors = self.filled(self.table.errors) / self.scale
+        n = self._dof()
+        y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
+        variance = self._inner(y, n)
+        axis = np.array(strata.axis)
+        least = self.steps[axis] ** 2 / 12
+        # Repeats that scatter less than half a step share their rounding: so do means of features.
+        first = strata.at[:, 0]
+        means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
+        shared = means & (variance[axis] < self.steps[axis] ** 2 / 4)
+        least = np.where(shared, strata.shape[0] * least, least)
+        return Likelihood(
+            self.design, y, errors.mean(axis=(0, 1)), n, self._known(variance, n), least
+        )
+
+    def filled(self, errors: FloatArray) -> FloatArray:
+        """Errors (P, H, A) with what is missing filled in."""
+        axes = range(errors.shape[2])
+        return np.stack([self.missing.filled(errors[..., a]) for a in axes], axis=-1)
+
+    def _dof(self) -> FloatArray:
+        """Degrees of freedom (S,): less the missing cells and what a datum freed."""
+        strata, table = self.strata, self.table
+        _, H, A = strata.shape
+        n = strata.sizes.copy()
+        for s in strata.of(INTERACTION):
+            n[s] -= self.missing.count
+        taken = np.zeros(len(n))
+        for motion in table.motions:
+            for k in range(motion.Q.shape[1]):
+                one = np.zeros((1, H, A))
+                one[0, motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
+                for a in range(A):
+                    share = (one[0, :, a] @ strata.of_features[a]) ** 2
+                    taken += self._by_stratum(a, share) * len(motion.rows)
+        left = n - taken
+        # A datum that takes a stratum leaves nothing of it but rounding.
+        return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
+
+    def _by_stratum(self, a: int, share: FloatArray) -> FloatArray:
+        """Squares (H,) of one part by direction of the features, as means by stratum (S,)."""
+        strata = self.strata
+        P, H, A = strata.shape
+        axis, _, j = np.unravel_index(strata.place, (A, P, H))
+        labels = strata.labels()
+        own = np.where(axis == a, share[j], 0.0) / P
+        return np.asarray(np.bincount(labels, own, minlength=len(strata.slices)), float)
+
+    def _inner(self, y: FloatArray, n: FloatArray) -> FloatArray:
+        """The interaction's variance (A,)."""
+        strata, found = self.strata, np.zeros(self.strata.shape[2])
+        for s in strata.of(INTERACTION):
+            part = y[strata.slices[s]]
+            found[strata.axis[s]] = part @ part / max(n[s], 1.0)
+        return found
+
+    def _known(self, variance: FloatArray, n: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D."""
+        strata, table = self.strata, self.table
+        S = len(strata.slices)
+        squares, dof = np.zeros(S), np.zeros(S)
+        if not table.of_part.shape[3]:
+            return squares, dof
+        own = min(float(table.pass_dof), 1e4)
+        F = table.of_part / self.scale
+        line = 0
+        for s, kind in enumerate(strata.kinds):
+            if kind not in (PART, LINE) or n[s] == 0:
+                continue
+            a = strata.axis[s]
+            line = 0 if kind == PART else line + 1
+            direction = strata.of_features[a][:, line]
+            size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
+            if size <= 0:
+                continue
+            dof[s] = own
+            squares[s] = own * (variance[a] + size)
+        return squares, dof
+
+
+def posed(table: ResidualTable, candidates: Sequence[Candidate]) -> Posed:
+    """The strata and columns of a table and its candidates."""
+    there = np.isfinite(table.errors).all(axis=2) & table.there
+    gaps = missing(there, free_lines(table))
+    errors = np.stack(
+        [gaps.filled(table.errors[..., a]) for a in range(table.errors.shape[2])], axis=-1
+    )
+    steps = np.zeros(errors.shape[2])
+    steps[: len(table.resolution)] = table.resolution
+    scale = _scale(errors, steps, gaps.lines)
+    strata = _strata(table, errors / scale)
+    design = design_of(table, strata, candidates, scale, gaps)
+    found = Posed(table=table, design=design, missing=gaps, scale=scale, steps=steps / scale)
+    n = found._dof()
+    design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
+    return found
+
+
+def free_lines(table: ResidualTable) -> FloatArray:
+    """Orthonormal directions (H, k) in which each part is free: its level, and of readings the
+    lines that passes move along.
+    """
+    H = len(table.features)
+    level = np.full((H, 1), 1 / np.sqrt(H))
+    return np.column_stack([level, _reading_lines(table)]) if table.component else level
+
+
+def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
+    """A size of the errors: their interaction's standard deviation, else their own."""
+    A = errors.shape[2]
+    inner = [float(np.std(interaction(errors[..., a], lines))) for a in range(A)]
+    for size in (
+        max(inner),
+        float(np.std(errors)),
+        float(steps.max()),
+        float(np.abs(errors).max()),
+    ):
+        if size > 1e-12 * max(float(np.abs(errors).max()), 1e-300):
+            return size
+    return 1.0
+
+
+def _strata(table: ResidualTable, errors: FloatArray) -> Strata:
+    P, H, A = errors.shape
+    readings = table.component is not None
+    lines, scatter = _lines(table, readings)
+    rough = None
+    bends = 0.0
+    if readings and table.component is not None:
+        along = _along(table)
+        if along is not None and P >= FEWEST_FOR_BENDS:
+            rough = smooth_covariance(along)
+    found = strata_of(
+        P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
+        roughness=rough, bends=0.0,
+    )  # fmt: skip
+    if rough is not None:
+        bends = own_bends(found, errors)
+        if bends > 0:
+            found = strata_of(
+                P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
+                roughness=rough, bends=bends,
+            )  # fmt: skip
+    return found
+
+
+def _along(table: ResidualTable) -> FloatArray | None:
+    """Places (H,) along the axis that the readings of a component were taken along."""
+    places = table.mean_places
+    spans = np.nan_to_num(np.ptp(places, axis=0))
+    i = int(np.argmax(spans))
+    return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
+
+
+def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool]:
+    """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
+    _, H, A = table.errors.shape
+    if readings:
+        return [_reading_lines(table)] * A, True
+    if not table.of_part.shape[3]:
+        return [np.zeros((H, 0))] * A, False
+    F = table.of_part.mean(axis=0)
+    found = []
+    for a in range(A):
+        own = F[:, a] - F[:, a].mean(axis=0)
+        size = np.sum(own**2)
+        whole = np.sum(F[:, a].mean(axis=0) ** 2) * H
+        U, s, _ = np.linalg.svd(own, full_matrices=False)
+        kept = s**2 > NOTABLE * max(whole, 1e-300) if size > 0 else np.zeros(len(s), bool)
+        found.append(U[:, kept][:, :2])
+    return found, any(item.shape[1] for item in found)
+
+
+def _reading_lines(table: ResidualTable) -> FloatArray:
+    """Orthonormal directions (H, k) of passes beside their level: slope, direction, and both."""
+    columns = [np.ones(len(table.features))]
+    along = _along(table)
+    if along is not None:
+        columns.append(along)
+    sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
+    if sign is not None and sign.shape == (1, len(table.features)):
+        columns.append(np.asarray(sign[0], float))
+        if along is not None:
+            columns.append(sign[0] * (along - along.mean()))
+    return _orthonormal(np.column_stack(columns))
+
+
+def _orthonormal(columns: FloatArray) -> FloatArray:
+    """Columns made orthonormal to the first, which is left out, and to each other."""
+    kept = [columns[:, 0] / np.linalg.norm(columns[:, 0])]
+    for column in columns[:, 1:].T:
+        left = column.copy()
+        for _ in range(2):
+            left = left - np.array(kept).T @ (np.array(kept) @ left)
+        size = np.linalg.norm(left)
+        if size > 1e-8 * np.linalg.norm(column):
+            kept.append(left / size)
+    return np.array(kept[1:]).reshape(-1, len(columns)).T
+
+
+def own_bends(strata: Strata, errors: FloatArray) -> float:
+    """The REML estimate of the variance of the parts' own bends over the interaction's, from
+    differences between parts.
+    """
+    P, H, A = strata.shape
+    y = strata.coordinates(errors)
+    _axis, i, j = np.unravel_index(strata.place, (A, P, H))
+    inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
+    squares = np.asarray(np.bincount(j[inner], y[inner] ** 2, minlength=H), float)
+    count = np.bincount(j[inner], minlength=H).astype(float)
+    there = count > 0
+    return _bends(squares[there], count[there], strata.bends[there])
+
+
+def _bends(squares: FloatArray, count: FloatArray, shape: FloatArray) -> float:
+    grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
+    spread = 1 + grid[:, None] * shape
+    n = count.sum()
+    left = np.maximum((squares / spread).sum(axis=1), 1e-300)
+    deviance = (count * np.log(spread)).sum(axis=1) + n * np.log(left)
+    return float(grid[int(np.argmin(deviance))])

@@ -1,0 +1,212 @@
+"""Error strata of a crossed table: orthonormal coordinates, each with one variance.
+
+Parts are exchangeable and crossed with features: V = I_P x S + J_P x F for errors (P, H) along one
+axis. With C an orthonormal basis over the parts whose first column is constant, and B one over the
+features whose first columns are the level and the lines along which whole parts move, the
+coordinates C' Y B are independent, and have one variance in each stratum (Nelder 1965).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mtu_cli.stats.least_squares import FloatArray
+
+IntArray = NDArray[np.int64]
+Levers = Mapping[int, FloatArray]
+"""By index of the axis a column in the smallest shape (..., P or 1, H or 1)."""
+PART, LINE, FEATURE, INTERACTION = "part", "line", "feature", "interaction"
+NONE = -1
+
+
+def to_contrasts(tables: FloatArray) -> FloatArray:
+    """Coordinates of tables (..., P, H) by part in an orthonormal basis, the first column constant
+    (Helmert), in a time that grows as P.
+
+    >>> to_contrasts(np.eye(2)).round(4).tolist()
+    [[0.7071, 0.7071], [0.7071, -0.7071]]
+    """
+    P = tables.shape[-2]
+    j = np.arange(1.0, P)[:, None]
+    sums = np.cumsum(tables, axis=-2)
+    found = np.empty(tables.shape)
+    found[..., :1, :] = sums[..., -1:, :] / np.sqrt(P)
+    found[..., 1:, :] = (sums[..., :-1, :] - j * tables[..., 1:, :]) / np.sqrt(j * (j + 1))
+    return found
+
+
+def from_contrasts(coordinates: FloatArray) -> FloatArray:
+    """The tables (..., P, H) of such coordinates."""
+    P = coordinates.shape[-2]
+    j = np.arange(1.0, P)[:, None]
+    scaled = coordinates[..., 1:, :] / np.sqrt(j * (j + 1))
+    found = np.repeat(coordinates[..., :1, :] / np.sqrt(P), P, axis=-2)
+    found[..., :-1, :] += np.cumsum(scaled[..., ::-1, :], axis=-2)[..., ::-1, :]
+    found[..., 1:, :] -= j * scaled
+    return found
+
+
+def completed(first: FloatArray) -> FloatArray:
+    """An orthonormal basis (n, n) that begins with orthonormal columns `first` (n, k)."""
+    n, k = first.shape
+    Q, _ = np.linalg.qr(np.column_stack([first, np.eye(n)]))
+    # A factorisation is free in the signs of its columns; coordinates must keep those of `first`.
+    return np.column_stack([first, Q[:, k:n]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Strata:
+    """Coordinates of tables (P, H, A), ordered by stratum.
+
+    `of_parts` (P, P), `of_features` (A, H, H) orthonormal; `place` (N,) are the flat indices of the
+    coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
+    `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
+    deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
+    their own, by direction of the features (mean 1).
+    """
+
+    of_parts: FloatArray
+    of_features: FloatArray
+    place: IntArray
+    at: IntArray
+    slices: tuple[slice, ...]
+    kinds: tuple[str, ...]
+    axis: tuple[int, ...]
+    spread: FloatArray
+    bends: FloatArray
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Parts, features, axes."""
+        return len(self.of_parts), self.of_features.shape[1], len(self.of_features)
+
+    @property
+    def sizes(self) -> FloatArray:
+        """Coordinates in each stratum (S,)."""
+        return np.array([part.stop - part.start for part in self.slices], float)
+
+    def labels(self) -> IntArray:
+        """The stratum of each coordinate, (N,)."""
+        return np.repeat(np.arange(len(self.slices)), self.sizes.astype(int))
+
+    def of(self, kind: str) -> list[int]:
+        """The strata of a kind, by axis."""
+        return [s for s, own in enumerate(self.kinds) if own == kind]
+
+    def coordinates(self, table: FloatArray) -> FloatArray:
+        """Coordinates (..., N) of tables (..., P, H, A)."""
+        axes = range(self.shape[2])
+        turned = np.stack([self._turned(a, table[..., a]) for a in axes], axis=-3)
+        return np.asarray(turned.reshape(*turned.shape[:-3], -1)[..., self.place] / self.spread)
+
+    def _turned(self, a: int, values: FloatArray) -> FloatArray:
+        """Values (..., P or 1, H or 1) along an axis in the bases: what is alike in all parts, or
+        features, has the first coordinate alone.
+        """
+        P, H, _ = self.shape
+        p, h = values.shape[-2:]
+        turned = values @ self.of_features[a] if h == H else values * np.sqrt(H)
+        return to_contrasts(turned) if p == P else turned * np.sqrt(P)
+
+    def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
+        """The coordinates (n,) that columns can reach, given by axis in compact shapes (G or 1,
+        P or 1, H or 1), and these (G, k, n).
+        """
+        values = [own for lever in columns for own in lever.values()]
+        axes = sorted({a for lever in columns for a in lever})
+        p, h = (max((own.shape[d] for own in values), default=1) for d in (1, 2))
+        found = np.zeros((G, len(columns), len(axes), p, h))
+        for k, lever in enumerate(columns):
+            for a, own in lever.items():
+                found[:, k, axes.index(a), : own.shape[1], : own.shape[2]] = self._turned(a, own)
+        at = self.at[axes, :p, :h].ravel()
+        order = np.argsort(at, kind="stable")[np.sum(at == NONE) :]
+        at = at[order]
+        return at, found.reshape(G, len(columns), -1)[:, :, order] / self.spread[at]
+
+    def table(self, coordinates: FloatArray) -> FloatArray:
+        """Tables (..., P, H, A) of coordinates (..., N); those of no stratum are 0."""
+        P, H, A = self.shape
+        lead = coordinates.shape[:-1]
+        full = np.zeros((*lead, A * P * H))
+        full[..., self.place] = coordinates * self.spread
+        full = full.reshape(*lead, A, P, H)
+        cells = [from_contrasts(full[..., a, :, :]) @ self.of_features[a].T for a in range(A)]
+        return np.stack(cells, axis=-1)
+
+
+def strata_of(
+    P: int,
+    axes: int,
+    lines: Sequence[FloatArray],
+    *,
+    H: int,
+    lines_scatter: bool,
+    features_scatter: bool,
+    roughness: FloatArray | None = None,
+    bends: float = 0.0,
+) -> Strata:
+    """The strata of P parts with H features along some axes.
+
+    `lines` (H, k) by axis are orthonormal and orthogonal to the level. `lines_scatter`: each line
+    has a variance of its own over the parts. `features_scatter`: the features' means have one;
+    where not, they belong to the strata of the parts (V = I_P x S). The mean of all is in none:
+    every effect has an offset beside it. `roughness` (H, H) is the covariance of the bends that
+    every part has of its own, `bends` their variance over the interaction's.
+    """
+    level = np.full((H, 1), 1 / np.sqrt(H))
+    bases, spreads = [], []
+    shape = np.zeros(H)
+    for a in range(axes):
+        basis = completed(np.column_stack([level, lines[a]]))
+        k = 1 + lines[a].shape[1]
+        spread = np.ones(H)
+        if roughness is not None and k < H:
+            inner = basis[:, k:].T @ roughness @ basis[:, k:]
+            values, turn = np.linalg.eigh(inner)
+            basis = np.column_stack([basis[:, :k], basis[:, k:] @ turn[:, ::-1]])
+            relative = np.maximum(values[::-1], 0.0) / values.mean()
+            shape[k:] = relative
+            spread[k:] = np.sqrt(1 + bends * relative)
+        bases.append(basis)
+        spreads.append(spread)
+    label = np.full((axes, P, H), NONE)
+    kinds: list[str] = []
+    axis: list[int] = []
+    for a in range(axes):
+        k = 1 + lines[a].shape[1]
+        first = 1 if features_scatter else 0
+        groups: list[tuple[str, tuple[slice, slice]]] = [(PART, (slice(1, None), slice(0, 1)))]
+        if lines_scatter:
+            groups += [(LINE, (slice(first, None), slice(j, j + 1))) for j in range(1, k)]
+        if features_scatter:
+            groups.append((FEATURE, (slice(0, 1), slice(1, None))))
+        start = k if lines_scatter else 1
+        groups.append((INTERACTION, (slice(first, None), slice(start, None))))
+        for kind, where in groups:
+            if label[a][where].size:
+                label[a][where] = len(kinds)
+                kinds.append(kind)
+                axis.append(a)
+    flat = label.ravel()
+    place = np.argsort(flat, kind="stable")[np.sum(flat == NONE) :]
+    ends = np.concatenate([[0], np.cumsum([np.sum(flat == s) for s in range(len(kinds))])])
+    spread = np.broadcast_to(np.array(spreads)[:, None, :], (axes, P, H)).ravel()[place]
+    at = np.full(axes * P * H, NONE)
+    at[place] = np.arange(len(place))
+    return Strata(
+        of_parts=to_contrasts(np.eye(P)).T,
+        of_features=np.array(bases),
+        place=place,
+        at=at.reshape(axes, P, H),
+        slices=tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends)),
+        kinds=tuple(kinds),
+        axis=tuple(axis),
+        spread=spread,
+        bends=shape,
+    )

@@ -1,0 +1,301 @@
+"""`mtu close-loop`: what is judged, what the machine is written with, and what is warned of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli import __version__
+from mtu_cli.cli.emit import Outcome, written_files
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import drift_estimates, modelled
+from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.language import to_text
+from mtu_cli.language.tree import Number
+from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
+from mtu_cli.model.fit import (
+    MachineFit,
+    estimates_from_fit,
+    estimates_from_report,
+    fit_machine,
+    machine_warnings,
+)
+from mtu_cli.model.settings import Settings
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import PARAMETER_UNITS, UNITS
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.close_loop.result import (
+        CloseLoopResult,
+        FoundEffect,
+        SmoothTable,
+        TableResult,
+    )
+    from mtu_cli.files.extend_machine import ExtendedMachine, WrittenEffect
+    from mtu_cli.model.estimates import EffectEstimates
+    from mtu_cli.model.residuals import ResidualTable
+
+ALPHA, MAX_EFFECTS = 0.05, 4
+
+
+def close_loop(inputs: Inputs, settings: Settings) -> Outcome:
+    """Asks measured data what the model lacks, and adds it to the machine."""
+    from mtu_cli.analyses.close_loop import close_loop as analysis
+    from mtu_cli.analyses.close_loop.warnings import judged_tables, loop_warnings
+    from mtu_cli.model.effect_library import effect_library
+    from mtu_cli.reports import close_loop as report
+
+    chosen = inputs.chosen
+    datum = chosen.datum or "none"
+    library = effect_library(inputs.files("effects"))
+    tables, earlier, warnings = _tables(inputs, datum)
+    inputs.sources.extend(library.sources)
+    judged, left_out = judged_tables(tables)
+    most = MAX_EFFECTS if chosen.max_effects is None else chosen.max_effects
+    result = analysis(
+        judged,
+        library,
+        alpha=chosen.alpha or ALPHA,
+        max_effects=most,
+        exclude=tuple(dict.fromkeys(inputs.options.exclude or ())),
+        seed=settings.seed,
+        progress=settings.progress,
+    )
+    warnings += [*left_out, *result.warnings, *loop_warnings(result, most)]
+    files, of_files = _written(inputs, earlier, settings, result)
+    found = f"verdict {result.verdict}: {listed(e.name for e in result.effects) or 'no name fits'}"
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=[*warnings, *of_files],
+        gates={
+            "found": lambda _: found if result.verdict != "none" else None,
+            "unexplained": lambda _: found if result.verdict == "unexplained" else None,
+        },
+        files=lambda: files,
+    )
+
+
+def _tables(
+    inputs: Inputs, datum: Any
+) -> tuple[tuple[ResidualTable, ...], EffectEstimates | None, list[Finding]]:
+    """Measured minus predicted, what a components report says of effects, and what to warn of.
+
+    Where points are measured, readings are what the components are fitted to; else they are
+    what is judged, against a components report or the machine file.
+    """
+    from mtu_cli.model.reading_residuals import reading_tables
+    from mtu_cli.model.residuals import residual_table
+
+    machine = inputs.machine
+    if inputs.files("cmm"):
+        found = modelled(inputs)
+        table, more = residual_table(found.model, inputs.points, inputs.at, datum)
+        return (table,), found.estimates.effects, [*found.warnings, *more]
+    readings, report = inputs.readings, inputs.reports.components
+    if readings is None:
+        raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
+    before, warnings = estimates_from_fit(machine, None), searched_warnings(machine)
+    if report is not None:
+        before = estimates_from_report(machine, report)
+        warnings += effect_warnings(machine, before.effects, report.source.shown)
+    unused = [f"--at {name}" for name in inputs.at] + ["--datum"] * (datum != "none")
+    why = ": readings are judged, no points of parts (--cmm) are given"
+    warnings += [finding("option-not-used", path=name, why=why) for name in unused]
+    thermal, doubts = drift_estimates(inputs)
+    tables, odd = reading_tables(machine, replace(before, thermal=thermal), readings)
+    warnings = [*machine_warnings(machine, before), *warnings, *doubts, *odd]
+    return tables, before.effects, warnings
+
+
+# What is written.
+
+
+def _written(
+    inputs: Inputs, earlier: EffectEstimates | None, settings: Settings, result: CloseLoopResult
+) -> tuple[dict[Path, bytes], list[Finding]]:
+    """The files of --write-machine and --write-components, none where neither is asked for, and
+    what to warn of. Raises InputError for effects that no machine file can hold.
+    """
+    from mtu_cli.files.extend_machine import extended_machine
+
+    asked = written_files(inputs.options)
+    targets = {name: asked[name] for name in ("write_machine", "write_components") if name in asked}
+    if not targets:
+        return {}, []
+    pairs = [(effect, item) for item in result.tables for effect in item.effects]
+    reasons = {effect.name: effect.not_written for effect, _ in pairs if effect.not_written}
+    kept = [(effect, item) for effect, item in pairs if effect.name not in reasons]
+    extended = extended_machine(inputs.machine, [_entry(inputs, *pair) for pair in kept])
+    contents = {"write_machine": extended.content}
+    if "write_components" in targets:
+        own = _components(inputs, earlier, settings, extended, joint(kept))
+        contents["write_components"] = own
+    warnings = [finding("effect-not-written", effect=n, reason=why) for n, why in reasons.items()]
+    several = [effect.name for effect, _ in kept if len(effect.classes) > 1]
+    tentative = [effect.name for effect, item in kept if item.verdict == "unexplained"]
+    doubts = {"written-class": several, "written-unexplained": tentative}
+    warnings += [finding(code, names=names) for code, names in doubts.items() if names]
+    warnings += [] if kept else [finding("nothing-added")]
+    files = {path: contents[name] for name, path in targets.items()}
+    return files, [*warnings, *extended.warnings]
+
+
+def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEffect:
+    """An effect as the machine file has it; a smooth one is a component with an own table."""
+    from mtu_cli.analyses.close_loop.result import component_name
+    from mtu_cli.files.extend_machine import WrittenEffect
+    from mtu_cli.language import names as names_of
+    from mtu_cli.language import parse
+
+    parameters = () if effect.table else effect.all_parameters
+    equations, components = dict(effect.equations), {}
+    if effect.table:
+        components = {component_name(effect.name): _stated_table(effect.table, item.table.unit)}
+    f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
+    C = effect.covariance / np.outer(f, f) if parameters else None
+    names = {*components, *(p.name for p in parameters)}
+    return WrittenEffect(
+        name=effect.name,
+        family=effect.family,
+        axis=effect.axis,
+        covariate=effect.covariate,
+        says=effect.says,
+        parameters={
+            p.name: (float(p.value / scale), float(p.u / scale), p.unit)
+            for p, scale in zip(parameters, f, strict=True)
+        },
+        components=components,
+        covariance=None if C is None else ((C + C.T) / 2).tolist(),
+        equations=_through_component(inputs, effect.component, equations),
+        seen=item.table.ranges(
+            name
+            for text in equations.values()
+            for name in names_of(parse(text))
+            if name not in names
+        ),
+        within=item.table.ranges(effect.found_at),
+        found=_where(inputs, effect, item),
+    )
+
+
+def _stated_table(table: SmoothTable, unit: str) -> dict[str, Any]:
+    """A table as a component of the machine file."""
+    f = UNITS[unit].to_internal
+    return {
+        "of": table.of,
+        "unit": unit,
+        "shape": "table",
+        "at_mm": table.at_mm.tolist(),
+        "coefficients": (table.values / f).tolist(),
+        "covariance": ((table.covariance + table.covariance.T) / 2 / f**2).tolist(),
+        "roughness_um2_per_mm3": table.roughness / f**2,
+        "between_um2": table.between / f**2,
+    }
+
+
+def _through_component(
+    inputs: Inputs, component: str | None, equations: dict[str, str]
+) -> dict[str, str]:
+    """An effect in the machine's equations: one of a component's readings by its lever arms.
+
+    With E the equation and c the component, c + f adds (dE/dc) f.
+    """
+    if component is None:
+        return equations
+    (own,) = equations.values()
+    forms = inputs.machine.forms.items()
+    levers = {key: x.coefficients[component] for key, x in forms if component in x.coefficients}
+    return {
+        key: own if lever == Number(1.0, lever.column) else f"({to_text(lever)})*({own})"
+        for key, lever in levers.items()
+    }
+
+
+def _where(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
+    """`found` of the machine file: by what, in which files, how surely, what it is worth."""
+    from mtu_cli.reports.close_loop_words import held_out_by
+
+    judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
+    sources = [source for source in inputs.sources if source.role in judged]
+    component = {} if effect.component is None else {"component": effect.component}
+    scale, rms = UNITS[item.table.unit].to_internal, f"rms_{item.table.unit}"
+    scores = {"before": item.before.rms, "after": item.after.rms}
+    found: dict[str, Any] = {
+        "by": f"mtu close-loop {__version__}",
+        "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
+        "passes" if component else "parts": len(item.table.parts),
+        **component,
+        "p_familywise": effect.p_familywise,
+    }
+    if len(effect.classes) > 1:
+        found["class"] = list(effect.class_names)
+    if effect.searched:
+        found["searched"] = {
+            name: {"value": each.value, "intervals": [list(ends) for ends in each.intervals]}
+            for name, each in effect.searched.items()
+        }
+    worth = {side: {rms: value / scale} for side, value in scores.items()}
+    return found | {"held_out": {"by": held_out_by(item), **worth}}
+
+
+def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
+    """The covariance over the parameters of effects one after the other, in internal units: of
+    those that were estimated together by their table's.
+    """
+    kept = [(effect, item) for effect, item in kept if effect.table is None]
+    rows = [(i, r) for i, (effect, _) in enumerate(kept) for r in range(len(effect.covariance))]
+    whole = np.zeros((len(rows), len(rows)))
+    for k, (i, r) in enumerate(rows):
+        for m, (j, s) in enumerate(rows):
+            (one, item), (other, of) = kept[i], kept[j]
+            if i == j:
+                whole[k, m] = one.covariance[r, s]
+            elif item is of and one.rows and other.rows:
+                whole[k, m] = item.covariance[one.rows[r], other.rows[s]]
+    return np.asarray((whole + whole.T) / 2)
+
+
+def _components(
+    inputs: Inputs,
+    earlier: EffectEstimates | None,
+    settings: Settings,
+    extended: ExtendedMachine,
+    covariance: FloatArray,
+) -> bytes:
+    """The fit-components report of the call's components, with the effects of the machine: of
+    readings what these leave of them is fitted.
+    """
+    from mtu_cli.analyses.fit_components import fit_result
+    from mtu_cli.files.write import report_bytes
+    from mtu_cli.reports.document import envelope
+    from mtu_cli.reports.fields import plain
+    from mtu_cli.reports.fit_components import document
+
+    report, machine = inputs.reports.components, extended.machine
+    warnings: Sequence[Finding] = ()
+    if report is not None:
+        results = dict(report.document["results"])
+    else:
+        readings = inputs.readings
+        none = MachineFit(components={}, joint=())
+        fit = none if readings is None else fit_machine(machine, readings)
+        says = {name: x.says for name, x in machine.machine.components.items() if x.says}
+        estimates = estimates_from_fit(machine, fit)
+        fitted = fit_result(machine.machine.name, fit, estimates, says=says)
+        results, warnings = document(fitted).record(), fitted.warnings
+    effects = all_together(machine, earlier, extended.parameters, covariance)
+    results.pop("effects", None)
+    if effects is not None:
+        f = np.array([unit.to_internal for unit in effects.units])
+        results["effects"] = {
+            "parameters": list(effects.names),
+            "units": [unit.name for unit in effects.units],
+            "values": plain(effects.values / f),
+            "covariance": plain(effects.covariance / np.outer(f, f)),
+        }
+    given: dict[str, Any] = {"inputs": inputs.sources, "settings": settings, "warnings": warnings}
+    return report_bytes(envelope("fit-components", results=results, **given))

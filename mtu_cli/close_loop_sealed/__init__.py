@@ -1,1 +1,0 @@
-"""Part of the loop, unchanged until it is rebuilt."""

@@ -1,0 +1,533 @@
+"""The library of effects that a machine's equations may lack, bound to a table of residuals.
+
+Families are data (``effects.yaml``, and users' own files; `files.effects` says what their names in
+braces mean). Here these names become axes, columns and numbers of a table: a `BoundTemplate` is
+one form of a family with its equations, the levers of its parameters, and the grid of what is
+searched.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from itertools import combinations, product
+from pathlib import Path
+
+import numpy as np
+
+from mtu_cli.files.contract import is_identifier
+from mtu_cli.files.covariates import COVARIATES, is_temperature, own_columns
+from mtu_cli.files.effects import (
+    CHOSEN,
+    COLUMN_MARKS,
+    EffectLibrary,
+    Family,
+    LoadedFamily,
+    Search,
+    Template,
+    filled,
+    load_effects,
+    marks,
+    number_of,
+)
+from mtu_cli.findings import InputError, finding, nearest
+from mtu_cli.language import Node, evaluate, linear_form, names, parse
+from mtu_cli.language.functions import MACHINE_FUNCTIONS
+from mtu_cli.language.slope import slope
+from mtu_cli.language.tree import filled_text, filled_tree
+from mtu_cli.language.unit_algebra import NO_LENGTH, Algebra
+from mtu_cli.model.machine_model import AXES, LARGEST, TIME
+from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import PARAMETER_UNITS, UNITS, internal, parameter_units_of
+
+BUILT_IN = Path(__file__).with_name("effects.yaml")
+Binding = Mapping[str, str]
+Levers = dict[int, FloatArray]
+"""By index of the axis what one unit of a parameter gives, (G or 1, P or 1, H or 1)."""
+
+# Families.
+
+_built_in = cache(partial(load_effects, BUILT_IN))
+
+
+def effect_library(paths: Sequence[Path] = ()) -> EffectLibrary:
+    """The built-in families and those of the users' own files, which are the `sources`.
+
+    Raises InputError with all problems of a file; the name of a family may be used once.
+    """
+    whole = EffectLibrary(families=_built_in().families, sources=())
+    taken = {family.family.family: "a built-in family" for family in whole.families}
+    for path in paths:
+        own = load_effects(path, taken)
+        whose = f"a family of {own.sources[0].shown}"
+        taken |= {family.family.family: whose for family in own.families}
+        whole = EffectLibrary(
+            families=(*whole.families, *own.families), sources=(*whole.sources, *own.sources)
+        )
+    return whole
+
+
+def check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
+    """Raises InputError for names that are neither a family's nor an effect's of a library, on
+    whatever axes: backlash-z is no mistake where the data has no z.
+    """
+    known = list(dict.fromkeys(family.family.family for family in library.families))
+    bindings = [dict(zip("abn", axes, strict=True)) for axes in product(AXES, repeat=3)]
+    effects = {filled(family.name, own) for family in library.families for own in bindings}
+    expected = (
+        f"a family ({', '.join(known)}) or one of its effects, such as backlash-x; --csv FILE "
+        "lists all that your data allows"
+    )
+    faults = []
+    for name in exclude:
+        if name in known or name in effects:
+            continue
+        text = name.strip().casefold()
+        meant = tuple(own for own in known if text and text in own)
+        facts = {"meant": meant or nearest(name, [*known, *sorted(effects)]), "value": name}
+        faults.append(finding("unknown-name", what="effect to exclude", expected=expected, **facts))
+    if faults:
+        raise InputError(faults)
+
+
+# Columns of a table.
+
+STEADY_K = 0.05
+"""Range of a temperature that does not change: a thermometer reads as much from itself."""
+FEW_RESETS = 0.4
+"""Of the steps of a column that counts, at most this share may be resets."""
+FEWEST_PLACES = 3
+"""Positions from which on one may stand out in both directions."""
+MISSING = {
+    "T": "no column T_..._degC without gaps",
+    "c": "no column counts parts",
+    "v": "no other numeric column that an equation can name",
+}
+
+
+class NoMember(Exception):  # noqa: N818  # no fault: it says why the data has no such member
+    """Why the data has no such member; empty where it could not have one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableData:
+    """Positions and columns by name in compact shapes, those that are `changing`, and by mark the
+    columns that ``{T}``, ``{c}`` and ``{v}`` may be.
+    """
+
+    table: ResidualTable
+    values: dict[str, FloatArray]
+    changing: frozenset[str]
+    columns: dict[str, tuple[str, ...]]
+
+    @classmethod
+    def of(cls, table: ResidualTable) -> TableData:
+        """Sorts the columns of a table."""
+        values = {axis: _compact(table.places[..., i]) for i, axis in enumerate(AXES)}
+        language = {"pi", CHOSEN, *AXES, *MACHINE_FUNCTIONS}
+        for name, value in table.covariates.items():
+            if is_identifier(name) and name not in language:
+                values[name] = np.atleast_2d(np.asarray(value, float))
+        values = {name: v for name, v in values.items() if v.size and np.isfinite(v).all()}
+        columns = [name for name in values if name not in AXES]
+        hot = tuple(name for name in columns if is_temperature(name))
+        plain = [name for name in columns if name not in (*COVARIATES, *hot)]
+        counts = [name for name in ("sequence",) if name in columns]
+        counts += [name for name in plain if _counts(values[name])]
+        others = tuple(name for name in plain if name not in counts)
+        counts += [name for name in (TIME,) if name in columns and table.component is not None]
+        # A range of printed values is rounded: 26.05 - 26.
+        steady = dict.fromkeys(hot, STEADY_K + 1e-9)
+        return cls(
+            table=table,
+            values=values,
+            changing=frozenset(n for n, v in values.items() if np.ptp(v) > steady.get(n, 0.0)),
+            columns={"T": hot, "c": tuple(counts), "v": others},
+        )
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes of the errors and axes along which the places differ; x, y, z first."""
+        own = {*self.table.axes, *(axis for axis in AXES if axis in self.changing)}
+        return (*(axis for axis in AXES if axis in own), *sorted(own - {*AXES}))
+
+    def number(self, name: str, kind: str) -> float:
+        """A number of a column over the measured cells, to 12 digits.
+
+        ``0`` is its mean, ``_low`` its lowest value and ``3`` sum d^4 / sum d^2, d from the mean:
+        d^3 less this times d is orthogonal to d.
+        """
+        there = self.table.there
+        own = np.broadcast_to(self.values[name], there.shape)[there]
+        if kind == "_low":
+            return float(own.min())
+        mean = float(f"{own.mean():.12g}")
+        if kind == "0":
+            return mean
+        square = (own - mean) ** 2
+        below = float(square.sum())
+        return float(f"{(square**2).sum() / below:.12g}") if below else 0.0
+
+
+def check_column(name: str, data: TableData) -> None:
+    """Raises NoMember, with the reason, unless a column or position is there and changes."""
+    if name in data.changing:
+        return
+    if name in data.values:
+        more = f" by more than {STEADY_K:g} K" if np.ptp(data.values[name]) else ""
+        raise NoMember(f"{name} does not change{more}")
+    if name in AXES:
+        raise NoMember(f"the position along {name} is not known")
+    if name in data.table.axes:
+        # A component without an axis: no position of it is missing.
+        raise NoMember
+    raise NoMember(f"{name} has gaps" if name in data.table.covariates else f"no column {name}")
+
+
+def _compact(value: FloatArray) -> FloatArray:
+    """An array (P, H) in the smallest shape that broadcasts to it without loss."""
+    for axis in (0, 1):
+        first = value.take([0], axis=axis) if value.size else value
+        value = first if (value == first).all() else value
+    return np.ascontiguousarray(value)
+
+
+def _counts(value: FloatArray) -> bool:
+    """Whether a column counts parts: whole numbers that rise, with a few falls to the start."""
+    steps = np.diff(value, axis=0)
+    if len(steps) < 2 or (value != np.round(value)).any() or not (steps > 0).any(axis=0).all():
+        return False
+    falls, rise = steps < 0, np.median(steps[steps > 0])
+    back = (value[1:] <= value.min(axis=0, keepdims=True) + rise) | ~falls
+    return bool(back.all() and (falls.mean(axis=0) <= FEW_RESETS).all())
+
+
+def choices(table: ResidualTable, over: str) -> dict[str, FloatArray]:
+    """Of each feature, part or operation what is 1 on it, else 0, (P or 1, H or 1).
+
+    Of readings there and back those of the positions follow, for a spot on a screw or scale shows
+    in both directions; of two positions each is off by what the other is not.
+    """
+    if over == "part":
+        return dict(zip(table.parts, np.eye(len(table.parts))[:, :, None], strict=True))
+    if over == "operation":
+        codes = enumerate(table.operations)
+        return {name: (table.operation == code)[None] * 1.0 for code, name in codes}
+    found = dict(zip(table.features, np.eye(len(table.features))[:, None], strict=True))
+    places: dict[str, list[FloatArray]] = {}
+    for name in table.features if table.component is not None else ():
+        place, _, sign = name.partition(" ")
+        if sign:
+            places.setdefault(place, []).append(found[name])
+    both = {place: np.sum(own, axis=0) for place, own in places.items() if len(own) > 1}
+    return found | (both if len(both) >= FEWEST_PLACES else {})
+
+
+# Names in braces.
+
+CYCLIC = (("x", "y", "z"), ("y", "z", "x"), ("z", "x", "y"))
+"""(a, b, n) such that a turn about n takes a to b."""
+
+
+def of_candidates(family: LoadedFamily, data: TableData) -> Iterator[Binding]:
+    """A binding of the axes in its name for each candidate of a family."""
+    named, allowed, known = marks(family.name), family.family.axes, data.axes
+    if named & {"n", "b"}:
+        # An angle to an axis that was not measured is a tilt: `abbe` and `straightness` say it.
+        known = tuple(axis for axis in known if axis in data.table.axes)
+    if "n" in named:
+        found = [dict(zip("abn", own, strict=True)) for own in CYCLIC if {*own[:2]} <= {*known}]
+    elif "b" in named:
+        found = [{"a": a, "b": b} for a, b in combinations(known, 2)]
+    else:
+        found = [{"a": a} for a in known] if "a" in named else [{}]
+    for binding in found:
+        if allowed is None or binding.get("a", allowed[0]) in allowed:
+            yield binding
+
+
+def of_members(template: Template, binding: Binding, data: TableData) -> Iterator[Binding | str]:
+    """Bindings of what the candidate's name leaves open; or the reason why there are none."""
+    if template.readings and data.table.component is None:
+        return
+    used = marks(*template.columns, *template.trees)
+    wanted = [mark for mark in COLUMN_MARKS if mark in used]
+    if lacking := [MISSING[mark] for mark in wanted if not data.columns[mark]]:
+        yield lacking[0]
+        return
+    axes: list[Binding] = [binding]
+    if "b" in used and "b" not in binding and "a" in binding:
+        axes = [{**binding, "b": b} for b in data.axes if b != binding["a"]]
+    elif "b" in used and "b" not in binding:
+        axes = [{"a": a, "b": b} for a, b in combinations(data.axes, 2)]
+    elif "a" in used and "a" not in binding:
+        axes = [{**binding, "a": a} for a in data.axes]
+    for own, chosen in product(axes, product(*(data.columns[mark] for mark in wanted))):
+        yield {**own, **dict(zip(wanted, chosen, strict=True))}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BoundTemplate:
+    """A template of a family whose names are bound to a table's axes, columns and numbers.
+
+    `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
+    of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
+    that the effect goes with, `grid` (G,) the values of what is searched, if anything is.
+    """
+
+    family: Family
+    template: Template
+    data: TableData
+    parameters: dict[str, str]
+    equations: dict[int, Node]
+    levers: dict[int, dict[str, Node]]
+    used: tuple[str, ...]
+    covariate: str | None
+    grid: FloatArray | None
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether periods are searched: columns are of the same size for all of them."""
+        return self.template.search is not None and self.template.search.grid == "frequency"
+
+    def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
+        """The levers of each parameter at values (G,) of what is searched.
+
+        Raises NoMember where they are no finite numbers.
+        """
+        values = dict(self.data.values)
+        if searched is not None:
+            values[str(self.template.searched)] = searched[:, None, None]
+        if self.family.over is not None:
+            values[CHOSEN] = np.stack([*choices(self.data.table, self.family.over).values()])
+        found: dict[str, Levers] = {name: {} for name in self.parameters}
+        for axis, levers in self.levers.items():
+            for name, node in levers.items():
+                lever = np.asarray(evaluate(node, values), float)
+                if not (np.abs(lever) < LARGEST).all():
+                    raise NoMember("its equation has no finite value in some places")
+                found[name][axis] = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
+        return tuple(found.values())
+
+    def slopes(self) -> dict[int, dict[str, Node]]:
+        """By index of the axis the derivatives of the levers with respect to what is searched."""
+        name = self.template.searched or ""
+        return {
+            axis: {parameter: slope(lever, name) for parameter, lever in levers.items()}
+            for axis, levers in self.levers.items()
+        }
+
+    def change_unit(self) -> str:
+        """The unit of a change of what is searched, as a factor of the `slopes`.
+
+        Raises NoMember where files of machines have no such unit.
+        """
+        searched, unit = self.template.searched or "", self.data.table.unit
+        tree = next(own for levers in self.slopes().values() for own in levers.values())
+        algebra = Algebra(units=own_columns(names(tree), [searched]), factor=NO_LENGTH)
+        powers = algebra.of(parse(filled_text(tree, {searched: 2.0})))
+        if not (meant := parameter_units_of(UNITS[unit].powers / powers, unit)):
+            raise NoMember(f"a change of {searched} has no unit in files of machines")
+        return meant[0]
+
+    def texts(self, value: float | None = None) -> dict[str, str]:
+        """Equations by key (``Ex``) with all numbers in place, `value` for what is searched."""
+        searched = self.template.searched
+        filling = {} if value is None or searched is None else {searched: value}
+        axes = self.data.table.axes
+        return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}
+
+
+def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
+    """Raises NoMember where the data has none: no such axis or column, or no finite values."""
+    found = list(_equations(template, binding, data.table.axes))
+    columns = {_column(raw, own, data) for _, _, own in found for raw in template.columns}
+    wanted = columns | {_column(raw, binding, data) for raw in family.needs}
+    for name in sorted(wanted):
+        check_column(name, data)
+
+    def meant(raw: str, own: Binding) -> str | float:
+        number, name = number_of(raw), _column(raw, own, data)
+        if raw in template.units:
+            # No column of the equations has the name of a parameter.
+            while name in columns:
+                name = f"own_{name}"
+        return name if number is None else data.number(name, number[1])
+
+    equations = {
+        axis: filled_tree(tree, {raw: meant(raw, own) for raw in names(tree)})
+        for axis, tree, own in found
+    }
+    units = {}
+    for raw, unit in template.units.items():
+        own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
+        for axis in data.table.axes if "{each}" in raw else ("",):
+            units[str(meant(raw, {**binding, "each": axis}))] = own_unit
+    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
+    if binding.get("c") == TIME:
+        for name, unit in units.items():
+            own_levers = [own[name] for own in levers.values() if name in own]
+            units[name] = _per_minute(name, unit, own_levers, template.searched)
+    used = sorted(wanted - {*AXES})
+    goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
+    whole = BoundTemplate(
+        family=family,
+        template=template,
+        data=data,
+        parameters=units,
+        equations=equations,
+        levers=levers,
+        used=tuple(used),
+        covariate=next(iter([*goes_with, *used]), None),
+        grid=_grid(template, binding, columns, data),
+    )
+    whole.columns(whole.grid)
+    if whole.grid is not None:
+        whole.change_unit()
+    return whole
+
+
+def _equations(
+    template: Template, binding: Binding, axes: Sequence[str]
+) -> Iterator[tuple[int, Node, Binding]]:
+    """Axis, tree and binding of each equation."""
+    for key, tree in template.trees.items():
+        for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
+            if axis not in axes:
+                raise NoMember
+            yield axes.index(axis), tree, {**binding, "each": axis}
+
+
+def _column(raw: str, binding: Binding, data: TableData) -> str:
+    """The column or position that a name stands for, or is a number of; the direction of a
+    component without an axis is that of the axis whose error it is.
+    """
+    number = number_of(raw)
+    name, table = filled(raw if number is None else number[0], binding), data.table
+    if table.component is not None and name == f"dir_{table.axes[0]}":
+        return next((own for own in table.covariates if own.startswith("dir_")), name)
+    return name
+
+
+def _grid(
+    template: Template, binding: Binding, columns: Collection[str], data: TableData
+) -> FloatArray | None:
+    """The values of what is searched, None where nothing is. Raises NoMember without any."""
+    if template.search is None:
+        return None
+    along = template.search.of and _column(template.search.of, binding, data)
+    if along:
+        check_column(along, data)
+    size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
+    grid = grid_of(template.search, data.values[along] if along else None, size)
+    if not len(grid):
+        raise NoMember(f"too few values of {along} to search {template.searched}")
+    return grid
+
+
+def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str | None) -> str:
+    """The unit of a parameter where the time stands for {c}, a plain count: um/min for um.
+
+    Raises NoMember where there is no such unit, or a count is added to {c}.
+    """
+    held = {name for lever in levers for name in names(lever)}
+    algebra = Algebra(units={name: internal(minute=name == TIME) for name in held - {searched}})
+    timed = [algebra.of(filled_tree(lever, {str(searched): 1.0})).minute == 1 for lever in levers]
+    if algebra.faults:
+        raise NoMember(f"{TIME} in place of {{c}}: {algebra.faults[0].text}")
+    if not all(timed):
+        return unit
+    per = parameter_units_of(PARAMETER_UNITS[unit].powers / internal(minute=1), unit)
+    if not per or PARAMETER_UNITS[unit].per is not None:
+        raise NoMember(f"{unit} of {parameter} has no unit per minute")
+    return per[0]
+
+
+# Grids of what is searched.
+
+DEFAULT_COUNT = 40
+MOST_FREQUENCIES = 2000
+"""Frequencies where no number is asked for: as many as the places demand, up to here."""
+PER_SPAN = 4.0
+"""Frequencies a span: halfway between two of them the phase is off by an eighth of a period at
+each end of the data at most."""
+LARGEST_COLUMNS = 2_000_000
+"""Numbers that the columns of one parameter may take."""
+FEWEST_VALUES = 24
+MANY_PLACES = 30
+"""Different values from which on waves are told apart well, and those that lie unevenly show
+periods shorter than their steps."""
+ALIKE = 0.9
+"""Of all values' phases together: from which on a frequency looks like a constant at them."""
+FINEST = 0.25
+"""1/mm: the highest frequency that is looked at for that, half of the shortest pitch's."""
+ONE_VALUE = 1e-9
+"""Share of the span up to which two values are one."""
+
+
+def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
+    """The searched values (G,); empty where the data gives none.
+
+    `values` are those of the position or column searched along, `size` the entries of one
+    column. A frequency grid runs from the longest to the shortest value, so that of two that
+    the data cannot tell apart the longer one stands first.
+    """
+    distinct = np.zeros(0) if values is None else np.unique(values)
+    most = max(FEWEST_VALUES, LARGEST_COLUMNS // size)
+    if search.grid == "between":
+        middles = (distinct[1:] + distinct[:-1]) / 2.0
+        inside = middles[search.margin - 1 : len(middles) - search.margin + 1]
+        count = min(search.count or len(inside), most)
+        every = math.ceil(len(inside) / count) if count else 1
+        return inside[(every - 1) // 2 :: every]
+    known = _known(distinct)
+    low = max(_bounds(search.from_, known), default=math.nan)
+    high = min(_bounds(search.to, known), default=math.nan)
+    least = -math.inf if search.grid == "linear" else 0.0
+    if not (math.isfinite(low) and math.isfinite(high) and least < low < high):
+        return np.zeros(0)
+    usual = MOST_FREQUENCIES if search.grid == "frequency" else DEFAULT_COUNT
+    count = min(search.count or usual, most)
+    if search.grid == "linear":
+        return np.linspace(low, high, count)
+    if search.grid == "log":
+        return np.geomspace(low, high, count)
+    ends = 1.0 / high, 1.0 / low
+    needed = math.ceil((ends[1] - ends[0]) * PER_SPAN * known["span"]) + 1
+    return 1.0 / np.linspace(*ends, max(2, min(needed, count)))
+
+
+def _known(distinct: FloatArray) -> dict[str, float]:
+    """What the bounds of a search may be given in, of values (D,)."""
+    if len(distinct) < 2:
+        return {}
+    low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
+    spacing = _spacing(distinct, float(np.median(steps[steps > ONE_VALUE * (high - low)])))
+    return {"low": low, "high": high, "span": high - low, "spacing": spacing}
+
+
+def _spacing(distinct: FloatArray, step: float) -> float:
+    """The period that the values (D,) cannot tell from a constant: their step where it is even, or
+    they are few; of many uneven ones a shorter one, as far as it is looked for.
+
+    They tell frequencies apart up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
+    height of an alias in the spectral window (Lomb, Astrophys. Space Sci. 39 (1976) 447).
+    """
+    first = 0.5 / step
+    if len(distinct) < MANY_PLACES or first >= FINEST:
+        return step
+    count = math.ceil((FINEST - first) * 2 * PER_SPAN * float(np.ptp(distinct))) + 1
+    frequencies = np.linspace(first, FINEST, min(count, 2 * MOST_FREQUENCIES))
+    window = np.abs(np.exp(2j * np.pi * np.outer(frequencies, distinct)).mean(axis=1))
+    alike = frequencies[window >= ALIKE]
+    return min(step, 1.0 / float(alike[0]) if len(alike) else 1.0 / FINEST)
+
+
+def _bounds(texts: Sequence[str], known: dict[str, float]) -> list[float]:
+    """The ends of a search; nan where the data does not know what they are given in."""
+    trees = [parse(text) for text in texts]
+    return [float(evaluate(t, known)) if names(t).keys() <= {*known} else math.nan for t in trees]

@@ -1,0 +1,289 @@
+"""Readings of components less what was known of them, as tables of passes and targets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.files.readings import Readings
+from mtu_cli.findings import Finding, finding
+from mtu_cli.language import parse
+from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
+from mtu_cli.model.estimates import (
+    ComponentEstimate,
+    Estimates,
+    ThermalEstimate,
+    covariance_in_run,
+)
+from mtu_cli.model.estimation import reading_rounding
+from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
+from mtu_cli.model.machine_model import AXES, TIME, MachineModel, Term, drift_terms
+from mtu_cli.model.passes import Passes, passes_read
+from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
+from mtu_cli.model.shapes import MOST_AUTO
+from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.variance import drawable_passes
+from mtu_cli.model.visits import IntArray, cells_of
+from mtu_cli.stats.covariance import bounded
+from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
+from mtu_cli.units import ANGLE, UNITS
+
+SHOWN = 3
+"""Pairs of passes that are named one by one."""
+Columns = dict[str, np.ndarray]
+
+
+def reading_tables(
+    machine: LoadedMachine, known: Estimates, readings: Readings
+) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
+    """One table a component that was read: readings minus what was known of it before them.
+
+    `known` are estimates that these readings took no part in: a components report's, or those of
+    the machine file. A component of which nothing was known is taken less its own least-squares
+    polynomial of these readings, whose degree is `fitted_degree`: then neither factor has a
+    column, and what the polynomial may hold cannot be seen. Effects of the machine that were found
+    in readings of a component are taken off, too.
+
+    A pass takes the place of a part, a target and direction that of a feature. Forward and
+    reverse of a pass share what the fit found them to share of D, the rest each draws anew.
+    """
+    tables, warned = [], text_warnings(readings)
+    for code, name in enumerate(readings.components):
+        rows = np.flatnonzero(readings.code == code)
+        if len(rows):
+            layout, columns = _laid_out(machine, readings, rows, name)
+            direction = f"dir_{error_axis(machine, name)}"
+            tested = {key: column for key, column in columns.items() if key != direction}
+            groups = (layout.cells.part, layout.cells.column, readings.file_index[rows])
+            gone, gaps = gap_rows(tested, groups, readings, rows, f" of {name}")
+            warned += gaps
+            tables.append(_table(machine, name, known, readings, rows[~gone], warned))
+    return tuple(tables), tuple(warned)
+
+
+def _laid_out(
+    machine: LoadedMachine, readings: Readings, rows: IntArray, name: str
+) -> tuple[ReadingLayout, Columns]:
+    layout = reading_layout(readings, rows, machine.machine.components[name].of, name)
+    axis = error_axis(machine, name)
+    return layout, reading_columns(readings, rows, layout.cells.part, axis)
+
+
+def _table(
+    machine: LoadedMachine,
+    name: str,
+    known: Estimates,
+    readings: Readings,
+    rows: IntArray,
+    warned: list[Finding],
+) -> ResidualTable:
+    """The table of the readings `rows` (n,) of one component."""
+    entry, estimate = machine.machine.components[name], known.components.get(name)
+    of, unit = entry.of, UNITS[entry.unit]
+    layout, columns = _laid_out(machine, readings, rows, name)
+    shown, gaps = table_covariates(columns, layout.cells, readings, rows)
+    warned += [*_together(name, readings, rows, layout), *gaps]
+    drift = _usable(known.thermal.get(name), name, columns, warned)
+    said, left_out = effects_on_readings(machine, name, layout.nominal, columns)
+    warned += left_out
+    errors, degree = readings.error[rows] - said, -1
+    common = of_part = np.zeros((1, len(layout.features), 1, 0))
+    if estimate is not None or drift is not None:
+        own, both = (None, None) if estimate is None else _shared_by_directions(estimate)
+        model = _alone(name, of or AXES[0], own, drift)
+        wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
+        values = {key: columns[key] for key in wanted if key in columns}
+        warned += temperature_warnings(model, layout.nominal, values)
+        predicted, common, drawn = cell_model(model, layout.nominal, values, layout.cells, shown)
+        errors = errors - predicted[:, 0]
+        if estimate is not None and np.any(estimate.pass_covariance):
+            # Forward and reverse draw with columns of their own.
+            signs = layout.direction[None, :, None, None]
+            apart = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
+            if both is not None:
+                model = _alone(name, of or AXES[0], both, None)
+                apart.append(cell_model(model, layout.nominal, {}, layout.cells, {})[2])
+            of_part = np.concatenate(apart, axis=3)
+    if estimate is None:
+        # Of a table or `degree: auto` the bends of the highest degree are declared already.
+        declared = isinstance(entry.degree, int) and not entry.is_table
+        degree = 0 if of is None else int(entry.degree) if declared else MOST_AUTO
+        errors, degree = _less_polynomial(errors, layout, of, degree)
+    return layout.table(
+        errors[:, None],
+        axes=(of or name,),
+        component=name,
+        unit="arcsec" if unit.dimension == ANGLE else "um",
+        covariates=shown,
+        common=common,
+        of_part=of_part,
+        fitted_degree=degree,
+        pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
+        resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
+    )
+
+
+def _less_polynomial(
+    errors: FloatArray, layout: ReadingLayout, of: str | None, degree: int
+) -> tuple[FloatArray, int]:
+    """Errors (n,) less their own polynomial, of a degree that their positions allow."""
+    position = np.zeros(len(errors)) if of is None else layout.nominal[:, AXES.index(of)]
+    degree = min(degree, len(layout.features) - 1, len(np.unique(position)) - 1)
+    # A residual does not depend on where the powers are counted from; its digits do.
+    powers = polynomial(position - position.mean(), degree)
+    return least_squares(powers, errors).residuals, degree
+
+
+def _together(
+    name: str, readings: Readings, rows: IntArray, layout: ReadingLayout
+) -> list[Finding]:
+    """What is judged as one: readings of several instruments, and passes that run one way."""
+    found = []
+    roles = dict.fromkeys(readings.roles[i] for i in readings.file_index[rows])
+    if len(roles) > 1:
+        listed = " and ".join(roles)
+        found.append(finding("instruments-together", component=name, instruments=listed))
+    if layout.pairs:
+        pairs = ", ".join(layout.pairs[:SHOWN]) + " and so on" * (len(layout.pairs) > SHOWN)
+        found.append(finding("passes-paired", component=name, pairs=pairs))
+    return found
+
+
+def _usable(
+    drift: ThermalEstimate | None, name: str, columns: Columns, warned: list[Finding]
+) -> ThermalEstimate | None:
+    """The known drift if the readings have its temperatures, and its times where it lags."""
+    if drift is None:
+        return None
+    known = {
+        key
+        for key, column in columns.items()
+        if column.dtype != object and np.isfinite(column).all()
+    }
+    needed = [*drift.sensors, *((TIME,) if drift.time_constants.any() else ())]
+    lost = [key for key in needed if key not in known]
+    if lost:
+        warned.append(finding("drift-not-removed", component=name, columns=", ".join(lost)))
+    return None if lost else drift
+
+
+def _shared_by_directions(
+    estimate: ComponentEstimate,
+) -> tuple[ComponentEstimate, ComponentEstimate | None]:
+    """The estimate with what forward and reverse of a run do not share of D, and an error of zero
+    with what they do, K = S_m - S_h (`stats.pass_pairs`).
+    """
+    known = covariance_in_run(estimate)
+    if known is None:
+        return estimate, None
+    C = estimate.covariance
+    # Of several instruments D is of all, K of those that ran both ways: together they are D.
+    D = drawable_passes(estimate.pass_covariance, C)
+    K = bounded(drawable_passes(known, C), D)
+    own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
+    zero = np.zeros_like(estimate.coefficients)
+    return own, replace(estimate, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
+
+
+def _alone(
+    name: str, axis: str, estimate: ComponentEstimate | None, drift: ThermalEstimate | None
+) -> MachineModel:
+    """A machine whose only error, along `axis`, is that of one component."""
+    lever = {axis: parse("1")}
+    terms = [] if estimate is None else [Term(estimate=estimate, levers=lever)]
+    if drift is not None:
+        terms += drift_terms(drift, lever)
+    return MachineModel(
+        name=name,
+        axes=(axis,),
+        terms=tuple(terms),
+        remainders={axis: ()},
+        constants={},
+        joint=(),
+    )
+
+
+# Passes and targets.
+
+SAME = 1e-4
+"""Positions within this share of the travel are one target, recorded as it was reached."""
+SIGNS = {1: " +", -1: " -", 0: ""}
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadingLayout(Layout):
+    """Passes in order of time by targets and directions, whose sign is `direction` (H,). `pairs`
+    are those of the passes that are two, one there and one back.
+    """
+
+    direction: IntArray
+    pairs: tuple[str, ...]
+
+
+def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> ReadingLayout:
+    """The readings `rows` (n,) of the component `name`, a function of the axis `of`.
+
+    A pass is one number of one file, in one direction where it is not a run there and back.
+    """
+    group, passes = passes_read(readings, rows, of)
+    target, labels = np.zeros(len(rows), np.int64), [name]
+    if of is not None:
+        target, labels = _targets(readings.position_mm[rows])
+    sign = readings.direction[rows].astype(np.int64)
+    # Forward first, as the passes of a fit are.
+    columns, column = np.unique(target * 3 + (1 - sign), return_inverse=True)
+    signs = 1 - columns % 3
+    several = len(np.unique(signs)) > 1
+    names = _row_names(readings, passes)
+    # Runs, in their order, that two numbers of passes are of.
+    numbered = {(int(run), key[:2]) for run, key in zip(passes.runs, passes.keys, strict=True)}
+    of_two = [a for (a, _), (b, _) in pairwise(sorted(numbered)) if a == b]
+    return ReadingLayout(
+        parts=names,
+        features=tuple(
+            labels[code // 3] + SIGNS[int(way)] * several
+            for code, way in zip(columns.tolist(), signs, strict=True)
+        ),
+        operation=np.zeros(len(columns), np.int64),
+        cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
+        nominal=reading_places(readings, rows, of),
+        direction=signs,
+        pairs=tuple(names[run] for run in of_two),
+    )
+
+
+def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
+    """The passes of each run by their numbers, in their order; with their file where two files
+    have the same, and their direction where that alone tells two runs apart.
+    """
+    numbered = {key[:2] for key in passes.keys}
+    twice = len({number for _, number in numbered}) < len(numbered)
+    found: list[dict[str, str]] = [{} for _ in range(int(passes.runs.max(initial=-1)) + 1)]
+    for g in np.argsort(passes.order).tolist():
+        file, number, way = passes.keys[g]
+        shown = f"{readings.sources[file].shown} {number}" if twice else str(number)
+        found[passes.runs[g]][shown] = SIGNS[way]
+    names = ["/".join(own) for own in found]
+    if len(set(names)) < len(names):
+        names = [name + [*own.values()][-1] for name, own in zip(names, found, strict=True)]
+    return tuple(names)
+
+
+def _targets(position: FloatArray) -> tuple[IntArray, list[str]]:
+    """The target of each reading (n,), ascending, and the targets' names: with as many digits as
+    tell them apart. Each position is its own target where neighbours would run together.
+    """
+    distinct, code = np.unique(position, return_inverse=True)
+    near = SAME * float(np.ptp(distinct))
+    group = np.cumsum(np.r_[0, np.diff(distinct) > near])
+    first = np.unique(group, return_index=True)[1]
+    last = np.r_[first[1:], len(distinct)] - 1
+    if (distinct[last] - distinct[first] > 3 * near).any():
+        group = np.arange(len(distinct))
+    target = group[code.reshape(-1)]
+    means = np.bincount(target, position) / np.bincount(target)
+    named = ([f"{value:.{digits}g}" for value in means] for digits in (6, 9, 12, 17))
+    return target, next(labels for labels in named if len(set(labels)) == len(labels))

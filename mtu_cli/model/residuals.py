@@ -1,0 +1,449 @@
+"""Measured minus predicted, as parts x features x axes, with what the model's uncertainty adds.
+
+What the coefficients' covariance C adds to the errors is common to all parts; what the pass-to-pass
+covariance D adds each part draws anew. Readings become such tables in `reading_residuals`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
+from mtu_cli.findings import Finding, error, finding
+from mtu_cli.model.covariates import (
+    needed_covariates,
+    point_columns,
+    rows_of,
+    table_covariates,
+    text_warnings,
+    without_gaps,
+    without_repeated,
+)
+from mtu_cli.model.effect_columns import guess_warnings
+from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.machine_model import AXES, TIME, MachineModel, design, sensors_of, theta
+from mtu_cli.model.machine_model import places as fixed_places
+from mtu_cli.model.measured import (
+    check_repeats,
+    left_out,
+    no_shared_axis,
+    not_measured,
+    roundings,
+)
+from mtu_cli.model.prediction import constant_effects, predict
+from mtu_cli.model.temperatures import temperature_gradients
+from mtu_cli.model.variance import component_blocks, drawable_passes
+from mtu_cli.model.visits import (
+    BoolArray,
+    Cells,
+    IntArray,
+    Motions,
+    axes_of,
+    cells_of,
+    incomplete_datum,
+    motions_of,
+    only_rows,
+    operations_of,
+    visits_of,
+    without_motions,
+)
+from mtu_cli.stats.least_squares import FloatArray
+
+Values = Mapping[str, FloatArray | float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualTable:
+    """Measured minus predicted, as P parts x H features x A axes; errors in mm (or rad).
+
+    `parts` in order of manufacture; of readings, passes in order of time. `features` name the
+    columns: features, "operation feature" where there are several operations; of readings,
+    positions with their direction where there are two. `axes` name the errors: axes, or, of a
+    `component` that has none, the component. `unit` is "um" or "arcsec", to show them in.
+
+    `errors` (P, H, A) are means over `repeats` (P, H), nan where there are none. `places`
+    (P, H, 3) mm, nan where a coordinate is not known. `operation` (H,) are codes of `operations`.
+    `covariates` broadcast to (P, H) in the smallest shape. `common` (P or 1, H, A, K) and
+    `of_part` (P or 1, H, A, R) are factors F of the covariances F F' of the errors by what all
+    parts share (the coefficients, C) and by what each part draws anew (the pass-to-pass
+    covariance, D; of readings none where D is not known). `datum` has been projected out of errors
+    and factors; `fitted_degree` is that of the polynomial that the readings themselves gave (-1:
+    none). `pass_dof` are the degrees of freedom that D was estimated with; `resolution` (A,) the
+    step, mm or rad, of the last digit of what was measured (empty: not known).
+    """
+
+    axes: tuple[str, ...]
+    component: str | None
+    unit: str
+    parts: tuple[str, ...]
+    features: tuple[str, ...]
+    errors: FloatArray
+    repeats: IntArray
+    places: FloatArray
+    operations: tuple[str, ...]
+    operation: IntArray
+    covariates: dict[str, FloatArray]
+    common: FloatArray
+    of_part: FloatArray
+    datum: Datum = "none"
+    fitted_degree: int = -1
+    pass_dof: float = np.inf
+    resolution: tuple[float, ...] = ()
+
+    @property
+    def there(self) -> BoolArray:
+        """Which cells (P, H) were measured."""
+        return self.repeats > 0
+
+    def freed(self, values: FloatArray) -> FloatArray:
+        """Columns (P or 1, H, A, K) less the freedoms of the datum in each part, as the errors
+        and factors are; cells that were not measured keep theirs. The first dimension stays 1
+        where all parts are alike.
+        """
+        return without_motions(values, self.motions, len(self.parts))
+
+    @cached_property
+    def mean_places(self) -> FloatArray:
+        """Places (H, 3) of the features, means over the parts where they are known; else nan."""
+        known = np.isfinite(self.places)
+        count = known.sum(axis=0)
+        total = np.where(known, self.places, 0.0).sum(axis=0)
+        means: FloatArray = np.divide(
+            total, count, out=np.full(total.shape, np.nan), where=count > 0
+        )
+        return means
+
+    @cached_property
+    def motions(self) -> tuple[Motions, ...]:
+        """What the datum lets each part move by, each operation on its own."""
+        axes = tuple(AXES.index(axis) for axis in self.axes if axis in AXES)
+        return motions_of(self.datum, self.places, self.operation, axes, self.there)
+
+    def ranges(self, columns: Iterable[str]) -> dict[str, list[float]]:
+        """Lowest and highest value over the measured cells of positions and `columns`, those that
+        the table has, rounded outward to a millionth of the range.
+        """
+        values = {axis: self.places[..., i] for i, axis in enumerate(AXES)} | self.covariates
+        found = {}
+        for name in dict.fromkeys(columns):
+            own = np.broadcast_to(values.get(name, np.nan), self.there.shape)[self.there]
+            if len(own) and np.isfinite(own).all():
+                found[name] = _outward(float(own.min()), float(own.max()))
+        return found
+
+
+def _outward(low: float, high: float) -> list[float]:
+    """The ends of a range to about a millionth of it, and all of it between them."""
+    fine = 1e-6 * (high - low)
+    if not 0.0 < fine < math.inf:
+        return [low, high]
+    decimals = -math.floor(math.log10(fine))
+    near = [round(low, decimals), round(high, decimals)]
+    steps = (-(near[0] > low), near[1] < high)
+    return [round(end + n * 10.0**-decimals, decimals) for end, n in zip(near, steps, strict=True)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Layout:
+    """The parts (rows) and features (columns) of a table, its `cells`, in which n measurements
+    stand, and the nominal place (n, 3) mm of each of these.
+    """
+
+    parts: tuple[str, ...]
+    features: tuple[str, ...]
+    cells: Cells
+    nominal: FloatArray
+    operations: tuple[str, ...] = ("",)
+    operation: IntArray
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """The places (P, H, 3) mm of the cells."""
+        means = self.cells.means(self.nominal)
+        return filled(self.cells.table(means), self.cells.repeats > 0)
+
+    def table(self, errors: FloatArray, **facts: Any) -> ResidualTable:
+        """The table of errors (n, A), each the mean of its cell."""
+        return ResidualTable(
+            parts=self.parts,
+            features=self.features,
+            operations=self.operations,
+            operation=self.operation,
+            places=self.places,
+            errors=self.cells.table(self.cells.means(errors)),
+            repeats=self.cells.repeats,
+            **facts,
+        )
+
+
+def filled(table: FloatArray, there: BoolArray) -> FloatArray:
+    """A table (P, H, ...) whose missing cells hold the mean of their column, or of their part
+    where the column has none. Means of equal values keep their digits.
+    """
+    if there.all():
+        return table
+    held = there.reshape(*there.shape, *(1,) * (table.ndim - 2))
+    means = []
+    for k in (0, 1):
+        origin = np.take_along_axis(table, np.expand_dims(held.argmax(axis=k), k), axis=k)
+        away = np.where(held, table - origin, 0.0).sum(axis=k, keepdims=True)
+        means.append(origin + away / np.maximum(held.sum(axis=k, keepdims=True), 1))
+    return np.where(held, table, np.where(held.any(axis=0, keepdims=True), *means))
+
+
+# The table of measured points.
+
+
+def residual_table(
+    model: MachineModel,
+    points: Points,
+    covariates: Mapping[str, float] | None = None,
+    datum: Datum = "none",
+) -> tuple[ResidualTable, tuple[Finding, ...]]:
+    """The table of measured points: E = measured - nominal - (J theta + remainder), the model at
+    the points' nominal places and own covariates, `covariates` where they have no such column.
+
+    A `datum` that frees is projected out of every measurement of a part, operation by
+    operation, and of the factors. An axis without an equation, or that not every point has, is
+    left out with a warning; so are covariates that repeat the errors or are texts, and rows with
+    one of few gaps in a covariate.
+
+    Raises InputError for a missing covariate or coordinate, points that cannot be what they
+    claim, or points of no axis that an equation is for.
+    """
+    check_repeats(points)
+    warned = left_out(points)
+    points, repeated = without_repeated(points, model.covariates())
+    points, gaps = without_gaps(points, model.covariates())
+    warned += [*repeated, *gaps, *text_warnings(points)]
+    axes = _axes(model, points, warned)
+    layout = _layout(model, points)
+    seen, motions, whole = _measurements(points, layout, axes, datum)
+    lost = np.zeros((seen.parts, seen.columns), bool)
+    for own in motions:
+        lost[np.ix_(own.rows, own.columns)] = own.Q.shape[0] == own.Q.shape[1]
+    if lost.any():
+        points = _without_lost(points, lost.ravel()[seen.cell], datum, warned)
+        layout = _layout(model, points)
+        seen, motions, whole = _measurements(points, layout, axes, datum)
+    warned += [] if whole else [incomplete_datum()]
+    at, cells, columns = covariates or {}, layout.cells, point_columns(points)
+    needed = needed_covariates(model, points, columns, at, at_nominal=True)
+    shown, more = table_covariates(columns, cells, points, np.arange(len(points)))
+    predicted, common, of_part = cell_model(model, points.nominal, needed.values, cells, shown)
+    first = np.unique(cells.column, return_index=True)[1]
+    once = predict(model, layout.features, points.nominal[first], rows_of(needed.values, first))
+    warned += [*needed.warnings, *more, *outside_warnings(once)]
+    warned += guess_warnings(model, points.nominal, needed.values, columns, at)
+    of_axes = [model.axes.index(AXES[axis]) for axis in axes]
+    errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
+    if motions:
+        rows = without_motions(seen.table(errors[seen.order])[..., None], motions, seen.parts)
+        errors = rows.reshape(-1, len(axes))[seen.cell]
+    table = layout.table(
+        errors,
+        axes=tuple(AXES[axis] for axis in axes),
+        component=None,
+        unit="um",
+        covariates=shown,
+        common=common[:, :, of_axes],
+        of_part=of_part[:, :, of_axes],
+        datum=datum,
+        pass_dof=_pass_dof(model),
+        resolution=tuple(np.sqrt(12 * roundings(points)[list(axes)]).tolist()),
+    )
+    if datum != "none":
+        # Where all measurements of a part have the same features, errors are free already.
+        table = replace(
+            table,
+            errors=table.freed(table.errors[..., None])[..., 0],
+            common=compressed(table.freed(table.common)),
+            of_part=compressed(table.freed(table.of_part)),
+        )
+    return table, tuple(warned)
+
+
+def _axes(model: MachineModel, points: Points, warned: list[Finding]) -> tuple[int, ...]:
+    measured = axes_of(points)
+    for axis in (AXES[i] for i in measured if AXES[i] not in model.axes):
+        consequence = f"errors along {axis} are left out"
+        warned.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+    warned += not_measured(model.axes, points)
+    axes = tuple(axis for axis in measured if AXES[axis] in model.axes)
+    if not axes:
+        raise no_shared_axis(model, points, measured)
+    return axes
+
+
+def _pass_dof(model: MachineModel) -> float:
+    """The fewest degrees of freedom that a pass-to-pass covariance of the model was estimated
+    with; infinite where none was estimated.
+    """
+    own = [t.estimate.pass_dof for t in model.terms if np.any(t.estimate.pass_covariance)]
+    found = [dof for dof in (*own, *(group.pass_dof for group in model.joint)) if dof > 0]
+    return float(min(found, default=np.inf))
+
+
+def _layout(model: MachineModel, points: Points) -> Layout:
+    """Parts by `sequence`, then as they first appear; features as the part file has them, by
+    operation first.
+    """
+    operations, operation = operations_of(points)
+    count = len(points.features)
+    columns, column = np.unique(
+        operation.astype(np.int64) * count + points.feature, return_inverse=True
+    )
+    of_column = columns // count
+    used = [points.features[code % count] for code in columns.tolist()]
+    if len(np.unique(of_column)) > 1:
+        named = zip(of_column.tolist(), used, strict=True)
+        used = [f"{operations[code]} {name}".lstrip() for code, name in named]
+    parts, first, part = np.unique(points.part, return_index=True, return_inverse=True)
+    earliest = np.full(len(parts), np.iinfo(np.int64).max)
+    np.minimum.at(earliest, part.reshape(-1), points.sequence)
+    order = np.lexsort([first, earliest])
+    row = np.argsort(order)[part.reshape(-1)]
+    return Layout(
+        parts=tuple(points.parts[i] for i in parts[order].tolist()),
+        features=tuple(used),
+        operations=operations,
+        operation=of_column,
+        cells=cells_of(row, column.reshape(-1), len(parts), len(columns)),
+        nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
+    )
+
+
+# What a datum frees.
+
+
+def _measurements(
+    points: Points, layout: Layout, axes: tuple[int, ...], datum: Datum
+) -> tuple[Cells, tuple[Motions, ...], bool]:
+    """The cells of measurements of parts in one operation each (rows) by columns, the motions that
+    the datum frees in each, and whether all have the columns that their parts have.
+    """
+    cells = layout.cells
+    if datum == "none":
+        return cells, (), True
+    visits = visits_of(points)
+    seen = cells_of(visits.of_point, cells.column, len(visits.part), cells.columns)
+    there, part = seen.repeats > 0, np.zeros(seen.parts, np.int64)
+    part[visits.of_point] = cells.part
+    whole = (cells.repeats > 0)[part] & (layout.operation == visits.operation[:, None])
+    motions = motions_of(datum, layout.places[part], layout.operation, axes, there)
+    return seen, motions, bool((there == whole).all())
+
+
+def _without_lost(points: Points, lost: BoolArray, datum: Datum, warned: list[Finding]) -> Points:
+    """The points but those of whose errors the motions take all."""
+    if lost.all():
+        raise error(
+            "too-little-data",
+            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
+            file=points.sources[0].shown,
+            expected="more features measured of each part, or --datum none",
+        )
+    count = int(lost.sum())
+    reason = f"in measurements of so few features the datum {datum!r} takes all errors"
+    names = [f"{count} of {len(lost)} points"]
+    warned.append(finding("not-measured", names=names, count=count, reason=reason))
+    return only_rows(points, ~lost)
+
+
+# The model at the cells.
+
+NEGLIGIBLE = 1e-13
+"""Share of the largest variance, or value, below which something is rounding."""
+
+
+def cell_model(
+    model: MachineModel,
+    places: FloatArray,
+    values: Values,
+    cells: Cells,
+    shown: Mapping[str, FloatArray],
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Predictions (n, a) mm at `places` (n, 3) mm under the covariates `values`, as `predict` makes
+    them, and of the cells the factors F (P or 1, H, a, K) of the covariances F F', mm^2, that all
+    parts share and that every part draws anew; first dimension 1 where all parts have the same.
+
+    Measurements that differ in nothing the equations hold are predicted once. `shown` are the
+    covariates' tables: the noise of a temperature that all points share is common to all parts,
+    that of one reading a part is of the part; that of a reading a point, as the components'
+    repeatability, adds to the scatter of single cells and is in neither factor. A drift with a
+    lag is given the history of all measurements.
+    """
+    lagged = any(bool(drift.time_constants.any()) for drift in model.drifts())
+    fixed, used = model.position_constants(), {*model.covariates(), TIME}
+    inputs = [places[:, i] for i, axis in enumerate(AXES) if axis not in fixed]
+    inputs += [np.asarray(v) for name, v in values.items() if name in used and np.ndim(v)]
+    rows = code = np.arange(len(places))
+    for own in () if lagged else (cells.column, cells.index):
+        _, first, index = np.unique(own, return_index=True, return_inverse=True)
+        alike = first[index]
+        if all(np.array_equal(v, v[alike], equal_nan=True) for v in inputs):
+            rows, code = first, index
+            break
+    mean, *factors = _evaluated(model, places[rows], rows_of(values, rows), shown)
+    tables = (cells.table(cells.means(F[code]), 0.0) for F in factors)
+    common, of_part = (compressed(filled(F, cells.repeats > 0)) for F in tables)
+    return mean[code], common, of_part
+
+
+def _evaluated(
+    model: MachineModel, places: FloatArray, values: Values, shown: Mapping[str, FloatArray]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The mean (m, a) mm, and the factors (m, a, r) that all parts share and that each draws."""
+    centre = design(model, places, values)
+    effects = constant_effects(model, places, values, centre)
+    mean = centre.J @ theta(model) + centre.remainder + effects.shift
+    shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
+    blocks = component_blocks(model, centre.J, centre.levers, centre.columns)
+    for block in (*blocks, *effects.blocks):
+        shared.append(block.G @ covariance_root(block.C))
+        drawn.append(block.G @ covariance_root(drawable_passes(block.D, block.C)))
+    read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}
+    if any(shape[1] == 1 for shape in read.values()):
+        gradients = temperature_gradients(model, places, centre.levers, noise=True)
+        for sensor, column in gradients.items():
+            # The noise of a reading of its own at every cell is none of the two.
+            if read[sensor][1] == 1:
+                (shared if read[sensor] == (1, 1) else drawn).append(column[:, None])
+    size = (len(places), len(model.axes))
+    F, R = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
+    return mean.reshape(size), F, R
+
+
+def covariance_root(C: FloatArray) -> FloatArray:
+    """F (k, r) with C = F F', r the rank; what is negative by rounding counts as 0.
+
+    Level and slope differ in unit: the rank is judged with variances scaled to 1.
+    """
+    scale = np.sqrt(np.maximum(np.diag(C), 0.0))
+    unit = np.where(scale > 0, scale, 1.0)
+    size, vectors = np.linalg.eigh(C / np.outer(unit, unit))
+    kept = size > NEGLIGIBLE * len(C) * max(float(size[-1]), 0.0)
+    found: FloatArray = scale[:, None] * vectors[:, kept] * np.sqrt(size[kept])
+    return found
+
+
+def compressed(factor: FloatArray) -> FloatArray:
+    """The same covariances F F' with as few columns as they have directions, F (P, H, A, R); P is 1
+    where all parts have the same but for rounding.
+    """
+    if not factor.size:
+        return factor[:1, ..., :0]
+    apart = NEGLIGIBLE * np.abs(factor).max()
+    factor = factor[:1] if (np.abs(factor - factor[:1]) <= apart).all() else factor
+    flat = factor.reshape(-1, factor.shape[-1])
+    size, vectors = np.linalg.eigh(flat.T @ flat)
+    kept = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
+    found: FloatArray = (flat @ vectors[:, kept]).reshape(*factor.shape[:-1], int(kept.sum()))
+    return found

@@ -1,0 +1,152 @@
+"""The engine of closing the loop: each part of it against a slow plain version, or its rate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import cycle, islice, pairwise
+
+import numpy as np
+import pytest
+from effect_tables import FloatArray, shop_covariates, table
+from scipy.integrate import quad
+from scipy.stats import binom, invgamma
+
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
+from mtu_cli.analyses.close_loop.estimate import estimated
+from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
+from mtu_cli.analyses.close_loop.gate import Gate
+from mtu_cli.analyses.close_loop.missing import interaction, missing
+from mtu_cli.analyses.close_loop.posed import Posed, posed
+from mtu_cli.model.effect_library import effect_library
+from mtu_cli.model.residuals import ResidualTable
+
+P, H = 12, 6
+NOISE_MM = 1e-3
+KEPT = ("sequence", "dir_x")
+
+
+def noise(seed: int, parts: int = P, **kinds: float) -> ResidualTable:
+    """A table with no effect: parts, features and single entries scatter (mm)."""
+    rng = np.random.default_rng(seed)
+    own = {name: value for name, value in shop_covariates(parts, H).items() if name in KEPT}
+    sizes = {"part": NOISE_MM, "feature": NOISE_MM} | kinds
+    errors = NOISE_MM * rng.standard_normal((parts, H, 2))
+    errors += sizes["part"] * rng.standard_normal((parts, 1, 2))
+    errors += sizes["feature"] * rng.standard_normal((1, H, 2))
+    return replace(table(parts, H, covariates=own), errors=errors)
+
+
+def candidates(own: ResidualTable, *families: str) -> tuple[Candidate, ...]:
+    """Those of some families of the built-in library, or of all but the waves."""
+    found = candidates_of(own, effect_library(), ("cyclic",))
+    return tuple(item for item in found if not families or item.family in families)
+
+
+def posed_of(own: ResidualTable, *families: str) -> Posed:
+    return posed(own, candidates(own, *families))
+
+
+def diagnosis(own: ResidualTable, *families: str) -> Diagnosis:
+    return diagnosed(own, candidates(own, *families), alpha=0.05, most=2, seed=1)
+
+
+def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
+    """Of a direction that changes from part to part: one stratum has all of it. The size has the
+    variance g s^2, g the law of Zellner and Siow; s is the likeliest.
+    """
+    own = noise(1)
+    own.errors[..., 0] += 0.4 * NOISE_MM * own.covariates["dir_x"]
+    problem = posed_of(own, "backlash")
+    like = problem.likelihood()
+    (s,) = (s for s in problem.strata.of("part") if problem.strata.axis[s] == 0)
+    (index,) = like.closure([0])
+    x = problem.design.columns.dense([index])[0]
+    part = problem.strata.slices[s]
+    y, n, x = like.y[part], like.n[s], x[part]
+    assert x @ x == pytest.approx(1)
+
+    def weighed(g: float) -> float:
+        left = y @ y - g / (1 + g) * (x @ y) ** 2
+        likelihood = (left / (y @ y)) ** (-n / 2) / np.sqrt(1 + g)
+        return float(likelihood * invgamma.pdf(g, 0.5, scale=n / 2))
+
+    ends = (0, n, 1e3 * n, np.inf)
+    slow = sum(quad(weighed, low, high)[0] for low, high in pairwise(ends))
+    assert like.evidence([(index,)])[0] == pytest.approx(np.log(slow), abs=0.05)
+
+
+@pytest.mark.parametrize("sloped", [False, True])
+def test_missing_cells_are_as_left_out(sloped: bool) -> None:
+    """Against least squares of the measured cells with a constant for every feature, and for every
+    part a constant, or a line.
+    """
+    rng = np.random.default_rng(2)
+    there = rng.random((7, 8)) > 0.2
+    lines = np.linalg.qr(np.vander(np.arange(8.0), 1 + sloped, increasing=True))[0]
+    x, y = rng.standard_normal((2, 7, 8))
+    gaps = missing(there, lines)
+    x_in, y_in = (interaction(gaps.filled(np.where(there, v, 9.0)), lines) for v in (x, y))
+    parts, features = np.indices((7, 8))
+    free = [(parts == i) * line[features] for i in range(7) for line in lines.T]
+    X = np.array([*free, *(features == j for j in range(8)), x])[:, there].astype(float).T
+    size, *_ = np.linalg.lstsq(X, y[there], rcond=None)
+    assert np.sum(x_in * y_in) / np.sum(x_in**2) == pytest.approx(size[-1])
+    squares = np.sum(y_in**2) - np.sum(x_in * y_in) ** 2 / np.sum(x_in**2)
+    assert squares == pytest.approx(np.sum((y[there] - X @ size) ** 2))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
+    """V = parts x all + features x all + single entries, by the variances of the strata."""
+    own = noise(seed, part=2 * NOISE_MM)
+    own.errors[..., 0] += 5e-3 * own.covariates["dir_x"]
+    found = diagnosis(own, "backlash")
+    assert found.names == ["backlash-x"]
+    sizes = estimated(found.models, found.model)
+    strata, scale = found.posed.strata, found.posed.scale
+    of = {
+        kind: scale**2 / sizes.fit.weights[s]
+        for kind in ("part", "feature", "interaction")
+        for s in strata.of(kind)
+        if strata.axis[s] == 0
+    }
+    same_part, same_feature = (np.kron(np.eye(P), np.ones((H, H))), np.tile(np.eye(H), (P, P)))
+    V = of["interaction"] * np.eye(P * H) + (of["part"] - of["interaction"]) / H * same_part
+    V += (of["feature"] - of["interaction"]) / P * same_feature
+    x = np.broadcast_to(own.covariates["dir_x"], (P, H)).ravel()
+    X = np.column_stack([x, np.ones(P * H)])
+    covariance = np.linalg.inv(X.T @ np.linalg.solve(V, X))
+    beta = covariance @ X.T @ np.linalg.solve(V, own.errors[..., 0].ravel())
+    (effect,) = sizes.effects
+    size = effect.sizes[0]
+    assert size.value * scale == pytest.approx(beta[0], rel=1e-6)
+    assert size.u * scale == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
+    assert sizes.levels[0].value * scale == pytest.approx(beta[1], rel=1e-6)
+
+
+def test_the_gate_alarms_rarely_on_pure_noise() -> None:
+    """Family-wise, whatever of parts, features and entries scatters most."""
+    sets, alpha = 120, 0.1
+    flat = {"part": 0.0, "feature": 0.0}
+    kinds: list[dict[str, float]] = [{}, {"part": 5e-3}, {"feature": 5e-3}, flat]
+    alarms = 0
+    for seed, kind in enumerate(islice(cycle(kinds), sets)):
+        likelihood = posed_of(noise(seed, parts=7, **kind)).likelihood()
+        alarms += Gate(likelihood, np.random.default_rng(seed))(()).smallest <= alpha
+    low, high = (binom.ppf(q, sets, alpha) for q in (0.001, 0.999))
+    assert low <= alarms <= high
+
+
+@pytest.mark.parametrize(("jump_um", "widest"), [(20.0, 1.0), (2.5, 8.0)])
+def test_the_place_of_a_step_is_as_sure_as_the_step_is_high(jump_um: float, widest: float) -> None:
+    own = noise(4)
+    after: FloatArray = (own.covariates["sequence"] > 7).astype(float)
+    own.errors[..., 1] += jump_um * 1e-3 * after
+    found = diagnosis(own, "step")
+    assert found.names == ["step-y"]
+    (effect,) = estimated(found.models, found.model).effects
+    assert effect.searched is not None
+    low, high = effect.searched.intervals[0][0], effect.searched.intervals[-1][1]
+    assert low <= 7.5 <= high
+    assert high - low <= widest
+    assert (high - low > 1) == (widest > 1)

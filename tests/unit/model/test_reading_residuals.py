@@ -1,0 +1,402 @@
+"""Readings as tables of passes and targets, against loops over the readings."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from machine_trials import Drift, read_machine
+from machine_trials import machine as machine_of_trials
+from model_examples import Segment, estimate, loaded, permuted, readings
+from numpy.typing import NDArray
+from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run, tables_of
+from thermal_machines import drift
+
+from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.model.estimates import Estimates
+from mtu_cli.units import ARCSEC, UM
+
+Floats = NDArray[np.float64]
+
+
+def test_readings_less_their_own_line(tmp_path: Path) -> None:
+    """Nothing was known: the line of all readings goes, by the normal equations."""
+    found = readings([run(5, slope=3e-4)])
+    table = only(tables_of(machine(tmp_path), None, found))
+    assert table.component == "px"
+    assert table.axes == ("x",)
+    assert table.unit == "um"
+    assert table.fitted_degree == 1
+    assert table.parts == ("1", "2", "3", "4", "5")
+    assert table.features[:3] == ("-20 +", "-20 -", "0 +")
+    assert table.common.shape == table.of_part.shape == (1, 8, 1, 0)
+    X = np.column_stack([np.ones(40), found.position_mm])
+    left = found.error - X @ np.linalg.solve(X.T @ X, X.T @ found.error)
+    for i in range(40):
+        sign = "+" if found.direction[i] > 0 else "-"
+        column = f"{found.position_mm[i]:g} {sign}"
+        assert at(table, str(found.pass_number[i]), column) == pytest.approx(left[i], abs=1e-14)
+    assert table.repeats.tolist() == [[1] * 8] * 5
+    assert table.places[2, :, 0].tolist() == np.repeat(TARGETS, 2).tolist()
+    assert np.isnan(table.places[..., 1:]).all()
+    shapes = {name: value.shape for name, value in table.covariates.items()}
+    assert shapes == {"sequence": (5, 1), "dir_x": (1, 8), "time_min": (5, 8)}
+    assert table.covariates["dir_x"].ravel().tolist() == [1, -1] * 4
+    assert table.covariates["time_min"][1].tolist() == [8, 15, 9, 14, 10, 13, 11, 12]
+
+
+def test_order_of_rows_does_not_matter(tmp_path: Path) -> None:
+    found = readings([run(4), run(3, name="yaw", seed=2)])
+    order = np.random.default_rng(3).permutation(len(found))
+    first, _ = tables_of(machine(tmp_path), None, found)
+    second, _ = tables_of(machine(tmp_path), None, permuted(found, order))
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_allclose(one.errors, other.errors, atol=1e-15)
+        assert one.features == other.features
+
+
+def test_degree_unit_and_missing_targets(tmp_path: Path) -> None:
+    whole = readings([run(3, name="yaw")])
+    found = permuted(whole, np.flatnonzero(np.arange(24) != 5))
+    table = only(tables_of(machine(tmp_path), None, found))
+    assert table.unit == "arcsec"
+    assert table.fitted_degree == 2
+    assert table.axes == ("y",)
+    assert (table.repeats == 0).sum() == 1
+    assert np.isnan(table.errors).sum() == 1
+    assert table.places[..., 1].tolist() == [np.repeat(TARGETS, 2).tolist()] * 3
+    # The second order is gone.
+    bent = replace(found, error=found.error + 1e-6 * (found.position_mm - 7) ** 2)
+    again = only(tables_of(machine(tmp_path), None, bent))
+    np.testing.assert_allclose(again.errors, table.errors, atol=1e-14)
+
+
+@pytest.mark.parametrize("shape", ["shape: table", "degree: auto"])
+def test_the_bends_of_a_declared_table_are_no_news(shape: str, tmp_path: Path) -> None:
+    known = loaded(
+        tmp_path, f"components: {{yaw: {{of: y, unit: arcsec, {shape}}}}}\nequations: {{Ex: y*yaw}}"
+    )
+    found = readings([run(3, name="yaw")])
+    table = only(tables_of(known, None, found))
+    bent = replace(found, error=found.error + 1e-8 * (found.position_mm - 7) ** 3)
+    again = only(tables_of(known, None, bent))
+    np.testing.assert_allclose(again.errors, table.errors, atol=1e-13)
+
+
+def test_what_was_known_goes_with_its_covariances(tmp_path: Path) -> None:
+    """Coefficients from before: less c0 + c1 p, C common to all passes, D of each direction."""
+    C = np.array([[4e-8, 1e-10], [1e-10, 9e-12]])
+    D = np.array([[9e-8, 0.0], [0.0, 4e-12]])
+    known = Estimates(components={"px": estimate("px", "x", [2e-3, -1e-4], C=C, D=D, s=5e-4)})
+    found = readings([run(4)])
+    table = only(tables_of(machine(tmp_path), known, found))
+    assert table.fitted_degree == -1
+    rows = np.argsort(found.pass_number * 1000 + np.abs(found.direction), kind="stable")
+    expected = {
+        (str(found.pass_number[i]), float(found.position_mm[i]), int(found.direction[i])):
+        found.error[i] - 2e-3 + 1e-4 * found.position_mm[i]
+        for i in rows
+    }  # fmt: skip
+    for (name, position, sign), value in expected.items():
+        column = f"{position:g} {'+' if sign > 0 else '-'}"
+        assert at(table, name, column) == pytest.approx(value, abs=1e-15)
+    p, way = table.places[0, :, 0], table.covariates["dir_x"][0]
+    X = np.column_stack([np.ones(8), p])
+    F, R = table.common[0, :, 0], table.of_part[0, :, 0]
+    assert len(table.common) == len(table.of_part) == 1
+    np.testing.assert_allclose(F @ F.T, X @ C @ X.T, rtol=1e-9)
+    # Forward and reverse of a pass are passes of their own to the fit.
+    same = way[:, None] == way
+    np.testing.assert_allclose(R @ R.T, np.where(same, X @ D @ X.T, 0.0), rtol=1e-9, atol=1e-18)
+    # The machine file says the same.
+    text = MACHINE.replace(
+        "px: {of: x, unit: um}", "px: {of: x, unit: um, coefficients: [2, -0.1]}"
+    )
+    own = only(tables_of(loaded(tmp_path, text), None, found))
+    np.testing.assert_allclose(own.errors, table.errors, atol=1e-15)
+    assert own.fitted_degree == -1
+    assert own.common.shape[-1] == 0
+
+
+def test_a_component_without_an_axis(tmp_path: Path) -> None:
+    """A reading is a pass, whose D is the component's whole scatter."""
+    values = np.array([3.0, 4.0, 8.0]) * ARCSEC
+    for passes in (None, np.arange(3) + 1):
+        found = readings([Segment(name="ort", position=None, error=values, passes=passes)])
+        table = only(tables_of(machine(tmp_path), None, found))
+        assert table.axes == ("ort",)
+        assert table.unit == "arcsec"
+        assert table.features == ("ort",)
+        assert table.parts == ("1", "2", "3")
+        assert table.fitted_degree == 0
+        np.testing.assert_allclose(table.errors[:, 0, 0] / ARCSEC, [-2, -1, 3], atol=1e-12)
+        assert np.isnan(table.places).all()
+    D = np.array([[1e-12]])
+    known = Estimates(components={"ort": estimate("ort", None, [5 * ARCSEC], D=D, C=D / 4)})
+    table = only(tables_of(machine(tmp_path), known, found))
+    np.testing.assert_allclose(table.errors[:, 0, 0] / ARCSEC, [-2, -1, 3], atol=1e-12)
+    assert np.abs(table.of_part).ravel().tolist() == pytest.approx([1e-6])
+    assert np.abs(table.common).ravel().tolist() == pytest.approx([5e-7])
+
+
+def test_readings_without_passes_are_repeats(tmp_path: Path) -> None:
+    segment = replace(run(3), passes=None, direction=None, time=None)
+    found = readings([segment])
+    table = only(tables_of(machine(tmp_path), None, found))
+    assert table.parts == ("0",)
+    assert table.features == ("-20", "0", "15.5", "40")
+    assert table.repeats.tolist() == [[6] * 4]
+    X = np.column_stack([np.ones(24), found.position_mm])
+    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
+    assert table.errors[0, 1, 0] == pytest.approx(left[found.position_mm == 0].mean(), abs=1e-15)
+    assert table.covariates["sequence"].tolist() == [[1.0]]
+    assert "dir_x" not in table.covariates
+
+
+def test_files_number_their_passes_on_their_own(tmp_path: Path) -> None:
+    """In order of time where the files share a clock, else file by file."""
+    late, early = run(2), run(2, role="laser", seed=4)
+    assert late.time is not None
+    shared = replace(late, time=late.time + 100)
+    both = readings([shared, early])
+    table, warned = tables_of(machine(tmp_path), None, both)
+    assert table[0].parts == ("laser.csv 1", "laser.csv 2", "lbb.csv 1", "lbb.csv 2")
+    assert [item.code for item in warned] == ["instruments-together"]
+    assert table[0].covariates["sequence"].ravel().tolist() == [1, 2, 3, 4]
+    overlapping, _ = tables_of(machine(tmp_path), None, readings([late, early]))
+    assert overlapping[0].parts == ("lbb.csv 1", "lbb.csv 2", "laser.csv 1", "laser.csv 2")
+
+
+def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
+    """Positions within a few um of 60 mm of travel are one target; the line is at their own."""
+    exact = readings([run(4)])
+    noise = np.random.default_rng(9).uniform(-2e-3, 2e-3, len(exact))
+    found = replace(exact, position_mm=exact.position_mm + noise)
+    table = only(tables_of(machine(tmp_path), None, found))
+    assert table.errors.shape == (4, 8, 1)
+    X = np.column_stack([np.ones(len(found)), found.position_mm])
+    left = found.error - X @ np.linalg.lstsq(X, found.error, rcond=None)[0]
+    order = in_table_order(found, exact.position_mm)
+    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-14)
+    np.testing.assert_allclose(table.places[..., 0].ravel(), found.position_mm[order])
+    # So many positions that neighbours would run together stay their own.
+    line = np.linspace(0, 1, 30_001)
+    dense = readings([Segment(name="px", position=line, error=1e-3 * np.sin(line))])
+    assert only(tables_of(machine(tmp_path), None, dense)).errors.shape == (1, 30_001, 1)
+
+
+def test_texts_of_all_components_are_told_once(tmp_path: Path) -> None:
+    given = read_machine(np.random.default_rng(3), Drift(0.0))
+    n = len(given)
+    worn = np.array(["2", "n/a"] * n, object)[:n]
+    known = machine_of_trials(tmp_path)
+    named = replace(given.sources[0], shown="second.csv")
+    given = replace(
+        given,
+        covariates={"worn": worn},
+        file_index=np.arange(n) % 2,
+        sources=(given.sources[0], named),
+        roles=("lbb", "lbb"),
+    )
+    tables, warned = tables_of(known, None, given)
+    assert len(tables) > 5
+    (told,) = (item for item in warned if item.code == "not-tested")
+    first = f"second.csv, row {given.row[1]}"
+    assert f"(texts in {n // 2} of {n} cells, the first 'n/a' in {first}; " in told.message
+
+
+def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
+    segment = run(2)
+    assert segment.direction is not None
+    direction = segment.direction.copy()
+    direction[3] = 0
+    found = readings([replace(segment, direction=direction, setup="a")])
+    (table,), warned = tables_of(machine(tmp_path), None, found)
+    assert "dir_x" not in table.covariates
+    assert [item.code for item in warned] == ["not-tested", "missing-values"]
+    assert "40" in table.features
+    assert "setup" not in table.covariates
+
+
+CSV = """component,position_mm,pass,direction,error,unit,time_min
+px,{p0},1,forward,11.11,um,0.0
+px,{p1},1,forward,-0.97,um,0.47
+px,{p1},1,reverse,-21.5,um,0.95
+px,{p0},1,reverse,-9.2,um,1.4
+px,{p0},2,forward,12.3,um,1.9
+px,{p1},2,forward,0.4,um,2.4
+px,{p1},2,reverse,-20.1,um,2.9
+px,{p0},2,reverse,-8.7,um,3.3
+"""
+
+
+def test_a_file_in_the_layout_of_axis_runs(tmp_path: Path) -> None:
+    """Integer and decimal positions, `forward`/`reverse`, with times and without."""
+    for number, (low, high) in enumerate((("-20", "-15"), ("15.0", "25.2"))):
+        path = tmp_path / f"run{number}.csv"
+        text = CSV.format(p0=low, p1=high)
+        if number:
+            text = "\n".join(line.rsplit(",", 1)[0] for line in text.splitlines()) + "\n"
+        path.write_text(text)
+        own = machine(tmp_path)
+        found = read_readings([(path, "laser")], own.machine.components, for_fit=False)
+        (table,), warned = tables_of(own, None, found)
+        assert warned == ()
+        names = [f"{float(p):g} {sign}" for p in (low, high) for sign in "+-"]
+        assert table.features == tuple(names)
+        assert table.parts == ("1", "2")
+        assert ("time_min" in table.covariates) == (number == 0)
+        # Half the reversal value of both targets: what is left beside the line.
+        turn = np.nanmean(table.errors[:, 0::2] - table.errors[:, 1::2]) / 2 / UM
+        assert turn == pytest.approx((20.31 + 20.53 + 21.0 + 20.5) / 8, abs=1e-9)
+
+
+def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
+    """Numbered one there, one back, they are the same table as there and back in one pass."""
+    together = readings([run(4)])
+    apart = replace(
+        together, pass_number=2 * together.pass_number - (together.direction > 0).astype(int)
+    )
+    (one,), quiet = tables_of(machine(tmp_path), None, together)
+    (pairs,), told = tables_of(machine(tmp_path), None, apart)
+    assert pairs.parts == ("1/2", "3/4", "5/6", "7/8")
+    assert pairs.features == one.features
+    np.testing.assert_array_equal(pairs.errors, one.errors)
+    np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
+    assert not [w for w in quiet if w.code == "passes-paired"]
+    (warned,) = [w.message for w in told if w.code == "passes-paired"]
+    assert "passes of px run one way" in warned
+    assert "(1/2, 3/4, 5/6 and so on)" in warned
+    # Otherwise numbered: the n-th there with the n-th back; and one pass more of one way.
+    order = np.array([0, 2, 1, 3, 4])[apart.pass_number - 1 - 4 * ((apart.pass_number - 1) // 4)]
+    shuffled = replace(apart, pass_number=order + 4 * ((apart.pass_number - 1) // 4))
+    assert only(tables_of(machine(tmp_path), None, shuffled)).parts[0] == "0/2"
+    short = permuted(apart, np.flatnonzero(apart.pass_number < 8))
+    assert only(tables_of(machine(tmp_path), None, short)).parts == ("1/2", "3/4", "5/6", "7")
+    # Of one pass both ways it is no habit.
+    mixed = replace(apart, pass_number=np.where(apart.pass_number < 3, 1, apart.pass_number))
+    assert len(only(tables_of(machine(tmp_path), None, mixed)).parts) == 7
+
+
+# Gaps in covariates.
+
+
+def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
+    """As for rows of points, component by component: 2 of 40 readings, none of them the only one
+    of its pass or target; the table is that of the others.
+    """
+    found = readings([run(5)])
+    load = np.linspace(0.0, 9.0, 40)
+    whole = replace(found, covariates={"load": load})
+    load = load.copy()
+    load[[3, 17]] = np.nan
+    gaps = replace(found, covariates={"load": load})
+    (table,), warned = tables_of(machine(tmp_path), None, gaps)
+    (told,) = warned
+    file = whole.sources[0].shown
+    assert told.code == "missing-values"
+    first = f"2 of 40 rows of px left out, the first {file}, row {found.row[3]}"
+    assert (told.facts["names"], told.facts["consequence"]) == (["load"], first)
+    assert "load" in table.covariates
+    assert (table.repeats == 0).sum() == 2
+    (before,), _ = tables_of(machine(tmp_path), None, whole)
+    assert before.parts == table.parts
+    X = np.column_stack([np.ones(40), found.position_mm])
+    kept = np.isfinite(load)
+    line = np.linalg.lstsq(X[kept], found.error[kept], rcond=None)[0]
+    expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
+    there = table.repeats > 0
+    np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
+
+
+@pytest.mark.parametrize("gone", [[3, 11, 17], [40]])
+def test_many_readings_or_the_only_one_of_a_target_stay(tmp_path: Path, gone: list[int]) -> None:
+    """Then the covariate goes: 3 of 41, or the one that was read at 60 mm."""
+    one = replace(run(1), position=np.array([60.0]), error=np.zeros(1), passes=np.array([5]),
+                  direction=np.array([1]), time=np.array([99.0]))  # fmt: skip
+    found = readings([run(5), one])
+    load = np.linspace(0.0, 9.0, len(found))
+    load[gone] = np.nan
+    (table,), (told,) = tables_of(
+        machine(tmp_path), None, replace(found, covariates={"load": load})
+    )
+    assert "load" not in table.covariates
+    assert told.code == "missing-values"
+    assert table.repeats.sum() == len(found)
+
+
+@pytest.mark.parametrize("passes", [None, np.repeat(np.arange(20) + 1, 3)])
+def test_passes_without_an_axis_keep_their_count(
+    tmp_path: Path, passes: NDArray[np.int64] | None
+) -> None:
+    """A reading that is a whole pass stays, and one of three goes: 60 or 20 passes are left."""
+    error = 1e-6 * np.arange(60.0) ** 2
+    found = readings([Segment(name="ort", position=None, error=error, passes=passes)])
+    load = np.linspace(0.0, 9.0, 60)
+    load[3] = np.nan
+    (table,), (told,) = tables_of(
+        machine(tmp_path), None, replace(found, covariates={"load": load})
+    )
+    assert told.code == "missing-values"
+    assert ("load" in table.covariates) == (passes is not None)
+    assert table.parts == tuple(str(i + 1) for i in range(60 if passes is None else 20))
+    assert table.repeats.sum() == (60 if passes is None else 59)
+
+
+def test_a_reading_without_a_direction_stays(tmp_path: Path) -> None:
+    found = readings([run(5)])
+    direction = found.direction.copy()
+    direction[3] = 0
+    (table,), _ = tables_of(machine(tmp_path), None, replace(found, direction=direction))
+    assert table.repeats.sum() == 40
+
+
+# Known drifts.
+
+
+def with_temperature(found: Readings, values: Floats | None = None) -> Readings:
+    T = np.asarray(20 + 0.2 * np.arange(len(found)) if values is None else values, np.float64)
+    return replace(found, covariates={"T_a_degC": T})
+
+
+def test_known_drift_goes_where_its_temperatures_are(tmp_path: Path) -> None:
+    known = drift("px", "x", ("T_a_degC",), np.array([[1.5], [0.01]]))
+    estimates = Estimates(
+        components={"px": estimate("px", "x", [0.0, 1e-4])}, thermal={"px": known}
+    )
+    found = with_temperature(readings([run(3)]))
+    table = only(tables_of(machine(tmp_path), estimates, found))
+    rise = found.covariates["T_a_degC"].astype(float) - 20
+    left = found.error - 1e-4 * found.position_mm - UM * (1.5 + 0.01 * found.position_mm) * rise
+    order = in_table_order(found)
+    np.testing.assert_allclose(table.errors.ravel(), left[order], atol=1e-15)
+    assert table.covariates["T_a_degC"].shape == (3, 8)
+    for bare in (readings([run(3)]), with_temperature(found, np.full(24, np.nan))):
+        (table,), warned = tables_of(machine(tmp_path), estimates, bare)
+        assert [item.code for item in warned] == ["drift-not-removed"]
+        np.testing.assert_allclose(
+            table.errors.ravel(), (bare.error - 1e-4 * bare.position_mm)[order], atol=1e-15
+        )
+    # Of the drift alone something is known: the line of the rest is the readings' own.
+    alone = only(tables_of(machine(tmp_path), replace(estimates, components={}), found))
+    assert alone.fitted_degree == 1
+    X = np.column_stack([np.ones(24), found.position_mm])
+    rest = found.error - UM * (1.5 + 0.01 * found.position_mm) * rise
+    rest -= X @ np.linalg.lstsq(X, rest, rcond=None)[0]
+    np.testing.assert_allclose(alone.errors.ravel(), rest[order], atol=1e-14)
+
+
+def test_lags_follow_the_readings_times(tmp_path: Path) -> None:
+    slow = drift("px", "x", ("T_a_degC",), np.array([[1.5]]), time_constants=(7.0,))
+    estimates = Estimates(components={"px": estimate("px", "x", [0, 0])}, thermal={"px": slow})
+    found = with_temperature(readings([run(3)]))
+    table = only(tables_of(machine(tmp_path), estimates, found))
+    # A ramp of 0.2 degC a minute from rest: T - 20 - g tau (1 - exp(-t/tau)).
+    t = found.time_min
+    rise = 0.2 * t - 0.2 * 7 * (1 - np.exp(-t / 7))
+    order = in_table_order(found)
+    np.testing.assert_allclose(
+        table.errors.ravel(), (found.error - 1.5 * UM * rise)[order], atol=1e-14
+    )
