@@ -40,7 +40,7 @@ from mtu_cli.findings import Finding
 FUNCTIONS = {
     name.replace("-", "_").replace(" ", "_"): name
     for name, command in COMMANDS.items()
-    if command.chapter != "cli.help" and name != "graph draw"
+    if command.chapter != "cli.help" and name not in ("graph draw", "import")
 }
 """The functions of the commands that report or make something, by their names in Python."""
 OUTPUTS = (*WRITTEN, "date", "detail", "quiet")
@@ -68,17 +68,30 @@ def read_readings(
 ) -> Readings:
     """Readings of one `role`: ``lbb``, ``laser`` or ``drift``; raises InputError with all faults.
 
-    `machine` names the components; without it any name is accepted.
+    `machine` names the components; without it any name is accepted. A file may be an instrument's
+    own, ``NAME=FILE`` where it reads one component.
     """
     components = None if machine is None else machine.machine.components
-    files = [(Path(path), role) for path in paths]
-    return readings_of(files, components, for_fit=role != DRIFT and components is not None)
+    inputs = _reading(paths, role)
+    if machine is not None:
+        inputs.options.values["machine"], inputs.__dict__["machine"] = machine.source.path, machine
+    files = [(path, role) for path in inputs.given(role)]
+    for_fit = role != DRIFT and components is not None
+    return readings_of(files, components, for_fit=for_fit, convert=inputs.converter())
 
 
 def read_points(paths: Iterable[FilePath], part: LoadedPart | None = None) -> Points:
     """Measured points with the nominal places of `part`, or their own; raises InputError."""
     places = None if part is None else part.part.places()
-    return points_of([(Path(path), "cmm") for path in paths], places)
+    inputs = _reading(paths, "cmm")
+    return points_of([(path, "cmm") for path in inputs.given("cmm")], places, inputs.converter())
+
+
+def _reading(paths: Iterable[FilePath], role: str) -> Inputs:
+    """Inputs of these files alone: no study is looked for."""
+    inputs = Inputs(Options("fit-components", {role: [Path(path) for path in paths]}))
+    inputs.__dict__["study"] = None
+    return inputs
 
 
 def check(*given: Any, **options: Any) -> list[Finding]:
@@ -169,7 +182,10 @@ def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]
         case Result():
             read["reports"] = _reports(item)
         case str() | Path():
-            values["file" if "file" in values else "study"] = Path(item)
+            if command == "circular":  # of several files
+                values["file"] = [*(values["file"] or ()), Path(item)]
+            else:
+                values["file" if "file" in values else "study"] = Path(item)
         case _:
             raise TypeError(f"{command} takes no {type(item).__name__}")
 

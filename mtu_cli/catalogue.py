@@ -50,6 +50,11 @@ CATALOGUE: dict[str, Kind] = {
     "exclusive": _error("{names} are given together"),
     "incomplete": _error("{what} without {other}"),
     "missing-input": _error("{what} is missing"),
+    # Instruments' files.
+    "fits-no-format": _error("fits no format of an instrument: {seen}"),
+    "undecided": _error("cannot be decided: {what}"),
+    "instrument-file": _note("read as {how}"),
+    "instrument-doubt": _warning("{doubt}"),
     # YAML files, JSON files and their contracts.
     "yaml-feature": _error("{what} is not accepted"),
     "missing-key": _error("the key '{key}' is missing"),
@@ -308,6 +313,16 @@ CATALOGUE: dict[str, Kind] = {
         "the readings of {component} do not have {columns} in every row: its known drift with "
         "temperature stays in them"
     ),
+    # Tests of ISO 230.
+    "test-conditions": _warning("{component}: {what}; {clause} asks for {wanted}"),
+    "corrected-to-20": _note(
+        "{component}: the readings are corrected to 20 degC, by {rise:.3g} um/m, {size:.3g} um "
+        "over the travel (already_at_20: false)"
+    ),
+    "not-proven": _warning(
+        "{names} within U of the limit: neither conformity nor nonconformity is proven "
+        "(ISO 14253-1)"
+    ),
     # Thermal models.
     "no-effect-of-temperature": _warning("{component}: no {what} in the model: {reason}"),
     "order-of-cycles": _warning("{component}: {reason}"),
@@ -317,6 +332,11 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "over-fit": _warning(
         "{component}: rms {fitted} on the cycles of the fit, {held_out} on held-out ones"
+    ),
+    # Compensation.
+    "backlash-varies": _warning(
+        "the backlash of {component} varies by {range_um:.3g} um along the travel (mean "
+        "{mean_um:.3g} um, p = {p:.1g}): one value of backlash over-corrects somewhere"
     ),
     "no-better": _warning(
         "{component}: on held-out cycles the temperatures {effect}: the model is not to be used"

@@ -24,8 +24,7 @@ from mtu_cli.model.settings import (
 from mtu_cli.model.trials import Conformance, Measure, PointTrials, conformance_of
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.stats.validation import Validation

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
+from keyword import iskeyword
 from typing import Annotated, Any, NamedTuple
 
 import typer
@@ -62,6 +63,19 @@ COMMANDS = {
         MACHINE,
         (),
     ),
+    "iso230": Command(
+        "cli.standards",
+        f"study lbb laser before budget standard limit plan pitch k digits seed {OUT}",
+        "Positioning figures of ISO 230-2 or VDI/DGQ 3441 with uncertainties, limits, a plan.",
+        MACHINE,
+        ("nonconforming",),
+    ),
+    "circular": Command(
+        "cli.standards",
+        f"file:traces direction:traces radius feed plane k digits write_components {OUT}",
+        "A circular test (ISO 230-4): figures, and its causes by one joint fit.",
+        MACHINE,
+    ),
     "predict-points": Command(
         "cli.analyse",
         f"{MODEL} {RANDOM} grid covariance {OUT}",
@@ -112,6 +126,14 @@ COMMANDS = {
         PARTS,
         (),
     ),
+    "compensate": Command(
+        "cli.compensate",
+        "study machine lbb laser component:table for_ direction:table from_ to:end step reference "
+        f"machine_zero reverse_axis current set read verify to_file to_nc seed trials digits {OUT}",
+        "Errors of an axis to the table of a control, read back, with moves that prove it.",
+        MACHINE,
+        (),
+    ),
     "budget": Command(
         "cli.measurement",
         f"file:budget k digits {RANDOM} {OUT}",
@@ -150,6 +172,18 @@ COMMANDS = {
         f"file:graph vary of k digits {RANDOM} {OUT}",
         "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
     ),
+    "inspect": Command(
+        "cli.instruments",
+        "file:instrument decimal out quiet",
+        "What an instrument's file is and holds: format, axis, targets, runs, units, decimal sign.",
+        ABOUT,
+    ),
+    "import": Command(
+        "cli.instruments",
+        "files as_ component:read map unit decimal directions machine out:csv",
+        "Instruments' files to the contract's CSV of readings, points or drift.",
+        ABOUT,
+    ),
     "schema": Command(
         "cli.help", "kind", "The JSON Schema of a YAML contract, for editors.", ABOUT
     ),
@@ -163,10 +197,16 @@ COMMANDS = {
 """By their names, as a user types them."""
 
 
+def function_name(name: str) -> str:
+    """The name of a command in Python."""
+    found = name.replace("-", "_").replace(" ", "_")
+    return f"{found}_" if iskeyword(found) else found
+
+
 def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
     module = import_module(f"mtu_cli.{COMMANDS[name].chapter}")
-    found: Callable[..., Any] = getattr(module, name.replace("-", "_").replace(" ", "_"))
+    found: Callable[..., Any] = getattr(module, function_name(name))
     return found
 
 
@@ -178,7 +218,7 @@ def _called(name: str) -> Callable[..., None]:
         source = context.get_parameter_source
         given = [key for key in values if getattr(source(key), "name", "") == "COMMANDLINE"]
         options = Options(name.replace(" ", "-"), values, tuple(given), command.gates or ())
-        if command.chapter == "cli.help":
+        if command.chapter == "cli.help" or name == "import":
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute

@@ -342,7 +342,7 @@ def _wrong_forms(command: str, written: Mapping[str, Path]) -> Iterator[Finding]
             if name != "out" and (name != "csv" or written.get("out") == path):
                 reason = f"{option} cannot go to standard output"
                 yield finding("output-form", reason=reason, expected="a file")
-        elif ending not in endings and (path.is_file() or not os.path.exists(path)):
+        elif endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
             reason = f"{option} does not write {ending or 'a file without an ending'}"
             expected = f"a name that ends in {' or '.join(endings)}"
             yield finding("output-form", reason=reason, file=file, expected=expected)

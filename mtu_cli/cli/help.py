@@ -12,9 +12,10 @@ from mtu_cli.findings import error, nearest
 
 FINDINGS = "findings"
 ORDER = (
-    *("start", "machine", "readings", "points", "conventions", "figures", "close-loop", "effects"),
-    *("temperature", "budget", "graph", "simulate", "gates", "findings", "papers", "accuracy"),
-    "building",
+    *("start", "machine", "readings", "points", "instruments", "conventions", "figures"),
+    *("close-loop", "effects", "temperature", "budget", "graph", "simulate", "iso230"),
+    *("compensation", "gates", "findings"),
+    *("papers", "accuracy", "building"),
 )
 """The topics as a newcomer needs them."""
 

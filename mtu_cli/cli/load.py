@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
     from mtu_cli.files.readings import Readings
     from mtu_cli.files.reports_read import ModelReports
     from mtu_cli.files.source import Source
+    from mtu_cli.formats.base import Ask
 
 T = TypeVar("T")
 KINDS = {
@@ -39,13 +41,16 @@ KINDS = {
     "reports": ("components",),
     "readings": ("lbb", "laser"),
     "drift": ("drift",),
+    "before": ("before",),
     "points": ("cmm",),
 }
 """What is read, by attributes of `Inputs`, and the roles of its files."""
+MEASURED = ("lbb", "laser", "drift", "cmm", "before")
+"""Roles whose files may be an instrument's own."""
 OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""
-OF_ANY_MACHINE = ("anova",)
-"""Commands that look at parts alone: wherever those were made, the machine is not read."""
+OF_ANY_MACHINE = ("anova", "iso230")
+"""Commands that look at parts or readings alone, of whatever machine: its file is not read."""
 LIKE_PROBABILITY, LIKE_PERCENTAGE = 0.8, 20.0
 """A coverage factor from the first to 1 looks like a probability, from the second on like one in
 percent: it is more than Student's factor of any 95 %.
@@ -95,7 +100,46 @@ class Inputs:
     def given(self, role: str) -> tuple[Path, ...]:
         """The files of a role that the call itself names."""
         value = self.options.values.get(role) or ()
-        return tuple(value) if isinstance(value, (list, tuple)) else (value,)
+        paths = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+        return tuple(named_file(path)[1] for path in paths) if role in MEASURED else paths
+
+    def ask_of(self, path: Path, role: str) -> Ask:
+        """What the call, its study and the machine say of an instrument's file."""
+        from mtu_cli.formats.base import Ask
+        from mtu_cli.formats.instruments import KIND_OF
+
+        component = None
+        for each in self.options.values.get(role) or ():
+            name, of = named_file(each)
+            component = name if of == path else component
+        study = self.__dict__.get("study")
+        stated = study.instruments.get(path) if study else None
+        component = component or (stated.component if stated else None)
+        known = self.machine.machine.components if self.files("machine") and component else {}
+        of_machine = known[component].unit if component in known else None
+        unit, profile = stated.unit if stated else None, None
+        if study and stated and stated.map:
+            profile = study.source.path.parent / stated.map
+        return Ask(
+            kind=KIND_OF[role],
+            component=component,
+            unit=unit or of_machine,
+            assumed=unit is None,
+            decimal=stated.decimal if stated else None,
+            directions=stated.directions if stated else None,
+            profile=profile,
+        )
+
+    def converter(self) -> Any:
+        """Reads instruments' files as the contract's CSV; how they were understood is noted."""
+        from mtu_cli.formats.base import Imported, RawFile
+        from mtu_cli.formats.instruments import converter
+
+        def heard(file: RawFile, found: Imported) -> None:
+            self.suspicions.append(file.finding("instrument-file", how=found.sentence))
+            self.suspicions += [file.finding("instrument-doubt", doubt=x) for x in found.doubts]
+
+        return converter(self.ask_of, heard)
 
     def named(self) -> list[tuple[str, Path]]:
         """Role and path of the files that the call, its study or that of this folder names to be
@@ -177,15 +221,23 @@ class Inputs:
             raise self.missing("--drift FILE", "drift")
         return found
 
+    @cached_property
+    def before(self) -> Readings | None:
+        """The readings of an earlier test; None where there are none."""
+        return self._readings("before")
+
     def _readings(self, kind: str) -> Readings | None:
         files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
         if not files:
             return None
         from mtu_cli.files.readings import read_readings
 
-        for_fit = kind == "readings"
-        known = self.machine.machine.components if for_fit or self.files("machine") else None
-        return self.taken(kind, read_readings(files, known, for_fit=for_fit))
+        made_here = self.options.command not in OF_ANY_MACHINE
+        for_fit = kind == "readings" and made_here
+        stated = for_fit or (made_here and self.files("machine"))
+        known = self.machine.machine.components if stated else None
+        convert = self.converter()
+        return self.taken(kind, read_readings(files, known, for_fit=for_fit, convert=convert))
 
     @cached_property
     def points(self) -> Points:
@@ -195,7 +247,7 @@ class Inputs:
         self.only("cmm", "--cmm")
         places = self.part.part.places() if self.files("part") else None
         files = [(path, "cmm") for path in self.files("cmm")]
-        return self.taken("points", read_points(files, places))
+        return self.taken("points", read_points(files, places, self.converter()))
 
     def taken(self, kind: Any, item: T) -> T:
         """The `item` of one kind of input, read by now, with its files and what the checks warn of.
@@ -205,7 +257,7 @@ class Inputs:
         self.__dict__[kind] = item
         known: Any = item
         self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
-        if kind == "reports":
+        if kind in ("reports", "before"):
             return item
         from mtu_cli import checks
 
@@ -286,6 +338,18 @@ class Inputs:
             and resolved(path.parent) != resolved(Path())
         }
         return [replace(each, file=whole.get(each.file or "", each.file)) for each in findings]
+
+
+def named_file(path: Path) -> tuple[str | None, Path]:
+    """Component and path of ``NAME=FILE``; no component of a plain path, or where that is a file.
+
+    >>> named_file(Path("dx_x=laser/x.rtl"))
+    ('dx_x', PosixPath('laser/x.rtl'))
+    """
+    match = re.match(r"([A-Za-z_]\w*)=(.+)", str(path))
+    if match is None or path.exists():
+        return None, path
+    return match[1], Path(match[2])
 
 
 def check_cell(name: str, value: float) -> None:

@@ -81,7 +81,7 @@ class Option:
 
 def option_name(name: str) -> str:
     """The option of a parameter: --sensor-noise-degC of sensor_noise_degc."""
-    return f"--{name.replace('_', '-')}".replace("degc", "degC")
+    return f"--{name.rstrip('_').replace('_', '-')}".replace("degc", "degC")
 
 
 def file_name(text: str) -> Path:
@@ -145,12 +145,28 @@ FILES = {
     "components": _file(
         "A fit-components or thermal-fit report; wins over the machine file", "-c", "FILE..."
     ),
-    "lbb": _file("Laser ball bar readings CSV", metavar="FILE..."),
-    "laser": _file("Laser readings CSV", metavar="FILE..."),
-    "drift": _file("Thermal drift readings CSV", metavar="FILE..."),
-    "cmm": _file("Measured points CSV", metavar="FILE..."),
+    "lbb": _file("Laser ball bar readings: CSV, or NAME=FILE of an instrument", metavar="FILE..."),
+    "laser": _file("Laser readings: CSV, or NAME=FILE of an instrument", metavar="FILE..."),
+    "drift": _file("Thermal drift readings: CSV, or NAME=FILE of an instrument", metavar="FILE..."),
+    "cmm": _file("Measured points: CSV, or a file of a CMM", metavar="FILE..."),
+    "current": _file("The table that was active while measuring; the new one adds to it"),
+    "read": _file("A control's table to print as errors, in place of making one"),
+    "verify": _file("Readings CSV of the verification moves: did the table work"),
     "effects": _file("Your own effects (YAML), added to the built-in ones", metavar="FILE..."),
+    "before": _file("Readings CSV of an earlier test of the same axes", metavar="FILE..."),
+    "budget": _file("YAML with the instrument's `budget`, else the study's"),
+    "file:traces": _file(
+        "Traces CSV: angle_deg, deviation_um", metavar="FILE...", argument=True, default=REQUIRED
+    ),
     "file:budget": _file("Budget YAML", argument=True, default=REQUIRED),
+    "file:instrument": _file("A file of an instrument", argument=True, default=REQUIRED),
+    "files": _file(
+        "Files of an instrument, or NAME=FILE with the component that it reads",
+        metavar="FILE...",
+        argument=True,
+        default=REQUIRED,
+    ),
+    "map": _file("Mapping profile (mtu/import/1) of any table"),
     "file:graph": _file("Graph YAML", argument=True, default=REQUIRED),
 }
 WRITTEN = {
@@ -166,6 +182,8 @@ WRITTEN = {
         ".svg .png .pdf .dot .mmd .pl",
         default=REQUIRED,
     ),
+    "to_file": _output("The table for the control", ""),
+    "to_nc": _output("The verification moves as G-code", ".nc .ngc .mpf .h .txt"),
     "write_machine": _output("The machine YAML with the found effects added to it", ".yaml .yml"),
     "write_components": _output(
         "Components report (-c) with the effects' joint covariance", ".json"
@@ -218,13 +236,55 @@ CHOICES = {
         REQUIRED,
     ),
     "kind": _text(
-        "KIND", "machine, part, study, budget, graph or effects", REQUIRED, argument=True
+        "KIND", "machine, part, study, budget, graph, effects or import", REQUIRED, argument=True
     ),
+    "as_": _text("KIND", "What to make: readings, points or drift", REQUIRED),
+    "component:read": _text("NAME", "The component that the file reads"),
+    "unit": _text("UNIT", "Unit of readings without one"),
+    "decimal": _text("SIGN", "Decimal sign . or , where the file leaves it open"),
+    "directions": _text(
+        "HOW", "Of runs, where the file leaves it open: alternate, forward or reverse"
+    ),
+    "out:csv": Option(Path, "FILE", "The contract's CSV; without it on standard output", "-o"),
     "topic": _text(
         "TOPIC",
         "A topic, the code of a warning or error, or a command; without: all topics",
         argument=True,
     ),
+    "standard": _text("STANDARD", "Figures of the table: iso230-2 or vdi3441", "iso230-2"),
+    "limit": _text("NAME=VALUE...", "Limit of a figure in the axis' unit: A=10, dx_x.R=5"),
+    "plan": Option(float, "MM", "Propose targets for this travel instead, with --pitch"),
+    "pitch": Option(float, "MM", "Pitch of the ball screw or scale, which no target is to meet"),
+    "direction:traces": _text("cw|ccw", "Direction of the traces; of several files with commas"),
+    "radius": Option(float, "MM", "Nominal radius of the traces, where no column radius_mm has it"),
+    "feed": _text("MM/MIN", "Feed along the circle; of several files with commas"),
+    "plane": _text("PLANE", "XY, YZ or ZX, first to second axis counter-clockwise"),
+    "component:table": _text(
+        "NAME...", "A component or an effect of the machine; of several along one axis the sum"
+    ),
+    "for_": _text(
+        "CONTROLLER",
+        "linuxcnc, siemens-enc, siemens-cec, heidenhain, beckhoff, isg-csv, etalon, aerotech, acs, "
+        "pmac, mitsubishi, klipper (skew) or table (for hand entry)",
+    ),
+    "direction:table": _text(
+        "HOW",
+        "both, mean (the control's backlash is 0 or applied by halves) or forward (it is applied "
+        "as a whole)",
+        shown="both where the format has two columns, else mean",
+    ),
+    "from_": Option(float, "MM", "First point of an interpolated table, machine position"),
+    "to:end": Option(float, "MM", "Its last point"),
+    "step": Option(float, "MM", "Its step"),
+    "reference": Option(
+        float, "MM", "Machine position where the table is 0", shown="0 if a target, else the first"
+    ),
+    "machine_zero": Option(float, "MM", "Machine position of the readings' zero", shown="0"),
+    "set": _text(
+        "NAME=VALUE...",
+        "A parameter of the control: axis table encoder counts_per_mm unit type variant",
+    ),
+    "reverse_axis": _flag("The machine's axis runs against that of the readings"),
     "covariance": _flag("Covariance matrix in the report"),
     "detail": _flag("Tables with all statistics, beyond u, U, intervals and p"),
     "date": _text("DATE", "The date that stands on the --report"),
@@ -302,7 +362,8 @@ OPTIONS: dict[str, Option] = {
     },
 }
 """By the name of the parameter; behind a colon which of several of that name it is."""
-ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "file")
+ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "before",
+         "budget", "file", "current", "read", "verify")  # fmt: skip
 """Options that name files to read."""
 MADE: dict[str, dict[str, tuple[str, ...]]] = {
     "simulate": {

@@ -39,7 +39,6 @@ from mtu_cli.model.simulate import (
     cut_warnings,
     errors_by_axis,
     growth,
-    large_errors,
     simulate_points,
     simulate_readings,
 )
@@ -178,7 +177,7 @@ def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[st
 
 
 def _points(inputs: Inputs, model: MachineModel, seed: int) -> Made:
-    """The points, with a question where an effect is beyond all machines."""
+    """The points of parts that the machine makes."""
     options = inputs.options
     ids, points, _ = feature_points(inputs.part, model)
     plan = _parts_plan(options, model)
@@ -198,7 +197,7 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Made:
         found = replace(found, covariates=found.covariates | read)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
     grown = found.measured + growth(found, ids, points, inputs.part.part.circles)
-    return points_file(replace(found, measured=grown)), large_errors(plan, ids, points)
+    return points_file(replace(found, measured=grown)), []
 
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:

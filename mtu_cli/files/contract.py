@@ -429,6 +429,7 @@ SCHEMAS = {
     "budget": ("mtu_cli.files.budget", "Budget"),
     "graph": ("mtu_cli.files.graph_contract", "Graph"),
     "effects": ("mtu_cli.files.effects", "Effects"),
+    "import": ("mtu_cli.formats.table_map", "Profile"),
 }
 """Module and model of each kind; the modules are imported when asked for."""
 

@@ -14,7 +14,7 @@ import math
 import re
 import sys
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from io import BytesIO, StringIO
@@ -41,7 +41,7 @@ from mtu_cli.files.csv_table import (
     time_of,
 )
 from mtu_cli.files.headers import EXCLUSIVE, SAYS, WANTED, Column, TableSpec, check_header
-from mtu_cli.files.source import DRIFT, check_text, read_source
+from mtu_cli.files.source import DRIFT, Source, check_text, read_source
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest, suggestion
 from mtu_cli.units import plain_unit
 
@@ -57,7 +57,16 @@ CHUNK = 1 << 16
 """Rows."""
 
 
-def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec, faults: CellFaults) -> Table:
+Convert = Callable[[Source, bytes], tuple[bytes, list[int]] | None]
+"""Makes a CSV of an instrument's file, with the line of each row in that; None of what is a CSV."""
+
+
+def read_tables(
+    files: Sequence[tuple[Path, str]],
+    spec: TableSpec,
+    faults: CellFaults,
+    convert: Convert | None = None,
+) -> Table:
     """The rows of all (path, role) in one table; what is wrong with cells goes to `faults`.
 
     Reported, too: a file that is given twice, times that do not go together, and equal rows.
@@ -67,7 +76,7 @@ def read_tables(files: Sequence[tuple[Path, str]], spec: TableSpec, faults: Cell
     tables: list[Table] = []
     for path, role in files:
         try:
-            tables.append(read_table(path, role, spec, faults))
+            tables.append(read_table(path, role, spec, faults, convert))
         except InputError as fault:
             for each in fault.findings:
                 faults.add(each)
@@ -136,12 +145,14 @@ def _check_equal_rows(table: Table, faults: CellFaults) -> None:
 # Files.
 
 
-def read_table(path: Path, role: str, spec: TableSpec, faults: CellFaults) -> Table:
+def read_table(
+    path: Path, role: str, spec: TableSpec, faults: CellFaults, convert: Convert | None = None
+) -> Table:
     """Reads a table of `spec`, ``.csv`` or ``.csv.gz``; what is wrong with cells goes to `faults`.
 
     Raises InputError for a file without a sound header.
     """
-    file = read_header(path, role)
+    file = read_header(path, role, convert)
     check_header(file.source, file.header_row, file.header, spec)
     table = _Body(file, spec, faults).table
     if not len(table) and all(each.file != file.source.shown for each in faults.listed):
@@ -150,12 +161,15 @@ def read_table(path: Path, role: str, spec: TableSpec, faults: CellFaults) -> Ta
     return table
 
 
-def read_header(path: Path, role: str) -> File:
+def read_header(path: Path, role: str, convert: Convert | None = None) -> File:
     """A file, read up to its header.
 
     Raises InputError for a file that cannot be read, is no UTF-8 text, or holds no table.
     """
     source, content = read_source(path, role)
+    lines: list[int] | None = None
+    if convert and (converted := convert(source, content)):
+        content, lines = converted
     if content.startswith(GZIP):
         content = inflated(content, source.shown)
     elif path.suffix.lower() == ".gz":
@@ -185,6 +199,7 @@ def read_header(path: Path, role: str) -> File:
         body=body,
         separator=separator,
         decimal=_decimal(content, body) if separator == ";" else ".",
+        lines=lines,
     )
 
 
@@ -240,6 +255,9 @@ class _Body:
             texts = [name for name in file.header if not spec.column(name).numeric]
             self.frames = self._by_pandas(dtype=dict.fromkeys(texts, "category"))
         file.source = replace(file.source, rows=len(rows))
+        self.own_rows = rows
+        if file.lines is not None:
+            rows = np.array(file.lines, np.int64)[rows - file.header_row - 1]
         self.table = Table(files=(file,), rows=rows, file_index=np.zeros(len(rows), np.int64))
         for name in file.header:
             self._column(name, spec.column(name))
@@ -385,7 +403,7 @@ class _Body:
         if self.records:
             cells = self.records[i]
         else:
-            cells = self._lines[self.table.rows[i] - 1].split(self.file.separator)
+            cells = self._lines[self.own_rows[i] - 1].split(self.file.separator)
         return cells[self.file.header.index(name)].strip()
 
     def _value(self, column: Column, label: str) -> float | None:

@@ -86,7 +86,8 @@ class File:
     still count as in an editor; its `content` until that is read.
 
     `body` is the offset of the line after the header; `aware`: whether its times state their
-    offset from UTC, both where they contradict each other.
+    offset from UTC, both where they contradict each other; `lines`: of rows that were made from
+    an instrument's file, the lines there.
     """
 
     source: Source
@@ -97,6 +98,7 @@ class File:
     separator: str
     decimal: Decimal
     aware: frozenset[bool] = frozenset()
+    lines: list[int] | None = None
 
     @property
     def place(self) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.files.covariates import POSITIONS as AXES
-from mtu_cli.files.csv_file import read_tables
+from mtu_cli.files.csv_file import Convert, read_tables
 from mtu_cli.files.csv_table import CellFaults, Floats, Ints, Measured, Table, cell_text
 from mtu_cli.files.headers import POINTS
 from mtu_cli.files.part import Place
@@ -46,7 +46,11 @@ class Points(Measured):
         return len(self.part)
 
 
-def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place] | None) -> Points:
+def read_points(
+    files: Sequence[tuple[Path, str]],
+    features: Mapping[str, Place] | None,
+    convert: Convert | None = None,
+) -> Points:
     """Reads all files of measured points; `files` are (path, role).
 
     `features` are the part file's nominal places; without them the files must give
@@ -56,7 +60,7 @@ def read_points(files: Sequence[tuple[Path, str]], features: Mapping[str, Place]
     then, where those are sound, of what the rows mean together.
     """
     faults = CellFaults()
-    table = read_tables(files, POINTS.knowing("feature", features), faults)
+    table = read_tables(files, POINTS.knowing("feature", features), faults, convert)
     faults.raise_if_any()
     nominal, sequence = _nominal(table, features, faults), _sequence(table, faults)
     faults.raise_if_any()

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mtu_cli.files.covariates import TEMPERATURE_EXPECTED, is_temperature
-from mtu_cli.files.csv_file import read_tables
+from mtu_cli.files.csv_file import Convert, read_tables
 from mtu_cli.files.csv_table import CellFaults, Flags, Floats, Ints, Measured, Table
 from mtu_cli.files.headers import READINGS
 from mtu_cli.files.source import DRIFT
@@ -67,16 +67,18 @@ def read_readings(
     components: Components | None,
     *,
     for_fit: bool,
+    convert: Convert | None = None,
 ) -> Readings:
     """Reads all files of readings; `files` are (path, role).
 
     `components` are the machine's, by name; without them any name is accepted and positions
-    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component.
+    are taken as they stand. `for_fit` asks for degree + 1 distinct positions a component;
+    `convert` makes the contract's CSV of instruments' files.
 
     Raises InputError with all problems of all files: of cells first, then of what they mean.
     """
     faults = CellFaults()
-    table = read_tables(files, READINGS.knowing("component", components), faults)
+    table = read_tables(files, READINGS.knowing("component", components), faults, convert)
     _check_drift(table, faults, for_fit)
     sound = not faults.listed
     for code, label in enumerate(table.texts["component"].labels):

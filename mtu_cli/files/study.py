@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,6 +14,8 @@ from mtu_cli.files.contract import (
     Faults,
     Loaded,
     Name,
+    NonNegative,
+    Positive,
     check_contract,
     optional,
     present,
@@ -21,6 +23,7 @@ from mtu_cli.files.contract import (
 )
 from mtu_cli.files.source import file_fault, resolved, same
 from mtu_cli.files.yaml_file import read_yaml
+from mtu_cli.units import UNITS
 
 STUDY_NAME = "mtu.yaml"
 SINGLE = ("machine", "part")
@@ -39,6 +42,29 @@ FileName = Annotated[str, Field(min_length=1)]
 FileNames = Annotated[
     list[FileName],
     short(lambda value: isinstance(value, str), lambda value: [value], str | list[str]),
+]
+
+
+class Instrument(Contract):
+    """An instrument's file, and what it leaves open."""
+
+    file: FileName
+    component: Name | None = optional("The component that it reads")
+    unit: Literal[*UNITS] | None = optional("Unit of readings without one")  # type: ignore[valid-type]
+    decimal: Literal[".", ","] | None = optional("Decimal sign, where the file leaves it open")
+    directions: Literal["alternate", "forward", "reverse"] | None = optional(
+        "Directions of runs, where the file leaves them open"
+    )
+    map: FileName | None = optional("Mapping profile (mtu/import/1)")
+
+
+InstrumentFiles = Annotated[
+    list[FileName | Instrument],
+    short(
+        lambda value: isinstance(value, (str, dict)),
+        lambda value: [value],
+        str | Instrument | list[str | Instrument],
+    ),
 ]
 
 
@@ -68,6 +94,24 @@ class Settings(Contract):
     threads: Annotated[int, Field(ge=1, le=1024)] | None = optional("Threads of Monte Carlo")
 
 
+class InstrumentBudget(Contract):
+    """What is known of the instrument of a positioning test, by ISO/TR 230-9."""
+
+    device_U_um_per_m: NonNegative = optional("Expanded uncertainty of the device", 0.0)  # noqa: N815
+    k: Positive = optional("Coverage factor of device_U_um_per_m", 2.0)
+    alignment_mm: NonNegative = optional("Lateral offset of the beam over the travel", 0.0)
+    T_half_width_K: NonNegative = optional("Half-width of the material temperature", 0.0)
+    T_mean_degC: Annotated[float, Field(ge=-60, le=150)] = optional(  # unit
+        "Material temperature during the test", 20.0
+    )
+    alpha_um_per_m_K: NonNegative | None = optional("Expansion coefficient of the axis")  # noqa: N815
+    alpha_half_width: NonNegative = optional("Its half-width, um/(m K)", 0.0)
+    E_VE_um: NonNegative = optional("Range of the drift test (environment)", 0.0)
+    already_at_20: bool | None = optional(
+        "Whether the readings are corrected to 20 degC already; false: mtu corrects them"
+    )
+
+
 class Study(Contract):
     """Files that belong together, relative to the study file."""
 
@@ -78,19 +122,33 @@ class Study(Contract):
     machine: FileName | None = optional("Machine YAML")
     part: FileName | None = optional("Part YAML")
     components: FileNames = optional("Reports of fit-components and thermal-fit", [])
-    lbb: FileNames = optional("Readings of the laser ball bar", [])
-    laser: FileNames = optional("Readings of the laser interferometer", [])
-    cmm: FileNames = optional("Measured points", [])
-    drift: FileNames = optional("Readings of the thermal drift test", [])
+    lbb: InstrumentFiles = optional("Readings of the laser ball bar", [])
+    laser: InstrumentFiles = optional("Readings of the laser interferometer", [])
+    cmm: InstrumentFiles = optional("Measured points", [])
+    drift: InstrumentFiles = optional("Readings of the thermal drift test", [])
+    budget: InstrumentBudget | None = optional("The instrument of a positioning test")
     settings: Settings = optional("Settings of the commands", Settings())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedStudy(Loaded):
-    """A checked study; `files` gives the paths of each role, in order (none: no entry)."""
+    """A checked study; `files` gives the paths of each role, in order (none: no entry), and
+    `instruments` what it says of some of them.
+    """
 
     study: Study
     files: dict[str, tuple[Path, ...]]
+    instruments: dict[Path, Instrument] = field(default_factory=dict)
+
+
+def _check_budget(budget: InstrumentBudget, faults: Faults) -> None:
+    """A temperature says nothing without the expansion, and nobody corrects to 20 degC twice."""
+    of_heat = bool(budget.T_half_width_K) or budget.T_mean_degC != 20.0
+    if of_heat and budget.alpha_um_per_m_K is None:
+        faults.lacks(("budget",), "alpha_um_per_m_K", "the expansion coefficient, um/(m K)")
+    if budget.T_mean_degC != 20.0 and budget.already_at_20 is None:
+        expected = "true where the instrument has corrected the readings to 20 degC, else false"
+        faults.lacks(("budget",), "already_at_20", expected)
 
 
 def find_study(start: Path) -> Path | None:
@@ -113,11 +171,15 @@ def load_study(
     document = read_yaml(path, role)
     folder = path.parent
     files: dict[str, tuple[Path, ...]] = {}
+    instruments: dict[Path, Instrument] = {}
 
     def check(study: Study, faults: Faults) -> None:
         for key in (*SINGLE, *SEVERAL):
             given = getattr(study, key)
-            names = present(given) if key in SEVERAL else [(0, given)] if given else []
+            items = present(given) if key in SEVERAL else [(0, given)] if given else []
+            stated = [(i, x) for i, x in items if isinstance(x, Instrument)]
+            instruments.update((folder / x.file, x) for _, x in stated)
+            names = [(i, x.file if isinstance(x, Instrument) else x) for i, x in items]
             new = (made or {}).get(key)
             names = [(i, name) for i, name in names if new is None or not same(folder / name, new)]
             if names:
@@ -126,6 +188,14 @@ def load_study(
                 if fault := file_fault(folder / name, key, name, FROM_HERE, value=name):
                     faults.extend((key, index), [fault])
             faults.once((key,), names, "the file")
+        if (own := study.budget) is not None:
+            _check_budget(own, faults)
 
     study = check_contract(document, Study, "study", check)
-    return LoadedStudy(source=document.source, study=study, files=files, document=document)
+    return LoadedStudy(
+        source=document.source,
+        study=study,
+        files=files,
+        document=document,
+        instruments=instruments,
+    )

@@ -72,12 +72,12 @@ class TableShape:
     def left_open(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of what the values leave open, the same for all parts."""
         off = np.diag(~np.isin(position, self.at) * self.between)
-        return np.asarray(self.roughness * left_open(self.at, position) + off)
+        return self.roughness * left_open(self.at, position) + off
 
     def of_runs(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of the bend of one run, its line left out."""
         W = weights(self.at, position) @ smooth_root(self.at)
-        return np.asarray(self.own * (W @ W.T + left_open(self.at, position)))
+        return self.own * (W @ W.T + left_open(self.at, position))
 
 
 Shape = Powers | TableShape

@@ -215,7 +215,7 @@ def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
     for axis in (1, 0):
         low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
         if (high - low <= ROUNDING * np.abs(means).max()).all():
-            return np.asarray(low)
+            return low
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
 
 
@@ -286,11 +286,6 @@ def text_warnings(measured: Points | Readings) -> list[Finding]:
             texts[-1] += f" ({count}, the first {first}; {meant})"
     facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
     return [finding("not-tested", **facts)] if texts else []
-
-
-def _is_word(cell: str) -> bool:
-    """Whether a cell is no number, with a decimal point or with a comma."""
-    return all(number_in(cell, sign) is None for sign in DECIMALS)
 
 
 def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, list[Finding]]:

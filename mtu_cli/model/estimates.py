@@ -65,7 +65,7 @@ class ThermalEstimate:
         """
         rises = [np.asarray(temperature[sensor]) - self.reference for sensor in self.sensors]
         each = [own * u for own, u in zip(self.gradients(position), rises, strict=True)]
-        return np.asarray(sum(each, np.zeros(len(position))))
+        return sum(each, np.zeros(len(position)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

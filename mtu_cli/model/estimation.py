@@ -23,8 +23,8 @@ from mtu_cli.model.passes import Passes, PassKey, passes_of
 from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray, PassFit, covariance_in_runs, fit_passes
+from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
     FTest,
     Shift,
@@ -353,11 +353,11 @@ def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArra
     variance = of_passes + np.array([item.s_repeat**2 for item in estimates]) / n
     # One reading a pass has no repeatability of its own to weigh it by.
     known = variance if (variance > 0).all() else 1.0 / n
-    return np.asarray((1.0 / known) / np.sum(1.0 / known))
+    return (1.0 / known) / np.sum(1.0 / known)
 
 
 def _weighted(values: Sequence[FloatArray] | FloatArray, weights: FloatArray) -> FloatArray:
-    return np.asarray(np.tensordot(weights, np.array(values), axes=1))
+    return np.tensordot(weights, np.array(values), axes=1)
 
 
 def _pooled(values: Sequence[FloatArray] | FloatArray, dofs: FloatArray) -> FloatArray:

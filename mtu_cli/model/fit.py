@@ -38,8 +38,8 @@ from mtu_cli.model.estimates import (
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
 from mtu_cli.model.machine_model import AXES, TIME
-from mtu_cli.model.passes import IntArray, passes_read
-from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
+from mtu_cli.model.passes import passes_read
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 SAME_TEMPERATURE = 1e-9

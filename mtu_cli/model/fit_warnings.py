@@ -70,8 +70,7 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Findin
         else item
         for item in _significant(fit, "lack-of-fit")
     ]
-    drifts = [*_significant(fit, "reversal"), *_significant(fit, "passes-drift")]
-    return [*fit.warnings, *scatter_warnings(fit), *drifts, *misfits, *_disagreeing(fit)]
+    return [*fit.warnings, *scatter_warnings(fit), *misfits, *limit_warnings(fit)]
 
 
 def limit_warnings(fit: MachineFit) -> list[Finding]:

@@ -1,4 +1,4 @@
-"""Planes, circles and spheres through measured points, with the gradients of what they give.
+"""Planes, circles and spheres through measured points, with the gradient of the radius.
 
 Distances are orthogonal (geometric fits). Circle and sphere minimise sum d_i^2,
 d_i = |p_i - c| - r, by Gauss-Newton from the algebraic fit of Kasa 1976 (Gander, Golub &
@@ -28,6 +28,7 @@ ROUNDING = 16 * float(np.finfo(np.float64).eps)
 SAME = 1e-9
 """Share of the extent below which points, or eigenvalues of a plane, are not told apart."""
 DIMENSIONS = {"circle": 2, "sphere": 3}
+KINDS = {d: kind for kind, d in DIMENSIONS.items()}
 
 
 class GeometryError(Exception):
@@ -53,20 +54,15 @@ class PlaneFit:
 class RoundFit:
     """A least-squares circle or sphere of n points (n, d), mm.
 
-    `centre` (d,), `radius`, `residuals` (n,) = |p - c| - r and unit vectors `away` (n, d) from
-    the centre (in the plane, for a circle in space). `unscaled_covariance` (X'X)^-1 of centre and
-    radius, X the Gauss-Newton design (independent points of one scatter; in the plane's own
-    directions for a circle in space).
-    `radius_gradient` (n, d), `centre_gradient` (d, n, d) with respect to every coordinate.
+    `centre` (d,), `radius` with its `radius_gradient` (n, d), `residuals` (n,) = |p - c| - r and
+    unit vectors `away` (n, d) from the centre (in the plane, for a circle in space).
     """
 
     centre: FloatArray
     radius: float
     residuals: FloatArray
     away: FloatArray
-    unscaled_covariance: FloatArray
     radius_gradient: FloatArray
-    centre_gradient: FloatArray
 
     @property
     def form(self) -> float:
@@ -86,29 +82,20 @@ def fit_circle(points: FloatArray) -> RoundFit:
     """The least-squares circle of `points` (n, 2), or (n, 3): in their least-squares plane.
 
     In space points that move tilt the plane, too: in-plane coordinates q_i.e_k change by
-    dp_i.e_k - h_i dn.e_k, the directions by -(dn.e_k) n.
+    dp_i.e_k - h_i dn.e_k.
 
     Raises GeometryError where the points do not determine it.
     """
     if points.shape[1] == 2:
         return _round(points)
     plane = fit_plane(points)
-    e, n, tilt, heights = plane.basis, plane.normal, plane.tilt, plane.heights
-    flat = _round((points - plane.centroid) @ e.T)
-    of_radius = flat.radius_gradient @ e
-    of_radius = of_radius - np.einsum("k,kic->ic", heights @ flat.radius_gradient, tilt)
-    moved = np.einsum("kil,lc->kic", flat.centre_gradient, e) - e[:, None, :] / len(heights)
-    lifted = np.einsum("kil,i->kl", flat.centre_gradient, heights)
-    moved -= np.einsum("kl,lic->kic", lifted, tilt)
-    of_centre = np.einsum("kd,kic->dic", e, moved)
-    of_centre += np.eye(3)[:, None, :] / len(heights)
-    of_centre -= np.einsum("d,k,kic->dic", n, flat.centre, tilt)
+    e, flat = plane.basis, _round((points - plane.centroid) @ plane.basis.T)
+    tilted = np.einsum("k,kic->ic", plane.heights @ flat.radius_gradient, plane.tilt)
     return replace(
         flat,
         centre=plane.centroid + flat.centre @ e,
         away=flat.away @ e,
-        radius_gradient=of_radius,
-        centre_gradient=of_centre,
+        radius_gradient=flat.radius_gradient @ e - tilted,
     )
 
 
@@ -149,31 +136,23 @@ def _centred(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
 def _round(points: FloatArray) -> RoundFit:
     """The circle of points (n, 2), the sphere of points (n, 3)."""
     d = points.shape[1]
-    kind = _kind(d)
     centroid, q, scale = _centred(points)
     distinct = len(np.unique(np.round(q / SAME), axis=0))
     if distinct <= d:
-        raise GeometryError(f"{distinct} distinct points; a {kind} needs {d + 1}")
+        raise GeometryError(f"{distinct} distinct points; a {KINDS[d]} needs {d + 1}")
     # (c, r) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976.
-    centre = _solved(2 * q, (q**2).sum(axis=1)).coefficients
-    centre[d] = max(float(centre[d] + centre[:d] @ centre[:d]), 0.0) ** 0.5
-    found = _gauss_newton(q, centre)
+    start = _solved(2 * q, (q**2).sum(axis=1)).coefficients
+    start[d] = max(float(start[d] + start[:d] @ start[:d]), 0.0) ** 0.5
+    found = _gauss_newton(q, start)
     away, distance, residuals = _residuals(q, found)
     unit = away / distance[:, None]
-    gradient = _gradient(unit, distance, residuals)
     return RoundFit(
         centre=centroid + scale * found[:d],
         radius=scale * float(found[d]),
         residuals=scale * residuals,
         away=unit,
-        unscaled_covariance=_solved(unit, residuals).unscaled_covariance,
-        radius_gradient=gradient[d],
-        centre_gradient=gradient[:d],
+        radius_gradient=_radius_gradient(unit, distance, residuals),
     )
-
-
-def _kind(d: int) -> str:
-    return next(name for name, dimension in DIMENSIONS.items() if dimension == d)
 
 
 def _residuals(q: FloatArray, found: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -218,11 +197,11 @@ def _gauss_newton(q: FloatArray, start: FloatArray) -> FloatArray:
         found = found + step
     if settled:
         return found
-    raise GeometryError(f"the {_kind(q.shape[1])} could not be fitted: the points hardly bend")
+    raise GeometryError(f"the {KINDS[q.shape[1]]} could not be fitted: the points hardly bend")
 
 
-def _gradient(unit: FloatArray, distance: FloatArray, residuals: FloatArray) -> FloatArray:
-    """d(c, r)/dp (d + 1, n, d) of the minimum, in any unit of length."""
+def _radius_gradient(unit: FloatArray, distance: FloatArray, residuals: FloatArray) -> FloatArray:
+    """dr/dp (n, d) of the minimum, in any unit of length."""
     n, d = unit.shape
     outer = unit[:, :, None] * unit[:, None, :]
     along = outer + (residuals / distance)[:, None, None] * (np.eye(d) - outer)
@@ -231,7 +210,6 @@ def _gradient(unit: FloatArray, distance: FloatArray, residuals: FloatArray) -> 
     H[:d, d] = H[d, :d] = unit.sum(axis=0)
     least, most = np.linalg.eigvalsh(H)[[0, -1]]
     if least <= ROUNDING * most:
-        raise GeometryError(f"the {_kind(d)} could not be fitted: the points hardly bend")
-    right = np.concatenate([along.transpose(1, 0, 2), unit[None]])
-    solved: FloatArray = np.linalg.solve(H, right.reshape(d + 1, -1)).reshape(d + 1, n, d)
-    return solved
+        raise GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
+    row = np.linalg.inv(H)[d]
+    return np.einsum("k,ikc->ic", row[:d], along) + row[d] * unit

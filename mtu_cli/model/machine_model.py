@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,7 +63,7 @@ class Term:
             return np.ones((n, 1)) if axis is None else self.estimate.shape.columns(place[axis])
         powers = np.ones((n, 1)) if axis is None else polynomial(place[axis], drift.degree)
         rise = temperatures(drift, covariates, n) - drift.reference
-        return np.asarray((powers[:, :, None] * rise[:, None, :]).reshape(n, -1))
+        return (powers[:, :, None] * rise[:, None, :]).reshape(n, -1)
 
 
 def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, Term]:
@@ -112,6 +113,12 @@ class MachineModel:
     joint: tuple[JointPasses, ...]
     effects: tuple[DeclaredEffect, ...] = ()
     file: str | None = None
+
+    @property
+    def columns(self) -> tuple[slice, ...]:
+        """Of each term among all coefficients."""
+        ends = np.cumsum([len(term.estimate.coefficients) for term in self.terms]).tolist()
+        return tuple(slice(start, end) for start, end in pairwise([0, *ends]))
 
     def covariates(self) -> tuple[str, ...]:
         """Names that the equations use beside positions, constants and components."""
@@ -302,10 +309,8 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
     values: dict[str, FloatArray | float] = {name: c for name, (c, _) in model.constants.items()}
     values |= place
     values |= {name: covariates[name] for name in model.covariates()}
-    widths = [len(term.estimate.coefficients) for term in model.terms]
-    ends = np.cumsum(widths, dtype=int).tolist()
-    columns = tuple(slice(end - width, end) for end, width in zip(ends, widths, strict=True))
-    J, levers = np.zeros((n, a, sum(widths))), np.zeros((n, a, len(widths)))
+    columns = model.columns
+    J, levers = np.zeros((n, a, columns[-1].stop)), np.zeros((n, a, len(columns)))
     for t, term in enumerate(model.terms):
         rows = term.columns(place, covariates, n)
         for i, axis in enumerate(model.axes):

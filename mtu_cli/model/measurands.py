@@ -13,8 +13,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.stats.blocks import Draws
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.workspace import Workspace
 
 
@@ -80,8 +79,7 @@ def length_error(L0: FloatArray, delta: FloatArray, e: FloatArray) -> FloatArray
     for along, slip in zip(delta.T, e, strict=True):
         grown += (2 * along[:, None] + slip) * slip
     length = L0[:, None]
-    errors: FloatArray = grown / (np.sqrt(length**2 + grown) + length)
-    return errors
+    return grown / (np.sqrt(length**2 + grown) + length)
 
 
 LARGEST_SLOPE = 0.1
@@ -101,8 +99,7 @@ def contrasts(n: int) -> FloatArray:
     """
     k = np.arange(1, n)[:, None]
     i = np.arange(n)[None, :]
-    H: FloatArray = np.where(i < k, 1.0, np.where(i == k, -k, 0.0)) / np.sqrt(k * (k + 1))
-    return H
+    return np.where(i < k, 1.0, np.where(i == k, -k, 0.0)) / np.sqrt(k * (k + 1))
 
 
 def slope(line: Line) -> FloatArray:
@@ -339,11 +336,11 @@ def _bases(first: FloatArray, second: FloatArray) -> tuple[FloatArray, int]:
 
 def _without(rows: FloatArray, basis: FloatArray) -> FloatArray:
     """What is left of rows (n, rank) beside the orthonormal `basis`."""
-    return np.asarray(rows - (rows @ basis.T) @ basis)
+    return rows - (rows @ basis.T) @ basis
 
 
 def _seen(rows: FloatArray, basis: FloatArray) -> FloatArray:
     """Components (n, len(basis)) of rows, rounding left out."""
     found = rows @ basis.T
     found[np.abs(found) <= ROUNDING * np.linalg.norm(rows)] = 0.0
-    return np.asarray(found)
+    return found

@@ -69,7 +69,7 @@ def roundings(points: Points) -> FloatArray:
         measured, nominal = points.measured[rows], points.nominal[rows]
         for axis, values in enumerate(np.where(measured == nominal, np.nan, measured).T):
             found[code, axis] = rounding_variance(values)
-    return np.asarray(found.max(axis=0))
+    return found.max(axis=0)
 
 
 def feature_tables(points: Points, rounding: FloatArray | None = None) -> MeasuredTables:

@@ -7,12 +7,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.files.readings import Readings
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
-IntArray = NDArray[np.int64]
 PassKey = tuple[int, int, int]
 """(file, pass, direction)."""
 
@@ -99,7 +97,7 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
     return passes_of(readings, rows, numbers, sign)
 
 
-def _least(code: IntArray, values: NDArray[Any], count: int) -> FloatArray:
+def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatArray:
     """The least of the `values` (n,) of each of `count` codes, nan where one of them is."""
     found = np.full(count, np.inf)
     with np.errstate(invalid="ignore"):

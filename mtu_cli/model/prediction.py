@@ -305,7 +305,7 @@ def reportable(
     own = prediction.of_points(drawable=True) if by_point else prediction.drawable
     drawn = np.einsum("...ii->...i", own)
     ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
-    return np.asarray(own * ratio[..., :, None] * ratio[..., None, :])
+    return own * ratio[..., :, None] * ratio[..., None, :]
 
 
 def _indefinite(matrix: FloatArray) -> bool:

@@ -54,6 +54,7 @@ from mtu_cli.model.visits import (
     visits_of,
     without_motions,
 )
+from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.least_squares import FloatArray
 
 Values = Mapping[str, FloatArray | float]
@@ -115,10 +116,7 @@ class ResidualTable:
         known = np.isfinite(self.places)
         count = known.sum(axis=0)
         total = np.where(known, self.places, 0.0).sum(axis=0)
-        means: FloatArray = np.divide(
-            total, count, out=np.full(total.shape, np.nan), where=count > 0
-        )
-        return means
+        return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
 
     @cached_property
     def motions(self) -> tuple[Motions, ...]:
@@ -407,8 +405,8 @@ def _evaluated(
     shared, drawn = [np.zeros((len(mean), 0))], [np.zeros((len(mean), 0))]
     blocks = component_blocks(model, centre.J, centre.levers, centre.columns)
     for block in (*blocks, *effects.blocks):
-        shared.append(block.G @ covariance_root(block.C))
-        drawn.append(block.G @ covariance_root(drawable_passes(block.D, block.C)))
+        shared.append(block.G @ factor_of(block.C))
+        drawn.append(block.G @ factor_of(drawable_passes(block.D, block.C)))
     read = {name: shown[name].shape if name in shown else (1, 1) for name in sensors_of(model)}
     if any(shape[1] == 1 for shape in read.values()):
         gradients = temperature_gradients(model, places, centre.levers, noise=True)
@@ -419,19 +417,6 @@ def _evaluated(
     size = (len(places), len(model.axes))
     F, R = (np.concatenate(own, axis=1).reshape(*size, -1) for own in (shared, drawn))
     return mean.reshape(size), F, R
-
-
-def covariance_root(C: FloatArray) -> FloatArray:
-    """F (k, r) with C = F F', r the rank; what is negative by rounding counts as 0.
-
-    Level and slope differ in unit: the rank is judged with variances scaled to 1.
-    """
-    scale = np.sqrt(np.maximum(np.diag(C), 0.0))
-    unit = np.where(scale > 0, scale, 1.0)
-    size, vectors = np.linalg.eigh(C / np.outer(unit, unit))
-    kept = size > NEGLIGIBLE * len(C) * max(float(size[-1]), 0.0)
-    found: FloatArray = scale[:, None] * vectors[:, kept] * np.sqrt(size[kept])
-    return found
 
 
 def compressed(factor: FloatArray) -> FloatArray:
@@ -445,5 +430,4 @@ def compressed(factor: FloatArray) -> FloatArray:
     flat = factor.reshape(-1, factor.shape[-1])
     size, vectors = np.linalg.eigh(flat.T @ flat)
     kept = size > NEGLIGIBLE * max(float(size[-1]), 0.0)
-    found: FloatArray = (flat @ vectors[:, kept]).reshape(*factor.shape[:-1], int(kept.sum()))
-    return found
+    return (flat @ vectors[:, kept]).reshape(*factor.shape[:-1], int(kept.sum()))

@@ -16,8 +16,8 @@ import numpy as np
 from mtu_cli.model.basis import TableShape
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.stats.kernels import line
-from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
-from mtu_cli.stats.mixed_model import IntArray, PassFit, fit_passes
+from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
+from mtu_cli.stats.mixed_model import PassFit, fit_passes
 from mtu_cli.stats.smooth_profile import FEWEST_RUNS, SmoothProfile, smooth_profile
 
 MOST_AUTO = 5
@@ -66,7 +66,7 @@ def _predicted(
     powers = polynomial((position - middle) / half, degree)[:, 1:]
     levels = (group[seen, None] == np.unique(group[seen])).astype(np.float64)
     fit = least_squares(np.column_stack([levels, powers[seen]]), (error - bend)[seen])
-    return np.asarray(bend + powers @ fit.coefficients[levels.shape[1] :])
+    return bend + powers @ fit.coefficients[levels.shape[1] :]
 
 
 def fit_table(

@@ -24,7 +24,6 @@ from mtu_cli.findings import Finding, InputError, error, finding, listed, neares
 from mtu_cli.language import Node, check_dimension, evaluate, parse
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
-from mtu_cli.model.effect_ranges import LARGE_MM, STEEP
 from mtu_cli.model.geometry import GeometryError, fit_circle
 from mtu_cli.model.machine_model import AXES, Design, MachineModel, design, sensors_of, theta
 from mtu_cli.model.variance import Block, component_blocks, drawable_passes, positions_in_group
@@ -44,7 +43,6 @@ TAKEN = {
     *(f"{start}{axis}_mm" for axis in AXES for start in ("", "nominal_")),
 }
 """Columns that points have anyway: no covariate may be called so."""
-IntArray = np.ndarray
 Equations = tuple[tuple[str, Node], ...]
 
 
@@ -56,42 +54,27 @@ def pass_root(model: MachineModel) -> FloatArray:
 
     Raises InputError for passes of which nothing is known.
     """
-    columns = _columns(model)
-    found = np.zeros((columns[-1].stop, columns[-1].stop))
-    place = {term.estimate.name: columns[t] for t, term in enumerate(model.terms)}
+    columns = model.columns
+    found, every = np.zeros((columns[-1].stop, columns[-1].stop)), np.arange(columns[-1].stop)
+    place = {term.estimate.name: every[own] for term, own in zip(model.terms, columns, strict=True)}
     for block in _blocks(model):
-        own = np.concatenate(
-            [np.arange(place[name].start, place[name].stop) for name in block.names]
-        )
+        own = np.concatenate([place[name] for name in block.names])
         found[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
     return found
-
-
-def _columns(model: MachineModel) -> list[slice]:
-    """Of each term among all coefficients."""
-    ends = np.cumsum([len(term.estimate.coefficients) for term in model.terms]).tolist()
-    return [slice(start, end) for start, end in zip([0, *ends[:-1]], ends, strict=True)]
 
 
 def cut_warnings(model: MachineModel) -> list[Finding]:
     """Of components whose passes are drawn to differ by more than predictions take them to."""
     cut: list[str] = []
     for block in _blocks(model):
-        if _is_cut(block.D, block.C):
-            parts = zip(block.names, block.columns, strict=True)
-            own = [name for name, at in parts if _is_cut(block.D[at, at], block.C[at, at])]
-            cut += own or [f"{' and '.join(block.names)} together"]
+        drawn = drawable_passes(block.D, block.C)
+        # Where nothing is left to be drawn, by what noise alone gives.
+        scale = np.sqrt(np.fmax(np.diag(drawn), np.diag(block.C)))
+        if (np.abs(drawn - block.D) > SEEN * np.outer(scale, scale)).any():
+            cut += block.names
     consequence = "what is simulated scatters more than is predicted"
     facts = {"what": "pass-to-pass", "items": listed(cut), "consequence": consequence}
     return [finding("negative-variance", **facts)] if cut else []
-
-
-def _is_cut(D: FloatArray, C: FloatArray) -> bool:
-    """Whether passes are drawn with another covariance than D (k, k)."""
-    drawn = drawable_passes(D, C)
-    # Where nothing is left to be drawn, by what noise alone gives.
-    scale = np.sqrt(np.fmax(np.diag(drawn), np.diag(C)))
-    return bool((np.abs(drawn - D) > SEEN * np.outer(scale, scale)).any())
 
 
 def _blocks(model: MachineModel) -> list[Block]:
@@ -102,7 +85,7 @@ def _blocks(model: MachineModel) -> list[Block]:
         kept = positions_in_group(group, [name for name in group.components if name in used])
         if np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all():
             joint.append(group)
-    columns = _columns(model)
+    columns = model.columns
     nothing, none = np.zeros((0, columns[-1].stop)), np.zeros((0, len(columns)))
     found = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
     unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
@@ -132,8 +115,8 @@ class SimulatedReadings:
     component: tuple[str, ...]
     unit: tuple[str, ...]
     position: FloatArray
-    pass_number: IntArray
-    direction: IntArray
+    pass_number: np.ndarray
+    direction: np.ndarray
     error: FloatArray
 
 
@@ -166,7 +149,7 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
         normal.append(np.broadcast_to(z, (plan.passes, each, z.shape[2])))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
-    for estimate, own, noise, at in zip(estimates, places, drawn, _columns(model), strict=True):
+    for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
         if EFFECT_MARK in estimate.name:
             continue
         for number, i in np.ndindex(plan.passes, len(own)):
@@ -279,7 +262,7 @@ class SimulatedPoints:
     operation: str | None
     part: tuple[str, ...]
     feature: tuple[str, ...]
-    repeat: IntArray
+    repeat: np.ndarray
     measured: FloatArray
     covariates: dict[str, FloatArray]
 
@@ -409,24 +392,6 @@ def _check(model: MachineModel, part: Part) -> None:
     for i, k in unknown[:1]:
         key, path = f"{axes[k]}_mm", f"features.{part.ids[i]}"
         raise error("missing-key", key=key, path=path, expected=f"{key} of every feature")
-
-
-def large_errors(plan: PartsPlan, ids: Sequence[str], points: FloatArray) -> list[Finding]:
-    """Asks for the unit of every effect and scatter that is above `LARGE_MM` at some feature, and
-    above `STEEP` of how far apart the features `ids` at `points` (n, 3) mm are.
-    """
-    parts, known, warnings = _parts(ids, points, plan), np.nan_to_num(points), []
-    extent = float(max(np.abs(known).max(), np.ptp(known, axis=0).max()))
-    equations = [(f"--effect E{axis}", node) for axis, node in plan.effects]
-    equations += [(f"--scatter E{axis}", node) for axis, node in plan.scatter]
-    for name, node in equations:
-        values = np.array([each.evaluated(name, node, -LARGEST_MM, LARGEST_MM) for each in parts])
-        part, feature = divmod(int(np.argmax(np.abs(values))), len(ids))
-        value = float(values[part, feature])
-        if abs(value) > max(LARGE_MM, STEEP * extent):
-            facts = {"effect": name, "value_mm": value, "where": f" {parts[part].named(feature)}"}
-            warnings.append(finding("effect-too-large", **facts, expected="mm, 0.003 for 3 um"))
-    return warnings
 
 
 def _measured(

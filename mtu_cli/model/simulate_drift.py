@@ -77,8 +77,7 @@ def followed(
 
 
 def _lagged(signal: FloatArray, times: FloatArray, lag: float) -> FloatArray:
-    lagged: FloatArray = first_order_lag(signal[:, None], times, np.array([lag]))[0, :, 0]
-    return lagged
+    return first_order_lag(signal[:, None], times, np.array([lag]))[0, :, 0]
 
 
 def _wobble(deviation: float, n: int, step: float, rng: np.random.Generator) -> FloatArray:
@@ -102,8 +101,7 @@ def settled(
     for r, s in np.ndindex(draughts.shape):
         draughts[r, s] = stream(seed, _CLIMATE_STREAM, 3, r, s).standard_normal()
     rise = sensors.shares * (rooms[:, None] - climate.reference)
-    temperatures: FloatArray = climate.reference + rise + wobble * draughts
-    return temperatures
+    return climate.reference + rise + wobble * draughts
 
 
 def as_read(

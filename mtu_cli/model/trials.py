@@ -13,8 +13,7 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.coverage import t_quantiles
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
@@ -94,7 +93,7 @@ class PointTrials:
             return factor_of(raw)
         factor = factor_of(stacked @ prediction.drawable @ stacked.T)
         ratio = _ratio(wanted, np.sum(factor[self.k :] ** 2, axis=1))
-        return np.asarray(factor * ratio[self.owner, None])
+        return factor * ratio[self.owner, None]
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m)."""
@@ -103,7 +102,7 @@ class PointTrials:
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""
-        return np.asarray(self.linear_u * t_quantiles(probability, self.linear_dof))
+        return self.linear_u * t_quantiles(probability, self.linear_dof)
 
     def values(self, rng: np.random.Generator, m: int) -> FloatArray:
         """The values (outputs, m) of `draw` alone: of the product only the rows they need."""
@@ -227,7 +226,7 @@ def joint_conformance(
 
     def all_within(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
         values = model.values(rng, m)
-        return np.asarray(np.all((low <= values) & (values <= high), axis=0, keepdims=True))
+        return np.all((low <= values) & (values <= high), axis=0, keepdims=True)
 
     p, se = _counted(("all_within",), all_within, settings)
     return min(float(p[0]), *known), float(se[0])
@@ -268,7 +267,7 @@ def position_conformance(
             half = dof[source] / 2
             z[source] *= np.sqrt(half / rng.standard_gamma(half, m))
         errors = (mean + factor @ z.reshape(-1, m)).reshape(len(zones), len(axes), m)
-        return np.asarray(np.hypot.reduce(errors, axis=1) <= limit[:, None])
+        return np.hypot.reduce(errors, axis=1) <= limit[:, None]
 
     names = tuple(prediction.ids[i] for i in zones)
     for i, p, se in zip(zones, *_counted(names, inside, settings), strict=True):

@@ -148,9 +148,9 @@ def pass_squares(block: Block, A: FloatArray) -> list[PassSquare | None]:
 def _visits(column: FloatArray, A: FloatArray | None, axes: int) -> FloatArray:
     """Variance (m,) of A E from visits of one component, which the axes of a point share."""
     if A is None:
-        return np.asarray(column**2)
+        return column**2
     shared = (A * column).reshape(len(A), -1, axes).sum(axis=2)
-    return np.asarray((shared**2).sum(axis=1))
+    return (shared**2).sum(axis=1)
 
 
 def _of_mean_squares(
@@ -196,7 +196,7 @@ def _of_mean_squares(
 
 def _quadratic(g: FloatArray, matrix: FloatArray) -> FloatArray:
     """g'M g of every row of g (m, k)."""
-    return np.asarray(((g @ matrix) * g).sum(axis=1))
+    return ((g @ matrix) * g).sum(axis=1)
 
 
 def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:

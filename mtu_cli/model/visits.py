@@ -198,7 +198,7 @@ def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray
     if not F.size:
         return F
     U, size, _ = np.linalg.svd(F / np.maximum(np.linalg.norm(F, axis=0), 1e-300), False)
-    return np.asarray(U[:, size > ROUNDING * size[0]])
+    return U[:, size > ROUNDING * size[0]]
 
 
 def incomplete_datum() -> Finding:
@@ -344,8 +344,7 @@ class Cells:
             return origin
         away = ordered - np.repeat(origin, self.count, axis=0)
         weight = self.count.reshape(-1, *(1,) * (values.ndim - 1))
-        found: FloatArray = origin + np.add.reduceat(away, self.starts, axis=0) / weight
-        return found
+        return origin + np.add.reduceat(away, self.starts, axis=0) / weight
 
     def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
         """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
@@ -367,12 +366,5 @@ def cells_of(part: IntArray, column: IntArray, parts: int, columns: int) -> Cell
     order = np.argsort(cell, kind="stable")
     ordered = cell[order]
     starts = np.flatnonzero(np.r_[True, ordered[1:] != ordered[:-1]])
-    return Cells(
-        parts=parts,
-        columns=columns,
-        cell=cell,
-        order=order,
-        starts=starts,
-        count=np.diff(np.r_[starts, len(cell)]),
-        there=ordered[starts],
-    )
+    runs = {"starts": starts, "count": np.diff(np.r_[starts, len(cell)]), "there": ordered[starts]}
+    return Cells(parts=parts, columns=columns, cell=cell, order=order, **runs)

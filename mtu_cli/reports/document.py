@@ -174,7 +174,7 @@ def finite(value: float | None) -> float | None:
 REPORTS = {
     **dict.fromkeys(
         ("fit-components", "predict-points", "lengths", "orthogonality", "anova", "compare",
-         "close-loop", "thermal-fit", "correct", "budget"),
+         "close-loop", "thermal-fit", "correct", "budget", "iso230", "circular", "compensate"),
         ("RESULTS", "ROW"),
     ),
     "graph check": ("CHECK", "STEP"),

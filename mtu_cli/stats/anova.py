@@ -10,12 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
 
-BoolArray = NDArray[np.bool_]
 _BLOCK = 1 << 15
 
 
@@ -61,7 +59,7 @@ class OneWay:
 
 
 def cells_of(
-    values: FloatArray, cell: NDArray[np.int64], tables: int, parts: int, *, spare: bool = False
+    values: FloatArray, cell: IntArray, tables: int, parts: int, *, spare: bool = False
 ) -> Cells:
     """Counts, means and sums of squares of `values` (n,) in `cell` = table * parts + part.
 
@@ -90,21 +88,12 @@ def cells_of(
     each = np.bincount(cell, shifted, minlength=size) - left * step
     within = np.asarray(each, np.float64).reshape(tables, parts)
     squares: FloatArray = within.sum(axis=1)
-    rounded = squares <= _rounding(n, mean, tables)
-    squares[rounded], within[rounded] = 0.0, 0.0
-    return Cells(
-        origin=origin,
-        n=n.reshape(tables, parts),
-        mean=mean.reshape(tables, parts),
-        within=squares,
-    )
-
-
-def _rounding(n: FloatArray, mean: FloatArray, tables: int) -> FloatArray:
-    """What equal repeats leave (tables,) of a sum of squares, their mean being rounded."""
+    # What equal repeats leave of a sum of squares, their mean being rounded.
     share = 4 * np.finfo(np.float64).eps * mean
-    rounding: FloatArray = (n * share**2).reshape(tables, -1).sum(axis=1)
-    return rounding
+    rounded = squares <= (n * share**2).reshape(tables, -1).sum(axis=1)
+    squares[rounded], within[rounded] = 0.0, 0.0
+    n, mean = n.reshape(tables, parts), mean.reshape(tables, parts)
+    return Cells(origin=origin, n=n, mean=mean, within=squares)
 
 
 def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:

@@ -9,11 +9,10 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
 
-FloatArray = NDArray[np.float64]
 Quantiles = Callable[[FloatArray], FloatArray]
 
 FIXED_BLOCK = 8192
@@ -81,16 +80,12 @@ def block_generator(seed: int, block: int) -> np.random.Generator:
     return np.random.Generator(np.random.SFC64(sequence))
 
 
-def trials_for_tails(probability: float) -> int:
-    """J = smallest integer at or above 100/(1 - p) of JCGM 101:2008, 7.9.4 b): 50 a tail."""
-    return math.ceil(round(100.0 / (1.0 - probability), 6))
-
-
 def least_block(probability: float, *, smooth: bool = False) -> int:
-    """Fewest trials a block: J, or a quarter of it for a `smooth` model. The control takes off
-    what so short a block's quantiles are biased by: it is the same for the first-order form.
+    """Fewest trials a block: J of JCGM 101:2008, 7.9.4 b), the smallest integer at or above
+    100/(1 - p), or a quarter of it for a `smooth` model. The control takes off what so short a
+    block's quantiles are biased by: it is the same for the first-order form.
     """
-    return trials_for_tails(probability) // (4 if smooth else 1)
+    return math.ceil(round(100.0 / (1.0 - probability), 6)) // (4 if smooth else 1)
 
 
 def is_one_block(trials: int | None, probability: float, *, smooth: bool = False) -> bool:
@@ -120,7 +115,7 @@ class BlockPlan:
         """
         if is_one_block(trials, probability, smooth=smooth):
             return cls(probability, trials, 1)
-        least = trials_for_tails(probability)
+        least = least_block(probability)
         blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least))
         if in_pieces:
             blocks = max(min(blocks, ENOUGH_BLOCKS), trials // max(LONG_BLOCK, least))

@@ -26,8 +26,7 @@ def factor_of(C: FloatArray) -> FloatArray:
     """F (k, rank) with F F' = C, which may be singular (r = 1), and whose units may differ."""
     values, vectors = np.linalg.eigh(np.nan_to_num(correlation_of(C)))
     kept = values > 1e-14 * max(float(values[-1]), np.finfo(np.float64).eps)
-    factor: FloatArray = np.sqrt(np.diag(C))[:, None] * vectors[:, kept] * np.sqrt(values[kept])
-    return factor
+    return np.sqrt(np.diag(C))[:, None] * vectors[:, kept] * np.sqrt(values[kept])
 
 
 def covariance_root(C: FloatArray) -> FloatArray:
@@ -37,8 +36,7 @@ def covariance_root(C: FloatArray) -> FloatArray:
     the covariance C, which may be singular.
     """
     values, vectors = np.linalg.eigh((C + C.T) / 2)
-    root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None))
-    return root
+    return vectors * np.sqrt(np.clip(values, 0.0, None))
 
 
 def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float = 0.0) -> FloatArray:
@@ -50,26 +48,20 @@ def positive_part(S: FloatArray, metric: FloatArray | None = None, less: float =
     between-pass mean square and `less` * `metric` what repeatability alone gives of it (Amemiya,
     Am. Stat. 39 (1985) 112).
     """
-    L = _root(np.eye(len(S)) if metric is None else metric)
+    metric = np.eye(len(S)) if metric is None else metric
+    try:
+        L = np.linalg.cholesky(metric)
+    except np.linalg.LinAlgError:
+        # Rounding may have made a metric of many powers singular.
+        s = np.sqrt(np.diag(metric))
+        values, vectors = np.linalg.eigh(metric / np.outer(s, s))
+        least = len(s) * np.finfo(np.float64).eps * values[-1]
+        L = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
     white = np.linalg.solve(L, np.linalg.solve(L, S).T)
     values, vectors = np.linalg.eigh((white + white.T) / 2)
     root = L @ vectors
     whole = (root * np.clip(values - less, 0.0, None)) @ root.T
-    D: FloatArray = (whole + whole.T) / 2
-    return D
-
-
-def _root(metric: FloatArray) -> FloatArray:
-    """L (q, q) with L L' = metric, which rounding may have made singular (of many powers)."""
-    root: FloatArray
-    try:
-        root = np.asarray(np.linalg.cholesky(metric))
-    except np.linalg.LinAlgError:
-        s = np.sqrt(np.diag(metric))
-        values, vectors = np.linalg.eigh(metric / np.outer(s, s))
-        least = len(s) * np.finfo(np.float64).eps * values[-1]
-        root = s[:, None] * vectors * np.sqrt(np.maximum(values, least))
-    return root
+    return (whole + whole.T) / 2
 
 
 def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
@@ -105,5 +97,4 @@ def as_covariance(C: FloatArray) -> FloatArray:
     whole = (vectors * np.clip(values, 0.0, None)) @ vectors.T
     root = np.sqrt(np.diag(whole))
     scale = np.divide(s, root, out=np.zeros_like(s), where=s > 0)
-    found: FloatArray = whole * np.outer(scale, scale)
-    return found
+    return whole * np.outer(scale, scale)

@@ -5,33 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 
 def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
     """Effective degrees of freedom of a sum of independent variances.
 
-    nu_eff = (sum v_i)^2 / sum(v_i^2 / nu_i), GUM (JCGM 100:2008) eq. (G.2b).
-
-    `contributions` (n,): the variances v_i = (c_i u(x_i))^2, not standard uncertainties.
-    `dof` (n,): nu_i > 0, which may be infinite. The result is not truncated to an integer
-    and is infinite where no contribution with finite degrees of freedom is above zero.
-
-    Raises ValueError for unequal lengths, a negative variance or nu_i <= 0.
+    nu_eff = (sum v_i)^2 / sum(v_i^2 / nu_i), GUM (JCGM 100:2008) eq. (G.2b), of the variances
+    v_i = (c_i u(x_i))^2 `contributions` (n,) with `dof` (n,) nu_i > 0, which may be infinite. It is
+    not truncated, and infinite where no contribution with finite degrees of freedom is above zero.
     """
-    v = np.asarray(contributions, dtype=np.float64)
-    nu = np.asarray(dof, dtype=np.float64)
-    if v.shape != nu.shape or v.ndim != 1:
-        raise ValueError(f"contributions {v.shape} and degrees of freedom {nu.shape} differ")
-    if not (np.all(v >= 0.0) and np.all(nu > 0.0)):
-        raise ValueError("variances must be at least 0 and degrees of freedom above 0")
-    total = float(v.sum())
-    if total == 0.0:
-        return math.inf
+    total = float(np.sum(contributions))
     # Shares keep the squares of very small variances from underflowing.
-    return dof_of_shares(v / total, nu)
+    return dof_of_shares(np.asarray(contributions) / total, dof) if total else math.inf
 
 
 def dof_of_shares(shares: FloatArray, dof: FloatArray) -> float:

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
-
-FloatArray = NDArray[np.float64]
 
 Kind = Literal[
     "normal", "t", "rectangular", "triangular", "trapezoidal", "curvilinear-trapezoidal", "arcsine"
@@ -175,9 +173,9 @@ def log_density(t: FloatArray, dof: float) -> FloatArray:
     f = Gamma((nu + 1)/2)/(sqrt(nu pi) Gamma(nu/2)) (1 + t^2/nu)^(-(nu + 1)/2).
     """
     if math.isinf(dof):
-        return np.asarray(-0.5 * t * t - 0.5 * math.log(2.0 * math.pi))
+        return -0.5 * t * t - 0.5 * math.log(2.0 * math.pi)
     top = math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    return np.asarray(top - 0.5 * (dof + 1.0) * np.log1p(t * t / dof))
+    return top - 0.5 * (dof + 1.0) * np.log1p(t * t / dof)
 
 
 def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
@@ -197,7 +195,7 @@ def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
     side = np.sqrt(np.maximum(2.0 * (1.0 - b * b) * near, 0.0)) - 1.0
     flat = (1.0 + b) * (near - slope) - b
     deviation = np.where(near < slope, side, flat)
-    return np.asarray(item.half_width * np.where(p < 0.5, deviation, -deviation))
+    return item.half_width * np.where(p < 0.5, deviation, -deviation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,13 +15,12 @@ from mtu_cli.stats.least_squares import FloatArray
 
 def wiener(a: FloatArray, b: FloatArray) -> FloatArray:
     """|h|^3/12 (n, m) of all distances h from `a` (n,) to `b` (m,), for tau = 1."""
-    k: FloatArray = np.abs(np.subtract.outer(a, b)) ** 3 / 12
-    return k
+    return np.abs(np.subtract.outer(a, b)) ** 3 / 12
 
 
-def line(position: FloatArray, center: float, half: float = 1.0) -> FloatArray:
-    """Columns (n, 2) of a straight line: 1 and (position - center)/half."""
-    return np.column_stack([np.ones(len(position)), (position - center) / half])
+def line(position: FloatArray, center: float) -> FloatArray:
+    """Columns (n, 2) of a straight line: 1 and position - center."""
+    return np.column_stack([np.ones(len(position)), position - center])
 
 
 def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
@@ -53,8 +52,7 @@ def left_open(knots: FloatArray, position: FloatArray) -> FloatArray:
     K = apart @ wiener(both, both) @ apart.T * half**3
     known = np.isin(position, knots)
     K[known] = K[:, known] = 0.0
-    found: FloatArray = (K + K.T) / 2
-    return found
+    return (K + K.T) / 2
 
 
 def smooth_root(knots: FloatArray) -> FloatArray:
@@ -62,8 +60,7 @@ def smooth_root(knots: FloatArray) -> FloatArray:
     center, half = _scale(knots)
     a = (knots - center) / half
     H = np.linalg.qr(line(a, 0.0), mode="complete")[0][:, 2:]
-    found: FloatArray = H @ np.linalg.cholesky(H.T @ wiener(a, a) @ H) * half**1.5
-    return found
+    return H @ np.linalg.cholesky(H.T @ wiener(a, a) @ H) * half**1.5
 
 
 def _scale(knots: FloatArray) -> tuple[float, float]:

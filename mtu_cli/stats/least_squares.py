@@ -8,6 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 RANK_TOLERANCE = 1e-10
 """Relative size of a singular value of the column-scaled design below which it counts as 0."""
@@ -144,8 +146,7 @@ def gram_schmidt(
 
 
 def _length(columns: FloatArray) -> FloatArray:
-    found: FloatArray = np.sqrt(np.einsum("...nm,...nm->...m", columns, columns))
-    return found
+    return np.sqrt(np.einsum("...nm,...nm->...m", columns, columns))
 
 
 def polynomial(position: FloatArray, degree: int) -> FloatArray:

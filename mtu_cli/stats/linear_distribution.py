@@ -12,12 +12,11 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.stats.coverage import t_quantile
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, bounded_quantile
+from mtu_cli.stats.least_squares import FloatArray
 
-FloatArray = NDArray[np.float64]
 Quantile = Callable[[FloatArray], FloatArray]
 Term = tuple[float, Distribution]
 """(coefficient, distribution) of one independent contribution."""
@@ -149,7 +148,7 @@ def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:
 def _normal(item: Distribution, omega: FloatArray) -> FloatArray:
     square = 0.5 * (item.u * omega) ** 2
     if item.dof >= NORMAL_DOF:
-        return np.asarray(np.exp(-square))
+        return np.exp(-square)
     # Student's t is a normal mixture: variance u^2 nu/g, g from chi-squared of nu. In log g its
     # density is smooth and falls off at both ends, so that equal steps converge at once.
     half = 0.5 * item.dof
@@ -178,9 +177,9 @@ def _shape(item: Distribution, x: FloatArray) -> FloatArray:
     if item.kind == "arcsine":
         from scipy.special import j0
 
-        return np.asarray(j0(x))
+        return j0(x)
     first = 0.5 * (1.0 + item.top_share)
-    return np.asarray(np.sinc(first * x / np.pi) * np.sinc((1.0 - first) * x / np.pi))
+    return np.sinc(first * x / np.pi) * np.sinc((1.0 - first) * x / np.pi)
 
 
 def _integral(item: Distribution, x: FloatArray) -> FloatArray:
@@ -194,9 +193,9 @@ def _integral(item: Distribution, x: FloatArray) -> FloatArray:
 
     if item.kind == "arcsine":
         by_struve = j1(x) * struve(0, x) - j0(x) * struve(1, x)
-        return np.asarray(x * j0(x) + 0.5 * np.pi * x * by_struve)
+        return x * j0(x) + 0.5 * np.pi * x * by_struve
     b = item.top_share
     if 1.0 - b < FLAT:
-        return np.asarray(sici(x)[0])
+        return sici(x)[0]
     fall = np.divide(np.cos(x) - np.cos(b * x), x, out=np.zeros_like(x), where=x > 0.0)
-    return np.asarray(2.0 * (fall + sici(x)[0] - b * sici(b * x)[0]) / (1.0 - b * b))
+    return 2.0 * (fall + sici(x)[0] - b * sici(b * x)[0]) / (1.0 - b * b)

@@ -22,21 +22,20 @@ Hunter, Statistics for Experimenters, 9.1).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.stats.covariance import as_covariance, bounded, positive_part
 from mtu_cli.stats.least_squares import (
     RANK_TOLERANCE,
+    BoolArray,
     FloatArray,
+    IntArray,
     LeastSquares,
     least_squares,
     polynomial,
 )
-
-IntArray = NDArray[np.int64]
 
 ROUNDING = 1e-12
 """Share of the terms of a sum below which it is what rounding left of them."""
@@ -79,20 +78,20 @@ class PassFit:
     D: FloatArray
     D_moment: FloatArray
     between: FloatArray
-    pass_dof: int
     within_dof: int
     within_rss: float
-    separated: bool
     groups: IntArray
     group_direction: FloatArray
     pass_coefficients: FloatArray
     deviations: FloatArray
-    divisor: int
-    pairs: IntArray
-    half_differences: FloatArray | None
     pooled_rss: float
     pooled_dof: int
     rounding: float
+    separated: bool = False
+    pass_dof: int = 0
+    divisor: int = 0
+    pairs: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    half_differences: FloatArray | None = None
 
     @property
     def n_passes(self) -> int:
@@ -184,17 +183,12 @@ def _single(
         D=nothing,
         D_moment=nothing,
         between=nothing,
-        pass_dof=0,
         within_dof=plain.dof,
         within_rss=plain.rss,
-        separated=False,
         groups=np.zeros(0, np.int64) if design is None else design.ids,
         group_direction=np.zeros(0) if design is None else design.sign,
         pass_coefficients=empty,
         deviations=empty,
-        divisor=0,
-        pairs=np.zeros((0, 2), np.int64),
-        half_differences=None,
         pooled_rss=plain.rss,
         pooled_dof=plain.dof,
         rounding=rounding_of(y),
@@ -248,7 +242,7 @@ class _PassDesign:
     Z: FloatArray
     codes: IntArray
     all_pairs: IntArray
-    rows: NDArray[np.bool_]
+    rows: BoolArray
     own: IntArray
     ids: IntArray
     sign: FloatArray
@@ -263,8 +257,7 @@ class _PassDesign:
     @property
     def common(self) -> FloatArray:
         """Powers (rows,) that all passes have in common, of the readings of those that tell."""
-        columns: FloatArray = self.X[self.rows, self.Z.shape[1] :]
-        return columns
+        return self.X[self.rows, self.Z.shape[1] :]
 
 
 def _pass_design(
@@ -315,14 +308,13 @@ class OwnLines:
 
     `coefficients` (G, q) are those of the readings less the common powers, `carried`
     (G, q, m) those of the common powers, `shared` the fit of the powers within passes.
-    `precisions` and `inverses` (G, q, q) hold Z_g'Z_g and its inverse. `s2` = rss/dof is the
+    `precisions` (G, q, q) hold Z_g'Z_g. `s2` = rss/dof is the
     repeatability variance, `rounding` the sum of squares that arithmetic alone may leave.
     """
 
     coefficients: FloatArray
     carried: FloatArray
     shared: LeastSquares
-    inverses: FloatArray
     precisions: FloatArray
     s2: float
     rss: float
@@ -349,7 +341,6 @@ def own_lines(
     that nothing larger than the readings is ever formed.
     """
     lines, residual = lines_by_pass(np.column_stack([common, y]), Z, codes, G)
-    precisions = _products(Z, Z, codes, G)
     k = common.shape[1]
     # What the lines took out whole would come back as a column of rounding errors.
     absorbed = np.linalg.norm(residual[:, :k], axis=0) <= 1e-10 * np.linalg.norm(common, axis=0)
@@ -363,8 +354,7 @@ def own_lines(
         coefficients=lines[:, :, k] - lines[:, :, :k] @ shared.coefficients,
         carried=lines[:, :, :k],
         shared=shared,
-        inverses=np.asarray(np.linalg.inv(precisions), dtype=np.float64),
-        precisions=precisions,
+        precisions=_products(Z, Z, codes, G),
         s2=rss / max(dof, 1),
         rss=rss,
         dof=max(dof, 0),
@@ -394,8 +384,7 @@ def lines_by_pass(
     starts = np.searchsorted(codes[order], np.arange(G))
 
     def sums(values: FloatArray) -> FloatArray:
-        found: FloatArray = np.add.reduceat(values[order], starts, axis=0)
-        return found
+        return np.add.reduceat(values[order], starts, axis=0)
 
     counts = np.bincount(codes, minlength=G)[:, None]
     level = sums(columns) / counts
@@ -432,7 +421,7 @@ def between_passes(
     null = stage.shared.null_space
     if (np.abs(carried @ null) > 1e-9 * (np.abs(stage.carried).max(axis=0) @ np.abs(null))).any():
         return None
-    of_lines = np.einsum("g,gij->ij", apart, stage.inverses)
+    of_lines = np.einsum("g,gij->ij", apart, np.linalg.inv(stage.precisions))
     of_powers = np.einsum("gia,ab,gjb->ij", carried, stage.shared.unscaled_covariance, carried)
     size = np.einsum("gi,gij,gj->", deviations, stage.precisions, deviations)
     if size <= stage.rounding:
@@ -449,8 +438,7 @@ def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
     order = np.lexsort([-sign, runs])
     first, second = order[:-1], order[1:]
     both = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
-    pairs: IntArray = np.column_stack([first[both], second[both]]).astype(np.int64)
-    return pairs
+    return np.column_stack([first[both], second[both]]).astype(np.int64)
 
 
 def units_dof(G: int, pairs: IntArray, columns: int) -> int:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass, fields
-from typing import Self
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError, error, finding
 from mtu_cli.stats.blocks import (
@@ -23,15 +21,15 @@ from mtu_cli.stats.blocks import (
     block_generator,
 )
 from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pooling import Estimates, Pool, single_block_estimates, with_atoms
 from mtu_cli.stats.threads import available_threads, one_blas_thread
 
-FloatArray = NDArray[np.float64]
 Progress = Callable[[int, int | None], None]
 
 LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
-_Done = tuple[int, NDArray[np.int64], BlockSummary | None]
+Criterion = Callable[[Estimates], float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,11 +70,10 @@ def monte_carlo(
     """Propagates distributions through `model` by Monte Carlo.
 
     With `trials` exactly that many are run. Without, blocks are added until twice the standard
-    error of mean, u, low and high is at most `tolerance_fraction` times the numerical tolerance
-    of u at `digits` significant digits, for every output (JCGM 101:2008, 7.9.4; 0.2 for the
-    validation of clause 8), or `max_trials` is reached. Published are two standard errors from two
-    blocks on; here from 20 on, times t(h - 1)/z (`few_blocks_factor`): it never stops before. Where
-    no u exists, the ends alone decide, with the u of a normal distribution of equal interval.
+    error of mean, u, low and high, times `few_blocks_factor`, is at most `tolerance_fraction` of
+    the numerical tolerance of u at `digits` digits for every output (JCGM 101:2008, 7.9.4; 0.2 for
+    clause 8), or `max_trials` is reached. Where no u exists, the ends alone decide, with the u of a
+    normal distribution of equal interval.
 
     The same seed gives the same bits for any number of `threads`. `progress` is called with
     trials done and the total (None while the count adapts). Fewer than 1000/(1 - p) trials, of
@@ -85,17 +82,24 @@ def monte_carlo(
     Raises InputError for settings out of range, too few trials (fewer than 2/(1 - p)), or
     model values that are not finite, which are counted and never dropped.
     """
-    _check(seed, trials, probability, digits, tolerance_fraction, threads, max_trials)
-    criterion = _Criterion(probability, digits, tolerance_fraction)
-    plan, most = _plan(model, trials, max_trials, probability), trials or max_trials
+    asked = max_trials if trials is None else trials
+    _check(seed, asked, probability, digits, tolerance_fraction, threads)
+    plan = _plan(model, trials, max_trials, probability)
     threads = threads or available_threads()
-    with _Runner(model, plan, seed, threads, min(keep, most), progress) as run:
+
+    def criterion(estimates: Estimates) -> float:
+        return _ratio(estimates, probability, digits, tolerance_fraction)
+
+    # A product split among threads would not give the same bits: blocks are the unit of work.
+    with one_blas_thread(), ThreadPoolExecutor(threads) as executor:
+        each = executor.map if threads > 1 and plan.blocks != 1 else map
+        run = _Runner(model, plan, seed, each, min(keep, asked), progress)
         estimates = _estimates(run, criterion, max_trials)
     return MonteCarloResult(
         names=tuple(model.names),
         trials=run.trials,
         blocks=run.blocks,
-        converged=criterion.ratio(estimates) * few_blocks_factor(run.blocks) <= 1.0,
+        converged=criterion(estimates) * few_blocks_factor(run.blocks) <= 1.0,
         probability=probability,
         samples=run.samples()[:, :keep],
         **{field.name: getattr(estimates, field.name) for field in fields(Estimates)},
@@ -113,23 +117,22 @@ def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: f
     return BlockPlan.fixed(trials, probability, smooth=smooth, in_pieces=in_pieces)
 
 
-def _estimates(run: _Runner, criterion: _Criterion, most: int) -> Estimates:
+def _estimates(run: _Runner, criterion: Criterion, most: int) -> Estimates:
     """Runs the plan, at most `most` trials where the count adapts."""
     plan, model = run.plan, run.model
     exists = np.asarray(getattr(model, "u_exists", np.ones(len(model.names), dtype=bool)))
-    if plan.blocks == 1:
-        estimates = single_block_estimates(run.only_block(), plan.probability, exists)
-        return with_atoms(estimates, run.samples(), plan.probability)
     pool = Pool(exists)
+    if plan.blocks == 1:
+        run.run_to(1, pool)
+        estimates = single_block_estimates(run.samples(), plan.probability, exists)
+        return with_atoms(estimates, run.samples(), plan.probability)
     largest = plan.blocks or most // plan.size
     goal = plan.blocks or FIRST_LOOK
     while True:
         run.run_to(goal, pool)
         estimates = with_atoms(pool.estimates(), run.samples(), plan.probability)
-        if goal >= largest:
-            return estimates
-        ratio = criterion.ratio(estimates)
-        if ratio * few_blocks_factor(goal) <= 1.0:
+        ratio = criterion(estimates)
+        if goal >= largest or ratio * few_blocks_factor(goal) <= 1.0:
             return estimates
         # Standard errors fall as 1/sqrt(h). The goals follow from the results alone, so they
         # are the same for any number of threads; a quarter more at least, to look rarely.
@@ -137,11 +140,9 @@ def _estimates(run: _Runner, criterion: _Criterion, most: int) -> Estimates:
 
 
 class _Runner:
-    """Runs the blocks of a plan on threads and takes their summaries in the order of their
-    numbers; `trials` and `blocks` count what has been done.
-
-    Linear algebra is held to one thread of its own meanwhile: blocks are the unit of
-    parallel work, and a product split among threads would not give the same bits.
+    """Runs the blocks of a plan, each by `each`, a `map`, and takes their summaries in the order
+    of their numbers; `trials` and `blocks` count what has been done. The first `keep` trials are
+    kept, all of a single block.
     """
 
     def __init__(
@@ -149,66 +150,38 @@ class _Runner:
         model: TrialModel,
         plan: BlockPlan,
         seed: int,
-        threads: int,
+        each: Callable[..., Iterable[Any]],
         keep: int,
         progress: Progress | None,
     ) -> None:
-        self.model, self.plan, self._seed, self._threads = model, plan, seed, threads
+        self.model, self.plan, self._seed, self._each = model, plan, seed, each
+        self._progress, self.trials, self.blocks = progress, 0, 0
         # Untouched pages of an empty array take no memory.
-        self._samples = np.empty((len(model.names), keep))
-        self._progress = progress
-        self.trials = 0
-        self.blocks = 0
-
-    def __enter__(self) -> Self:
-        self._stack = ExitStack()
-        self._stack.enter_context(one_blas_thread())
-        self._executor: ThreadPoolExecutor | None = None
-        if self._threads > 1 and self.plan.blocks != 1:
-            self._executor = self._stack.enter_context(ThreadPoolExecutor(self._threads))
-        if self.plan.blocks != 1:
-            self._summariser = BlockSummariser(self.model, self.plan)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stack.close()
+        self._samples = np.empty((len(model.names), plan.size if plan.blocks == 1 else keep))
+        self._summariser = None if plan.blocks == 1 else BlockSummariser(model, plan)
 
     def run_to(self, goal: int, pool: Pool) -> None:
         """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order."""
-        each = map if self._executor is None else self._executor.map
-        for count, not_finite, summary in each(self._block, range(self.blocks, goal)):
+        for count, not_finite, summary in self._each(self._block, range(self.blocks, goal)):
             self._count(count, not_finite)
             if summary is not None:
                 pool.add(summary)
-
-    def only_block(self) -> FloatArray:
-        """The values (outputs, m) of a plan of one block."""
-        m = self.plan.trials_in(0)
-        draws = self.model.draw(block_generator(self._seed, 0), m)
-        self._count(m, _not_finite(draws))
-        self._keep(draws.values, 0)
-        return draws.values
 
     def samples(self) -> FloatArray:
         """The first trials (outputs, kept), in order."""
         return self._samples[:, : self.trials]
 
-    def _block(self, block: int) -> _Done:
-        m = self.plan.trials_in(block)
+    def _block(self, block: int) -> tuple[int, IntArray, BlockSummary | None]:
+        m, start = self.plan.trials_in(block), self.plan.first_trial(block)
         draws = self.model.draw(block_generator(self._seed, block), m)
-        not_finite = _not_finite(draws)
-        if np.any(not_finite):
+        not_finite, room = _not_finite(draws), self._samples.shape[1] - start
+        if room > 0:
+            self._samples[:, start : start + m] = draws.values[:, :room]
+        if self._summariser is None or np.any(not_finite):
             return m, not_finite, None
-        self._keep(draws.values, self.plan.first_trial(block))
         return m, not_finite, self._summariser.summarise(draws)
 
-    def _keep(self, values: FloatArray, start: int) -> None:
-        room = self._samples.shape[1] - start
-        if room > 0:
-            part = values[:, :room]
-            self._samples[:, start : start + part.shape[1]] = part
-
-    def _count(self, trials: int, not_finite: NDArray[np.int64]) -> None:
+    def _count(self, trials: int, not_finite: IntArray) -> None:
         self.blocks += 1
         self.trials += trials
         if np.any(not_finite):
@@ -229,7 +202,7 @@ class _Runner:
             self._progress(self.trials, total)
 
 
-def _not_finite(draws: Draws) -> NDArray[np.int64]:
+def _not_finite(draws: Draws) -> IntArray:
     """Trials (outputs,) whose value or first-order form is infinite or not a number."""
     values, linear = draws.values, draws.linear
     # A sum that is finite has finite terms; to look at each takes three times as long.
@@ -237,57 +210,35 @@ def _not_finite(draws: Draws) -> NDArray[np.int64]:
         total = float(values.sum()) + (0.0 if linear is None else float(linear.sum()))
     if np.isfinite(total):
         return np.zeros(len(values), np.int64)
-    finite = np.isfinite(values)
-    if linear is not None:
-        finite &= np.isfinite(linear)
-    return np.asarray(np.count_nonzero(~finite, axis=1))
+    finite = np.isfinite(values) & (True if linear is None else np.isfinite(linear))
+    return np.count_nonzero(~finite, axis=1)
 
 
-@dataclass(frozen=True, slots=True)
-class _Criterion:
-    probability: float
-    digits: int
-    fraction: float
-
-    def ratio(self, estimates: Estimates) -> float:
-        """Largest of 2 se over the tolerance; converged at 1 or below."""
-        k = coverage_factor(self.probability)
-        largest = 0.0
-        for i, u in enumerate(estimates.u):
-            errors = [estimates.se_low[i], estimates.se_high[i]]
-            if math.isnan(u):
-                u = (estimates.high[i] - estimates.low[i]) / (2.0 * k)
-            else:
-                errors += [estimates.se_mean[i], estimates.se_u[i]]
-            tolerance = self.fraction * numerical_tolerance(float(u), self.digits)
-            twice = 2.0 * float(max(errors))
-            if twice > 0.0:
-                largest = max(largest, twice / tolerance if tolerance > 0.0 else math.inf)
-        return largest
+def _ratio(estimates: Estimates, probability: float, digits: int, fraction: float) -> float:
+    """Largest of 2 se over the tolerance; converged at 1 or below."""
+    k, largest = coverage_factor(probability), 0.0
+    for i, u in enumerate(estimates.u.tolist()):
+        errors = [estimates.se_low[i], estimates.se_high[i]]
+        if math.isnan(u):
+            u = float(estimates.high[i] - estimates.low[i]) / (2.0 * k)
+        else:
+            errors += [estimates.se_mean[i], estimates.se_u[i]]
+        tolerance, twice = fraction * numerical_tolerance(u, digits), 2.0 * float(max(errors))
+        if twice > 0.0:
+            largest = max(largest, twice / tolerance if tolerance > 0.0 else math.inf)
+    return largest
 
 
 def _check(
-    seed: int,
-    trials: int | None,
-    probability: float,
-    digits: int,
-    fraction: float,
-    threads: int | None,
-    max_trials: int,
+    seed: int, trials: int, probability: float, digits: int, fraction: float, threads: int | None
 ) -> None:
-    most = LARGEST_PROBABILITY
-    asked = max_trials if trials is None else trials
+    most, shown = LARGEST_PROBABILITY, f"for a {100 * probability:g} % interval"
     inside = 0.0 < probability <= most
     least = math.ceil(round(2.0 / (1.0 - probability), 6)) if inside else 0
     for name, value, sound, expected in (
         ("seed", seed, seed >= 0, "an integer of 0 or more"),
         ("probability", probability, inside, f"above 0 and at most {most}"),
-        (
-            "trials",
-            asked,
-            asked >= least,
-            f"{least} or more for a {100 * probability:g} % interval",
-        ),
+        ("trials", trials, trials >= least, f"{least} or more {shown}"),
         ("digits", digits, digits >= 1, "1 or more"),
         ("fraction of the tolerance", fraction, fraction > 0.0, "above 0"),
         ("threads", threads, threads is None or threads >= 1, "1 or more"),

@@ -6,12 +6,9 @@ import math
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import hidden
-
-BoolArray = NDArray[np.bool_]
 
 FEWEST = 3
 """A deviation among fewer values than this says nothing."""
@@ -36,8 +33,7 @@ def deviation_p(d: FloatArray, count: FloatArray) -> FloatArray:
     left = (n - 1) ** 2 - n * d**2
     with np.errstate(over="ignore"):
         t = np.abs(d) * np.sqrt(n * (n - 2) / np.maximum(left, np.finfo(np.float64).tiny))
-    p: FloatArray = np.where(count >= FEWEST, 2 * stdtr(n - 2, -t), 1.0)
-    return p
+    return np.where(count >= FEWEST, 2 * stdtr(n - 2, -t), 1.0)
 
 
 def deviation_limit(count: FloatArray, p: float) -> FloatArray:
@@ -49,8 +45,7 @@ def deviation_limit(count: FloatArray, p: float) -> FloatArray:
     n = np.maximum(count, float(FEWEST))
     t = stdtrit(n - 2, 1 - p / 2)
     limit = (n - 1) / np.sqrt(n) * np.sqrt(t**2 / (n - 2 + t**2))
-    found: FloatArray = np.where(count >= FEWEST, limit, np.nan)
-    return found
+    return np.where(count >= FEWEST, limit, np.nan)
 
 
 def larger_scatter(left: FloatArray, taken: int = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -123,11 +118,11 @@ def medians(table: FloatArray, axis: int) -> FloatArray:
     """
     count = np.isfinite(table).sum(axis=axis, keepdims=True)
     if (count == table.shape[axis]).all():
-        return np.asarray(np.median(table, axis=axis, keepdims=True))
+        return np.median(table, axis=axis, keepdims=True)
     ordered = np.sort(table, axis=axis)  # nan last
     low = np.take_along_axis(ordered, np.maximum(count - 1, 0) // 2, axis)
     high = np.take_along_axis(ordered, np.minimum(count // 2, table.shape[axis] - 1), axis)
-    return np.asarray((low + high) / 2)
+    return (low + high) / 2
 
 
 def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
@@ -138,14 +133,13 @@ def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
     Rows of FEWEST values or fewer keep their level.
     """
     left = table - medians(table, 0)
-    if x is not None:
+    if x is not None and np.ptp(x) > 0:
         i, j = np.triu_indices(len(x), 1)
         i, j = i[x[j] > x[i]], j[x[j] > x[i]]
         left = left - medians((left[:, j] - left[:, i]) / (x[j] - x[i]), 1) * (x - np.median(x))
     several = np.isfinite(table).sum(axis=1, keepdims=True) > FEWEST
     left = left - np.where(several, medians(left, 1), 0.0)
-    found: FloatArray = left - medians(left, 0)
-    return found
+    return left - medians(left, 0)
 
 
 def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolArray, float]:

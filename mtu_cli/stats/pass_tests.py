@@ -10,8 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
-from mtu_cli.stats.mixed_model import ARITHMETIC, FEWEST_RUNS, IntArray, PassFit, lines_by_pass
+from mtu_cli.stats.least_squares import (
+    FloatArray,
+    IntArray,
+    LeastSquares,
+    least_squares,
+    polynomial,
+)
+from mtu_cli.stats.mixed_model import ARITHMETIC, FEWEST_RUNS, PassFit, lines_by_pass
 from mtu_cli.stats.resolution import hidden
 
 MAX_POSITIONS = 400
@@ -87,8 +93,7 @@ def trend_units(fit: PassFit) -> IntArray:
     unit = np.arange(fit.n_passes)
     if by_runs(fit):
         unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
-    found: IntArray = np.unique(unit, return_inverse=True)[1].astype(np.int64)
-    return found
+    return np.unique(unit, return_inverse=True)[1].astype(np.int64)
 
 
 def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Shift | None:
@@ -160,14 +165,10 @@ def _reversal_of_runs(
     drift, of_drift = 0.0, 0.0
     if spread > 0:
         drift, of_drift = float(time @ mean) / spread, float(np.var(mean, ddof=1)) / spread
-    s2 = float(np.var(twice, ddof=1))
+    s2, moved = float(np.var(twice, ddof=1)), drift * apart
     u2 = s2 / P + apart**2 * of_drift + 2 * float(hidden(max(s2 / 2, fit.s2), r))
-    value = float(twice.mean())
-    if timed:
-        value += drift * apart
-    else:
-        u2 += (drift * apart) ** 2
-    return _shift(value, float(np.sqrt(u2)), P - 1, fit.rounding)
+    value = float(twice.mean()) + (moved if timed else 0.0)
+    return _shift(value, float(np.sqrt(u2 + (0.0 if timed else moved**2))), P - 1, fit.rounding)
 
 
 def lack_of_fit(
@@ -191,30 +192,20 @@ def lack_of_fit(
     columns = np.column_stack([np.eye(m)[at], polynomial(centred, degree), y])
     _, free = lines_by_pass(columns, polynomial(centred, own), codes, int(codes.max()) + 1)
     powers, response = free[:, m:-1], free[:, -1]
-    line = _fit_rank(powers, response)
-    means = _fit_rank(np.column_stack([powers, free[:, :m]]), response)
-    df_pure = len(y) - _lines_rank(at, codes, own) - means[1]
-    df_lack = means[1] - line[1]
+    line = _beside_lines(powers, response)
+    means = _beside_lines(np.column_stack([powers, free[:, :m]]), response)
+    # Parameters of one line a pass: own + 1, 1 where a pass has one position only.
+    per_pass = np.bincount(np.unique(codes * m + at) // m)
+    df_pure = len(y) - int(np.minimum(per_pass, own + 1).sum()) - means.rank
+    df_lack = means.rank - line.rank
     rounding = len(y) * float(ARITHMETIC * np.abs(y).max()) ** 2
-    if df_pure < 1 or means[0] <= rounding:
+    if df_pure < 1 or means.rss <= rounding:
         return None
-    pure = means[0] / df_pure
+    pure = means.rss / df_pure
     pure += len(y) / m * float(hidden(pure, r))
-    return f_test((line[0] - means[0]) / max(df_lack, 1), pure, df_lack, df_pure)
+    return f_test((line.rss - means.rss) / max(df_lack, 1), pure, df_lack, df_pure)
 
 
-def _fit_rank(X: FloatArray, y: FloatArray) -> tuple[float, int]:
-    """Residual sum of squares and rank; columns that the passes' lines absorbed count as 0."""
-    live = X[:, np.abs(X).max(axis=0) > 1e-9]
-    found = least_squares(live, y)
-    return found.rss, found.rank
-
-
-def _lines_rank(at: IntArray, codes: IntArray, own: int) -> int:
-    """Free parameters of one line a pass: own + 1, 1 where a pass has one position only.
-
-    `at` and `codes` (n,) number the position and the pass of every reading from 0.
-    """
-    positions = int(at.max()) + 1
-    per_pass = np.bincount(np.unique(codes * positions + at) // positions)
-    return int(np.minimum(per_pass, own + 1).sum())
+def _beside_lines(X: FloatArray, y: FloatArray) -> LeastSquares:
+    """The fit of columns; those that the passes' lines absorbed count as 0."""
+    return least_squares(X[:, np.abs(X).max(axis=0) > 1e-9], y)

@@ -10,11 +10,9 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mtu_cli.stats.blocks import LEAST_BLOCKS, QUANTILES, BlockSummary
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 GROUPS = 64
 """Groups of blocks for the control: their scatter tells its variance to a tenth or so."""
@@ -67,13 +65,6 @@ ENDS = np.array([0, 1, 2 + MIDDLE, 2 + QUANTILES + MIDDLE])
 """Mean, variance and the ends of the symmetric interval among a block's statistics."""
 
 
-class _Controlled(NamedTuple):
-    value: FloatArray
-    variance: FloatArray
-    gain: FloatArray
-    slope: FloatArray
-
-
 class Pool:
     """Running sums over blocks, added in the order of their numbers.
 
@@ -87,7 +78,7 @@ class Pool:
     _sums: FloatArray
     _groups: FloatArray
 
-    def __init__(self, u_exists: NDArray[np.bool_]) -> None:
+    def __init__(self, u_exists: BoolArray) -> None:
         self.u_exists = u_exists
         self.blocks = 0
         self.trials = 0
@@ -124,12 +115,12 @@ class Pool:
         (JCGM 101:2008, 7.6, eq. (16) and (17)); interval ends as averages over blocks
         (7.9.4); standard errors from the scatter of the blocks, s/sqrt(h).
         """
-        fit = self._controlled()
+        value, of_value, gain, slope = self._controlled()
         plain_covariance = self._squares / (self.trials - 1)
-        plain = np.array([self._mean, np.diagonal(plain_covariance), fit.value[2], fit.value[3]])
-        mean, variance, low, high = np.where(fit.slope == 0.0, plain, fit.value)
+        plain = np.array([self._mean, np.diagonal(plain_covariance), value[2], value[3]])
+        mean, variance, low, high = np.where(slope == 0.0, plain, value)
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
-        se = np.sqrt(fit.variance)
+        se = np.sqrt(of_value)
         shortest_low, shortest_high = self._shortest()
         return Estimates(
             mean=mean,
@@ -144,11 +135,12 @@ class Pool:
             shortest_low=shortest_low,
             shortest_high=shortest_high,
             covariance=_rescaled(plain_covariance, u),
-            gain=Gain(*fit.gain),
+            gain=Gain(*gain),
         )
 
-    def _controlled(self) -> _Controlled:
-        """Each statistic with and without its control; the one of less variance is used.
+    def _controlled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Each statistic with and without its control, the one of less variance: values,
+        variances, gains and slopes (0 without the control).
 
         Plain: the blocks' average with s_ss/(h (h - 1)). Controlled: group g of blocks gives
         Y_g = s_g - beta_g c_g with beta_g = S_sc/S_cc over the blocks outside the group, so
@@ -157,9 +149,8 @@ class Pool:
         half a standard error where s is a curved function of c. The variance is that of the
         Y_g, sum n_g^2 (Y_g - Y)^2 G/(G - 1)/h^2.
         """
-        h, count = self.blocks, self._count
-        groups = np.flatnonzero(count)
-        n = count[groups][:, np.newaxis, np.newaxis]
+        h, groups = self.blocks, np.flatnonzero(self._count)
+        n = self._count[groups][:, np.newaxis, np.newaxis]
         s, ss, c, cc, sc = (sums[groups] for sums in self._groups)
         total_s, total_c = s.sum(axis=0), c.sum(axis=0)
         plain = np.maximum(ss.sum(axis=0) - total_s**2 / h, 0.0) / (h * (h - 1))
@@ -180,7 +171,7 @@ class Pool:
         least[2:] = np.maximum(least[2:], (KNOWN * (value[3] - value[2])) ** 2)
         variance = np.where(better, np.maximum(variance, np.minimum(least, plain)), plain)
         gain = np.divide(plain, variance, out=np.ones_like(plain), where=better & (variance > 0.0))
-        return _Controlled(value, variance, gain, np.where(better, slope.mean(axis=0), 0.0))
+        return value, variance, gain, np.where(better, slope.mean(axis=0), 0.0)
 
     def _shortest(self) -> tuple[FloatArray, FloatArray]:
         """Shortest interval (JCGM 101:2008, 7.7.2) from the block averages of the quantiles, the
@@ -218,12 +209,11 @@ def _rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:
     """Covariance with the sample's correlations and the standard uncertainties `u`."""
     sample = np.sqrt(np.diagonal(covariance))
     ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)
-    scaled: FloatArray = covariance * np.outer(ratio, ratio)
-    return scaled
+    return covariance * np.outer(ratio, ratio)
 
 
 def single_block_estimates(
-    values: FloatArray, probability: float, u_exists: NDArray[np.bool_]
+    values: FloatArray, probability: float, u_exists: BoolArray
 ) -> Estimates:
     """Estimates from `values` (outputs, M).
 
@@ -247,6 +237,8 @@ def single_block_estimates(
     best = np.argmin(widths, axis=1)
     each = np.arange(outputs)
     undefined = np.where(u_exists, 1.0, np.nan)
+    fourth = np.mean(centred**4, axis=1) - variance**2 * (trials - 3) / (trials - 1)
+    of_variance = np.sqrt(np.maximum(fourth, 0.0) / trials)
     ones = np.ones(outputs)
     return Estimates(
         mean=mean,
@@ -254,7 +246,7 @@ def single_block_estimates(
         low=ordered[:, r - 1],
         high=ordered[:, r + q - 1],
         se_mean=u / math.sqrt(trials),
-        se_u=_u_error(centred, variance, u),
+        se_u=np.divide(of_variance, 2.0 * u, out=np.zeros(outputs), where=u != 0.0),
         se_low=_end_error(ordered, r, probability),
         se_high=_end_error(ordered, r + q, probability),
         shortest_low=ordered[each, best],
@@ -277,15 +269,6 @@ def symmetric_rank(trials: int, q: int) -> int:
     return max(1, (trials - q + 1) // 2)
 
 
-def _u_error(centred: FloatArray, variance: FloatArray, u: FloatArray) -> FloatArray:
-    outputs, trials = centred.shape
-    fourth = np.mean(centred**4, axis=1)
-    spread = np.maximum(fourth - variance**2 * (trials - 3) / (trials - 1), 0.0)
-    found = np.zeros(outputs)
-    np.divide(np.sqrt(spread / trials), 2.0 * u, out=found, where=u != 0.0)
-    return found
-
-
 def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray:
     trials = ordered.shape[1]
     a = 0.5 * (1.0 - probability)
@@ -293,39 +276,26 @@ def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray
     below = max(1, math.floor(rank - REACH * deviation))
     above = min(trials, math.ceil(rank + REACH * deviation))
     end = ordered[:, rank - 1]
-    sides = [
-        (ordered[:, above - 1] - end) / max(above - rank, 1),
-        (end - ordered[:, below - 1]) / max(rank - below, 1),
-    ]
-    return np.asarray(np.sqrt(np.mean(np.square(sides), axis=0)) * deviation)
+    higher = (ordered[:, above - 1] - end) / max(above - rank, 1)
+    lower = (end - ordered[:, below - 1]) / max(rank - below, 1)
+    return np.sqrt((higher**2 + lower**2) / 2) * deviation
 
 
 def with_atoms(estimates: Estimates, samples: FloatArray, probability: float) -> Estimates:
     """The estimates with the interval ends of discrete outputs from the samples (outputs, kept).
 
-    Block averages of ordered values are quantiles of continuous distributions only: of a chance
-    of 0.977 they would give a lower end between 0 and 1, which no trial has. The ends of a
-    discrete distribution are values of it, the smallest v with F(v) >= (1 - p)/2 and
-    F(v) >= (1 + p)/2 (JCGM 101:2008, 7.7.1, for a G that has jumps); the shortest interval is
-    that of least width with a share of p or more. They have no standard error: an end is one
-    value or another.
+    The ends of a discrete distribution are values of it, the smallest v with F(v) >= (1 - p)/2 and
+    F(v) >= (1 + p)/2 (JCGM 101:2008, 7.7.1, for a G that has jumps), where block averages lie
+    between two; the shortest interval is that of least width with a share of p or more. They have
+    no standard error: an end is one value or another.
     """
-    ends = {
-        i: _ends(column, probability)
-        for i, column in enumerate(samples)
-        if len(column) >= HEAD and _is_discrete(column)
-    }
-    if not ends:
-        return estimates
-    names = ("low", "high", "shortest_low", "shortest_high")
-    columns = {name: getattr(estimates, name).copy() for name in names}
-    errors = {name: getattr(estimates, name).copy() for name in ("se_low", "se_high")}
-    for i, own in ends.items():
-        for name, value in zip(names, own, strict=True):
-            columns[name][i] = value
-        for error in errors.values():
-            error[i] = 0.0
-    return replace(estimates, **columns, **errors)
+    names = ("low", "high", "shortest_low", "shortest_high", "se_low", "se_high")
+    changed = {name: getattr(estimates, name).copy() for name in names}
+    for i, column in enumerate(samples):
+        if len(column) >= HEAD and _is_discrete(column):
+            for name, value in zip(names, (*_ends(column, probability), 0.0, 0.0), strict=True):
+                changed[name][i] = value
+    return replace(estimates, **changed)
 
 
 def _is_discrete(column: FloatArray) -> bool:

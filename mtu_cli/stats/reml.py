@@ -19,10 +19,8 @@ HALVINGS = 52
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Levels:
-    """All that the likelihood needs: parts of equal repeats n (levels,) taken together.
-
-    `count` parts, their `mean` and their sum of `squares` about it, (tables, levels); `within`
-    and `N` (tables,).
+    """Parts of equal repeats n (levels,) taken together: `count` of them, their `mean` and sum of
+    `squares` about it, (tables, levels); `within` and `N` (tables,).
     """
 
     n: FloatArray
@@ -73,14 +71,8 @@ def _levels(cells: Cells) -> _Levels:
         mean[:, k] = np.where(own, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
         away = np.where(own, cells.mean - mean[:, k, None], 0.0)
         squares[:, k] = np.einsum("ij,ij->i", away, away)
-    return _Levels(
-        n=found,
-        count=count,
-        mean=mean,
-        squares=squares,
-        within=cells.within,
-        N=cells.n.sum(axis=1),
-    )
+    N, within = cells.n.sum(axis=1), cells.within
+    return _Levels(n=found, count=count, mean=mean, squares=squares, within=within, N=N)
 
 
 def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -114,8 +106,7 @@ def _slope(levels: _Levels, r: FloatArray) -> FloatArray:
     w, squares, Q = _fit(levels, r)
     total = (levels.count * w).sum(axis=-1)
     change = (w**2 * squares).sum(axis=-1) / np.where(Q > 0, Q, 1.0)
-    slope: FloatArray = total - (levels.count * w**2).sum(axis=-1) / total - (levels.N - 1) * change
-    return slope
+    return total - (levels.count * w**2).sum(axis=-1) / total - (levels.N - 1) * change
 
 
 def _stationary(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArray:
@@ -144,5 +135,4 @@ def _variance_of_means(levels: _Levels, repeat: FloatArray) -> FloatArray:
     mean = (levels.count * levels.mean).sum(axis=1) / a
     squares = levels.squares + levels.count * (levels.mean - mean[:, None]) ** 2
     lost = repeat * (levels.count / levels.n).sum(axis=1) / a
-    variance: FloatArray = squares.sum(axis=1) / np.maximum(a - 1, 1) - lost
-    return variance
+    return squares.sum(axis=1) / np.maximum(a - 1, 1) - lost

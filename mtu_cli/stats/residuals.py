@@ -77,8 +77,7 @@ def variance_inflation(columns: FloatArray) -> FloatArray:
     tiny = singular <= DEPENDENT * singular[0]
     found = ((Vt[~tiny].T / singular[~tiny]) ** 2).sum(axis=1)
     dependent = (Vt[tiny] ** 2).sum(axis=0) > DEPENDENT
-    result: FloatArray = np.where(dependent, np.inf, found)
-    return result
+    return np.where(dependent, np.inf, found)
 
 
 def _of_unit_columns(columns: FloatArray) -> tuple[FloatArray, FloatArray]:

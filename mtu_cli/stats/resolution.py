@@ -4,7 +4,7 @@ Of readings rounded to a step the variance of one by rounding is r = step^2/12 (
 F.2.2.1). Where their s is below step/2, repeats are rounded alike: r is then added once to the
 variance of each mean, not divided by the number n of its readings, so that the s^2 of an analysis
 of n readings a place is s^2 + n r. Elsewhere the readings differ by whole steps, and s holds r
-already. All of the house takes r from here: no outlier, F, u or reversal is made of rounding.
+already.
 """
 
 from __future__ import annotations

@@ -28,8 +28,7 @@ class RidgePath:
     def unit_covariance(self, index: int) -> FloatArray:
         """(X'X + P)^-1 X'X (X'X + P)^-1 (k, k): of b for errors of variance 1, given P."""
         root = self.directions * self.gains[index]
-        found: FloatArray = root @ root.T
-        return found
+        return root @ root.T
 
 
 def ridge(

@@ -15,9 +15,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.outliers import deviation_limit, deviation_p
 from mtu_cli.stats.resolution import hidden
 
@@ -56,7 +55,7 @@ class Outstanding:
 
 def outstanding_rows(
     table: FloatArray,
-    groups: NDArray[np.int64],
+    groups: IntArray,
     seed: int,
     rate: float = RATE,
     rounding: FloatArray | float = 0.0,
@@ -186,8 +185,7 @@ def _filled(d: FloatArray) -> FloatArray:
     stretched to the variance of the others.
     """
     squares = np.einsum("ij,ij->j", d, d)
-    stretched: FloatArray = d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
-    return stretched
+    return d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
 
 
 def _and_all(indicator: FloatArray) -> FloatArray:
@@ -214,31 +212,23 @@ def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
         threads = min(MOST_THREADS, os.cpu_count() or 1)
 
         def flip(n: int) -> FloatArray:
-            turned: FloatArray = idct(
+            return idct(
                 core * rng.choice(signs, (n, rows, 1)), axis=1, norm="ortho", overwrite_x=True,
                 workers=threads,
             )  # fmt: skip
-            return turned
 
         return flip
-    basis = _complement_of_ones(rows)
+    # Orthonormal columns of what is orthogonal to ones.
+    basis = np.linalg.qr(np.column_stack([np.ones(rows), np.eye(rows)[:, : rows - 1]]))[0][:, 1:]
     inner = basis.T @ d
 
     def rotate(n: int) -> FloatArray:
         Q, R = np.linalg.qr(rng.standard_normal((n, rows - 1, rows - 1)))
         # Uniform only with the signs of R's diagonal (Mezzadri, Notices AMS 54 (2007) 592).
         signs = np.sign(np.diagonal(R, axis1=1, axis2=2))[:, None, :]
-        turned: FloatArray = basis @ ((Q * signs) @ inner)
-        return turned
+        return basis @ ((Q * signs) @ inner)
 
     return rotate
-
-
-def _complement_of_ones(rows: int) -> FloatArray:
-    """Orthonormal basis (rows, rows - 1) of what is orthogonal to a column of ones."""
-    start = np.column_stack([np.ones(rows), np.eye(rows)[:, : rows - 1]])
-    basis: FloatArray = np.linalg.qr(start)[0][:, 1:]
-    return basis
 
 
 def _tail(values: FloatArray, null: FloatArray, rounding: float = 1e-12) -> FloatArray:
@@ -246,12 +236,10 @@ def _tail(values: FloatArray, null: FloatArray, rounding: float = 1e-12) -> Floa
     ordered = np.sort(null)
     # Equal up to rounding counts as equal, so that a table is never rarer than itself.
     below = np.searchsorted(ordered, values - rounding * (1 + np.abs(values)), side="left")
-    tail: FloatArray = (1 + len(null) - below) / (1 + len(null))
-    return tail
+    return (1 + len(null) - below) / (1 + len(null))
 
 
 def _lower_tail(values: FloatArray, null: FloatArray) -> FloatArray:
     """(1 + number of null values at most as large)/(1 + their count), for every value."""
     at_most = np.searchsorted(np.sort(null), values * (1 + 1e-12), side="right")
-    tail: FloatArray = (1 + at_most) / (1 + len(null))
-    return tail
+    return (1 + at_most) / (1 + len(null))

@@ -193,8 +193,7 @@ def _unattenuated(
     root = cholesky(M, lower=True)
     share, W = np.linalg.eigh(root.T @ N @ root)
     gain = 1 / (1 - np.clip(share, 0.0, MOST_NOISE))
-    found: FloatArray = root @ (W * gain) @ W.T @ np.linalg.inv(root)
-    return found
+    return root @ (W * gain) @ W.T @ np.linalg.inv(root)
 
 
 def _fitted(white: _Whitened, nu: int) -> tuple[float, FloatArray, FloatArray, FloatArray]:

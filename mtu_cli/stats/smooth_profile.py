@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.stats.kernels import smooth_root, weights
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray, lines_by_pass
+from mtu_cli.stats.least_squares import FloatArray, IntArray
+from mtu_cli.stats.mixed_model import lines_by_pass
 
 FEWEST_TARGETS = 4
 """Two bends are left beside a line."""
@@ -56,8 +56,7 @@ class SmoothProfile:
 
     def bend_at(self, position: FloatArray) -> FloatArray:
         """The bend (n,) at any positions."""
-        found: FloatArray = weights(self.knots, position) @ self.bend
-        return found
+        return weights(self.knots, position) @ self.bend
 
 
 def smooth_profile(

@@ -23,18 +23,16 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     Forward-backward selection by the partial F of each column (Draper & Smith, Applied
     Regression Analysis, 1998, ch. 15): the best one enters at p < `enter`, any whose p rises
     above `remove` leaves again. Residuals of one warm-up follow each other, so that n counts
-    with the effective number of independent ones, n (1 - r)/(1 + r), r the autocorrelation of
-    the residuals on all columns (Bayley & Hammersley 1946, J. R. Stat. Soc. Suppl. 8,
-    184-197): those on few columns hold the drift itself and would let nothing enter.
+    with the effective number of independent ones (`effective_number`), by the autocorrelation of
+    the residuals on all columns: those on few columns hold the drift itself and would let nothing
+    enter.
     """
     # Steps cost less by a factor of no more rows than columns.
     rows = replace(rows, factor=shortened(rows.factor))
     chosen: list[int] = []
     everything = range(1, rows.factor.shape[1] - 1)
-    number = effective_number(
-        rows.n, residual_autocorrelation(rows, fitted_weights(rows, everything))
-    )
-    seen: set[frozenset[int]] = set()
+    memory = autocorrelation([(rows, fitted_weights(rows, everything))])
+    number, seen = effective_number(rows.n, memory), set[frozenset[int]]()
     # A set of columns that was there before would come back for ever.
     while frozenset(chosen) not in seen:
         seen.add(frozenset(chosen))
@@ -47,11 +45,6 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     return tuple(sorted(chosen))
 
 
-def residual_autocorrelation(rows: Compressed, weights: FloatArray) -> float:
-    """Lag-1 autocorrelation of the residuals Z w, w (k,); 0 where they are rounding alone."""
-    return autocorrelation([(rows, weights)])
-
-
 def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
     """w (k,) such that Z w are the residuals of the target on constant and chosen columns."""
     used = [0, *chosen]
@@ -62,41 +55,32 @@ def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
     return weights
 
 
-def _factor(rows: Compressed, chosen: Sequence[int], others: Sequence[int]) -> FloatArray:
-    """R of constant, chosen, others, target: what the chosen leave of the rest is below them."""
-    return triangle(rows.factor[:, [0, *chosen, *others, -1]])
-
-
 def _best_entry(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
     others = [j for j in range(1, rows.factor.shape[1] - 1) if j not in chosen]
     if not others:
         return None
     p = len(chosen) + 1
-    R = _factor(rows, chosen, others)
+    # R of constant, chosen, others, target: what the chosen leave of the rest is below them.
+    R = triangle(rows.factor[:, [0, *chosen, *others, -1]])
     left, residual = R[p:, p:-1], R[p:, -1]
     squares = np.sum(left**2, axis=0)
     usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
     gain = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
     best = int(np.argmax(gain))
-    dof = number - len(chosen) - 2
-    chance = _partial_p(rows, dof, float(gain[best]), float(residual @ residual))
+    chance = _partial_p(rows, number - p - 1, float(gain[best]), float(residual @ residual))
     return others[best] if chance < limit else None
 
 
 def _worst(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
+    """That of the chosen whose loss b_j^2/C_jj is least, where it is not significant."""
     if len(chosen) < 2:
         return None
-    loss, rss = _losses(rows, chosen)
-    least = int(np.argmin(loss))
-    dof = number - len(chosen) - 1
-    p = _partial_p(rows, dof, float(loss[least]), rss + float(loss[least]))
-    return chosen[least] if p > limit else None
-
-
-def _losses(rows: Compressed, chosen: Sequence[int]) -> tuple[FloatArray, float]:
-    """What leaving out each of the chosen adds to the sum of squares, b_j^2/C_jj, and that sum."""
     fit = least_squares(rows.factor[:, [0, *chosen]], rows.factor[:, -1])
-    return fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:], fit.rss
+    loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+    least = int(np.argmin(loss))
+    gain = float(loss[least])
+    p = _partial_p(rows, number - len(chosen) - 1, gain, fit.rss + gain)
+    return chosen[least] if p > limit else None
 
 
 def _partial_p(rows: Compressed, dof: float, gain: float, before: float) -> float:

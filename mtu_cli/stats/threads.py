@@ -23,10 +23,7 @@ def available_threads() -> int:
 
 def one_blas_thread() -> AbstractContextManager[Any]:
     """A context in which BLAS and LAPACK work with a single thread."""
-    limits: AbstractContextManager[Any] = _libraries("scipy.linalg" in sys.modules).limit(
-        limits=1, user_api="blas"
-    )
-    return limits
+    return _libraries("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
 
 
 @cache

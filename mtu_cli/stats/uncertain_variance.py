@@ -5,8 +5,7 @@ chi-squared of nu: the t distribution of JCGM 101:2008, 6.4.9, is a normal one o
 A sum sum_k c_k MS_k of independent ones is distributed as sum_k c_k MS_k nu_k/W_k, of which
 the tails of t (Behrens and Fisher's) and F follow. With one mean square these are Student's
 and Fisher's own; with several they do not reject too often, where Welch and Satterthwaite's
-effective degrees of freedom do: a mean square of two degrees of freedom is often so small that
-it leaves no trace in them.
+effective degrees of freedom do.
 """
 
 from __future__ import annotations
@@ -99,7 +98,7 @@ def _positive(squares: FloatArray) -> FloatArray:
     total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
     whole = positive.sum(axis=0)
     share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
-    return np.asarray(positive * share)
+    return positive * share
 
 
 def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -125,7 +124,7 @@ def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _normal_nodes() -> tuple[FloatArray, FloatArray]:
     z = np.linspace(-REACH, REACH, NODES)
     density = np.exp(-(z**2) / 2)
-    return _kept(z), _kept(density / density.sum())
+    return z, density / density.sum()
 
 
 @cache
@@ -134,19 +133,13 @@ def _edges() -> FloatArray:
     from scipy.special import ndtr
 
     step = 2 * REACH / (NODES - 1)
-    return _kept(ndtr(np.linspace(-REACH, REACH - step, NODES - 1) + step / 2))
+    return ndtr(np.linspace(-REACH, REACH - step, NODES - 1) + step / 2)
 
 
 @lru_cache(256)
 def _of_dof(nu: float) -> FloatArray:
     """nu/W (1, nodes) at the normal nodes: most of the time of a sum where it is made anew."""
-    return _kept(_inverse_chi_squared(_normal_nodes()[0], np.full(1, nu)))
-
-
-def _kept(values: FloatArray) -> FloatArray:
-    """Read again by others, and written by none of them."""
-    values.flags.writeable = False
-    return values
+    return _inverse_chi_squared(_normal_nodes()[0], np.full(1, nu))
 
 
 def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
@@ -163,7 +156,7 @@ def _pooled(c: FloatArray, dof: FloatArray, z: FloatArray) -> FloatArray:
     """Mean squares of many degrees of freedom as one (JCGM 100, G.4.1), (m, nodes)."""
     total = c.sum(axis=0)
     nu = effective_dof(total, c, dof)
-    return np.asarray(total[:, None] * _inverse_chi_squared(z, nu))
+    return total[:, None] * _inverse_chi_squared(z, nu)
 
 
 def _sum(
@@ -251,4 +244,4 @@ def _saddlepoint(share: FloatArray, target: FloatArray) -> FloatArray:
         value = (share / (1.0 + (np.exp(middle)[:, None] - 1.0) * share)).sum(axis=1)
         more = value > target
         low, high = np.where(more, middle, low), np.where(more, high, middle)
-    return np.asarray(np.exp((low + high) / 2))
+    return np.exp((low + high) / 2)

@@ -6,9 +6,8 @@ import math
 import threading
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
 
 
 class Workspace(threading.local):
@@ -18,12 +17,6 @@ class Workspace(threading.local):
     holds one `Workspace`, asks for its arrays by name in every call of `draw`, fills them
     with ``out=`` and may return them: the engine is done with a block's arrays before it
     draws the next block in the same thread.
-
-    ::
-
-        z = self.work.array("z", (inputs, m))
-        rng.standard_normal(out=z)
-        x = np.matmul(self.factor, z, out=self.work.array("x", (inputs, m)))
     """
 
     def __init__(self) -> None:

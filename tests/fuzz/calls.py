@@ -180,6 +180,8 @@ PATTERNS: list[Pattern] = [
     Pattern(words="fit-components", share=8, files=FLAT, options=("--fail-if drift", *COVERAGE)),
     Pattern(words="fit-components -m machine.yaml --laser laser.csv", share=5,
             files=RING_MACHINE | LASER, options=COVERAGE),
+    Pattern(words="iso230 --laser laser.csv", share=3, files=LASER,
+            options=("--limit A=5", "--limit x", "--standard vdi3441", "--fail-if nonconforming")),
     Pattern(words="lengths", share=4, files=FLAT, options=(*COVERAGE, *SEEDS)),
     Pattern(words="compare --trials 2000", share=3, files=FLAT, options=(*DATUM, *SEEDS)),
     Pattern(words="anova -p part.yaml --cmm cmm.csv", share=8, files=PART | POINTS,

@@ -21,7 +21,7 @@ import pytest
 from scipy.special import chdtrc
 from test_strd_linear import LONGLEY, REFERENCES, agreeing_digits
 
-from mtu_cli.stats.compressed import compress, together
+from mtu_cli.stats.compressed import autocorrelation, compress, together
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.residuals import (
     _of_kurtosis,
@@ -30,7 +30,7 @@ from mtu_cli.stats.residuals import (
     variance_inflation,
 )
 from mtu_cli.stats.ridge import ridge
-from mtu_cli.stats.stepwise import residual_autocorrelation, stepwise
+from mtu_cli.stats.stepwise import stepwise
 
 HALD = np.array(
     [
@@ -138,7 +138,7 @@ def test_hald_residuals_do_not_follow_each_other() -> None:
     rows = compress(np.column_stack([np.ones(13), HALD]))
     fit = least_squares(np.column_stack([np.ones(13), HALD[:, :4]]), HALD[:, 4])
     assert fit.coefficients == pytest.approx([62.41, 1.551, 0.510, 0.102, -0.144], abs=0.0051)
-    assert residual_autocorrelation(rows, np.append(-fit.coefficients, 1.0)) < 0
+    assert autocorrelation([(rows, np.append(-fit.coefficients, 1.0))]) < 0
     assert stepwise(rows, 0.15, 0.15) == (1, 2)
 
 

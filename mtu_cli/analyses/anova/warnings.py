@@ -12,7 +12,7 @@ from mtu_cli.analyses.anova.tables import Analysed, Label, Method
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import BELOW_THREE, FEW_DOF
 from mtu_cli.model.measured import MeasuredTables
-from mtu_cli.stats.anova import BoolArray
+from mtu_cli.stats.least_squares import BoolArray
 
 KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
 

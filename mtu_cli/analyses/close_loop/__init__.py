@@ -199,7 +199,7 @@ def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Sco
 
 def _judged(found: Diagnosis, tables: int, smallest: Mapping[str, float]) -> tuple[Judged, ...]:
     models, table = found.models, found.posed.table
-    p = models.gate(()).p
+    p = models.gate(()).p | dict(found.scatter)
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
         shares = np.exp(total - total.max(initial=0.0))

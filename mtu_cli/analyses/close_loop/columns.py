@@ -111,7 +111,12 @@ class Columns:
             first += len(units)
         for s in np.flatnonzero(self._used > before):
             old, new = before[s], self._used[s]
-            cross = self._values[s][old:new] @ self._values[s][:new].T
+            every = self._values[s][:new]
+            if 2 * old < new:
+                # Of an array with itself only half is calculated.
+                self._G[s] = every @ every.T
+                continue
+            cross = every[old:] @ every.T
             G = self._G[s] = _roomy(self._G[s], (new, new))
             G[old:new, :new], G[:new, old:new] = cross, cross.T
         self._new = []

@@ -12,9 +12,9 @@ from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
 from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Size
 from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
-from mtu_cli.analyses.close_loop.gate import lever_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
+from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.result import (
     FoundEffect,
     Parameter,

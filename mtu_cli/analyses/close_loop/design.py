@@ -22,6 +22,8 @@ from mtu_cli.analyses.close_loop.strata import (
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
+BLOCK = 64
+"""Members whose angles to all others are calculated at once."""
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
 FINE = 8
@@ -53,7 +55,8 @@ class Member:
 
     `own` and `low` are indices of columns, of the effect's parameters and of its margins. Of each
     parameter, its own and then the margins', `indices` is the column (-1: nothing of it is left)
-    and `factors` what its lever is of the unit column. `prior` is its share of the candidate's.
+    and `factors` what its lever is of the unit column, `means` (k, A) its lever's over the table.
+    `prior` is its share of the candidate's.
     """
 
     candidate: int
@@ -63,6 +66,7 @@ class Member:
     own: tuple[int, ...]
     factors: tuple[float, ...]
     indices: tuple[int, ...]
+    means: FloatArray = field(compare=False)
     low: tuple[int, ...]
     prior: float
     around: tuple[float, ...] = ()
@@ -258,6 +262,7 @@ def made(design: Design, c: int, item: Placed, prior: float) -> Member:
         own=tuple(own),
         factors=tuple(factors.tolist()),
         indices=tuple(indices.tolist()),
+        means=item.means,
         low=tuple(low),
         prior=prior,
         around=item.around,
@@ -351,26 +356,25 @@ def _distinct(placed: list[Placed]) -> list[Placed]:
     kept: list[int] = []
     for width in sorted({len(item.basis) for item in placed}):
         alike = [i for i, item in enumerate(placed) if len(item.basis) == width]
-        first: list[int] = []
         bases = np.zeros((len(alike), width, len(used)))
-        for i in alike:
-            item, n = placed[i], len(first)
-            basis = np.zeros((width, len(used)))
-            basis[:, np.searchsorted(used, item.at)] = item.basis
+        for basis, i in zip(bases, alike, strict=True):
+            basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
+        rows = bases.reshape(len(alike) * width, len(used))
+        single = np.ones(len(alike), bool)
+        for n, i in enumerate(alike):
+            if n % BLOCK == 0:
+                block = rows @ rows[n * width : (n + BLOCK) * width].T
+                block = block.reshape(len(alike), width, -1, width)
+            item, products = placed[i], block[:n, :, n % BLOCK]
             least = STEP_RAD / 2 if item.around else SAME_RAD
-            products = bases[:n].reshape(n * width, len(used)) @ basis.T
-            products = products.reshape(n, width, width)
             # The least cosine of all is at most their root mean square.
-            near = np.einsum("gkl,gkl->g", products, products) > width * np.cos(least) ** 2
-            angles = np.full(n, np.pi)
-            angles[near] = _angles(products[near])
-            if near.any() and angles.min() < least:
-                if item.value is not None:
-                    placed[first[int(np.argmin(angles))]].alike.append(item.value)
-                continue
-            bases[n] = basis
-            first.append(i)
-        kept += first
+            squares = np.einsum("gkl,gkl->g", products, products)
+            near = np.flatnonzero(single[:n] & (squares > width * np.cos(least) ** 2))
+            angles = _angles(products[near])
+            single[n] = not len(near) or angles.min() >= least
+            if not single[n] and item.value is not None:
+                placed[alike[near[int(np.argmin(angles))]]].alike.append(item.value)
+        kept += [i for i, alone in zip(alike, single, strict=True) if alone]
     return [placed[i] for i in sorted(kept)]
 
 

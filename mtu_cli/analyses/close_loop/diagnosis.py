@@ -82,12 +82,19 @@ def diagnosed(
     if hit.any():
         errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
         table = replace(table, errors=errors)
-    problem = posed(table, candidates)
-    likelihood = problem.likelihood()
-    gate = Gate(likelihood, np.random.default_rng(seed))
-    models = ModelSet(likelihood, gate, alpha=alpha, most=most)
-    model, entries = models.entries(without_aliases(models, models.search()))
-    scatter = models.scatter(model)
+    moving: list[tuple[str, float]] = []
+    while True:
+        problem = posed(table, candidates, tuple(name for name, _ in moving))
+        likelihood = problem.likelihood()
+        gate = Gate(likelihood, np.random.default_rng(seed))
+        models = ModelSet(likelihood, gate, alpha=alpha, most=most)
+        model, entries = models.entries(without_aliases(models, models.search()))
+        scatter = moving + models.scatter(model, [name for name, _ in moving])
+        # What moves whole parts at random is no repeat of their features: all is sought anew.
+        of_parts = [item for item in scatter if item[0] in OF_PARTS]
+        if len(of_parts) == len(moving):
+            break
+        moving = of_parts
     p = gate(models.columns(model), tuple(name for name, _ in scatter)).p
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))

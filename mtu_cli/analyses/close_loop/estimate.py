@@ -270,6 +270,9 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     closure = models.columns((*(best for best, _, _ in found), *smooth))
     columns: Columns = tuple(dict.fromkeys((*closure, *tangents)))
     fit = like.fit(columns)
+    A = len(design.table.axes)
+    # Columns alike but for their mean are one: that of the effect counts.
+    means = design.columns.means[np.array(fit.columns, int)].reshape(len(fit.beta), A).copy()
     rows: list[FloatArray] = []
     effects = []
     used: set[int] = set()
@@ -278,12 +281,14 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
         first = len(rows)
         sizes = []
         names = _parameters(member)
-        for (name, unit, role), index, factor in zip(
-            names, member.indices, member.factors, strict=True
+        for (name, unit, role), index, factor, mean in zip(
+            names, member.indices, member.factors, member.means, strict=True
         ):
             row = np.zeros(len(fit.beta))
             if index >= 0 and index not in used:
-                row[fit.columns.index(index)] = 1 / factor
+                at = fit.columns.index(index)
+                row[at] = 1 / factor
+                means[at] = mean / factor
                 used.add(index)
             sizes.append((name, unit, role))
             rows.append(row)
@@ -296,8 +301,6 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
             sizes.append((name, member.form.bound.change_unit(), "searched"))
         effects.append((member, first, sizes, searched, tangent))
     J = np.array(rows).reshape(len(rows), len(fit.beta))
-    A = len(design.table.axes)
-    means = design.columns.means[np.array(fit.columns, int)].reshape(len(fit.beta), A)
     whole = np.concatenate([J, -means.T])
     covariance = whole @ fit.covariance @ whole.T
     values = whole @ fit.beta

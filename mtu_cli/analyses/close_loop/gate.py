@@ -15,6 +15,7 @@ from scipy.special import gammaincc, log_ndtr, stdtr
 from mtu_cli.analyses.close_loop.design import Design, Kernel
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray
+from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -383,23 +384,6 @@ class Gate:
             names.append(name)
             found.append(total)
         return _calibrated(found, len(Y)), names
-
-
-def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
-    """The unit pattern (H, A) of a small turn or growth of a whole part."""
-    own = ["xyz".index(axis) for axis in axes if axis in "xyz"]
-    if len(own) < len(axes):
-        return None
-    q = places[:, own] - places[:, own].mean(axis=0)
-    if "rotation" in name:
-        if not {"x", "y"} <= set(axes):
-            return None
-        found = np.zeros_like(q)
-        i, j = axes.index("x"), axes.index("y")
-        found[:, i], found[:, j] = -q[:, j], q[:, i]
-        q = found
-    size = np.linalg.norm(q)
-    return q / size if size > 0 else None
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:

@@ -7,6 +7,7 @@ the models that were met (Occam's window, Madigan & Raftery 1994).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -308,12 +309,14 @@ class ModelSet:
             for rest in combinations(model, n)
         )
 
-    def scatter(self, model: Model) -> list[tuple[str, float]]:
-        """Scatter effects that pass beside a model, one after another, with their p."""
+    def scatter(self, model: Model, known: Sequence[str]) -> list[tuple[str, float]]:
+        """Scatter effects that pass beside a model and those `known`, one after another, with
+        their p.
+        """
         found: list[tuple[str, float]] = []
         while True:
-            p = self.gate(self.columns(model), tuple(name for name, _ in found)).p
-            names = [name for name, _ in found]
+            names = [*known, *(name for name, _ in found)]
+            p = self.gate(self.columns(model), tuple(names)).p
             hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
             if not hits:
                 return found

@@ -22,6 +22,8 @@ from mtu_cli.stats.least_squares import FloatArray
 NOTABLE = 0.05
 """Share of the level's predicted variance from which a line's scatter is a stratum of its own."""
 FEWEST_FOR_BENDS = 3
+SAME = 1e-6
+"""Of a direction; less is left of none but rounding."""
 VOID = 1e-6
 """Share of a stratum's coordinates below which nothing of it is left."""
 
@@ -36,6 +38,8 @@ class Posed:
     scale: float
     steps: FloatArray
     """Resolution (A,) in units of the scale."""
+    scatter: tuple[str, ...] = ()
+    """Motions of whole parts that scatter: lines of their own, the last of each axis."""
 
     @property
     def strata(self) -> Strata:
@@ -116,6 +120,9 @@ class Posed:
                 continue
             a = strata.axis[s]
             line = 0 if kind == PART else line + 1
+            every = sum(strata.axis[other] == a for other in strata.of(LINE))
+            if line > every - len(self.scatter):
+                continue
             direction = strata.of_features[a][:, line]
             size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
             if size <= 0:
@@ -125,8 +132,12 @@ class Posed:
         return squares, dof
 
 
-def posed(table: ResidualTable, candidates: Sequence[Candidate]) -> Posed:
-    """The strata and columns of a table and its candidates."""
+def posed(
+    table: ResidualTable, candidates: Sequence[Candidate], scatter: tuple[str, ...] = ()
+) -> Posed:
+    """The strata and columns of a table and its candidates, beside motions of whole parts that
+    `scatter`.
+    """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
     errors = np.stack(
@@ -135,9 +146,16 @@ def posed(table: ResidualTable, candidates: Sequence[Candidate]) -> Posed:
     steps = np.zeros(errors.shape[2])
     steps[: len(table.resolution)] = table.resolution
     scale = _scale(errors, steps, gaps.lines)
-    strata = _strata(table, errors / scale)
+    strata = _strata(table, errors / scale, scatter)
     design = design_of(table, strata, candidates, scale, gaps)
-    found = Posed(table=table, design=design, missing=gaps, scale=scale, steps=steps / scale)
+    found = Posed(
+        table=table,
+        design=design,
+        missing=gaps,
+        scale=scale,
+        steps=steps / scale,
+        scatter=scatter,
+    )
     n = found._dof()
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     return found
@@ -167,10 +185,14 @@ def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
     return 1.0
 
 
-def _strata(table: ResidualTable, errors: FloatArray) -> Strata:
+def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
     P, H, A = errors.shape
     readings = table.component is not None
     lines, scatter = _lines(table, readings)
+    for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
+        if lever is not None:
+            lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
+            scatter = True
     rough = None
     bends = 0.0
     if readings and table.component is not None:
@@ -216,6 +238,31 @@ def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool
         kept = s**2 > NOTABLE * max(whole, 1e-300) if size > 0 else np.zeros(len(s), bool)
         found.append(U[:, kept][:, :2])
     return found, any(item.shape[1] for item in found)
+
+
+def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:
+    """Orthonormal lines (H, k) with one more of features, beside their level."""
+    rest = direction - direction.mean()
+    rest = rest - lines @ (lines.T @ rest)
+    size = float(np.linalg.norm(rest))
+    return np.column_stack([lines, rest / size]) if size > SAME else lines
+
+
+def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
+    """The unit pattern (H, A) of a small turn or growth of a whole part."""
+    own = ["xyz".index(axis) for axis in axes if axis in "xyz"]
+    if len(own) < len(axes):
+        return None
+    q = places[:, own] - places[:, own].mean(axis=0)
+    if "rotation" in name:
+        if not {"x", "y"} <= set(axes):
+            return None
+        found = np.zeros_like(q)
+        i, j = axes.index("x"), axes.index("y")
+        found[:, i], found[:, j] = -q[:, j], q[:, i]
+        q = found
+    size = np.linalg.norm(q)
+    return q / size if size > 0 else None
 
 
 def _reading_lines(table: ResidualTable) -> FloatArray:

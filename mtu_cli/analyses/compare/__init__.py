@@ -52,8 +52,7 @@ from mtu_cli.model.visits import (
     projector,
     visits_of,
 )
-from mtu_cli.stats.anova import BoolArray
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 
 __all__ = ["CompareResult", "Compared", "Summary", "Verdict", "compare", "judged"]
 

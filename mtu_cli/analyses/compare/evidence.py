@@ -14,9 +14,9 @@ from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.variance import MeanSquares, Variance
 from mtu_cli.model.visits import IntArray
-from mtu_cli.stats.anova import BoolArray, OneWay, one_way
+from mtu_cli.stats.anova import OneWay, one_way
 from mtu_cli.stats.family import FAMILY_RATE, holm
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.reml import reml
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.uncertain_variance import (

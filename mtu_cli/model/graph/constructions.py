@@ -37,12 +37,12 @@ def norm(a: FloatArray) -> FloatArray:
 
 def unit(a: FloatArray) -> FloatArray:
     """a/|a|, (3, m)."""
-    return np.asarray(a / norm(a))
+    return a / norm(a)
 
 
 def across(a: FloatArray, direction: FloatArray) -> FloatArray:
     """The part of a across a unit vector: a - (a.d) d, (3, m)."""
-    return np.asarray(a - dot(a, direction) * direction)
+    return a - dot(a, direction) * direction
 
 
 def tangents(n: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -84,17 +84,13 @@ def three_planes(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     """p = p1 + ((n2.d2) n3 x n1 + (n3.d3) n1 x n2) / (n1.(n2 x n3)), d_i = p_i - p1."""
     point = dot(b[1], b[0] - a[0]) * cross(c[1], a[1])
     point += dot(c[1], c[0] - a[0]) * cross(a[1], b[1])
-    return np.asarray(point / dot(a[1], cross(b[1], c[1])) + a[0])
+    return point / dot(a[1], cross(b[1], c[1])) + a[0]
 
 
 def project(point: FloatArray, vector: FloatArray, plane: FloatArray) -> FloatArray:
     """Along the vector onto the plane: p + v (n.(p0 - p)) / (n.v)."""
     share = dot(plane[1], plane[0] - point) / dot(plane[1], vector)
-    return np.asarray(point + share * vector)
-
-
-def foot_on_line(point: FloatArray, line: FloatArray) -> FloatArray:
-    return np.asarray(line[0] + dot(line[1], point - line[0]) * line[1])
+    return point + share * vector
 
 
 def between_lines(first: FloatArray, second: FloatArray) -> FloatArray:

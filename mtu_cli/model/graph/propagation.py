@@ -60,8 +60,7 @@ class Noise:
     def factor(self) -> FloatArray:
         """The symmetric root F (c, c) of their sum: F F' = C."""
         values, vectors = np.linalg.eigh(sum(self.covariances.values()))
-        root: FloatArray = vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T
-        return root
+        return vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T
 
 
 def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:

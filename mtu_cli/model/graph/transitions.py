@@ -165,7 +165,7 @@ TRANSITIONS: dict[str, tuple[Use, ...]] = {
     "project": (Use("point, vector, plane", "point", make.project, guard=GLANCING),),
     "per_proj": (
         Use("point, plane", "point", lambda p, e: p - dot(e[1], p - e[0]) * e[1]),
-        Use("point, line", "point", make.foot_on_line),
+        Use("point, line", "point", lambda p, g: g[0] + dot(g[1], p - g[0]) * g[1]),
     ),
     "distance": (
         Use("point, point", "constant", lambda p, q: norm(q - p)),

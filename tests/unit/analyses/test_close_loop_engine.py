@@ -11,6 +11,7 @@ from effect_tables import FloatArray, shop_covariates, table
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma
 
+from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
@@ -150,3 +151,31 @@ def test_the_place_of_a_step_is_as_sure_as_the_step_is_high(jump_um: float, wide
     assert low <= 7.5 <= high
     assert high - low <= widest
     assert (high - low > 1) == (widest > 1)
+
+
+def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None:
+    """At two heights a bow is a tilt but for its mean, and missing cells shift the centre."""
+    own = noise(3)
+    z = np.tile([0.0, 25.0], H)[:H]
+    places, errors, repeats = own.places.copy(), own.errors.copy(), own.repeats.copy()
+    places[..., 2] = z
+    errors[..., 1] += -5 * NOISE_MM * (z - 12.5) / 12.5
+    gone = np.random.default_rng(3).random(repeats.shape) < 0.08
+    errors[gone], repeats[gone] = np.nan, 0
+    found = diagnosis(
+        replace(own, places=places, errors=errors, repeats=repeats), "abbe", "straightness"
+    )
+    (effect,) = described(found, estimated(found.models, found.model))
+    assert effect.name == "abbe-y"
+    (level,) = (p for p in effect.beside if p.role == "level")
+    assert abs(level.value) < 5 * level.u < 5 * NOISE_MM
+
+
+def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
+    own = noise(4)
+    turn = np.random.default_rng(4).normal(size=(P, 1))
+    x, y = (own.places[..., i] - own.places[..., i].mean() for i in (0, 1))
+    size = 4 * NOISE_MM / np.hypot(x, y).max()
+    own.errors[..., 0] -= size * turn * y
+    own.errors[..., 1] += size * turn * x
+    assert diagnosis(own).names == ["rotation-scatter"]

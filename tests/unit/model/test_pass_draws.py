@@ -150,14 +150,14 @@ def test_passes_drawn_much_as_predicted_are_not_told(correlation: float, seen: b
 
 
 def test_of_components_read_together_those_are_named_that_are_cut() -> None:
-    """b alone has less than nothing; or neither, and only the two together."""
+    """Whether b alone has less than nothing, or only the two together."""
     model, _ = together()
     (group,) = model.joint
     D = np.diag([1.0, 1.0, 1e-3])
     cut, both = D.copy(), D.copy()
     cut[0, 0] = -1.0
     both[0, 1] = both[1, 0] = 1.5
-    for own, named in ((cut, "zero (b): "), (both, "zero (b and a together): ")):
+    for own, named in ((cut, "zero (b, a): "), (both, "zero (b, a): ")):
         changed = replace(group, pass_covariance=own, covariance=0.1 * D)
         (warned,) = cut_warnings(replace(model, joint=(changed,)))
         assert named in warned.message

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mtu_cli.stats.anova import Cells, cells_of
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 PAPER = (5, 5, 5, 5, *[2] * 17)
 """Gilsinn & Ling 2004, section 4.1: repeats of the 21 parts, 54 in all."""

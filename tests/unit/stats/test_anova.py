@@ -8,8 +8,7 @@ import scipy.stats
 from anova_designs import PAPER, cells, drawn, simulated
 
 from mtu_cli.stats.anova import cells_of, moments, one_way, paper, part_interval
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 
 TABLES = 2000
 

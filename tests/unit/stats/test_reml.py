@@ -10,8 +10,7 @@ import pytest
 from anova_designs import PAPER, cells, drawn, simulated
 
 from mtu_cli.stats.anova import moments, one_way
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.mixed_model import IntArray
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.reml import reml
 
 DESIGNS = [PAPER, (3, 1, 2, 4, 1), (2, 2, 5, 1, 1, 3, 4), (6, 1, 1, 1, 1, 1)]

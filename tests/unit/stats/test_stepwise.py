@@ -10,11 +10,10 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from mtu_cli.stats.compressed import Compressed, compress, effective_number
+from mtu_cli.stats.compressed import Compressed, autocorrelation, compress, effective_number
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.stepwise import (
     fitted_weights,
-    residual_autocorrelation,
     stepwise,
 )
 
@@ -184,7 +183,7 @@ def test_residual_autocorrelation_by_a_plain_loop() -> None:
     assert Z @ w == pytest.approx(fit.residuals, abs=1e-9)
     e = fit.residuals
     plain = np.mean([e[i] * e[i + 1] for i in range(39)]) / np.mean(e**2)
-    assert residual_autocorrelation(compress(Z), w) == pytest.approx(plain, rel=1e-8)
+    assert autocorrelation([(compress(Z), w)]) == pytest.approx(plain, rel=1e-8)
 
 
 def ar1(rng: np.random.Generator, n: int, r: float) -> FloatArray:

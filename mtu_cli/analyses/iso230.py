@@ -1,0 +1,600 @@
+"""Positioning tests by ISO 230-2:2014 and VDI/DGQ 3441, and two uncertainties of every figure.
+
+Readings of one axis are an array (2, m, n): forward and reverse, target, run; nan where there is
+none, so that runs may be unequal. Means and deviations s of a target are (..., 2, m); every figure
+of these is an array (...).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mtu_cli.files.readings import Readings
+from mtu_cli.files.study import InstrumentBudget
+from mtu_cli.findings import Finding, error, finding, listed
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.outliers import medians, outlying
+from mtu_cli.stats.streams import stream
+from mtu_cli.units import LENGTH, UM, UNITS, dimension_name
+
+FIGURES = {
+    "A": "bidirectional accuracy of positioning",
+    "A_forward": "unidirectional accuracy of positioning, forward",
+    "A_reverse": "unidirectional accuracy of positioning, reverse",
+    "E": "bidirectional systematic positioning error",
+    "E_forward": "unidirectional systematic positioning error, forward",
+    "E_reverse": "unidirectional systematic positioning error, reverse",
+    "R": "bidirectional repeatability of positioning, the largest R of a target",
+    "R_forward": "unidirectional repeatability of positioning, forward",
+    "R_reverse": "unidirectional repeatability of positioning, reverse",
+    "M": "range of the mean bidirectional positioning error",
+    "B": "reversal error, the largest |B| of a target",
+    "B_mean": "mean reversal error, forward minus reverse",
+}
+VDI = {
+    "P": "positional uncertainty",
+    "Pa": "positional deviation, range of the means",
+    "Ps_max": "largest positional scatter 6 s",
+    "Ps_mean": "mean positional scatter 6 s",
+    "U_max": "largest reversal error",
+    "U_mean": "mean reversal error",
+}
+STANDARDS = ("iso230-2", "vdi3441")
+REFERENCE_DEGC = 20.0
+TRIALS, TOGETHER = 10_000, 500
+"""Trials of either uncertainty, which is then known to 0.7 %, and how many at a time."""
+LONG_MM, METRE, FEWEST = 2000.0, 1000.0, 5
+"""Axes up to the first have five targets a metre, five in all, and five runs each way."""
+CLAUSE, ROTARY_CLAUSE = "ISO 230-2:2014, 5.3.2", "ISO 230-2:2014, 5.3.4"
+LEAST_PHASE = 0.15
+"""Of a pitch: planned targets keep this distance from its multiples."""
+
+
+class Figure(NamedTuple):
+    """A figure in mm or rad; `u` by the instrument, `u_sampling` over repeated tests, nan where
+    unknown. `size` of the axis' unit.
+    """
+
+    value: float
+    u: float
+    u_sampling: float
+    size: float
+
+
+class Change(NamedTuple):
+    """A figure against that of an earlier test: they differ beyond `bound` = 2 sqrt(u1^2 + u2^2),
+    which is 2 sqrt(2) u_sampling of tests alike.
+    """
+
+    value: float
+    u_sampling: float
+    difference: float
+    bound: float
+    differs: bool | None
+    size: float
+
+
+class AtTarget(NamedTuple):
+    """What ISO 230-2 has of one target; B = mean forward - mean reverse."""
+
+    target: float
+    n_forward: int
+    n_reverse: int
+    mean_forward: float
+    mean_reverse: float
+    mean: float
+    B: float
+    s_forward: float
+    s_reverse: float
+    R_forward: float
+    R_reverse: float
+    R: float
+    size: float
+    rotary: bool
+
+
+class Decision(NamedTuple):
+    """A figure against its limit, by ISO 14253-1: conforming where value + U is within, not where
+    value - U is beyond, else neither is proven. `U` is nan where no budget is stated.
+    """
+
+    component: str
+    figure: str
+    limit: float
+    value: float
+    U: float
+    verdict: str
+    unit: str
+    size: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Test:
+    """What was read along one axis: `targets` (m,) in mm, of a `rotary` axis in deg; `readings`
+    (2, m, n) in mm or rad, of `unit`. `directed`: whether directions are stated; `stepped`: whether
+    every target was read to the end before the next; `rows` (2, m, n) of the `file`.
+    """
+
+    name: str
+    unit: str
+    rotary: bool
+    targets: FloatArray
+    readings: FloatArray
+    directed: bool = True
+    stepped: bool = False
+    rows: np.ndarray | None = None
+    file: str | None = None
+
+    @property
+    def size(self) -> float:
+        """Of the unit, in mm or rad."""
+        return UNITS[self.unit].to_internal
+
+    @property
+    def is_length(self) -> bool:
+        """Whether the readings are lengths."""
+        return UNITS[self.unit].dimension == LENGTH
+
+    @property
+    def travel(self) -> float:
+        """From the first to the last target, mm or deg."""
+        return float(np.ptp(self.targets))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """The figures of one axis; `k` of U = k u."""
+
+    name: str
+    test: Test
+    count: FloatArray
+    mean: FloatArray
+    s: FloatArray
+    figures: Mapping[str, Figure]
+    vdi: Mapping[str, float]
+    at_target: tuple[AtTarget, ...]
+    k: float
+    before: Mapping[str, Change] | None = None
+
+
+class Plan(NamedTuple):
+    """Proposed targets (mm) for a travel and a pitch of its ball screw or scale."""
+
+    length: float
+    pitch: float
+    targets: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Iso230Result:
+    """All axes by name, decisions on limits, and what there is to say."""
+
+    axes: Mapping[str, Axis]
+    decisions: tuple[Decision, ...] = ()
+    warnings: tuple[Finding, ...] = ()
+    plan: Plan | None = None
+    standard: str = STANDARDS[0]
+
+
+def statistics(readings: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Number, mean and s of the runs (last axis); nan where there are none, or one for s. A target
+    that reads 0 in every run is where the instrument was zeroed: it carries no scatter.
+    """
+    there = np.isfinite(readings)
+    count = there.sum(axis=-1).astype(np.float64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.where(there, readings, 0.0).sum(axis=-1) / count
+        square = np.where(there, (readings - mean[..., None]) ** 2, 0.0).sum(axis=-1)
+        s = np.sqrt(square / (count - 1))
+    zeroed = (np.where(there, readings, 0.0) == 0).all(axis=-1)
+    zeroed &= ~zeroed.all(axis=-1, keepdims=True)
+    return count, mean, np.where((count < 2) | zeroed, np.nan, s)
+
+
+def reversal_and_repeatability(
+    mean: FloatArray, s: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """B (..., m), R of each direction (..., 2, m) and R (..., m): ISO 230-2:2014, 3.
+
+    B_i = mean forward - mean reverse, R_i of a direction = 4 s_i, R_i = max(2 s_i forward +
+    2 s_i reverse + |B_i|; R_i forward; R_i reverse).
+    """
+    B = mean[..., 0, :] - mean[..., 1, :]
+    R = 4 * s
+    both = 2 * s.sum(axis=-2) + np.abs(B)
+    return B, R, np.maximum(both, np.maximum(R[..., 0, :], R[..., 1, :]))
+
+
+def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
+    """The figures of ISO 230-2:2014 of means and s (..., 2, m), by their names; nan where one does
+    not exist. A target without scatter enters A by its means alone.
+    """
+    high, low = np.fmax.reduce, np.fmin.reduce
+    B, R_way, R = reversal_and_repeatability(mean, s)
+    band = 2 * np.nan_to_num(s)
+    scatters = np.where(np.isfinite(s).any(axis=-1), 0.0, np.nan)
+    top, bottom = high(mean + band, axis=-1), low(mean - band, axis=-1)
+    highest, lowest = high(mean, axis=-1), low(mean, axis=-1)
+    two_way = np.where(np.isfinite(B).any(axis=-1), 0.0, np.nan)
+    middle = mean.mean(axis=-2)
+    A_way, E_way, R_most = top - bottom + scatters, highest - lowest, high(R_way, axis=-1)
+    return {
+        "A": top.max(axis=-1) - bottom.min(axis=-1) + two_way + scatters.sum(axis=-1),
+        "A_forward": A_way[..., 0],
+        "A_reverse": A_way[..., 1],
+        "E": highest.max(axis=-1) - lowest.min(axis=-1) + two_way,
+        "E_forward": E_way[..., 0],
+        "E_reverse": E_way[..., 1],
+        "R": high(R, axis=-1),
+        "R_forward": R_most[..., 0],
+        "R_reverse": R_most[..., 1],
+        "M": high(middle, axis=-1) - low(middle, axis=-1),
+        "B": high(np.abs(B), axis=-1),
+        "B_mean": _average(B),
+    }
+
+
+def vdi_figures(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
+    """The figures of VDI/DGQ 3441 (1977) of means and s (..., 2, m).
+
+    U_j = |B_j|, Ps_j = 6 (s_j forward + s_j reverse)/2, Pa the range of the means of both
+    directions, P = max(mean_j + (U_j + Ps_j)/2) - min(mean_j - (U_j + Ps_j)/2).
+    """
+    high, low = np.fmax.reduce, np.fmin.reduce
+    U, Ps, middle = np.abs(mean[..., 0, :] - mean[..., 1, :]), 3 * s.sum(-2), mean.mean(-2)
+    half = (U + np.nan_to_num(Ps)) / 2
+    scatters = np.where(np.isfinite(Ps).any(axis=-1), 0.0, np.nan)
+    return {
+        "P": high(middle + half, axis=-1) - low(middle - half, axis=-1) + scatters,
+        "Pa": high(middle, axis=-1) - low(middle, axis=-1),
+        "Ps_max": high(Ps, axis=-1),
+        "Ps_mean": _average(Ps),
+        "U_max": high(U, axis=-1),
+        "U_mean": _average(U),
+    }
+
+
+def _average(values: FloatArray) -> FloatArray:
+    """Mean of the known values along the last axis; nan of none."""
+    there = np.isfinite(values)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.where(there, values, 0.0).sum(-1) / there.sum(-1))
+
+
+def sampling_u(
+    count: FloatArray, mean: FloatArray, s: FloatArray, rng: np.random.Generator, trials: int
+) -> dict[str, FloatArray]:
+    """Standard deviation of every figure over repeated tests: parametric bootstrap.
+
+    Each trial is a test of the same runs: means N(mean_i, s_p^2 / n_i), and s_i^2 = s_p^2
+    chi2(n_i - 1)/(n_i - 1), s_p of a direction pooled over its targets. `count`, `mean` and `s`
+    are (..., 2, m). To resample the runs themselves would add the scatter a second time to A and R.
+    """
+    dof = np.where(np.isfinite(s), count - 1, 0.0)
+    total = dof.sum(axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        pooled = np.sqrt((dof * np.nan_to_num(s) ** 2).sum(axis=-1, keepdims=True) / total)
+    free = dof > 0
+    shape = (trials, *mean.shape)
+    # A single run scatters as the others do, where there are others.
+    noisy = (free | (count == 1)) & np.isfinite(pooled)
+    step = np.where(noisy, pooled / np.sqrt(np.maximum(count, 1)), 0.0)
+    means = mean + step * rng.standard_normal(shape)
+    chi2 = 2 * rng.standard_gamma(np.maximum(dof, 1) / 2, shape)
+    drawn = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
+    found = figures_of(means, np.where(free, drawn, np.nan))
+    known = np.isfinite(pooled).all(axis=(-2, -1)), np.isfinite(pooled)[..., 0]
+    result = {}
+    for name, values in found.items():
+        way = name.rpartition("_")[2]
+        there = known[1][..., int(way == "reverse")] if way in ("forward", "reverse") else known[0]
+        result[name] = np.where(there, np.std(values, axis=0), np.nan)
+    return result
+
+
+def corrected(test: Test, budget: InstrumentBudget | None) -> tuple[Test, list[Finding]]:
+    """Readings as of an axis at 20 degC, where the budget says that they are not yet:
+    less alpha (T - 20) (x - x_first).
+    """
+    if budget is None or budget.already_at_20 is not False or not test.is_length or test.rotary:
+        return test, []
+    rise = (budget.alpha_um_per_m_K or 0.0) * (budget.T_mean_degC - REFERENCE_DEGC)
+    off = rise * UM / METRE * (test.targets - test.targets[0])
+    facts = {"component": test.name, "size": float(off[-1] / UM), "rise": rise}
+    readings = test.readings - off[:, None]
+    return replace(test, readings=readings), [finding("corrected-to-20", **facts)]
+
+
+def instrument_u(
+    test: Test, budget: InstrumentBudget, rng: np.random.Generator, trials: int = TRIALS
+) -> dict[str, float]:
+    """Standard deviation of every figure of these runs by the instrument's errors, Monte Carlo.
+
+    Of all runs alike, over x from the first target: the device's scale N(0, (U/k)^2), material
+    temperature +- T_half_width and expansion +- alpha_half_width of a rectangle, misalignment d of
+    a rectangle from 0 to d^2/(2 L) at the end of the travel L. Of each reading alone: drift of a
+    rectangle of width E_VE (ISO/TR 230-9, as derived in `mtu help iso230`).
+    """
+    x = test.targets - test.targets[0]
+    span = float(x[-1]) or 1.0
+    per_metre = UM / METRE
+    alpha = budget.alpha_um_per_m_K or 0.0
+    away = abs(budget.T_mean_degC - REFERENCE_DEGC)
+    found: dict[str, list[FloatArray]] = {}
+    zeroed = np.isnan(statistics(test.readings)[2])
+    for start in range(0, trials, TOGETHER):
+        n = min(TOGETHER, trials - start)
+        scale = rng.standard_normal(n) * budget.device_U_um_per_m / budget.k
+        scale += rng.uniform(-1, 1, n) * alpha * budget.T_half_width_K
+        scale += rng.uniform(-1, 1, n) * away * budget.alpha_half_width
+        bend = rng.uniform(0, 1, n) * budget.alignment_mm**2 / (2 * span**2)
+        off = (scale * per_metre + bend)[:, None, None, None] * x[:, None]
+        drift: FloatArray | float = 0.0
+        if budget.E_VE_um:
+            drift = rng.uniform(-0.5, 0.5, (n, *test.readings.shape)) * budget.E_VE_um * UM
+        _, mean, s = statistics(test.readings + off + drift)
+        for name, values in figures_of(mean, np.where(zeroed, np.nan, s)).items():
+            found.setdefault(name, []).append(values)
+    return {name: float(np.std(np.concatenate(parts))) for name, parts in found.items()}
+
+
+def evaluate(test: Test, budget: InstrumentBudget | None, k: float, seed: int, index: int) -> Axis:
+    """All figures of one axis; draws depend on `seed` and its `index` alone."""
+    count, mean, s = statistics(test.readings)
+    values = figures_of(mean, s)
+    sampling = sampling_u(count, mean, s, stream(seed, 1, index), TRIALS)
+    measured: dict[str, float] = {}
+    if budget is not None and test.is_length and not test.rotary:
+        measured = instrument_u(test, budget, stream(seed, 2, index))
+    B, R_way, R = reversal_and_repeatability(mean, s)
+    rows = (
+        test.targets, *count.astype(int), *mean, mean.mean(axis=0), B, *s, *R_way, R,
+    )  # fmt: skip
+    return Axis(
+        name=test.name,
+        test=test,
+        count=count,
+        mean=mean,
+        s=s,
+        figures={
+            name: Figure(float(values[name]), measured.get(name, np.nan), float(u), test.size)
+            for name, u in sampling.items()
+        },
+        vdi={name: float(value) for name, value in vdi_figures(mean, s).items()},
+        at_target=tuple(
+            AtTarget._make((*row, test.size, test.rotary)) for row in zip(*rows, strict=True)
+        ),
+        k=k,
+    )
+
+
+def tests_of(readings: Readings) -> tuple[list[Test], list[Finding]]:
+    """What was read at targets by component (and instrument, of several), and a note of the rest.
+
+    Raises InputError for a component in units of two kinds or with some positions missing.
+    """
+    degrees = readings.covariates.get("position_deg")
+    position, rotary = readings.position_mm, np.zeros(len(readings), bool)
+    if degrees is not None and degrees.dtype == np.float64:
+        angles = degrees.astype(np.float64)
+        rotary = np.isnan(position) & np.isfinite(angles)
+        position = np.where(rotary, angles, position)
+    roles = np.array(readings.roles)[readings.file_index]
+    tests, without = [], []
+    for code, name in enumerate(readings.components):
+        mine = readings.code == code
+        several = len({*roles[mine]}) > 1
+        for role in dict.fromkeys(roles[mine].tolist()):
+            rows = np.flatnonzero(mine & (roles == role))
+            known = position[rows][np.isfinite(position[rows])]
+            if not known.size or (len(known) == len(rows) and not np.ptp(known)):
+                without.append(name)
+                continue
+            _check(readings, name, position, rows)
+            label = f"{name} ({role})" if several else name
+            tests.append(_test(readings, label, position, bool(rotary[rows[0]]), rows))
+    if not tests:
+        expected = "readings with position_mm (of rotary axes position_deg)"
+        raise error("too-little-data", what="no component was read at targets", expected=expected)
+    note = {"quantity": "positioning", "reason": "they were not read at targets"}
+    return tests, [finding("not-estimable", names=without, **note)] if without else []
+
+
+def _check(readings: Readings, name: str, position: FloatArray, rows: np.ndarray) -> None:
+    kinds, blank = readings.dimension[rows], np.isnan(position[rows])
+    for bad, code, column in ((kinds != kinds[0], "wrong-unit", "unit"),
+                              (blank, "empty-cell", "position_mm")):  # fmt: skip
+        if bad.any():
+            i = int(rows[np.flatnonzero(bad)[0]])
+            place = {"file": readings.sources[readings.file_index[i]].shown, "column": column}
+            stated, wanted = (dimension_name(readings.dimension[j]) for j in (i, int(rows[0])))
+            facts = {"of": name, "unit": stated, "wanted": wanted} if column == "unit" else {}
+            expected = f"as in the other rows of {name}"
+            raise error(code, row=int(readings.row[i]), expected=expected, **place, **facts)
+
+
+def _test(
+    readings: Readings, name: str, position: FloatArray, rotary: bool, rows: np.ndarray
+) -> Test:
+    """The readings of `rows` as (direction, target, run)."""
+    targets, of = np.unique(np.round(position[rows], 6), return_inverse=True)
+    way = (readings.direction[rows] < 0).astype(int)
+    cell = way * len(targets) + of
+    order = np.argsort(cell, kind="stable")
+    rank = np.empty(len(rows), int)
+    counts = np.bincount(cell, minlength=2 * len(targets))
+    rank[order] = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
+    found = np.full((2, len(targets), int(counts.max())), np.nan)
+    found[way, of, rank] = readings.error[rows]
+    lines = np.zeros(found.shape, int)
+    lines[way, of, rank] = readings.row[rows]
+    time = readings.time_min[rows]
+    moves = np.count_nonzero(np.diff(of[np.argsort(time, kind="stable")]))
+    return Test(
+        name=name,
+        unit="um" if readings.dimension[rows[0]] == LENGTH else "arcsec",
+        rotary=rotary,
+        targets=targets,
+        readings=found,
+        rows=lines,
+        file=readings.sources[readings.file_index[rows[0]]].shown,
+        directed=bool(readings.direction[rows].any()),
+        stepped=bool(np.isfinite(time).all() and len(set(time.tolist())) == len(rows)
+                     and moves == len(targets) - 1 and counts.max() > 1),
+    )  # fmt: skip
+
+
+def warnings_of(axis: Axis) -> Iterator[Finding]:
+    """What ISO 230-2 asks of a test and this one lacks, and figures that do not exist."""
+    test = axis.test
+    unit, of = ("deg", 360.0) if test.rotary else ("mm", LONG_MM)
+    short = test.travel <= of
+    m, wanted = len(test.targets), max(FEWEST, math.ceil(FEWEST * test.travel / METRE))
+    fewest = int(axis.count[axis.count > 0].min())
+    asked = []
+    if short and not test.rotary and m < wanted:
+        asked.append((f"{m} targets over {test.travel:g} mm", f"{wanted} or more (five a metre)"))
+    if short and fewest < FEWEST:
+        asked.append((f"{fewest} runs at a target", f"{FEWEST} in each direction"))
+    if test.stepped:
+        asked.append(("a step cycle", "the standard test cycle for acceptance"))
+    clause = ROTARY_CLAUSE if test.rotary else CLAUSE
+    for what, how in asked:
+        facts = {"component": axis.name, "clause": clause, "what": what, "wanted": how}
+        yield finding("test-conditions", **facts)
+    missing = [name for name, each in axis.figures.items() if math.isnan(each.value)]
+    if missing:
+        reason = (
+            "read in one direction only"
+            if not axis.count.any(axis=1).all()
+            else "single runs have no scatter"
+        )
+        if not test.directed:
+            reason = "no direction is stated, so all readings count as forward"
+        yield finding("not-estimable", quantity=listed(missing), names=axis.name, reason=reason)
+    lacking = np.isnan(axis.s) & (axis.count > 0)
+    if lacking.any() and np.isfinite(axis.s).any():
+        places = [f"{x:g} {unit}" for x in test.targets[lacking.any(axis=0)]]
+        reason = "a single run, or the instrument was zeroed there in every run"
+        quantity = f"R at {listed(places)}"
+        yield finding("not-estimable", quantity=quantity, names=axis.name, reason=reason)
+
+
+def outlying_runs(axis: Axis) -> Iterator[Finding]:
+    """Runs far off the others at their target and direction: reported, never left out."""
+    test = axis.test
+    off = test.readings - medians(test.readings, 2)
+    mask, s = outlying(off, int((axis.count > 0).sum()))
+    if mask.any() and test.rows is not None:
+        lines = tuple(sorted(test.rows[mask].tolist()))
+        far = float(np.abs(off[mask]).max()) / test.size
+        facts = {"what": axis.name, "unit": test.unit, "beside": "the other runs", "off": far}
+        facts |= {"count": int(mask.sum()), "s": s / test.size, "rows": lines}
+        yield finding("outlying-value", file=test.file, row=lines[0], column="error", **facts)
+
+
+def changes(axis: Axis, earlier: Axis) -> dict[str, Change]:
+    """Every figure against that of an earlier test of the same axis."""
+    found = {}
+    for name, now in axis.figures.items():
+        value, _, u, size = earlier.figures[name]
+        off, bound = now.value - value, 2 * math.hypot(now.u_sampling, u)
+        differs = None if math.isnan(bound + off) else abs(off) > bound
+        found[name] = Change(value, u, off, bound, differs, size)
+    return found
+
+
+def decisions(axes: Mapping[str, Axis], limits: Mapping[str, float]) -> Iterator[Decision]:
+    """Every limit (``A``, or ``dx_x.A`` of one axis, in its unit) against the figure."""
+    for key, stated in limits.items():
+        of, _, name = key.rpartition(".")
+        for axis in axes.values():
+            figure, size = axis.figures[name], axis.test.size
+            if of not in ("", axis.name) or math.isnan(figure.value):
+                continue
+            value, limit = abs(figure.value), stated * size
+            U = axis.k * figure.u
+            guard = 0.0 if math.isnan(U) else U
+            verdict = "conforming" if value + guard <= limit else "not proven"
+            verdict = "nonconforming" if value - guard > limit else verdict
+            yield Decision(axis.name, name, limit, value, U, verdict, axis.test.unit, size)
+
+
+def evaluate_all(
+    readings: Readings,
+    *,
+    budget: InstrumentBudget | None = None,
+    before: Readings | None = None,
+    limits: Mapping[str, float] | None = None,
+    k: float = 2.0,
+    seed: int = 0,
+    standard: str = STANDARDS[0],
+) -> Iso230Result:
+    """The figures of every component of `readings`, against those `before` and their `limits`."""
+    axes, warnings = _axes(readings, budget, k, seed)
+    if before is not None:
+        earlier = _axes(before, None, k, seed)[0]
+        known = {name: each for name, each in axes.items() if name in earlier}
+        if not known:
+            expected = f"one of: {listed(axes)}"
+            reason = f"the earlier test has none of these axes, but {listed(earlier)}"
+            raise error("not-applicable", reason=reason, path="--before", expected=expected)
+        axes |= {
+            name: replace(each, before=changes(each, earlier[name])) for name, each in known.items()
+        }
+    for axis in axes.values():
+        warnings += warnings_of(axis)
+        warnings += outlying_runs(axis)
+    other = [x.name for x in axes.values() if not (x.test.is_length and not x.test.rotary)]
+    if other and budget:
+        reason = "the budget of the instrument is of lengths"
+        warnings.append(finding("not-estimable", quantity="u", names=other, reason=reason))
+    made = tuple(decisions(axes, limits or {}))
+    if unknown := [f"{x.figure} of {x.component}" for x in made if math.isnan(x.U)]:
+        warnings.append(finding("no-uncertainty", names=unknown))
+    if open_ := [f"{x.figure} of {x.component}" for x in made if x.verdict == "not proven"]:
+        warnings.append(finding("not-proven", names=open_))
+    return Iso230Result(axes=axes, decisions=made, warnings=tuple(warnings), standard=standard)
+
+
+def _axes(
+    readings: Readings, budget: InstrumentBudget | None, k: float, seed: int
+) -> tuple[dict[str, Axis], list[Finding]]:
+    tests, warnings = tests_of(readings)
+    axes = {}
+    for index, test in enumerate(tests):
+        own, noted = corrected(test, budget)
+        axes[test.name] = evaluate(own, budget, k, seed, index)
+        warnings += noted
+    return axes, warnings
+
+
+def plan(length: float, pitch: float) -> Plan:
+    """Targets over a travel (mm), five a metre and five in all, that are no multiples of the pitch:
+    where they fall within it changes by the golden section, so that a cyclic error is seen
+    (ISO 230-2:2014, 5.2: P_i = (i - 1) p + r). Raises InputError for a pitch beyond the travel.
+    """
+    for option, value in (("--plan", length), ("--pitch", pitch)):
+        if not 0 < value < math.inf:
+            raise error("out-of-range", path=option, value=f"{value:g}", expected="above 0 mm")
+    if pitch > length:
+        raise error("out-of-range", path="--pitch", value=f"{pitch:g}", expected="below --plan")
+    n = max(FEWEST, math.ceil(FEWEST * length / METRE))
+    golden = np.mod((np.arange(n) + 0.5) * (math.sqrt(5.0) - 1) / 2, 1.0)
+    phase = LEAST_PHASE + (1 - 2 * LEAST_PHASE) * golden
+    even = np.linspace(0.0, length, n)
+    turn = np.mod(phase - even / pitch, 1.0)
+    # The nearest place of that phase: inwards from the ends.
+    turn = np.where((turn > 0.5) & (np.arange(n) > 0) | (np.arange(n) == n - 1), turn - 1, turn)
+    step = min(1.0, length / (n - 1) / pitch / 2)
+    targets = even + turn * pitch * step
+    off = np.mod(targets / pitch, 1.0)
+    near = np.minimum(off, 1 - off) < LEAST_PHASE / 2
+    inwards = np.where(targets < length / 2, 1.0, -1.0)
+    targets = np.where(near, targets + inwards * LEAST_PHASE * pitch * step, targets)
+    return Plan(length, pitch, np.round(targets, 3))

@@ -1,0 +1,189 @@
+"""`mtu inspect` and `mtu import`: what an instrument's file holds, and the contract's CSV of it."""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome, deliver
+from mtu_cli.cli.load import Inputs, named_file
+from mtu_cli.cli.options import Options
+from mtu_cli.files.contract import is_name
+from mtu_cli.files.source import given_path, same
+from mtu_cli.findings import Finding, InputError, error, finding, suggestion
+from mtu_cli.formats.base import DRIFT, INSPECT, POINTS, READINGS, Ask, Imported, RawFile, raw_file
+from mtu_cli.formats.base import walk as elements_of
+from mtu_cli.formats.instruments import (
+    CONTRACT,
+    SPECS,
+    contract_rows,
+    identify,
+    is_contract,
+    read,
+    unknown,
+)
+from mtu_cli.formats.wide import DIRECTIONS
+from mtu_cli.model.settings import Settings
+from mtu_cli.units import UNITS
+
+LISTED = 40
+"""Element paths of an XML file that the table shows; the report has all."""
+
+
+def inspect(inputs: Inputs, settings: Settings) -> Outcome:
+    """Format, facts and how the file would be understood; of XML its element paths, too."""
+    file = raw_file(inputs.options.file, "file")
+    inputs.sources.append(file.source)
+    decimal = _choice(inputs.options, "decimal", (".", ","))
+    results = _seen(file, Ask(kind=INSPECT, decimal=decimal))
+    return Outcome(
+        results=lambda: results,
+        tables=lambda detail: _lines(results),
+        warnings=[file.finding("instrument-doubt", doubt=text) for text in results["doubts"]],
+    )
+
+
+def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
+    known = None if is_contract(file.content) else identify(file)
+    elements = Counter(path for path, _ in elements_of(file.xml)) if file.xml is not None else {}
+    if known is None and not elements and not is_contract(file.content):
+        raise unknown(file)
+    found, faults = Imported(format=CONTRACT if known is None else known.name), list[Finding]()
+    if known is not None:
+        try:
+            found = read(file, ask)
+        except InputError as fault:
+            faults = list(fault.findings)
+    elif is_contract(file.content):
+        found = contract_rows(file)
+    else:
+        found.format = "xml"
+    return {
+        "format": found.format,
+        "title": known.title if known else "columns of the contract" if not elements else "XML",
+        "importable_as": list(known.gives) if known else [],
+        "code_page": file.encoding,
+        "rows": len(found.rows),
+        "facts": found.facts,
+        "says": found.says,
+        "left_out": found.left_out,
+        "doubts": found.doubts,
+        "faults": [each.message for each in faults],
+        "elements": dict(elements),
+    }
+
+
+def _lines(results: dict[str, Any]) -> Iterable[str]:
+    yield f"{results['format']}: {results['title']}; {results['code_page']}"
+    if results["importable_as"]:
+        yield f"  importable as {' or '.join(results['importable_as'])}: {results['rows']} rows"
+    for name, value in results["facts"].items():
+        shown = value
+        if isinstance(value, list):
+            some = [f"{x:g}" if isinstance(x, float) else str(x) for x in value]
+            shown = ", ".join(some[:12]) + (f" and {len(some) - 12} more" if some[12:] else "")
+        yield f"  {name}: {shown}"
+    yield from (f"  {text}" for text in results["says"])
+    yield from (f"  left out: {count} {what}" for what, count in results["left_out"].items())
+    yield from (f"  fault: {text}" for text in results["faults"])
+    yield from (f"  {count:5} {path}" for path, count in [*results["elements"].items()][:LISTED])
+    if left := len(results["elements"]) - LISTED:
+        yield from [f"  and {left} more element paths (-o)"] if left > 0 else []
+
+
+def import_(options: Options) -> None:
+    """Writes the contract's CSV of all files, and says how they were understood."""
+    kind = _choice(options, "as_", (READINGS, POINTS, DRIFT))
+    words = {"unit": tuple(UNITS), "decimal": (".", ","), "directions": DIRECTIONS}
+    given = {name: _choice(options, name, known) for name, known in words.items()}
+    if options.component is not None and not is_name(options.component):
+        raise error("wrong-type", path="--component", kind="a name", value=options.component)
+    _check_target(options)
+    tables, findings, faults = list[Imported](), list[Finding](), list[Finding]()
+    for each in options.files:
+        name, path = named_file(each)
+        name = name or options.component
+        unit = given["unit"] or _unit_of(options, name)
+        ask = Ask(kind=kind, component=name, assumed=given["unit"] is None,
+                  profile=options.map, **{**given, "unit": unit})  # fmt: skip
+        try:
+            file = raw_file(path, "file")
+            if is_contract(file.content) and not options.map:
+                raise file.error("other-table", kind="the contract's CSV already")
+            found = read(file, ask)
+        except InputError as fault:
+            faults += fault.findings
+            continue
+        findings.append(file.finding("instrument-file", how=found.sentence))
+        findings += [file.finding("instrument-doubt", doubt=text) for text in found.doubts]
+        tables.append(found)
+    if faults:
+        raise InputError(faults)
+    text = _joined(tables).csv(list(SPECS[str(kind)].columns))
+    target = options.out or STANDARD_OUTPUT
+    alone = target == STANDARD_OUTPUT
+    sentences = [each.message for each in findings if each.severity == "note"]
+    warnings = [f"warning: {each.message} [{each.code}]" for each in findings
+                if each.severity == "warning"]  # fmt: skip
+
+    def say() -> None:
+        sys.stdout.write(text if alone else "".join(f"{line}\n" for line in sentences))
+
+    files = {} if alone else {target: text.encode()}
+    deliver(files, say, [*(sentences if alone else []), *warnings])
+
+
+def _joined(tables: list[Imported]) -> Imported:
+    """Files end to end; the passes of a component that was read before are counted on."""
+    joined = Imported(format="", kind=tables[0].kind)
+    last = dict[str, int]()
+    for table in tables:
+        before = dict(last)
+        for i, row in enumerate(table.rows):
+            cells = {name: column[i] for name, column in table.columns.items()}
+            if isinstance(cells.get("pass"), int):
+                name = str(cells.get("component"))
+                cells["pass"] += before.get(name, 0)
+                last[name] = max(last.get(name, 0), cells["pass"])
+            joined.add(row, **cells)
+    return joined
+
+
+def _choice(options: Options, name: str, known: Iterable[str]) -> Any:
+    """The value of an option that is one of a few words."""
+    value, known = options.values.get(name), tuple(known)
+    if value is None or value in known:
+        return value
+    path = f"--{name.rstrip('_')}"
+    raise error("unknown-name", what=f"value of {path}", value=value, **suggestion(value, known))
+
+
+def _unit_of(options: Options, component: str | None) -> str | None:
+    """The unit that the machine of the call gives a component."""
+    if options.machine is None or component is None:
+        return None
+    from mtu_cli.files.machine import load_machine
+
+    components = load_machine(options.machine).machine.components
+    if component not in components:
+        hint = suggestion(component, components)
+        raise error("unknown-name", what="component", value=component, **hint)
+    return components[component].unit
+
+
+def _check_target(options: Options) -> None:
+    """Refuses a file that is read, or whose name is that of another kind."""
+    target: Path | None = options.out
+    if target is None or target == STANDARD_OUTPUT:
+        return
+    read_too = [named_file(each)[1] for each in options.files]
+    read_too += [path for path in (options.map, options.machine) if path]
+    place = {"file": given_path(target)}
+    if any(same(target, path) for path in read_too):
+        raise InputError(finding("not-overwritten", reason="it is an input", **place))
+    if target.suffix.lower() != ".csv":
+        reason = f"-o does not write {target.suffix or 'a file without an ending'}"
+        raise error("output-form", reason=reason, expected="a name that ends in .csv", **place)

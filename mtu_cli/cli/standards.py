@@ -1,0 +1,141 @@
+"""The tests of ISO 230: positioning (`mtu iso230`) and circles (`mtu circular`)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mtu_cli.cli.emit import Outcome
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.values import assigned, known_name, number_of
+from mtu_cli.findings import error, listed
+from mtu_cli.model.settings import Settings
+
+if TYPE_CHECKING:
+    from mtu_cli.analyses.iso230 import Iso230Result
+    from mtu_cli.files.study import InstrumentBudget
+
+
+def iso230(inputs: Inputs, settings: Settings) -> Outcome:
+    """Positioning figures of every component read at targets, or a plan of targets."""
+    from mtu_cli.analyses import iso230 as analysis
+    from mtu_cli.reports import iso230 as report
+
+    options = inputs.options
+    standard = options.standard or analysis.STANDARDS[0]
+    known_name("--standard", "standard", standard, analysis.STANDARDS)
+    if (options.plan is None) != (options.pitch is None):
+        given, lacks = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
+        raise error("incomplete", what=given, other=lacks, expected=f"{lacks} MM, too")
+    if options.plan is not None:
+        plan = analysis.plan(options.plan, options.pitch)
+        result = analysis.Iso230Result(axes={}, plan=plan)
+        return Outcome.of(report.document(result, settings.digits))
+    readings = inputs.readings
+    if readings is None:
+        raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
+    figures = list(analysis.FIGURES)
+    names = [f"{x.name}.{each}" for x in analysis.tests_of(readings)[0] for each in figures]
+    result = analysis.evaluate_all(
+        readings,
+        budget=_budget(inputs),
+        before=inputs.before,
+        limits=_limits(options.limit, [*figures, *names]),
+        k=settings.coverage_factor,
+        seed=settings.seed,
+        standard=standard,
+    )
+    # What the checks of all readings have reported is not said twice.
+    known = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
+    warnings = [x for x in result.warnings
+                if x.code != "outlying-value" or x.facts["what"] not in known]  # fmt: skip
+    return Outcome.of(
+        report.document(result, settings.digits),
+        warnings=warnings,
+        gates={"nonconforming": lambda _: _nonconforming(result)},
+    )
+
+
+def _budget(inputs: Inputs) -> InstrumentBudget | None:
+    """The instrument's budget: of --budget, else of the study."""
+    from mtu_cli.files.study import load_study
+
+    path = inputs.options.budget
+    if path is None:
+        return inputs.study.study.budget if inputs.study else None
+    loaded = load_study(path, "budget", there=False)
+    inputs.sources.append(loaded.source)
+    if loaded.study.budget is None:
+        expected = "budget: {device_U_um_per_m: 0.5, ...}"
+        raise error("missing-key", file=loaded.source.shown, key="budget", expected=expected)
+    return loaded.study.budget
+
+
+def _limits(texts: list[str] | None, known: list[str]) -> dict[str, float]:
+    def value(name: str, text: str) -> float:
+        option = f"--limit {name}"
+        found = number_of(option, text)
+        if found <= 0:
+            raise error("out-of-range", path=option, value=text, expected="a number above 0")
+        return found
+
+    return assigned("--limit", texts, "=", "NAME=VALUE", "A=10", value, known, "figure")
+
+
+def _nonconforming(result: Iso230Result) -> str | None:
+    """Figures that are proven not to conform."""
+    if not result.decisions:
+        raise error("gate-undefined", gate="nonconforming", expected="--limit A=10, say")
+    found = [
+        f"{x.figure} of {x.component} {x.value / x.size:.4g} {x.unit}"
+        for x in result.decisions
+        if x.verdict == "nonconforming"
+    ]
+    return f"beyond the limit by ISO 14253-1: {listed(found)}" if found else None
+
+
+def circular(inputs: Inputs, settings: Settings) -> Outcome:
+    """A circular test: figures of its traces, and their causes."""
+    from mtu_cli.analyses.circular import diagnose
+    from mtu_cli.files.traces import PLANES, WAYS, read_traces, words
+    from mtu_cli.reports import circular as report
+
+    options = inputs.options
+    ways = words(options.direction, str.lower)
+    plane = options.plane.upper() if options.plane else None
+    for way in ways:
+        known_name("--direction", "direction", way, WAYS)
+    if plane is not None:
+        known_name("--plane", "plane", plane, PLANES)
+    feeds = words(options.feed, lambda text: number_of("--feed", text))
+    for value in feeds:
+        if value <= 0:
+            place = {"path": "--feed", "value": f"{value:g}", "expected": "mm/min above 0"}
+            raise error("out-of-range", **place)
+    files = options.file if isinstance(options.file, list | tuple) else [options.file]
+    radius = options.radius
+    traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=plane)
+    inputs.sources.extend(traces.sources)
+    result = diagnose(traces)
+    target = options.write_components
+
+    def components() -> dict[Path, bytes]:
+        from mtu_cli.files.write import report_bytes
+        from mtu_cli.reports.document import envelope
+
+        if target is None:
+            return {}
+        found = envelope(
+            "fit-components",
+            inputs=traces.sources,
+            settings=settings,
+            results=report.components(result),
+            warnings=result.warnings,
+        )
+        return {target: report_bytes(found)}
+
+    if target is not None and traces.plane is None:
+        expected = "--plane XY, YZ or ZX, or a column 'plane'"
+        raise error("missing-input", what="the plane", expected=expected)
+    document = report.document(result, settings.digits)
+    return Outcome.of(document, warnings=result.warnings, files=components)

@@ -1,0 +1,253 @@
+"""What all instruments' files share: their text, what is asked of them, and what they hold."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.etree import ElementTree
+
+from mtu_cli.files.csv_file import GZIP, inflated
+from mtu_cli.files.csv_table import Decimal
+from mtu_cli.files.source import MARKS, Source, read_source
+from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.units import UNITS, plain_unit
+
+READINGS, POINTS, DRIFT, OTHER, INSPECT = "readings", "points", "drift", "features", "inspect"
+"""What a file may be read as; `OTHER` is shown and not imported, `INSPECT` asks for no answers."""
+CODE_PAGES = ("utf-8-sig", "cp1252", "gbk")
+"""In this order: the first that fits; each later one accepts more."""
+MOJIBAKE = {"\u00c2\u00b0": "\u00b0", "\u00c2\u00b5": "\u00b5", "\u00ce\u00bc": "\u00b5"}
+"""UTF-8 that was once read as cp1252 and saved again."""
+FORWARD, REVERSE = "forward", "reverse"
+FIRST = ("component", "position_mm", "pass", "direction", "error", "unit")
+"""How columns of readings are ordered."""
+MAX_BYTES = 200_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class RawFile:
+    """An instrument's file: its bytes, and its text where it is one (code page `encoding`)."""
+
+    source: Source
+    content: bytes
+    text: str = ""
+    encoding: str = "binary"
+
+    @cached_property
+    def lines(self) -> list[str]:
+        """Lines by line feeds alone: other separators may stand inside names and records."""
+        text = self.text if "\n" in self.text else self.text.replace("\r", "\n")
+        return [line.removesuffix("\r") for line in text.split("\n")]
+
+    @cached_property
+    def head(self) -> str:
+        """The beginning, as far as formats are recognised by it."""
+        return self.text[:4000]
+
+    @cached_property
+    def xml(self) -> ElementTree.Element | None:
+        """The root of an XML file, None of any other; entities are not expanded but refused."""
+        if not self.text.lstrip().startswith("<") or re.search(r"<!(DOCTYPE|ENTITY)", self.text):
+            return None
+        try:
+            return ElementTree.fromstring(self.text)
+        except (ElementTree.ParseError, ValueError, RecursionError):
+            return None
+
+    def finding(self, code: str, **facts: Any) -> Finding:
+        """A finding of this file."""
+        return finding(code, file=self.source.shown, **facts)
+
+    def error(self, code: str, **facts: Any) -> InputError:
+        """An error of this file."""
+        return error(code, file=self.source.shown, **facts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ask:
+    """What the caller says of a file: the component it reads and its unit (of the machine's
+    component where `assumed`), what it is wanted as, and what the file leaves open.
+    """
+
+    kind: str | None = None
+    component: str | None = None
+    unit: str | None = None
+    assumed: bool = False
+    decimal: Decimal | None = None
+    directions: str | None = None
+    profile: Path | None = None
+
+
+@dataclass(kw_only=True)
+class Imported:
+    """What a file holds: columns of the contract's CSV, one entry a row, whose line in the file is
+    `rows`. `says` how it was understood, `left_out` what is not in the columns with its count,
+    `doubts` what ought to be looked at, `facts` what `mtu inspect` shows.
+    """
+
+    format: str
+    kind: str = READINGS
+    columns: dict[str, list[Any]] = field(default_factory=dict)
+    rows: list[int] = field(default_factory=list)
+    says: list[str] = field(default_factory=list)
+    doubts: list[str] = field(default_factory=list)
+    left_out: dict[str, int] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    def add(self, row: int, **cells: Any) -> None:
+        """One more row; a cell that is not given is empty."""
+        for name in cells:
+            self.columns.setdefault(name, [None] * len(self.rows))
+        for name, column in self.columns.items():
+            column.append(cells.get(name))
+        self.rows.append(row)
+
+    def drop(self, what: str, count: int = 1) -> None:
+        """Counts what is left out."""
+        if count:
+            self.left_out[what] = self.left_out.get(what, 0) + count
+
+    @property
+    def sentence(self) -> str:
+        """How the file was understood, and what was left out."""
+        parts = [f"{len(self.rows)} {self.kind if self.kind != DRIFT else 'drift readings'}"]
+        left = [f"{count} {what}" for what, count in self.left_out.items()]
+        parts += [*self.says, f"left out: {', '.join(left) if left else 'nothing'}"]
+        return f"{self.format}: {'; '.join(parts)}"
+
+    def csv(self, order: Sequence[str] = ()) -> str:
+        """The contract's CSV; numbers to the last digit."""
+        names = [name for name in (*FIRST, *order) if name in self.columns]
+        names = list(dict.fromkeys(names))
+        names += [name for name in self.columns if name not in names]
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(names)
+        for cells in zip(*(self.columns[name] for name in names), strict=True):
+            writer.writerow(map(_cell, cells))
+        return out.getvalue()
+
+
+class Format(NamedTuple):
+    """One entry of the registry: what recognises a file, reads it, and writes it if documented."""
+
+    name: str
+    title: str
+    gives: tuple[str, ...]
+    sniff: Callable[[RawFile], bool]
+    read: Callable[[RawFile, Ask], Imported]
+    write: Callable[[Imported], bytes] | None = None
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return repr(float(value)) if isinstance(value, float) else str(value)
+
+
+def raw_file(path: Path, role: str) -> RawFile:
+    """The file with its text; raises InputError where it cannot be read."""
+    return of_content(*read_source(path, role, max_bytes=MAX_BYTES))
+
+
+def of_content(source: Source, content: bytes) -> RawFile:
+    """The same of bytes that were read."""
+    if content.startswith(GZIP):
+        content = inflated(content, source.shown)
+    text, encoding = _decoded(content)
+    return RawFile(source=source, content=content, text=text, encoding=encoding)
+
+
+def _decoded(content: bytes) -> tuple[str, str]:
+    """Text and code page; no text where there are zero bytes or a mark of another kind of file."""
+    start = content[:64].lower()
+    if b"\0" in content or any(start.startswith(mark) for mark in MARKS if b"<" not in mark):
+        return "", "binary"
+    for encoding in CODE_PAGES:
+        try:
+            text = content.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        for broken, meant in MOJIBAKE.items():
+            text = text.replace(broken, meant)
+        return text, encoding.removesuffix("-sig")
+    return "", "binary"
+
+
+def unit_in(text: str) -> str | None:
+    """The unit of a reading that a heading names.
+
+    >>> unit_in("Run 1 [\u00b5m]"), unit_in("error_um"), unit_in("Run 1")
+    ('um', 'um', None)
+    """
+    plain = plain_unit(text)
+    bracketed = re.search(r"[\[(]([^\])]*)[\])]", plain)
+    names = [bracketed[1].strip()] if bracketed else re.split(r"[\s_,:]+", plain)[1:]
+    known = {name.casefold(): name for name in UNITS} | {"micron": "um", "'": "", '"': "arcsec"}
+    found = [known.get(name.casefold(), "") for name in names]
+    return next((name for name in reversed(found) if name), None)
+
+
+def need_component(file: RawFile, ask: Ask) -> str:
+    """The component that a file of one component reads; raises InputError without it."""
+    if ask.component or ask.kind == INSPECT:
+        return ask.component or "?"
+    expected = "NAME=FILE, as --laser dx_x=FILE; with import --component NAME"
+    raise file.error("missing-input", what="the component that the file reads", expected=expected)
+
+
+def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str:
+    """The unit of the readings: as the file has it, or as the caller says where it has none."""
+    unit = stated or ask.unit
+    if unit is None and ask.kind == INSPECT:
+        found.says.append("no unit in the file")
+        return ""
+    if unit is None:
+        expected = "--unit um, or a machine that has the component"
+        raise file.error("missing-input", what="the unit of the readings", expected=expected)
+    if stated:
+        found.says.append(f"readings in {unit}, as the file says")
+    else:
+        whose = "the component's unit" if ask.assumed else "the unit given"
+        found.says.append(f"readings without a unit taken in {unit}, {whose}")
+    return unit
+
+
+def refuse_positions(
+    file: RawFile, targets: Sequence[float], values: Sequence[float], row: int
+) -> None:
+    """Raises InputError where values follow their targets with a slope near 1 (or 1000): they are
+    measured positions, no errors.
+    """
+    import numpy as np
+
+    x, y = np.array(targets, float), np.array(values, float)
+    if len(np.unique(x)) < 3 or not np.ptp(y):
+        return
+    slope = float(np.polyfit(x, y, 1)[0])
+    factor = next((f for f in (1.0, 1e3, 1e-3) if abs(slope / f - 1) < 0.02), None)
+    if factor and np.corrcoef(x, y)[0, 1] > 0.9999:
+        kind = "measured positions, no errors (they follow the targets)"
+        expected = "errors, or a --map profile with subtract: {error: position_mm}"
+        raise file.error("other-table", row=row, kind=kind, expected=expected)
+
+
+def local(tag: str) -> str:
+    """The name of an XML element without its namespace."""
+    return tag.rpartition("}")[2]
+
+
+def walk(root: ElementTree.Element) -> Iterator[tuple[str, ElementTree.Element]]:
+    """Every element of a tree with its path of names, without recursion."""
+    pending = [(local(root.tag), root)]
+    while pending:
+        path, element = pending.pop()
+        yield path, element
+        children = [child for child in element if isinstance(child.tag, str)]
+        pending += [(f"{path}/{local(child.tag)}", child) for child in reversed(children)]

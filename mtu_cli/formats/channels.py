@@ -1,0 +1,193 @@
+"""Time and channels: loggers of temperatures and a probe as text, and TDMS (an extra)."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from mtu_cli.formats.base import DRIFT, Ask, Format, Imported, RawFile, unit_in, unit_of
+from mtu_cli.formats.grid import Faults, Row, decimals, grid_of, number, said
+from mtu_cli.units import UNITS, plain_unit
+
+TIME = re.compile(r"\s*(time|zeit|date|datum|timestamp|date.?time|elapsed)\b", re.I)
+PER_MINUTE = {"s": 1 / 60, "sec": 1 / 60, "min": 1.0, "h": 60.0}
+_DATE = re.compile(
+    r"(\d{1,4})([-./])(\d{1,2})\2(\d{1,4})[ T]"
+    r"(\d\d?):(\d\d)(?::(\d\d)(?:[.,](\d+))?)?(Z|[+-]\d\d:?\d\d)?"
+)
+
+
+def _header(file: RawFile) -> tuple[list[Row], int, str] | None:
+    """All rows, and where the header stands: the first row that begins with a word for time."""
+    grid = grid_of(file.lines)
+    for i, row in enumerate(grid.rows[:20]):
+        if len(row.cells) > 1 and TIME.match(row.cells[0]):
+            return grid.rows, i, grid.separator
+    return None
+
+
+def sniff(file: RawFile) -> bool:
+    """Whether a header begins with time and has channels, with rows below."""
+    if not file.text or file.text.lstrip().startswith("<"):
+        return False
+    found = _header(file)
+    return found is not None and len(found[0]) > found[1] + 1
+
+
+def read(file: RawFile, ask: Ask) -> Imported:
+    """Temperatures as covariates, each channel of a length or angle as drift readings."""
+    header = _header(file)
+    if header is None:
+        raise file.error("missing-input", what="a header that begins with time")
+    all_rows, at, separator = header
+    names, rows = all_rows[at].cells, all_rows[at + 1 :]
+    found, faults = Imported(format="logger", kind=DRIFT), Faults(file)
+    units = [_unit(name) for name in names]
+    if rows and not rows[0].cells[0].strip("-[]() ").replace("s", ""):
+        units = [_unit(f"x [{cell.strip('[]()')}]") or unit
+                 for cell, unit in zip(rows[0].cells, units, strict=False)]  # fmt: skip
+        rows = rows[1:]
+        found.says.append("one row of units")
+    for row in rows:
+        if len(row.cells) != len(names):
+            facts = {"cells": f"{len(row.cells)} cells", "expected": f"{len(names)} cells"}
+            faults.found.append(file.finding("row-length", row=row.line, **facts))
+    faults.raise_if_any()
+    found.drop("lines above the header", at)
+    columns = ([row.cells[i] for row in rows] for i in range(len(names)))
+    signs = decimals(file, columns, ask.decimal, separator)
+    key, times = _times(file, names[0], rows, signs[0], faults)
+    values: list[list[float | None]] = []
+    for i in range(1, len(names)):
+        values.append([number(row.cells[i], signs[i]) for row in rows])
+        for row, value in zip(rows, values[-1], strict=True):
+            if value is None:
+                faults.cell(row.line, names[i], row.cells[i])
+    faults.raise_if_any()
+    lines = [row.line for row in rows]
+    _assemble(file, ask, found, names[1:], units[1:], (key, times), values, lines)
+    found.says[:0] = [said(grid_of(file.lines[:50], separator=separator), signs)]
+    return found
+
+
+def _unit(name: str) -> str | None:
+    plain = plain_unit(name)
+    if re.search(r"degC\b|[\[( _]C[\])]?$", plain):
+        return "degC"
+    return unit_in(name)
+
+
+def _assemble(
+    file: RawFile, ask: Ask, found: Imported, names: Sequence[str], units: Sequence[str | None],
+    times: tuple[str, Sequence[Any]], values: Sequence[Sequence[float | None]],
+    lines: Sequence[int],
+) -> None:  # fmt: skip
+    """Rows of drift readings; channels that are neither temperature nor reading are counted."""
+    sensors = {i: _sensor(names[i]) for i, unit in enumerate(units) if unit == "degC"}
+    probes = [i for i, unit in enumerate(units) if unit in UNITS]
+    probes = probes or ([i for i in range(len(names)) if i not in sensors][:1] if ask.unit else [])
+    found.facts = {"channels": list(names), "readings": [names[i] for i in probes],
+                   "temperatures": [*sensors.values()], "rows": len(lines)}  # fmt: skip
+    if not probes:
+        expected = "a channel in um, mm, arcsec, ... , or --unit"
+        raise file.error("missing-input", what="a channel of a probe", expected=expected)
+    if ask.component and len(probes) > 1:
+        reason = f"{len(probes)} channels of readings and one component"
+        raise file.error("undecided", what=reason, expected="a --map profile")
+    other = len(names) - len(sensors) - len(probes)
+    found.drop("channels without a unit of temperature, length or angle", other)
+    for i in probes:
+        unit = unit_of(file, ask, found, units[i])
+        component = ask.component or re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip(
+            "_"
+        )
+        for n, line in enumerate(lines):
+            heat = {name: values[j][n] for j, name in sensors.items()}
+            found.add(line, component=component, error=values[i][n], unit=unit, cycle="1",
+                      **{times[0]: times[1][n]}, **heat)  # fmt: skip
+    found.says.append("one cycle: split it by a --map profile with cycles")
+
+
+def _sensor(name: str) -> str:
+    plain = re.sub(r"[\[(].*|_?degC$", "", plain_unit(name))
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
+    return f"T_{plain}_degC"
+
+
+def _times(
+    file: RawFile, name: str, rows: Sequence[Row], sign: Any, faults: Faults
+) -> tuple[str, list[Any]]:
+    """The column's name in the contract, and its cells: minutes, or ISO 8601 times."""
+    texts = [row.cells[0] for row in rows]
+    matches = [_DATE.fullmatch(text) for text in texts]
+    if not any(matches):
+        unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
+        if unit is None:
+            facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
+            raise file.error("undecided", **facts)
+        values = [number(text, sign) for text in texts]
+        for row, value in zip(rows, values, strict=True):
+            if value is None:
+                faults.cell(row.line, name, row.cells[0])
+        return "time_min", [value and value * PER_MINUTE[unit[1]] for value in values]
+    known = [match for match in matches if match]
+    slashed = [match for match in known if match[2] == "/" and len(match[1]) < 3]
+    day_first = any(int(match[1]) > 12 for match in slashed)
+    if slashed and not day_first and not any(int(match[3]) > 12 for match in slashed):
+        what = "day or month first in the times"
+        raise file.error("undecided", what=what, expected="a day after the 12th, or ISO 8601")
+    found = list[Any]()
+    for row, match in zip(rows, matches, strict=True):
+        try:
+            if match is None:
+                raise ValueError
+            found.append(_iso(match, day_first or match[2] != "/"))
+        except ValueError:
+            faults.cell(row.line, name, row.cells[0], "a date and time")
+    return "time", found
+
+
+def _iso(match: re.Match[str], day_first: bool) -> str:
+    a, b, c = (int(match[n]) for n in (1, 3, 4))
+    year, month, day = (a, b, c) if len(match[1]) == 4 else (c, b, a) if day_first else (c, a, b)
+    micro = int((match[8] or "0")[:6].ljust(6, "0"))
+    time = datetime(year, month, day, int(match[5]), int(match[6]), int(match[7] or 0), micro)
+    return time.isoformat() + (match[9] or "")
+
+
+def read_tdms(file: RawFile, ask: Ask) -> Imported:
+    """Channels of equal length of the first group that has a probe; needs nptdms."""
+    try:
+        from nptdms import TdmsFile
+    except ImportError:
+        raise file.error("missing-input", what="nptdms", expected="mtu-cli[tdms]") from None
+    import io
+
+    try:
+        groups = TdmsFile.read(io.BytesIO(file.content)).groups()
+    except Exception as fault:
+        raise file.error("not-readable", reason=f"damaged TDMS ({type(fault).__name__})") from None
+    channels = [each for group in groups[:1] for each in group.channels() if len(each)]
+    count = min(map(len, channels), default=0)
+    found = Imported(format="tdms", kind=DRIFT)
+    found.drop("groups beyond the first", max(0, len(groups) - 1))
+    found.drop("samples beyond the shortest channel", sum(len(each) - count for each in channels))
+    step = channels[0].properties.get("wf_increment") if channels else None
+    if not step or not all(each.dtype.kind in "iuf" for each in channels):
+        raise file.error("missing-input", what="wf_increment of numeric channels")
+    names = [each.name for each in channels]
+    units = [plain_unit(str(each.properties.get("unit_string", ""))) or _unit(each.name)
+             for each in channels]  # fmt: skip
+    values = [[float(x) for x in each[:count]] for each in channels]
+    times = [n * float(step) / 60.0 for n in range(count)]
+    _assemble(file, ask, found, names, units, ("time_min", times), values, [1] * count)
+    return found
+
+
+FORMATS = (
+    Format("tdms", "National Instruments TDMS", (DRIFT,),
+           lambda file: file.content.startswith(b"TDSm"), read_tdms),
+    Format("logger", "time and channels", (DRIFT,), sniff, read),
+)  # fmt: skip

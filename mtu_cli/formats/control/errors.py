@@ -1,0 +1,232 @@
+"""Errors of one axis as a table, and what a control's format has to say of itself.
+
+The one internal model: e = actual - nominal, in mm or rad, at machine positions in mm, forward and
+reverse, with linear interpolation between the points and the end values held beyond them. Sign,
+quantum, zero rule and reading back belong to each format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mtu_cli.files.csv_table import number
+from mtu_cli.findings import Finding, InputError, error, finding, suggestion
+from mtu_cli.stats.least_squares import FloatArray
+
+Parameters = Mapping[str, str]
+"""The control's own parameters of --set, by name."""
+NANOMETRE, NANORADIAN = 1e-6, 1e-9
+"""Last place that is written of a length (mm) and of an angle (rad), where the format has none."""
+LARGEST = 1e15
+"""No number of a table is as large."""
+EQUAL_STEP = 1e-6
+"""mm: steps that differ by less are equal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorTable:
+    """Errors (n,) in mm or rad, forward and reverse, at rising machine positions `at` (n,), mm.
+
+    `both`: the two directions differ by intention; else reverse is forward. `angle`: in rad.
+    """
+
+    at: FloatArray
+    forward: FloatArray
+    reverse: FloatArray
+    both: bool = False
+    angle: bool = False
+
+    @classmethod
+    def of(cls, at: ArrayLike, forward: ArrayLike, reverse: ArrayLike | None = None) -> ErrorTable:
+        """A table of one direction, or of two."""
+        at, forward = np.asarray(at, float), np.asarray(forward, float)
+        if reverse is None:
+            return cls(at=at, forward=forward, reverse=forward)
+        return cls(at=at, forward=forward, reverse=np.asarray(reverse, float), both=True)
+
+    @property
+    def errors(self) -> FloatArray:
+        """Forward and reverse errors (2, n)."""
+        return np.stack([self.forward, self.reverse])
+
+    def at_places(self, places: FloatArray) -> FloatArray:
+        """Errors (2, m) at other positions: linear between points, held beyond the ends."""
+        return np.stack([np.interp(places, self.at, each) for each in self.errors])
+
+    def shifted(self, forward: float, reverse: float) -> ErrorTable:
+        """The table less one value for each direction."""
+        return replace(self, forward=self.forward - forward, reverse=self.reverse - reverse)
+
+    @property
+    def step(self) -> float | None:
+        """The distance of its points; None where they are not equidistant."""
+        steps = np.diff(self.at)
+        if len(steps) == 0 or np.ptp(steps) > EQUAL_STEP:
+            return None
+        return float(round((self.at[-1] - self.at[0]) / len(steps), 6))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Controller:
+    """A control's format.
+
+    `sign` says what its values are: `error` (e), `correction` (-e) or `position` (nominal + e);
+    `says` the convention in a sentence, written as a comment that begins with `comment`, or, where
+    the format has none, into a file beside it. `two`: it has a column for each direction.
+    `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less each
+    direction's own. `parameters` with their defaults ("": has to be given where it is needed).
+    `most`: points that the control holds. `listing`: for hand entry.
+    """
+
+    name: str
+    sign: str
+    says: str
+    write: Callable[[ErrorTable, Parameters], str]
+    read: Callable[[str, Parameters], ErrorTable]
+    parameters: Parameters
+    quantum: Callable[[Parameters], float] = lambda _: NANOMETRE
+    two: Callable[[Parameters], bool] = lambda _: False
+    equidistant: Callable[[Parameters], bool] = lambda _: True
+    zeroed: str = ""
+    comment: str = ""
+    most: int | None = None
+    angles: bool = False
+    listing: bool = False
+    newline: str = "\r\n"
+
+    def resolution(self, table: ErrorTable, parameters: Parameters) -> float:
+        """The quantum of the values, in mm or rad."""
+        return NANORADIAN if table.angle else self.quantum(parameters)
+
+    def zero_at(self, table: ErrorTable, reference: float) -> float | None:
+        """Where the table is zeroed, mm; None: nowhere."""
+        return {"forward": reference, "each": float(table.at[0])}.get(self.zeroed)
+
+    def zero(self, table: ErrorTable, reference: float) -> ErrorTable:
+        """The table as the zero rule of the control has it."""
+        place = self.zero_at(table, reference)
+        if place is None:
+            return table
+        forward, reverse = table.at_places(np.array([place]))[:, 0].tolist()
+        return table.shifted(forward, reverse if self.zeroed == "each" else forward)
+
+    def text(self, table: ErrorTable, parameters: Parameters, note: str = "") -> str:
+        """The file, with its sign convention and a `note` where comments are allowed.
+
+        Raises InputError for a table that the format cannot hold.
+        """
+        self.check(table, parameters)
+        written = self.write(table, parameters)
+        if self.comment:
+            notes = [f"{self.comment} {each}\n" for each in (self.says, note) if each]
+            written = "".join(notes) + written
+        return written.replace("\n", self.newline)
+
+    def check(self, table: ErrorTable, parameters: Parameters) -> None:
+        """Raises InputError with all that the format cannot hold of a table."""
+        faults: list[Finding] = []
+        if table.angle and not self.angles:
+            faults.append(_cannot(f"{self.name} holds lengths, the component is an angle"))
+        if table.step is None and self.equidistant(parameters):
+            expected = "--from MM --to MM --step MM for equidistant points"
+            reason = f"{self.name} holds equidistant points, and the targets are not"
+            faults.append(finding("not-applicable", reason=reason, expected=expected))
+        if self.most is not None and len(table.at) > self.most:
+            reason = f"{len(table.at)} points; {self.name} holds {self.most}"
+            faults.append(finding("not-applicable", reason=reason, expected="a larger --step"))
+        if faults:
+            raise InputError(faults)
+
+    def read_back(self, text: str, parameters: Parameters) -> ErrorTable:
+        """What a file says; raises InputError for one that the control would not read so.
+
+        Lines end as on Windows or Unix.
+        """
+        return self.read(text.replace("\r\n", "\n"), parameters)
+
+
+def _cannot(reason: str) -> Finding:
+    return finding("not-applicable", reason=reason)
+
+
+def decimals(value: float, places: int = 6) -> str:
+    """A number to so many places, without zeros at its end.
+
+    >>> decimals(50.0050), decimals(-0.0000001)
+    ('50.005', '0')
+    """
+    text = f"{value:.{places}f}".rstrip("0").rstrip(".")
+    return "0" if text in ("-0", "") else text
+
+
+def real(value: float, places: int = 6) -> str:
+    """The same with a decimal point, as controls write real numbers."""
+    text = decimals(value, places)
+    return text if "." in text else f"{text}.0"
+
+
+def places_of(table: ErrorTable) -> int:
+    """Decimal places of a table's values."""
+    return 9 if table.angle else 6
+
+
+def whole(value: float, name: str, low: float = -np.inf, high: float = np.inf) -> int:
+    """A rounded count; raises InputError beyond what the control holds."""
+    found = round(value)
+    if not low <= found <= high:
+        reason = f"a value of {found}; {name} holds {low:g} to {high:g}"
+        raise error("not-applicable", reason=reason)
+    return found
+
+
+def parameter(parameters: Parameters, name: str, kind: str = "text") -> str:
+    """A parameter that has to be there."""
+    if not parameters[name]:
+        raise error("missing-input", what=f"the parameter {name}", expected=f"--set {name}=VALUE")
+    return parameters[name]
+
+
+def number_parameter(parameters: Parameters, name: str) -> float:
+    """A parameter that is a number above 0; raises InputError for another."""
+    value = number(parameter(parameters, name))
+    if value is None or not 0 < value < np.inf:
+        place = {"path": f"--set {name}", "value": parameters[name]}
+        raise error("wrong-type", kind="a number above 0", **place)
+    return value
+
+
+def choice(parameters: Parameters, name: str, known: tuple[str, ...]) -> str:
+    """A parameter that is one of those `known`."""
+    value = parameter(parameters, name)
+    if value not in known:
+        near = suggestion(value, known)
+        raise error("unknown-name", path=f"--set {name}", what=name, value=value, **near)
+    return value
+
+
+def refuse(reason: str, line: int | None = None, expected: str | None = None) -> NoReturn:
+    """Raises InputError for a file that the control would not read."""
+    raise error("not-readable", reason=reason, line=line, expected=expected)
+
+
+def numeric(text: str, line: int | None = None) -> float:
+    """A finite number of a file; raises InputError."""
+    value = number(text.strip())
+    if value is None or not abs(value) < LARGEST:
+        refuse(f"{text.strip()!r} is no number of a table", line, "a number")
+    return value
+
+
+def rising(at: list[float], line: int | None = None) -> FloatArray:
+    """Positions; raises InputError where there are fewer than two or they do not rise."""
+    found = np.array(at, float)
+    if len(found) < 2:
+        refuse(f"{len(found)} point(s)", line, "two points or more")
+    if (np.diff(found) <= 0).any():
+        refuse("the positions do not rise", line, "rising positions")
+    return found

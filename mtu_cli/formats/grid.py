@@ -1,0 +1,170 @@
+"""Tables in text: separators, the decimal sign by the consensus of columns, and cells by place."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from mtu_cli.files.csv_table import Decimal
+from mtu_cli.files.csv_table import number as plain_number
+from mtu_cli.findings import Finding, InputError
+from mtu_cli.formats.base import RawFile
+
+SEPARATORS = (";", "\t", "|", ",", " ")
+NAMES = {";": "semicolons", "\t": "tabs", "|": "bars", ",": "commas", " ": "blanks"}
+SAMPLE = 400
+"""Lines that a separator is chosen by."""
+_NUMBER = re.compile(r"[+-]?[\d.,]*\d[\d.,]*(?:[eE][+-]?\d+)?")
+_GROUPED = {
+    ".": re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?"),
+    ",": re.compile(r"[+-]?[1-9]\d{0,2}(?:\.\d{3})+(?:,\d*)?"),
+}
+OPEN = "?"
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The cells of a line, counted from 1 as an editor does."""
+
+    line: int
+    cells: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """The lines of a text as cells; blank lines and comments (#) are not among them."""
+
+    separator: str
+    rows: list[Row]
+    comments: int = 0
+
+    @property
+    def width(self) -> int:
+        """The number of cells that most rows have."""
+        counts = Counter(len(row.cells) for row in self.rows)
+        return max(counts, key=lambda n: (counts[n], n), default=0)
+
+
+def grid_of(lines: Sequence[str], first: int = 1, separator: str | None = None) -> Grid:
+    """The table in `lines`, the first of which is line `first` of its file."""
+    kept = [(i, line) for i, line in enumerate(lines, first) if line.strip()]
+    filled = [(i, line) for i, line in kept if not line.lstrip().startswith("#")]
+    sign = separator or separator_of([line for _, line in filled[:SAMPLE]])
+    rows = [Row(i, split(line, sign)) for i, line in filled]
+    return Grid(sign, rows, len(kept) - len(filled))
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The stripped cells of a line."""
+    if separator == " ":
+        return line.split()
+    if separator == "|":
+        line = line.strip().strip("|")
+    if '"' in line:
+        try:
+            return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
+        except csv.Error:
+            pass
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def separator_of(lines: Sequence[str]) -> str:
+    """The separator that gives most lines the same number of cells, two or more."""
+    best, most = " ", 0
+    for sign in SEPARATORS:
+        counts = Counter(len(split(line, sign)) for line in lines)
+        counts.pop(1, None)
+        counts.pop(0, None)
+        if sign == "," and any(re.search(r"\d[ \t]+[-+]?[\d,]", line) for line in lines[1:]):
+            continue
+        if counts and max(counts.values()) > most:
+            best, most = sign, max(counts.values())
+    return best
+
+
+def evidence(cell: str) -> str:
+    """What a cell says of the decimal sign: ``.``, ``,``, ``?`` where it may be either, or "".
+
+    >>> [evidence(cell) for cell in ("0,5", "1.234", "1.234,5", "1.234.567", "12", "x")]
+    [',', '?', ',', ',', '', '']
+    """
+    if not _NUMBER.fullmatch(cell):
+        return ""
+    mantissa, exponent, _ = cell.lower().lstrip("+-").partition("e")
+    dots, commas = mantissa.count("."), mantissa.count(",")
+    if dots and commas:
+        return "." if mantissa.rindex(".") > mantissa.rindex(",") else ","
+    if not dots and not commas:
+        return ""
+    sign = "." if dots else ","
+    if dots + commas > 1:
+        return "," if dots else "."
+    whole, _, part = mantissa.partition(sign)
+    grouped = len(part) == 3 and re.fullmatch(r"[1-9]\d{0,2}", whole) and not exponent
+    return OPEN if grouped else sign
+
+
+def decimals(
+    file: RawFile, columns: Iterable[Iterable[str]], given: Decimal | None, separator: str = ""
+) -> list[Decimal]:
+    """The decimal sign of each column: decided by all its cells, else by all other columns.
+
+    Raises InputError where cells of a column contradict each other, or nothing decides.
+    """
+    seen = [Counter(map(evidence, column)) for column in columns]
+    if given:
+        return [given] * len(seen)
+    signs = [{sign for sign in (".", ",") if each[sign]} for each in seen]
+    whole: set[str] = set().union(*signs) if signs else set()
+    if separator == "," and not whole:
+        whole = {"."}
+    found: list[Decimal] = []
+    for number, (own, each) in enumerate(zip(signs, seen, strict=True), 1):
+        if len(own) > 1 or (each[OPEN] and not own and len(whole) != 1):
+            kind = "both signs in one column" if len(own) > 1 else "numbers as 1.234 or 1,234 alone"
+            expected = "--decimal . or --decimal , (a map profile has `decimal`)"
+            what = f"the decimal sign of column {number}: {kind}"
+            raise file.error("undecided", what=what, expected=expected)
+        sign = next(iter(own), None) or (next(iter(whole)) if len(whole) == 1 else ".")
+        found.append("," if sign == "," else ".")
+    return found
+
+
+def number(cell: str, decimal: Decimal) -> float | None:
+    """The value of a cell, None where it is no finite number; groups of thousands are read."""
+    text = cell.strip().replace("\u2212", "-").replace("\u00a0", "")
+    if _GROUPED[decimal].fullmatch(text):
+        text = text.replace("." if decimal == "," else ",", "")
+    value = plain_number(text, decimal)
+    return value if value is not None and abs(value) < 1e15 else None
+
+
+def said(grid: Grid, signs: Iterable[Decimal]) -> str:
+    """Separator and decimal sign in words."""
+    words = {".": "decimal points", ",": "decimal commas"}
+    found = " and ".join(words[sign] for sign in sorted(set(signs)))
+    return f"{NAMES[grid.separator]} between columns, {found or 'whole numbers'}"
+
+
+class Faults:
+    """Bad cells of a file, all of them, before anything is raised."""
+
+    def __init__(self, file: RawFile) -> None:
+        self.file = file
+        self.found: list[Finding] = []
+
+    def cell(self, row: int, column: str, value: str, expected: str = "a number") -> None:
+        """A cell that is not what stands in its column."""
+        code, facts = ("wrong-type", {"kind": expected, "value": value})
+        if not value:
+            code, facts = "empty-cell", {}
+        place = {"row": row, "column": column, "expected": expected}
+        self.found.append(self.file.finding(code, **place, **facts))
+
+    def raise_if_any(self) -> None:
+        """Raises InputError with every fault."""
+        if self.found:
+            raise InputError(self.found[:2000], max(0, len(self.found) - 2000))

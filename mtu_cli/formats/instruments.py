@@ -1,0 +1,122 @@
+"""The registry of instruments' files: which format a file is, and what it holds as the columns of
+the contract's CSV, of which that CSV is one entry.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from importlib import import_module
+from pathlib import Path
+
+from mtu_cli.files.csv_file import GZIP
+from mtu_cli.files.headers import POINTS as POINTS_SPEC
+from mtu_cli.files.headers import READINGS as READINGS_SPEC
+from mtu_cli.files.headers import TableSpec
+from mtu_cli.files.source import DRIFT as DRIFT_ROLE
+from mtu_cli.files.source import Source
+from mtu_cli.findings import InputError, listed, nearest, shorten
+from mtu_cli.formats.base import DRIFT, POINTS, READINGS, Ask, Format, Imported, RawFile, of_content
+from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
+
+MODULES = ("renishaw", "xml_files", "ecmc", "text_blocks", "coordinates", "dfq", "channels", "wide")
+"""From the surest to the least sure: the first that recognises a file reads it."""
+KIND_OF = dict.fromkeys(("lbb", "laser", "before"), READINGS) | {DRIFT_ROLE: DRIFT, "cmm": POINTS}
+SPECS: dict[str, TableSpec] = {READINGS: READINGS_SPEC, DRIFT: READINGS_SPEC, POINTS: POINTS_SPEC}
+CONTRACT = "contract-csv"
+HEAD = 1 << 16
+Converted = tuple[bytes, list[int]]
+
+
+def registry() -> Iterator[Format]:
+    """All formats; a module is imported when its turn comes."""
+    for name in MODULES:
+        yield from import_module(f"mtu_cli.formats.{name}").FORMATS
+
+
+def is_contract(content: bytes) -> bool:
+    """Whether the header names columns of the contract: that reader then says what is wrong."""
+    text = content[:HEAD].decode("utf-8-sig", "replace")
+    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
+    cells = re.split(r"[,;\t]", next(lines, ""))
+    named = {cell.strip().strip('"').lower() for cell in cells}
+    known = {"component", "error", "position_mm", "x_mm", "y_mm", "nominal_x_mm"}
+    return bool(named & known) or len(named & {"part", "feature", "repeat", "unit", "pass"}) > 1
+
+
+def identify(file: RawFile) -> Format | None:
+    """The format of a file that is not the contract's CSV, or None."""
+    return next((each for each in registry() if each.sniff(file)), None)
+
+
+def read(file: RawFile, ask: Ask) -> Imported:
+    """What an instrument's file holds; raises InputError for what fits no format, or is at fault
+    within its own.
+    """
+    if ask.profile is not None:
+        from mtu_cli.formats.table_map import read_profile, read_with
+
+        return read_with(file, ask, read_profile(ask.profile), SPECS)
+    known = identify(file)
+    if known is None:
+        raise unknown(file)
+    if ask.kind in SPECS and ask.kind not in known.gives:
+        kind = f"{known.title} ({known.name}), which gives {listed(known.gives)}"
+        raise file.error("other-table", kind=kind, expected=str(ask.kind))
+    try:
+        return known.read(file, ask)
+    except (ValueError, IndexError, KeyError, OverflowError, RecursionError) as fault:
+        # A reader checks what its format documents; this is the rest of what bytes can be.
+        reason = f"damaged {known.name} ({shorten(str(fault))})"
+        raise file.error("not-readable", reason=reason, expected=known.title) from None
+
+
+def unknown(file: RawFile) -> InputError:
+    """What was seen of a file that fits no format, and the nearest ones."""
+    lines = [line for line in file.lines if line.strip()]
+    if not file.text:
+        seen = "binary data"
+    else:
+        separator = separator_of(lines[:50])
+        signs = {sign for line in lines[:50] for cell in split(line, separator)
+                 if (sign := evidence(cell))} - {"?"}  # fmt: skip
+        sign = " and ".join(sorted(signs)) or "not seen"
+        seen = f"{file.encoding}, {NAMES[separator]}, decimal sign {sign}"
+        seen += "".join(f" | {shorten(line.strip(), 40)}" for line in lines[:3])
+    names = [each.name for each in registry()]
+    suffix = file.source.path.suffix[1:]
+    likely = [*nearest(suffix, names), "wide", CONTRACT] if suffix else ["wide", CONTRACT]
+    expected = f"{listed(likely)}, or a --map profile (mtu help instruments)"
+    return file.error("fits-no-format", seen=seen, expected=expected)
+
+
+def converter(
+    ask_of: Callable[[Path, str], Ask], heard: Callable[[RawFile, Imported], None]
+) -> Callable[[Source, bytes], Converted | None]:
+    """For the reader of the contract's CSV: what an instrument's file is as such a CSV, with the
+    line of each row in the file; None of what is a CSV already, or may be meant as one.
+    """
+
+    def convert(source: Source, content: bytes) -> Converted | None:
+        ask = ask_of(source.path, source.role)
+        if content.startswith(GZIP) or (is_contract(content) and not ask.profile):
+            return None
+        file = of_content(source, content)
+        if not ask.profile and identify(file) is None:
+            return None
+        found = read(file, ask)
+        heard(file, found)
+        return found.csv(list(SPECS[found.kind].columns)).encode(), found.rows
+
+    return convert
+
+
+def contract_rows(file: RawFile) -> Imported:
+    """What the contract's own CSV holds, for `mtu inspect`."""
+    grid = grid_of(file.lines)
+    names = grid.rows[0].cells if grid.rows else []
+    found = Imported(format=CONTRACT, rows=[row.line for row in grid.rows[1:]])
+    found.kind = POINTS if {"part", "x_mm"} & {*names} else READINGS
+    found.facts = {"columns": names, "separator": NAMES[grid.separator]}
+    found.drop("comment lines", grid.comments)
+    return found

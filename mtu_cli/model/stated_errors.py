@@ -1,0 +1,150 @@
+"""Errors along one axis that a machine file states: components, and effects that were found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mtu_cli.files.machine import LoadedMachine
+from mtu_cli.findings import error, suggestion
+from mtu_cli.language import evaluate, names
+from mtu_cli.model.effect_parameters import effects_of
+from mtu_cli.model.estimates import ComponentEstimate, stated_component
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import LENGTH
+
+POINTS = 11
+"""Over the travel, of what is no table."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedErrors:
+    """Errors (2, n) forward and reverse at n positions along `axis`, mm or rad, and their
+    covariance (2n, 2n); `turns`: the directions differ.
+    """
+
+    axis: str
+    values: FloatArray
+    covariance: FloatArray
+    turns: bool
+    angle: bool
+
+
+def known_names(machine: LoadedMachine) -> list[str]:
+    """What a table may be made of: components and effects."""
+    return [*machine.machine.components, *(each.name for each in machine.machine.effects)]
+
+
+def axis_of(machine: LoadedMachine, name: str) -> str:
+    """The axis along which a component or an effect is an error; raises InputError for none."""
+    component = machine.machine.components.get(name)
+    if component is not None:
+        if component.of is None:
+            raise error("not-applicable", reason=f"{name} is a constant: no table of an axis")
+        return str(component.of)
+    place = [each.name for each in machine.machine.effects]
+    if name not in place:
+        near = suggestion(name, known_names(machine))
+        raise error("unknown-name", path="--component", what="component", value=name, **near)
+    form, effect = (
+        machine.effect_forms[place.index(name)],
+        machine.machine.effects[place.index(name)],
+    )
+    used = {
+        x for each in form.values() for lever in each.coefficients.values() for x in names(lever)
+    }
+    used |= {x.of for x in effect.components.values() if x.of}
+    (equation, *others) = form
+    axes = {x.removeprefix("dir_") for x in used} & {"x", "y", "z"}
+    left = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
+    if others or len(axes) != 1 or left or form[equation].remainder is not None:
+        depends = ", ".join(sorted(left | (axes if len(axes) != 1 else set()))) or "several axes"
+        reason = f"the effect {name} depends on {depends}: no table of one axis holds it"
+        raise error("not-applicable", reason=reason)
+    return axes.pop()
+
+
+def output_of(machine: LoadedMachine, name: str, axis: str) -> str:
+    """The axis whose error it is: `axis` itself where its equation holds it, else the only other
+    one (y of a straightness of x in y).
+    """
+    place = {each.name: i for i, each in enumerate(machine.machine.effects)}
+    if name in place:
+        found = [equation[1:] for equation in machine.effect_forms[place[name]]]
+    else:
+        found = [key[1:] for key, form in machine.forms.items() if name in form.coefficients]
+    return found[0] if len(found) == 1 else axis
+
+
+def default_positions(machine: LoadedMachine, name: str, axis: str) -> FloatArray:
+    """The positions of its table, or equal steps over the travel of its axis."""
+    component = machine.machine.components.get(name)
+    effects = [each for each in machine.machine.effects if each.name == name]
+    tables = [component] if component else [x for e in effects for x in e.components.values()]
+    for table in tables:
+        if table is not None and table.at_mm:
+            return np.array(table.at_mm, float)
+    if axis not in machine.machine.travels:
+        what, expected = (
+            f"the travel of {axis}",
+            "axes: in the machine file, or --from, --to, --step",
+        )
+        raise error("missing-input", what=what, expected=expected)
+    return np.linspace(*machine.machine.travels[axis], POINTS)
+
+
+def stated_errors(machine: LoadedMachine, name: str, positions: FloatArray) -> StatedErrors:
+    """What the machine file says of a component or an effect at `positions` (n,), mm.
+
+    Raises InputError for one without coefficients, or that depends on more than one axis.
+    """
+    axis, n = axis_of(machine, name), len(positions)
+    entry = machine.machine.components.get(name)
+    if entry is not None:
+        if entry.coefficients is None:
+            expected = "readings of it, or coefficients in the machine file"
+            raise error("missing-input", what=f"an estimate of {name}", expected=expected)
+        own = stated_component(name, entry)
+        J = np.tile(own.shape.columns(positions), (2, 1))
+        return _of(axis, J, own.coefficients, own.covariance, own, False)
+    effects = effects_of(machine, None)
+    index = [each.name for each in machine.machine.effects].index(name)
+    (form,) = machine.effect_forms[index].values()
+    places = {axis: np.tile(positions, 2), f"dir_{axis}": np.repeat([1.0, -1.0], n)}
+    values = {key: each.value for key, each in machine.machine.constants.items()} | places
+    found = {effects.renames[index][key]: lever for key, lever in form.coefficients.items()}
+    estimates = {key: (effects.components | effects.own)[key] for key in found}
+    columns = [
+        np.broadcast_to(evaluate(lever, values), 2 * n)[:, None]
+        * (np.ones((2 * n, 1)) if (of := estimates[key]).of is None
+           else of.shape.columns(places[axis]))
+        for key, lever in found.items()
+    ]  # fmt: skip
+    widths = [each.shape[1] for each in columns]
+    ends = dict(zip(found, np.cumsum(widths).tolist(), strict=True))
+    C = np.zeros((sum(widths), sum(widths)))
+    for key, width in zip(found, widths, strict=True):
+        place = slice(ends[key] - width, ends[key])
+        C[place, place] = estimates[key].covariance
+    for joint in effects.joint:
+        if set(joint.components) <= set(found):
+            at = np.array([ends[key] - 1 for key in joint.components])
+            C[np.ix_(at, at)] = joint.covariance
+    theta = np.concatenate([each.coefficients for each in estimates.values()])
+    J = np.hstack(columns)
+    turns = any(f"dir_{axis}" in names(lever) for lever in found.values())
+    return _of(axis, J, theta, C, None, turns)
+
+
+def _of(
+    axis: str,
+    J: FloatArray,
+    theta: FloatArray,
+    C: FloatArray,
+    component: ComponentEstimate | None,
+    turns: bool,
+) -> StatedErrors:
+    angle = component is not None and component.unit.dimension != LENGTH
+    values = (J @ theta).reshape(2, -1)
+    return StatedErrors(axis=axis, values=values, covariance=J @ C @ J.T, turns=turns, angle=angle)

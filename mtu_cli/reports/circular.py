@@ -1,0 +1,182 @@
+"""The report of a circular test: traces, causes, and the polar diagram."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mtu_cli.analyses.circular import CircularResult, circle_fit
+from mtu_cli.reports.document import Document, Table
+from mtu_cli.reports.fields import declare
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, bars, blank, styled, title
+from mtu_cli.reports.numbers import plus_minus, significant
+from mtu_cli.units import ARCSEC, UM
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Page
+
+    from mtu_cli.analyses.circular import Cause
+
+MOST_ANGLES = 720
+"""Of the fit, drawn."""
+UNIT: dict[str, Any] = {"size": lambda item: UM, "half": lambda item: item.share}
+ROW = declare(
+    """
+    name | | cause | cause, text
+    value | | its size in the unit; null where the traces do not separate it | value, u=u, size=size
+    u | | its standard uncertainty | u, size=size
+    unit | | um, um/m or ms | unit, text
+    share_percent | share() | range of the term over the sum of all terms' ranges; null of the \
+        set-up | share / %, fix1
+    meaning | | what it is | meaning, text
+    """,
+    share=lambda item: None if math.isnan(item.share) else 100 * item.share,
+)
+TRACE = declare(
+    """
+    file | trace.file | file of the trace | file, text
+    pass | trace.number | number of its pass; null: none is stated | pass, count
+    direction | trace.direction | cw or ccw | direction, text
+    feed | trace.feed | path speed, mm/min; null: not stated | feed / mm/min, plain
+    samples | samples() | samples | samples, count
+    G_lsc | | um: circular deviation, about the trace's least-squares circle \
+        | G (LSC) / um, sig3, size=size()
+    F_max | | um: largest radial deviation from the nominal radius about the given centre \
+        | F max / um, sig3, size=size()
+    F_min | | um: smallest radial deviation | F min / um, sig3, size=size()
+    centre_a_um | centre_a | centre of that circle along the first axis | -, json
+    centre_b_um | centre_b | centre of that circle along the second axis | -, json
+    """,
+    samples=lambda item: len(item.trace.angle),
+    **UNIT,
+)
+RESULTS = declare(
+    """
+    plane | traces.plane | XY, YZ or ZX, first axis to second counter-clockwise; null: not stated
+    radius_mm | traces.radius | nominal radius
+    traces[] | figures | *trace
+    G_bidirectional | | um: circular deviation of both directions, about one least-squares circle; \
+        null of one direction | -, size=size()
+    D | | um: mean bidirectional radial deviation; null of one direction | -, size=size()
+    diagnosis[] | causes | *row
+    remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
+        reversal
+    remainder.range_um | remainder_range | its range
+    samples | | samples of all traces
+    effective_samples | effective | independent samples that they are worth
+    """,
+    trace=TRACE,
+    row=ROW,
+    **UNIT,
+)
+
+
+def document(result: CircularResult, digits: int = 2) -> Document:
+    """One row a cause; the traces below."""
+    plane = f"{result.traces.plane}, " if result.traces.plane else ""
+    heading = f"Causes, {plane}radius {result.traces.radius:g} mm"
+    footer = (
+        f"one joint fit of all traces; remainder {significant(result.remainder_rms / UM)} um rms; "
+        "u allows for the correlation of neighbouring samples"
+    )
+    causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
+    note = f"{result.samples} samples, worth {result.effective:.0f} independent ones"
+    tables = [
+        Table(heading, ROW, result.causes, footer, [note], shown=causes),
+        Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
+    ]
+    figure = partial(polar, result, digits)
+    return Document("Circular test", (RESULTS, result), tables, figure, _verdict(result, digits),
+                    digits)  # fmt: skip
+
+
+def stated(cause: Cause, digits: int) -> str:
+    """Value and u with the unit."""
+    return f"{plus_minus(cause.value / cause.size, cause.u / cause.size, digits)} {cause.unit}"
+
+
+def _verdict(result: CircularResult, digits: int) -> str:
+    """G, and the causes that make most of it."""
+    most = max(result.figures, key=lambda x: x.G_lsc)
+    text = f"G {significant(most.G_lsc / UM, 3)} um ({most.trace.direction})"
+    if not math.isnan(result.G_bidirectional):
+        text += f", of both directions {significant(result.G_bidirectional / UM, 3)} um"
+    known = [x for x in result.causes if x.share == x.share and abs(x.value) > 2 * x.u]
+    causes = sorted(known, key=lambda x: -x.share)[:3]
+    if not causes:
+        return f"{text}. No cause exceeds 2 u."
+    shown = ", ".join(f"{x.name} {stated(x, digits)} ({100 * x.share:.0f} %)" for x in causes)
+    return f"{text}. Largest causes: {shown}."
+
+
+def components(result: CircularResult) -> dict[str, Any]:
+    """`results` of a components report: squareness as the angle component of the plane, positive
+    above 90 degrees, and lost motion as reversal = forward - reverse.
+    """
+    plane = (result.traces.plane or "XY").lower()
+    first, second = plane[0], plane[1]
+    lean = result.cause("squareness")
+    found: dict[str, Any] = {}
+    if not math.isnan(lean.value):
+        zero = [[0.0]]
+        found[f"a{''.join(sorted((first, second)))}"] = {
+            "of": None, "unit": "arcsec", "degree": 0, "n_passes": len(result.figures),
+            "coefficients": [-lean.value / ARCSEC], "covariance": [[(lean.u / ARCSEC) ** 2]],
+            "covariance_independent": None, "s": None, "s_repeat": 0.0, "pass_covariance": zero,
+            "pass_covariance_moment": zero, "pass_center_mm": 0.0, "pass_dof": None,
+            "repeat_dof": None, "position_range_mm": None,
+        }  # fmt: skip
+    lost = {first: result.cause("backlash-a"), second: result.cause("backlash-b")}
+    return {
+        "machine": "circular test",
+        "components": found,
+        "joint_pass_covariance": [],
+        "reversal": {
+            axis: {"mean": -x.value / x.size, "u": x.u / x.size, "unit": x.unit}
+            for axis, x in lost.items()
+            if not math.isnan(x.value)
+        },
+    }
+
+
+@styled
+def polar(result: CircularResult, digits: int) -> Page:
+    """Deviations about each trace's circle over the angle, the joint fit, and the shares."""
+    page = blank(10.0, 5.6)
+    plane = f"{result.traces.plane}, " if result.traces.plane else ""
+    title(page, f"Circular test, {plane}radius {result.traces.radius:g} mm")
+    halves: Any = page.subfigures(1, 2, width_ratios=[1.15, 1.0])
+    left, right = halves
+    panel: Any = left.add_subplot(projection="polar")
+    colours, seen, reach = {"ccw": BLUE, "cw": ORANGE}, set[str](), 0.0
+    for trace, fitted in zip(result.traces.traces, result.fitted, strict=True):
+        rest = circle_fit(trace.angle, trace.deviation)[1]
+        order = np.argsort(np.mod(trace.angle, 2 * math.pi), kind="stable")
+        label = None if trace.direction in seen else trace.direction
+        seen.add(trace.direction)
+        angle, model = trace.angle[order], circle_fit(trace.angle, fitted)[1][order]
+        panel.plot(angle, rest[order] / UM, color=colours[trace.direction], lw=1.0, label=label)
+        step = len(order) // MOST_ANGLES + 1
+        fit = "joint fit" if len(seen) == 1 and label else None
+        panel.plot(angle[::step], model[::step] / UM, color=INK, lw=0.6, ls="--", label=fit)
+        reach = max(reach, float(np.abs(rest).max() / UM))
+    reach = reach or 1.0
+    turn = np.linspace(0, 2 * math.pi, 181)
+    panel.plot(turn, np.zeros_like(turn), color=GREY, lw=0.9)
+    tick = float(significant(0.8 * reach, 1))
+    panel.set_rticks([-tick, 0.0, tick])
+    panel.set_rlabel_position(112.5)
+    panel.set_rlim(-1.15 * reach, 1.15 * reach)
+    panel.set_rorigin(-4 * reach)
+    panel.set_title("deviation from the least-squares circle, um", pad=16)
+    panel.legend(loc="lower center", bbox_to_anchor=(0.5, -0.2), ncols=3)
+    shown = sorted((x for x in result.causes if x.share == x.share), key=lambda x: -x.share)
+    beside = right.subplots()
+    bars(beside, [x.name for x in shown], [100 * x.share for x in shown],
+         [stated(x, digits) for x in shown])  # fmt: skip
+    beside.set_xlabel("share of the sum of all terms, %")
+    beside.margins(x=0.55)
+    return page

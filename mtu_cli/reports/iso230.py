@@ -1,0 +1,384 @@
+"""The report of a positioning test: figures with uncertainties, targets, and the diagram."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from mtu_cli.analyses.iso230 import (
+    FIGURES,
+    VDI,
+    Axis,
+    Change,
+    Decision,
+    Figure,
+    Iso230Result,
+    Plan,
+)
+from mtu_cli.findings import listed
+from mtu_cli.reports.document import Document, Table
+from mtu_cli.reports.fields import declare
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, blank, legend, panels_of, styled, title
+from mtu_cli.reports.numbers import significant, with_u
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Page
+
+MAIN = ("A", "E", "R", "M", "B", "B_mean")
+SHOWN_AXES = 2
+"""Of more the targets are shown with --detail, and the verdict names these alone."""
+
+
+class Row(NamedTuple):
+    """A figure of an axis, with its limit and what it was before where there are such."""
+
+    axis: Axis
+    name: str
+    figure: Figure
+    decision: Decision | None
+    change: Change | None
+
+    @property
+    def scale(self) -> float:
+        """What the figure is rounded to."""
+        u = self.figure.u
+        return u if u > 0 else self.figure.u_sampling
+
+
+def _figure_text(name: str, meaning: str, source: str) -> str:
+    return f"""
+    {name}. | {source}.{name}
+        value | | {meaning} | -, size=size
+        u | | its standard uncertainty by the instrument, of these runs; null without a budget \
+            | -, size=size
+        u_sampling | | its standard deviation over repeated tests | -, size=size
+"""
+
+
+def _change_text(name: str, meaning: str) -> str:
+    return f"""
+        {name}. | {name}
+            value | | earlier test: {meaning} | -, size=size
+            u_sampling | | its standard deviation over repeated tests | -, size=size
+            difference | | now minus earlier | -, size=size
+            bound | | the tests differ beyond this | -, size=size
+            differs | | whether they do
+"""
+
+
+AXIS = (
+    """
+    unit | test.unit | unit of all figures
+    targets_mm | targets_mm() | target positions; null of a rotary axis
+    targets_deg | targets_deg() | target positions of a rotary axis; null of others
+    runs.forward | forward() | runs forward, at the target with most
+    runs.reverse | reverse() | runs in reverse, at the target with most
+    at_target[]
+        target_mm | mm() | target position; null of a rotary axis | target / mm, plain
+        target_deg | deg() | target position of a rotary axis | target / deg, plain
+        n_forward | | runs forward
+        n_reverse | | runs in reverse
+        mean_forward | | mean of the runs forward | -, size=size
+        mean_reverse | | mean of the runs in reverse | -, size=size
+        mean | | mean of both | -, size=size
+        B | | mean forward minus mean reverse | -, size=size
+        s_forward | | standard deviation of the runs forward; null where the instrument was \
+            zeroed in every run | -, size=size
+        s_reverse | | the same in reverse | -, size=size
+        R_forward | | 4 s_forward | -, size=size
+        R_reverse | | 4 s_reverse | -, size=size
+        R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction | -, size=size
+    """
+    + "".join(_figure_text(name, meaning, "figures") for name, meaning in FIGURES.items())
+    + "".join(
+        f"    vdi3441.{name} | vdi.{name} | {meaning} (VDI/DGQ 3441) | -, size=test.size\n"
+        for name, meaning in VDI.items()
+    )
+    + "    before. | before\n"
+    + "".join(_change_text(name, meaning) for name, meaning in FIGURES.items())
+)
+
+
+def _line(text: str) -> str:
+    return "\n".join(line for line in text.splitlines() if line.strip())
+
+
+KNOWN: dict[str, Any] = {
+    "targets_mm": lambda x: None if x.test.rotary else x.test.targets,
+    "targets_deg": lambda x: x.test.targets if x.test.rotary else None,
+    "forward": lambda x: int(x.count[0].max()),
+    "reverse": lambda x: int(x.count[1].max()),
+    "mm": lambda x: None if x.rotary else x.target,
+    "deg": lambda x: x.target if x.rotary else None,
+}
+RESULTS = declare(
+    """
+    axes{} | | *axis
+    conformity[] | decisions
+        component | | name of the component
+        figure | | symbol of the figure
+        unit | | unit of limit, value and U
+        limit | | largest value allowed | -, size=size
+        value | | the figure, of a mean its absolute value | -, size=size
+        U | | expanded uncertainty k u; null without a budget | -, size=size
+        verdict | | conforming, not proven or nonconforming (ISO 14253-1)
+    plan. | plan
+        length_mm | length | travel
+        pitch_mm | pitch | pitch that no target is a multiple of
+        targets_mm | targets | proposed targets
+    """,
+    axis=declare(_line(AXIS), **KNOWN),
+)
+ROW = declare(
+    """
+    component | axis.name | name of the component | axis, text, names
+    figure | name | symbol of the figure | figure, text
+    value | figure.value | the figure, in the unit | value, u=scale, size=figure.size
+    unit | axis.test.unit | its unit | unit, text
+    u | figure.u | standard uncertainty by the instrument, of these runs | u, size=figure.size, \
+        u=figure.u
+    U | U() | expanded uncertainty k u | U, size=figure.size, u=figure.u
+    u_sampling | figure.u_sampling | standard deviation over repeated tests | u_sampling, \
+        size=figure.size
+    limit | decision.limit | largest value allowed | limit, size=figure.size, exact
+    verdict | decision.verdict | conforming, not proven or nonconforming | verdict, text
+    before | change.value | earlier test | before, u=change.u_sampling, size=figure.size
+    difference | change.difference | now minus earlier | change, u=change.u_sampling, \
+        size=figure.size
+    differs | change.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | -
+    - | differs() | | differs, text
+    """,
+    U=lambda row: row.axis.k * row.figure.u,
+    differs=lambda row: (
+        None if row.change is None else {True: "yes", False: "no", None: "-"}[row.change.differs]
+    ),
+)
+VDI_ROW = declare("""
+    component | axis.name | name of the component | axis, text, names
+    figure | name | symbol of the figure | figure, text
+    value | | the figure, in the unit | value, sig4, size=axis.test.size
+    unit | axis.test.unit | its unit | unit, text
+    meaning | | what it is | meaning, text
+""")
+TARGETS = declare(
+    """
+    - | name | | axis, text, names
+    - | mm() | | target / mm, plain
+    - | deg() | | target / deg, plain
+    - | row.mean_forward | | mean / forward, u=row.s_forward, size=row.size
+    - | row.mean_reverse | | mean / reverse, u=row.s_reverse, size=row.size
+    - | row.B | | B / unit, u=row.s_forward, size=row.size
+    - | row.s_forward | | s / forward, size=row.size
+    - | row.s_reverse | | s / reverse, size=row.size
+    - | row.R | | R / unit, u=row.s_forward, size=row.size
+    """,
+    mm=lambda x: KNOWN["mm"](x.row),
+    deg=lambda x: KNOWN["deg"](x.row),
+)
+PLAN_ROW = declare("""
+    number | | number of the target | target, count
+    position_mm | at | proposed position | position, mm
+    phase | | share of a pitch beyond its last multiple | phase, fix4
+""")
+
+
+class Placed(NamedTuple):
+    """A target of an axis."""
+
+    name: str
+    row: Any
+
+
+class VdiRow(NamedTuple):
+    """A figure of VDI/DGQ 3441."""
+
+    axis: Axis
+    name: str
+    value: float
+    meaning: str
+
+
+class Planned(NamedTuple):
+    """A proposed target, mm."""
+
+    number: int
+    at: float
+    phase: float
+
+
+def rows_of(result: Iso230Result) -> Iterator[Row]:
+    """Every figure of every axis that exists."""
+    found = {(x.component, x.figure): x for x in result.decisions}
+    for axis in result.axes.values():
+        for name, figure in axis.figures.items():
+            if not math.isnan(figure.value):
+                change = (axis.before or {}).get(name)
+                yield Row(axis, name, figure, found.get((axis.name, name)), change)
+
+
+def document(result: Iso230Result, digits: int = 2) -> Document:
+    """One row a figure; targets below."""
+    if result.plan is not None:
+        return _plan_document(result, result.plan, digits)
+    axes, rows = list(result.axes.values()), list(rows_of(result))
+    footer = f"U = {axes[0].k:g} u by the instrument, of these runs; u_sampling: of a repeated test"
+    if result.decisions:
+        footer += "; limits by ISO 14253-1"
+    two_way = [axis for axis in axes if not math.isnan(axis.figures["E"].value)]
+    shown = [x for x in rows if x.name in MAIN or x.axis not in two_way or x.decision]
+    figures = Table("Positioning, ISO 230-2", ROW, rows, footer, [_symbols()], shown=shown)
+    if result.standard != "iso230-2":
+        lines = [
+            VdiRow(axis, name, value, VDI[name])
+            for axis in axes
+            for name, value in axis.vdi.items()
+            if not math.isnan(value)
+        ]
+        footer = "six standard deviations: not comparable with the figures of ISO 230-2"
+        figures = Table("Positioning, VDI/DGQ 3441", VDI_ROW, lines, footer)
+    placed = [Placed(axis.name, row) for axis in axes for row in axis.at_target]
+    of = f"deviations in {listed(dict.fromkeys(axis.test.unit for axis in axes))}"
+    footer = f"{of}; B = mean forward - mean reverse"
+    many = len(axes) > SHOWN_AXES
+    targets = Table("At the targets", TARGETS, placed, footer, detail=many)
+    figure = partial(diagram, result)
+    verdict = _verdict(result, digits)
+    return Document("Positioning", (RESULTS, result), [figures, targets], figure, verdict, digits)
+
+
+def _symbols() -> str:
+    return "; ".join(f"{name}: {FIGURES[name]}" for name in MAIN)
+
+
+def _verdict(result: Iso230Result, digits: int) -> str:
+    """The figures of the first axes, what fails, what changed."""
+    axes = list(result.axes.values())
+    texts = []
+    for axis in axes[:SHOWN_AXES]:
+        if result.standard != "iso230-2":
+            values = {name: (axis.vdi[name], math.nan) for name in ("P", "Pa", "Ps_max", "U_max")}
+        else:
+            own = axis.figures
+            two_way = not math.isnan(own["E"].value)
+            way = "forward" if axis.count[0].any() else "reverse"
+            names = MAIN[:5] if two_way else [f"{name}_{way}" for name in "AER"]
+            values = {x: (own[x].value, own[x].u if own[x].u > 0 else own[x].u_sampling)
+                      for x in names}  # fmt: skip
+        size = axis.test.size
+        shown = [
+            f"{name} {_rounded(value / size, u / size, digits)}"
+            for name, (value, u) in values.items()
+            if not math.isnan(value)
+        ]
+        texts.append(f"{axis.name}: {', '.join(shown)} {axis.test.unit}")
+    more = f"; and {len(axes) - SHOWN_AXES} more axes" if len(axes) > SHOWN_AXES else ""
+    text = f"{'; '.join(texts)}{more}."
+    for verdict in ("nonconforming", "not proven"):
+        if names := [f"{x.figure} of {x.component}" for x in result.decisions
+                     if x.verdict == verdict]:  # fmt: skip
+            text += f" {verdict.capitalize()}: {listed(names)}."
+    if any(axis.before for axis in axes):
+        differ = [f"{name} of {axis.name}" for axis in axes
+                  for name, each in (axis.before or {}).items() if each.differs]  # fmt: skip
+        text += f" Changed since the earlier test: {listed(differ)}." if differ else (
+            " No figure differs from the earlier test by more than repeated tests do."
+        )  # fmt: skip
+    return text
+
+
+def _rounded(value: float, u: float, digits: int) -> str:
+    return significant(value, 4) if math.isnan(u) else with_u(value, u, digits)[0]
+
+
+def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
+    phases = np.mod(plan.targets / plan.pitch, 1.0)
+    rows = [
+        Planned(i, float(x), float(phase))
+        for i, (x, phase) in enumerate(zip(plan.targets, phases, strict=True), 1)
+    ]
+    footer = "five runs in each direction; phase: share of the pitch beyond its last multiple"
+    table = Table("Target positions", PLAN_ROW, rows, footer)
+    verdict = (
+        f"{len(rows)} targets over {plan.length:g} mm; none is a multiple of the pitch of "
+        f"{plan.pitch:g} mm."
+    )
+    figure = partial(phases_drawn, plan)
+    return Document("Target positions", (RESULTS, result), [table], figure, verdict, digits)
+
+
+@styled
+def phases_drawn(plan: Plan) -> Page:
+    """Where the proposed targets fall within the pitch."""
+    page = blank(8.0, 3.4)
+    title(page, f"Targets over {plan.length:g} mm, pitch {plan.pitch:g} mm")
+    panel = page.subplots()
+    panel.stem(plan.targets, np.mod(plan.targets, plan.pitch), basefmt=" ")
+    panel.set_xlabel("target, mm")
+    panel.set_ylabel("within the pitch, mm")
+    panel.set_ylim(0, plan.pitch)
+    return page
+
+
+@styled
+def diagram(result: Iso230Result) -> Page:
+    """The diagram of ISO 230-2: means of each direction with 2 s, the mean of both, readings."""
+    axes = list(result.axes.values())
+    columns = 1 if len(axes) == 1 else 2
+    lines = math.ceil(len(axes) / columns)
+    page = blank(8.0 if columns == 1 else 11.0, 4.4 if lines == 1 else 3.4 * lines + 0.6)
+    for panel, axis in zip(panels_of(page, len(axes), columns), axes, strict=False):
+        _panel(panel, axis)
+    legend(page)
+    return page
+
+
+def _panel(panel: Axes, axis: Axis) -> None:
+    test, size = axis.test, axis.test.size
+    ways = (("forward", BLUE, -1, "^"), ("reverse", ORANGE, 1, "v"))
+    shift = 0.006 * test.travel
+    panel.axhline(0.0, color=GREY, linewidth=0.8)
+    for i, (name, colour, side, marker) in enumerate(ways):
+        if not axis.count[i].any():
+            continue
+        mean, band = axis.mean[i] / size, 2 * np.nan_to_num(axis.s[i]) / size
+        for run in test.readings[i].T / size:
+            panel.plot(test.targets + side * shift, run, ".", color=colour, alpha=0.35, ms=3.5)
+        panel.errorbar(
+            test.targets, mean, yerr=band, color=colour, marker=marker, ms=5, capsize=3,
+            elinewidth=1.0, label=f"mean {name}, 2 s",
+        )  # fmt: skip
+    both = axis.mean.mean(axis=0) / size
+    if np.isfinite(both).any():
+        panel.plot(test.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
+        _width(panel, axis)
+    names = [x for x in ("A", "E", "R", "M", "B") if not math.isnan(axis.figures[x].value)]
+    names = names or [x for x in FIGURES if not math.isnan(axis.figures[x].value)]
+    shown = [f"{x} {_rounded(axis.figures[x].value / size, _scale(axis, x), 2)}" for x in names]
+    panel.set_title(f"{axis.name}: {', '.join(shown)} {test.unit}")
+    panel.set_xlabel(f"target, {'deg' if test.rotary else 'mm'}")
+    panel.set_ylabel(f"deviation, {test.unit}")
+
+
+def _scale(axis: Axis, name: str) -> float:
+    figure = axis.figures[name]
+    return (figure.u if figure.u > 0 else figure.u_sampling) / axis.test.size
+
+
+def _width(panel: Axes, axis: Axis) -> None:
+    """The bars of A and E at the right, as in the standard's figure."""
+    size, band = axis.test.size, 2 * np.nan_to_num(axis.s)
+    right = float(axis.test.targets[-1]) + 0.05 * axis.test.travel
+    spans = {"E": (np.nanmin(axis.mean), np.nanmax(axis.mean))}
+    if not math.isnan(axis.figures["A"].value):
+        spans["A"] = (np.nanmin(axis.mean - band), np.nanmax(axis.mean + band))
+    for i, (name, (low, high)) in enumerate(spans.items()):
+        x = right + i * 0.05 * axis.test.travel
+        arrow = {"arrowstyle": "<->", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
+        panel.annotate("", (x, low / size), (x, high / size), arrowprops=arrow)
+        panel.text(x, float(high) / size, name, ha="center", va="bottom", fontsize=8.5)
+    panel.set_xlim(right=right + 0.1 * axis.test.travel)

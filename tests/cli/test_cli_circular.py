@@ -1,0 +1,135 @@
+"""`mtu circular` as it is called: columns or options, files handed on, and what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from circle_examples import Causes, csv_text, made
+from cli_runner import HERE, done, mtu, report
+
+import mtu_cli
+from mtu_cli.files.reports_read import ComponentsReport, read_report
+
+SHIPPED = HERE / "circular-traces.csv"
+
+
+def found(*words: object) -> dict[str, float | None]:
+    rows = report("circular", *words)["results"]["diagnosis"]
+    return {row["name"]: row["value"] for row in rows}
+
+
+def test_the_example_is_what_made_it() -> None:
+    text = csv_text(made(Causes(), n=180, s=0.0003, phi=0.8, seed=1))
+    assert SHIPPED.read_text("utf-8") == text
+
+
+def test_a_file_is_diagnosed_and_drawn(tmp_path: Path) -> None:
+    said = done(mtu("circular", SHIPPED, "--plot", tmp_path / "a.png", "--report",
+                    tmp_path / "a.html", "--csv", tmp_path / "a.csv"))  # fmt: skip
+    assert max(map(len, said.stdout.splitlines())) <= 100
+    assert said.stdout.startswith("G ")
+    rows = report("circular", SHIPPED)["results"]["diagnosis"]
+    expected = Causes().expected()
+    assert {row["name"] for row in rows} == set(expected)
+    for row in rows:
+        assert abs(row["value"] - expected[row["name"]]) < 4 * row["u"]
+    first = (tmp_path / "a.png").read_bytes()
+    done(mtu("circular", SHIPPED, "-q", "--plot", tmp_path / "b.png"))
+    assert (tmp_path / "b.png").read_bytes() == first
+
+
+def test_options_say_what_columns_do_not(tmp_path: Path) -> None:
+    """Two files without columns are the same test, in any order."""
+    whole, files = made(Causes(), n=360), []
+    for trace in whole.traces:
+        lines = csv_text(whole, "").splitlines()
+        half = len(trace.angle)
+        start = 2 + half * (trace.direction == "cw")
+        files.append(tmp_path / f"{trace.direction}.csv")
+        files[-1].write_text("\n".join([*lines[:2], *lines[start : start + half]]), "utf-8")
+    options = ("--radius", 150, "--feed", 2000, "--plane", "xy")
+    known = found(*files, "--direction", "ccw,cw", *options)
+    assert known == pytest.approx(Causes().expected(), abs=0.02)
+    turned = found(*reversed(files), "--direction", "cw,ccw", *options)
+    assert turned == pytest.approx(known, abs=1e-6)
+    without = found(*files, "--direction", "ccw,cw", "--radius", 150)
+    assert without["servo-mismatch"] is None
+    python = mtu_cli.circular(*files, direction="ccw,cw", radius=150.0).to_dict()
+    assert {x["name"]: x["value"] for x in python["diagnosis"]} == without
+
+
+def test_squareness_and_lost_motion_are_handed_on(tmp_path: Path) -> None:
+    target = tmp_path / "c.json"
+    done(mtu("circular", SHIPPED, "-q", "--write-components", target))
+    handed = read_report(target)
+    assert isinstance(handed, ComponentsReport)
+    (value,) = handed.components["axy"].coefficients
+    known = report("circular", SHIPPED)["results"]["diagnosis"]
+    values = {row["name"]: row["value"] for row in known}
+    # Positive above 90 degrees: minus the lean of the second axis towards the first.
+    assert value == pytest.approx(-values["squareness"] * 0.206264806, rel=1e-6)
+    reversal = handed.document["results"]["reversal"]
+    assert reversal["x"]["mean"] == pytest.approx(-values["backlash-a"])
+    assert reversal["y"]["mean"] == pytest.approx(-values["backlash-b"])
+    used = tmp_path / "machine.yaml"
+    used.write_text(
+        "schema: mtu/machine/1\nname: square\naxes: {x: {travel_mm: [0, 500]}, y: {travel_mm: "
+        "[0, 500]}}\ncomponents: {axy: {unit: arcsec}}\nequations: {Ex: -y*axy, Ey: 0}\n",
+        "utf-8",
+    )
+    grid = done(mtu("predict-points", "-m", used, "-c", target, "--grid", 2))
+    assert "Ex" in grid.stdout
+
+
+@pytest.mark.parametrize(
+    ("columns", "words", "text"),
+    [
+        ("direction", "", "the nominal radius is missing"),
+        ("radius_mm", "", "the direction is missing"),
+        ("direction", "--radius 0", "the nominal radius is missing"),
+        ("radius_mm", "--direction up", "unknown direction"),
+        ("radius_mm", "--direction cw,ccw", "2 values"),
+        ("radius_mm direction", "--feed -1", "out of range"),
+        ("radius_mm direction", "--feed fast", "not a number"),
+        ("radius_mm direction", "--plane XX", "unknown plane"),
+        ("radius_mm direction", "--write-components {}/c.json", "the plane is missing"),
+    ],
+)
+def test_what_is_not_stated_is_asked_for(
+    columns: str, words: str, text: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.csv"
+    file.write_text(csv_text(made(Causes(), n=60), columns), "utf-8")
+    said = done(mtu("circular", file, *words.format(tmp_path).split()), 2).stderr
+    assert text in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "c.json").exists()
+
+
+def test_bad_cells_are_reported_at_once(tmp_path: Path) -> None:
+    file = tmp_path / "a.csv"
+    lines = csv_text(made(Causes(), n=60)).splitlines()
+    for row, old, new in ((5, ",ccw,", ",up,"), (9, ",XY,", ",XX,"), (11, ",150,", ",,")):
+        lines[row] = lines[row].replace(old, new)
+    file.write_text("\n".join(lines), "utf-8")
+    said = done(mtu("circular", file), 2).stderr
+    for text in ("row 6, column 'direction'", "row 10, column 'plane'", "row 12, column 'radius"):
+        assert text in said
+    for name, old, new, text in (
+        ("radius", ",150,", ",100,", "one in all traces"),
+        ("plane", ",XY,", ",YZ,", "the traces of one plane"),
+        ("feed", ",2000,", ",0,", "mm/min above 0"),
+    ):
+        lines = csv_text(made(Causes(), n=60)).splitlines()
+        lines[7] = lines[7].replace(old, new)
+        other = tmp_path / f"{name}.csv"
+        other.write_text("\n".join(lines), "utf-8")
+        assert text in done(mtu("circular", other), 2).stderr
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(csv_text(made(Causes(), n=12)).splitlines()), "utf-8")
+    assert "a trace of 12 samples" in done(mtu("circular", short), 2).stderr
+    near = tmp_path / "near.csv"
+    rows = [f"{i * 0.1:.1f},1,ccw,150" for i in range(40)]
+    near.write_text("\n".join(["angle_deg,deviation_um,direction,radius_mm", *rows]), "utf-8")
+    assert "away from the reversals" in done(mtu("circular", near), 2).stderr

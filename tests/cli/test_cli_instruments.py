@@ -1,0 +1,83 @@
+"""`mtu inspect`, `mtu import`, and files of instruments read directly; the files are made."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import made_files as made
+import pytest
+from cli_runner import done, mtu
+from support import DATA
+
+import mtu_cli
+
+MACHINE = """schema: mtu/machine/1
+name: one axis
+axes: {x: {travel_mm: [-200, 200]}}
+components: {dx_x: {of: x, unit: um}}
+equations: {Ex: dx_x}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A machine of one axis and the files."""
+    (tmp_path / "m.yaml").write_text(MACHINE)
+    for name, (_, content) in made.FILES.items():
+        (tmp_path / name).write_bytes(content)
+    return tmp_path
+
+
+def test_a_laser_run_is_fitted_as_it_came(folder: Path) -> None:
+    out = folder / "direct.json"
+    found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_x=x.rtl", "-o", out, cwd=folder)
+    assert "x.rtl: read as rtl: 14 readings; targets in mm" in done(found).stderr
+    made_csv = mtu("import", "dx_x=x.rtl", "--as", "readings", "-o", "x.csv", cwd=folder)
+    assert done(made_csv).stdout.startswith("x.rtl: read as rtl: 14 readings")
+    again = folder / "csv.json"
+    done(mtu("fit-components", "-m", "m.yaml", "--laser", "x.csv", "-o", again, cwd=folder))
+    results = [json.loads(path.read_text())["results"] for path in (out, again)]
+    assert results[0] == results[1]
+    machine = mtu_cli.read_machine(folder / "m.yaml")
+    read = mtu_cli.read_readings([f"dx_x={folder / 'x.rtl'}"], machine, "laser")
+    assert mtu_cli.fit_components(machine, read).to_dict()["components"]["dx_x"]["n"] == 14
+    assert len(mtu_cli.read_points([folder / "p.csv"])) == 3
+    study = "schema: mtu/study/1\nmachine: m.yaml\nlaser: [{file: x.rtl, component: dx_x}]\n"
+    (folder / "mtu.yaml").write_text(study)
+    done(mtu("fit-components", "-o", again, cwd=folder))
+    assert json.loads(again.read_text())["results"] == results[0]
+
+
+def test_faults_name_the_line_of_the_instruments_file(folder: Path) -> None:
+    found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_y=x.rtl", cwd=folder)
+    assert "x.rtl, row 19, column 'component': unknown component: 'dx_y'" in done(found, 2).stderr
+    found = mtu("fit-components", "-m", "m.yaml", "--laser", "x.rtl", cwd=folder)
+    assert "the component that the file reads is missing" in done(found, 2).stderr
+    found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_x=p.csv", cwd=folder)
+    assert "which gives points; expected readings" in done(found, 2).stderr
+
+
+def test_inspect_shows_what_a_file_is(folder: Path) -> None:
+    for name, (kind, _) in made.FILES.items():
+        text = done(mtu("inspect", name, "-o", "o.json", cwd=folder)).stdout
+        assert text.startswith(f"{kind}: ")
+        assert json.loads((folder / "o.json").read_text())["results"]["format"] == kind
+    assert "2 BALLBAR/FEATURE" in done(mtu("inspect", "b.b5r", cwd=folder)).stdout
+    shown = done(mtu("inspect", DATA / "undeclared" / "lbb.csv")).stdout
+    assert shown.startswith("contract-csv: ")
+    (folder / "a.xyz").write_text("hello\nworld\n")
+    assert "fits no format" in done(mtu("inspect", "a.xyz", cwd=folder), 2).stderr
+
+
+def test_import_states_what_was_left_open_and_overwrites_nothing(folder: Path) -> None:
+    call = ("import", "p.csv", "--as", "points")
+    found = done(mtu(*call, cwd=folder))
+    assert found.stdout.splitlines()[0].startswith("part,feature,")
+    assert "left out: 1 empty cells, 1 features without X or Y" in found.stderr
+    assert "it is an input" in done(mtu(*call, "-o", "p.csv", cwd=folder), 2).stderr
+    assert "ends in .csv" in done(mtu(*call, "-o", "p.json", cwd=folder), 2).stderr
+    wrong = mtu("import", "p.csv", "--as", "point", cwd=folder)
+    assert "did you mean 'points'" in done(wrong, 2).stderr
+    joined = mtu("import", "x.rtl", "x.rtl", "--as", "readings", "--component", "dx_x", cwd=folder)
+    assert {line.split(",")[2] for line in done(joined).stdout.splitlines()[1:]} == {"1", "2"}

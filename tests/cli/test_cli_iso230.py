@@ -1,0 +1,170 @@
+"""`mtu iso230` as it is called: files, limits, an earlier test, a plan, and what is refused."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cli_runner import done, mtu, report
+from positioning_examples import EXPECTED, published, write_readings
+from support import CONFIGS
+
+import mtu_cli
+
+BUDGET = "schema: mtu/study/1\nbudget: {device_U_um_per_m: 20, E_VE_um: 0.5}\n"
+
+
+@pytest.fixture
+def laser(tmp_path: Path) -> Path:
+    return write_readings(tmp_path / "laser.csv", *published(3))
+
+
+def test_a_laser_file_alone_gives_the_published_figures(laser: Path) -> None:
+    found = report("iso230", "--laser", laser)["results"]["axes"]["dx_x"]
+    for name, value in EXPECTED[3].items():
+        assert found[name]["value"] == pytest.approx(value, abs=1e-4)
+        assert found[name]["u"] is None
+        assert found[name]["u_sampling"] > 0
+    assert found["unit"] == "um"
+    assert found["runs"] == {"forward": 5, "reverse": 5}
+    assert found["at_target"][2]["R"] == pytest.approx(14.0442, abs=1e-4)
+    assert found["vdi3441"]["P"] == pytest.approx(27.1707, abs=1e-4)
+    said = done(mtu("iso230", "--laser", laser, "--standard", "vdi3441")).stdout
+    assert said.startswith("dx_x: P 27.17")
+
+
+def test_limits_meet_their_gate(laser: Path, tmp_path: Path) -> None:
+    budget = tmp_path / "budget.yaml"
+    budget.write_text(BUDGET, "utf-8")
+    call = ("iso230", "--laser", laser, "--budget", budget, "--fail-if", "nonconforming")
+    met = done(mtu(*call, "--limit", "A=10", "--limit", "dx_x.B=40"), 3)
+    assert "gate nonconforming: beyond the limit by ISO 14253-1: A of dx_x" in met.stderr
+    assert "ISO 14253-1" in met.stdout
+    assert max(map(len, met.stdout.splitlines())) <= 100
+    done(mtu(*call, "--limit", "A=40"))
+    between = done(mtu(*call, "--limit", "A=22"))
+    assert "[not-proven]" in between.stderr
+    assert "the gate nonconforming is undefined" in done(mtu(*call), 2).stderr
+    without = done(mtu("iso230", "--laser", laser, "--limit", "R=50"))
+    assert "[no-uncertainty]" in without.stderr
+
+
+def test_outlying_runs_are_reported_and_stay(tmp_path: Path) -> None:
+    laser = write_readings(tmp_path / "laser.csv", *published(1))
+    said = done(mtu("iso230", "--laser", laser, "--fail-if", "suspicious"), 3)
+    assert said.stderr.count("[outlying-value]") == 1
+    assert "(rows 2, 7)" in said.stderr
+    assert "A 205" in said.stdout
+
+
+def test_an_earlier_test_is_compared(laser: Path, tmp_path: Path) -> None:
+    targets, readings = published(3)
+    earlier = readings + np.array([30.0, 0.0])[:, None, None]
+    before = write_readings(tmp_path / "before.csv", targets, earlier)
+    made = report("iso230", "--laser", laser, "--before", before)
+    found = made["results"]["axes"]["dx_x"]["before"]
+    assert found["B"]["differs"] is True
+    assert found["R_forward"]["differs"] is False
+    assert [x["role"] for x in made["inputs"]] == ["laser", "before"]
+    said = done(mtu("iso230", "--laser", laser, "--before", before)).stdout
+    assert "Changed since the earlier test: " in said
+    other = write_readings(tmp_path / "other.csv", targets, earlier, "dy_y")
+    assert (
+        "none of these axes" in done(mtu("iso230", "--laser", laser, "--before", other), 2).stderr
+    )
+
+
+def test_rotary_axes_and_angles_have_their_units(tmp_path: Path) -> None:
+    rows = [
+        f"ec_c,{45 * i},{run},{way},{(i * run) % 3 + (way == '-')},arcsec"
+        for i in range(8)
+        for run in range(1, 6)
+        for way in "+-"
+    ]
+    file = tmp_path / "c.csv"
+    header = "component,position_deg,pass,direction,error,unit"
+    file.write_text("\n".join([header, *rows]), "utf-8")
+    found = report("iso230", "--laser", file)["results"]["axes"]["ec_c"]
+    assert found["unit"] == "arcsec"
+    assert found["targets_mm"] is None
+    assert found["targets_deg"] == [45.0 * i for i in range(8)]
+    assert found["B_mean"]["value"] == pytest.approx(-1.0)
+
+
+def test_files_are_the_same_each_time_and_the_picture_is_drawn(laser: Path, tmp_path: Path) -> None:
+    made = []
+    for name in ("a", "b"):
+        files = [tmp_path / f"{name}.{ending}" for ending in ("json", "csv", "png", "html")]
+        options = ("-o", "--csv", "--plot", "--report")
+        pairs = [x for pair in zip(options, files, strict=True) for x in pair]
+        done(mtu("iso230", "--laser", laser, "-q", *pairs))
+        made.append([file.read_bytes() for file in files])
+    assert made[0] == made[1]
+    assert made[0][2].startswith(b"\x89PNG")
+
+
+def test_a_plan_needs_no_readings(tmp_path: Path) -> None:
+    plan = json.loads(done(mtu("iso230", "--plan", 500, "--pitch", 10, "-o", "-")).stdout)
+    targets = plan["results"]["plan"]["targets_mm"]
+    assert len(targets) == 5
+    assert all(0.5 < x % 10 < 9.5 for x in targets)
+    done(mtu("iso230", "--plan", 500, "--pitch", 10, "--plot", tmp_path / "p.png"))
+    refused = {
+        ("--plan", "500"): "--plan without --pitch",
+        ("--pitch", "5"): "--pitch without --plan",
+        ("--plan", "-1", "--pitch", "1"): "out of range",
+        ("--plan", "10", "--pitch", "20"): "below --plan",
+    }
+    for call, text in refused.items():
+        assert text in done(mtu("iso230", *call), 2).stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        ("--standard iso", "unknown standard"),
+        ("--limit Q=5", "unknown figure"),
+        ("--limit A", "NAME=VALUE"),
+        ("--limit A=-5", "a number above 0"),
+        ("--budget none.yaml", "no such file"),
+    ],
+)
+def test_slips_of_a_call_are_one_message(words: str, text: str, laser: Path) -> None:
+    assert text in done(mtu("iso230", "--laser", laser, *words.split()), 2).stderr
+
+
+def test_faulty_files_are_one_message(laser: Path, tmp_path: Path) -> None:
+    text = laser.read_text("utf-8")
+    cases = {
+        "mixed": (
+            text.replace(",um\n", ",arcsec\n", 1),
+            "dx_x is a length (mm), not an angle or ratio (rad)",
+        ),
+        "blank": (text.replace("15.0,1,", ",1,", 1), "empty cell"),
+        "one": ("component,error,unit\naxy,3,arcsec\n", "no component was read at targets"),
+    }
+    for name, (content, expected) in cases.items():
+        file = tmp_path / f"{name}.csv"
+        file.write_text(content, "utf-8")
+        said = done(mtu("iso230", "--laser", file), 2).stderr
+        assert said.count("\n") == 1
+        assert expected in said
+    budget = tmp_path / "budget.yaml"
+    for content, keys in (
+        ("{T_mean_degC: 23}", ("'alpha_um_per_m_K' is missing", "'already_at_20' is missing")),
+        ("{k: 0}", ("budget.k: wrong value",)),
+    ):
+        budget.write_text(f"schema: mtu/study/1\nbudget: {content}\n", "utf-8")
+        said = done(mtu("iso230", "--laser", laser, "--budget", budget), 2).stderr
+        assert [key for key in keys if key not in said] == []
+    study = CONFIGS / "undeclared" / "mtu.yaml"
+    said = done(mtu("iso230", "--laser", laser, "--budget", study), 2).stderr
+    assert "the key 'budget' is missing" in said
+
+
+def test_python_says_the_same(laser: Path) -> None:
+    readings = mtu_cli.read_readings([laser], role="laser")
+    found = mtu_cli.iso230(readings).to_dict()
+    assert found == report("iso230", "--laser", laser)["results"]

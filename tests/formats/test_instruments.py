@@ -1,0 +1,300 @@
+"""Files of instruments: recognised, read with every trap of their grammar, and one clear error
+where they are damaged. The files are made (`made_files`).
+"""
+
+from __future__ import annotations
+
+import random
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import made_files as made
+import numpy as np
+import pytest
+
+from mtu_cli.files.readings import read_readings
+from mtu_cli.files.source import Source
+from mtu_cli.findings import InputError
+from mtu_cli.formats import renishaw
+from mtu_cli.formats.base import Ask, Imported, of_content
+from mtu_cli.formats.instruments import converter, identify, read
+from mtu_cli.formats.table_map import read_profile
+from mtu_cli.formats.xml_files import read_features, samples_of
+
+ASK = Ask(component="dx_x", unit="um")
+
+
+def raw(content: bytes | str, name: str = "x.txt") -> Any:
+    """A file in memory."""
+    content = content.encode() if isinstance(content, str) else content
+    return of_content(Source(role="laser", path=Path(name), shown=name, sha256=""), content)
+
+
+def rows(found: Imported, *names: str) -> list[tuple[Any, ...]]:
+    """Some columns of what was read."""
+    return list(zip(*(found.columns[name] for name in names), strict=True))
+
+
+@pytest.mark.parametrize("name", made.FILES)
+def test_every_format_is_recognised_by_its_content_alone(name: str) -> None:
+    wanted, content = made.FILES[name]
+    known = identify(raw(content, "no-ending"))
+    assert known is not None
+    # Both of Renishaw's say what they are.
+    assert known.name == wanted
+    assert read(raw(content, name), ASK).rows
+
+
+def test_rtl_with_wrapped_negative_targets_and_descending_reverse_runs() -> None:
+    found = read(raw(made.RTL.encode("cp1252"), "x.rtl"), ASK)
+    got = rows(found, "position_mm", "pass", "direction", "error", "unit")
+    assert got[0] == (-150.0, 1, "forward", 0.1, "um")
+    assert got[7] == (150.0, 1, "reverse", 4.125, "um")
+    assert got[13] == (-150.0, 1, "reverse", 1.1, "um")
+    assert found.rows[0] == 19
+    assert found.left_out == {"material sensors at -10 degC, that is not connected": 1}
+    assert found.facts["measured"] == ["2016-12-12T10:46", "2016-12-12T11:01"]
+    assert "material_2_degC" not in found.facts
+    assert found.facts["machine"].startswith("Fr\u00e4szentrum 20\u00b0")
+    assert any("20 degC already" in text for text in found.says)
+
+
+@pytest.mark.parametrize("code_page", ["utf-8", "utf-8-sig", "cp1252", "gbk"])
+def test_code_pages_and_broken_degree_signs(code_page: str) -> None:
+    name = "\u673a\u5e8a" if code_page == "gbk" else "Fr\u00e4se"
+    text = made.RTL.replace("Fr\u00e4szentrum 20\u00b0", name)
+    # cp1252 accepts most bytes: GBK is tried only where it does not.
+    content = text.encode(code_page)
+    found = read(raw(content, "x.rtl"), ASK)
+    assert len(found.rows) == 14
+    if code_page != "gbk":
+        assert found.facts["machine"].startswith(name)
+    broken = made.RTL.replace("\u00b0", "\u00c2\u00b0").encode()
+    assert "20\u00b0" in read(raw(broken, "x.rtl"), ASK).facts["machine"]
+
+
+def test_a_one_way_rtl_padded_with_zeros_and_a_plain_one() -> None:
+    one_way = made.RTL.replace("Flags: 0 0", "Flags: 0 1")
+    found = read(raw(one_way, "x.rtl"), ASK)
+    assert set(found.columns["direction"]) == {"forward"}
+    assert found.columns["pass"][-1] == 2
+    lines = [f"  2   {line.split()[1]}    0.000000\r" if line.startswith("  2 ") else line
+             for line in one_way.split("\n")]  # fmt: skip
+    padded = read(raw("\n".join(lines), "x.rtl"), ASK)
+    assert len(padded.rows) == 7
+    assert padded.left_out["zeros that fill reverse runs of a file flagged as one-way"] == 7
+    assert padded.doubts
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("EOF::", "", "the section EOF:: is missing"),
+        ("Target-count: 7", "Target-count: 8", "7 targets; expected 8"),
+        ("Run-count:2", "Run-count:3", "deviations of 2 runs; expected 3"),
+        ("  1   2    0.250000", "  1   9    0.250000", "row 20, column 'Target'"),
+        ("  1   2    0.250000", "  1   1    0.250000", "the same as row 19"),
+        ("0.250000", "0.2x", "row 20"),
+        ("-50.000000", "-50.0.0", "row 9, column 'Targets': not a number"),
+    ],
+)
+def test_a_damaged_rtl_is_one_clear_error(old: str, new: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        read(raw(made.RTL.replace(old, new), "x.rtl"), ASK)
+
+
+@pytest.mark.parametrize("kind", ["rtl", "rta"])
+def test_what_is_written_is_read_within_half_a_quantum(kind: str) -> None:
+    rng = np.random.default_rng(49)
+    for _ in range(20):
+        targets = np.round(np.sort(rng.uniform(-900, 900, rng.integers(2, 14))), 3)
+        ways = ("forward", "reverse") if rng.random() < 0.6 else ("forward",)
+        data = Imported(format=kind)
+        for p in range(1, int(rng.integers(2, 5))):
+            for way in ways:
+                for x in targets[:: 1 if way == "forward" else -1].tolist():
+                    data.add(0, position_mm=x, **{"pass": p}, direction=way, error=rng.normal())
+        found = read(raw(renishaw.write(data), f"x.{kind}"), ASK)
+        key = ("position_mm", "pass", "direction")
+        assert rows(found, *key) == rows(data, *key)
+        apart = np.subtract(found.columns["error"], data.columns["error"])
+        assert np.abs(apart).max() <= 0.5000001e-6
+
+
+def test_a_matrix_with_either_decimal_sign_and_an_empty_cell() -> None:
+    found = read(raw(made.WIDE.encode("cp1252")), Ask(component="dx_x"))
+    got = rows(found, "position_mm", "pass", "direction", "error", "unit")
+    assert got[0] == (-100.0, 1, "forward", 1.5, "um")
+    assert got[3] == (-100.0, 2, "reverse", 2.0, "um")
+    assert (len(got), found.left_out) == (11, {"empty cells": 1})
+    points = made.WIDE.replace(",", ".").replace(";", "\t")
+    assert rows(read(raw(points), ASK), "position_mm", "error") == rows(
+        found, "position_mm", "error"
+    )
+
+
+@pytest.mark.parametrize(
+    ("header", "ways"),
+    [
+        ("t;+;-;+", "frf"), ("t;F1;F2;B1", "ffr"), ("t;fwd 1;rev 1;fwd 2", "frf"),
+        ("t;1;2;3", "frf"), ("t;r1 vor;r1 r\u00fcck;r2 vor", "frf"),
+    ],
+)  # fmt: skip
+def test_directions_of_runs(header: str, ways: str) -> None:
+    text = f"{header}\n0;0.1;0.2;0.3\n5;0.2;0.1;0.3\n"
+    found = read(raw(text), ASK)
+    assert "".join(way[0] for way in found.columns["direction"][:3]) == ways
+    assert bool(found.doubts) == (header == "t;1;2;3")
+    given = Ask(component="a", unit="um", directions="forward")
+    one_way = read(raw(text.replace(header, "t;1;2;3")), given)
+    assert one_way.columns["pass"][:3] == [1, 2, 3]
+
+
+def test_what_a_matrix_leaves_open_is_an_error() -> None:
+    with pytest.raises(InputError, match=r"the decimal sign .*--decimal"):
+        read(raw("t;+;-\n0;1,234;2,345\n5;1,300;2,400\n"), ASK)
+    stated = Ask(component="a", unit="um", decimal=",")
+    assert read(raw("t;+;-\n0;1,234;2,345\n5;1,300;2,400\n"), stated).columns["error"][0] == 1.234
+    with pytest.raises(InputError, match="both signs in one column"):
+        read(raw("t;+;-\n0;1,2;2,3\n5;1.3;2,4\n"), ASK)
+    with pytest.raises(InputError, match=r"measured positions.*subtract"):
+        read(raw("t;+;-\n0;0.001;0.002\n50;50.003;50.1\n99;99.002;99.0\n"), ASK)
+    with pytest.raises(InputError, match="row 3, column '-': not a number: 'x'"):
+        read(raw("t;+;-\n0;0.1;0.2\n5;0.3;x\n9;0.1;0.1\n"), ASK)
+    with pytest.raises(InputError, match="the component that the file reads is missing"):
+        read(raw("t;+;-\n0;0.1;0.2\n5;0.3;0.2\n"), Ask(unit="um"))
+    with pytest.raises(InputError, match=r"fits no format .*utf-8"):
+        read(raw("hello\nworld\n"), ASK)
+
+
+def test_ecmc_data_and_report() -> None:
+    data, report = read(raw(made.ECMC), ASK), read(raw(made.REPORT), ASK)
+    assert data.columns["error"][0] == pytest.approx(-0.000099019, abs=1e-12)
+    assert data.columns["direction"][4] == "reverse"
+    np.testing.assert_allclose(
+        np.sort(data.columns["error"]), np.sort(report.columns["error"]), atol=1e-6
+    )
+    assert not data.doubts
+    assert "exchange the directions" in report.doubts[0]
+    with pytest.raises(InputError, match="2 cycles; expected 5"):
+        read(raw(made.ECMC.replace("CYCLES=2", "CYCLES=5")), ASK)
+
+
+@pytest.mark.parametrize("name", ["p_chr.txt", "r.txt", "c.dfq", "l.dfq", "a.qif", "p.csv"])
+def test_points_of_every_vendor(name: str) -> None:
+    content = made.FILES[name][1]
+    found = read(raw(content, name), Ask(kind="points"))
+    assert found.columns["feature"][0] == {"r.txt": "CIR1"}.get(name, "hole1")
+    x, y = {"r.txt": (10.0031, 20.0012)}.get(name, (10.0021, 20.0010))
+    assert (found.columns["x_mm"][0], found.columns["y_mm"][0]) == (x, y)
+    if name != "a.qif":
+        assert found.columns["nominal_x_mm"][0] == 10.0
+    left = {"c.dfq": 2, "l.dfq": 0, "p.csv": 2}.get(name, 1)
+    assert sum(found.left_out.values()) == left
+    with pytest.raises(InputError, match="gives points; expected readings"):
+        read(raw(content, name), Ask(kind="readings"))
+
+
+def test_a_ballbar_file_and_a_capture(tmp_path: Path) -> None:
+    (tmp_path / "\u5ea6.b5r").write_text(made.B5R, "utf-8")
+    found = read_features(tmp_path / "\u5ea6.b5r")
+    assert found["test_plane"] == "XY"
+    assert found["features"]["AF_SQUARENESS"] == {"value": -12.5, "unit": "um/m"}
+    assert found["features"]["AF_CIRCULARITY"] == {"value": 8.4, "unit": "um"}
+    assert samples_of(raw(made.rtx(), "d.rtx"))[1] == [0.5, -0.25, 1e-3]
+    with pytest.raises(InputError, match="bytes of samples"):
+        samples_of(raw(made.rtx()[:-12], "d.rtx"))
+
+
+def test_a_damaged_tdms_or_a_missing_extra_is_one_error() -> None:
+    with pytest.raises(InputError, match=r"mtu-cli\[tdms\]|damaged TDMS"):
+        read(raw(b"TDSm" + bytes(60), "a.tdms"), Ask(kind="drift", component="dz"))
+
+
+def test_a_logger_gives_drift_readings_with_temperatures() -> None:
+    found = read(raw(made.LOGGER.encode("cp1252")), Ask(kind="drift", component="dz"))
+    assert found.columns["time"][1] == "2024-08-13T10:01:00"
+    assert found.columns["T_spindle_degC"] == [20.1, 20.25, 20.4]
+    assert rows(found, "error", "unit", "cycle")[2] == (0.9, "um", "1")
+    with pytest.raises(InputError, match="day or month first"):
+        read(raw(made.LOGGER.replace("13.08.", "01/08/")), Ask(component="dz"))
+
+
+def test_a_profile_reads_any_table(tmp_path: Path) -> None:
+    (tmp_path / "map.yaml").write_text(
+        "schema: mtu/import/1\nskip_rows: 1\ncolumns: {position_mm: Ziel}\n"
+        "unpivot: {into: error, columns: [M1, M2], directions: alternate}\n"
+        "subtract: {error: position_mm}\nunits: {error: mm}\nconstants: {component: dx_x}\n"
+        "cycles: {from: S}\n"
+    )
+    ask = Ask(kind="readings", profile=tmp_path / "map.yaml")
+    text = "Titel\nZiel;M1;M2;Note;S\n0;0,001;0,002;a;1\n100;100,001;;b;2\n50;50,5;50,25;c;1\n"
+    found = read(raw(text), ask)
+    assert found.columns["component"] == ["dx_x"] * 5
+    assert found.columns["cycle"] == ["1", "1", "1", "2", "2"]
+    np.testing.assert_allclose(found.columns["error"], [0.001, 0.002, 0.001, 0.5, 0.25], atol=1e-12)
+    assert found.left_out == {"empty cells": 1, "columns (Note)": 1, "lines above the header": 1}
+    with pytest.raises(InputError, match="column 'M2': the column is missing"):
+        read(raw(text.replace("M2", "M3")), ask)
+    (tmp_path / "map.yaml").write_text("schema: mtu/import/1\nunits: {error: furlong}\nfoo: 1\n")
+    with pytest.raises(InputError, match="furlong"):
+        read_profile(tmp_path / "map.yaml")
+
+
+def test_an_instruments_file_reads_as_the_contracts_csv(tmp_path: Path) -> None:
+    heard = list[Imported]()
+    convert = converter(lambda path, role: ASK, lambda file, found: heard.append(found))
+    for name in ("x.rtl", "wide.csv", "e.dat", "laser.txt"):
+        path, plain = tmp_path / name, tmp_path / "plain.csv"
+        path.write_bytes(made.FILES[name][1])
+        heard.clear()
+        direct = read_readings([(path, "laser")], None, for_fit=False, convert=convert)
+        plain.write_text(heard[0].csv())
+        other = read_readings([(plain, "laser")], None, for_fit=False, convert=convert)
+        assert len(heard) == 1
+        for field in ("position_mm", "error", "pass_number", "direction", "code"):
+            np.testing.assert_allclose(getattr(direct, field), getattr(other, field), atol=1e-9)
+        assert direct.row.tolist() == heard[0].rows
+
+
+def test_mutated_files_never_end_in_a_traceback() -> None:
+    rng = random.Random(49)
+    names, refused = [*made.FILES], list[str]()
+    for _ in range(1000):
+        name = rng.choice(names)
+        content = bytearray(made.FILES[name][1])
+        for _ in range(rng.randint(1, 6)):
+            at = rng.randrange(len(content))
+            match rng.randrange(4):
+                case 0:
+                    content[at] = rng.randrange(256)
+                case 1:
+                    del content[at : at + rng.randint(1, 30)]
+                case 2:
+                    content[at:at] = rng.choice(
+                        [b"\n", b"::", b",", b"nan", b"1e999", b"\t", b'"', b"<"]
+                    )
+                case 3:
+                    content[at:at] = content[at : at + rng.randint(1, 60)]
+            content = content or bytearray(b"x")
+        try:
+            found = read(raw(bytes(content), name), ASK)
+        except InputError as fault:
+            refused.append(str(fault))
+        else:
+            assert {len(column) for column in found.columns.values()} <= {len(found.rows)}
+            errors = [x for x in found.columns.get("error", []) if x is not None]
+            assert np.isfinite(errors).all()
+    assert 200 < len(refused) < 1000
+    # Nothing has to be caught that its reader did not look for.
+    assert [message for message in refused if "damaged" in message] == []
+
+
+@pytest.mark.parametrize("name", made.FILES)
+def test_a_truncated_file_is_read_in_part_or_is_one_error(name: str) -> None:
+    content = made.FILES[name][1]
+    whole = len(read(raw(content, name), ASK).rows)
+    for cut in range(1, len(content), max(1, len(content) // 40)):
+        with suppress(InputError):
+            assert len(read(raw(content[:cut], name), ASK).rows) <= whole

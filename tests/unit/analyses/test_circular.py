@@ -1,0 +1,118 @@
+"""Circular tests: every cause is returned, with and without correlated noise, and told apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from circle_examples import Causes, made
+
+from mtu_cli.analyses.circular import TERMS, CircularResult, diagnose, terms
+
+NONE = (0.0, 0.0)
+
+
+def values(result: CircularResult) -> dict[str, float]:
+    return {x.name: x.value / x.size for x in result.causes}
+
+
+@pytest.mark.parametrize("exact", [False, True])
+def test_every_cause_is_returned_without_noise(exact: bool) -> None:
+    """Of first order to 1 nm, against the exact radius to 0.1 um (um/m of 150 mm: 0.15 um)."""
+    causes = Causes()
+    found = values(diagnose(made(causes, exact=exact)))
+    within = 0.1 if exact else 1e-3
+    assert found == pytest.approx(causes.expected(), abs=within)
+
+
+def test_every_cause_is_returned_within_3_u_of_correlated_noise() -> None:
+    """Of two dozen tests: within 3 u nearly always, within 2 u in nine of ten."""
+    causes, off = Causes(), []
+    for seed in range(24):
+        phi = (0.5, 0.8, 0.9)[seed % 3]
+        result = diagnose(made(causes, n=180, s=0.0003, phi=phi, seed=seed))
+        expected = causes.expected()
+        off.append([(x.value / x.size - expected[x.name]) / (x.u / x.size) for x in result.causes])
+    z = np.abs(np.array(off))
+    assert (z <= 3).mean() >= 0.985
+    assert (z <= 2).mean() >= 0.90
+    # u is no smaller and not much larger than the scatter.
+    assert 0.7 < np.sqrt(np.mean(z**2)) < 1.25
+
+
+@pytest.mark.parametrize("name", ["lean", "lag", "backlash"])
+def test_a_single_cause_stands_alone(name: str) -> None:
+    none = Causes(centre=NONE, scale=NONE, lean=0, lag=NONE, backlash=NONE, bow=NONE, spike=NONE)
+    own = replace(none, **{name: getattr(Causes(), name)})
+    result = diagnose(made(own))
+    assert values(result) == pytest.approx(own.expected(), abs=1e-6)
+    top = max((x for x in result.causes if x.share == x.share), key=lambda x: x.share)
+    known = {"lean": "squareness", "lag": "servo-mismatch", "backlash": "backlash-a"}
+    assert top.name == known[name]
+    assert sum(x.share for x in result.causes if x.share == x.share) == pytest.approx(1.0)
+
+
+def test_one_direction_does_not_separate_squareness_from_servo_lag() -> None:
+    result = diagnose(made(Causes(), ways="ccw ccw"))
+    found = values(result)
+    assert math.isnan(found["squareness"])
+    assert math.isnan(found["servo-mismatch"])
+    assert found["backlash-a"] == pytest.approx(4.0, abs=1e-3)
+    assert math.isnan(result.D)
+    assert math.isnan(result.G_bidirectional)
+    (note,) = result.warnings
+    assert "one direction only" in note.message
+
+
+def test_without_a_feed_there_is_no_servo_time() -> None:
+    with_feed = made(Causes())
+    traces = replace(with_feed, traces=tuple(replace(t, feed=np.nan) for t in with_feed.traces))
+    result = diagnose(traces)
+    servo = result.cause("servo-mismatch")
+    assert math.isnan(servo.value)
+    assert servo.share > 0
+    assert values(result)["squareness"] == pytest.approx(30.0, abs=1e-3)
+    assert [x.facts["names"] for x in result.warnings] == [["servo-mismatch"]]
+
+
+def test_a_wrong_feed_gives_a_wrong_time_and_different_feeds_are_used() -> None:
+    right = made(Causes())
+    wrong = replace(right, traces=tuple(replace(t, feed=4000.0) for t in right.traces))
+    assert values(diagnose(wrong))["servo-mismatch"] == pytest.approx(0.25, abs=1e-3)
+    slow = made(Causes(feed=500.0), ways="cw")
+    both = replace(right, traces=(right.traces[0], slow.traces[0]))
+    assert values(diagnose(both)) == pytest.approx(Causes().expected(), abs=1e-3)
+
+
+def test_figures_of_a_trace_are_those_of_its_circle() -> None:
+    """Of an ellipse alone G is its range, about whatever centre; F is about the given one."""
+    none = Causes(centre=(0.02, 0.0), scale=(1e-4, -1e-4), lean=0, lag=NONE, backlash=NONE,
+                  bow=NONE, spike=NONE)  # fmt: skip
+    result = diagnose(made(none, n=3600))
+    first = result.figures[0]
+    assert first.G_lsc == pytest.approx(2 * 150 * 1e-4, rel=1e-4)
+    assert first.F_max == pytest.approx(0.02 + 150 * 1e-4, rel=1e-4)
+    assert (first.centre_a, first.centre_b) == pytest.approx((0.02, 0.0), abs=1e-9)
+    assert result.G_bidirectional == pytest.approx(first.G_lsc)
+    assert pytest.approx(0.0, abs=1e-9) == result.D
+
+
+def test_the_share_of_lost_motion_in_sin_2t_is_that_of_theory() -> None:
+    """0.424 b of a, -0.424 b of b, which flips with the direction as servo lag does."""
+    t = np.linspace(0, 2 * np.pi, 100_000, endpoint=False)
+    for sign in (1, -1):
+        columns = terms(t, sign)
+        share = 2 * np.mean(columns * np.sin(2 * t)[:, None], axis=0)
+        of = dict(zip(TERMS, share.tolist(), strict=True))
+        assert of["backlash-a"] == pytest.approx(sign * 0.4244, abs=1e-4)
+        assert of["backlash-b"] == pytest.approx(-sign * 0.4244, abs=1e-4)
+
+
+def test_correlated_samples_are_worth_fewer() -> None:
+    """About n (1 - phi)/(1 + phi) of an autocorrelation phi^k; all of white noise."""
+    white = np.mean([diagnose(made(Causes(), s=0.0003, phi=0.0, seed=i)).effective for i in (1, 2)])
+    tied = np.mean([diagnose(made(Causes(), s=0.0003, phi=0.8, seed=i)).effective for i in (1, 2)])
+    assert white > 0.75 * 1440 * (1 - 20 / 360)
+    assert 0.04 < tied / 1440 < 0.3

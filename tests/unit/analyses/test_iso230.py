@@ -1,0 +1,237 @@
+"""Positioning: both uncertainties by simulated axes and closed forms, odd tests, plans, limits."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from positioning_examples import positioning, published
+
+from mtu_cli.analyses.iso230 import (
+    CLAUSE,
+    Iso230Result,
+    changes,
+    corrected,
+    decisions,
+    evaluate,
+    figures_of,
+    instrument_u,
+    outlying_runs,
+    plan,
+    sampling_u,
+    statistics,
+    warnings_of,
+)
+from mtu_cli.files.study import InstrumentBudget
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.streams import stream
+
+UM = 1e-3
+JUDGED = ("A", "R", "E", "M", "B")
+TARGETS = np.arange(0.0, 1001.0, 100.0)
+
+
+def simulated(seed: int, axes: int, shape: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    """True means (axes, 2, m) and s (axes, 1, 1), um: a smooth profile with backlash."""
+    rng = stream(seed)
+    m = shape[0]
+    waves = rng.normal(0, 3, (axes, 3, 1)) * np.cos(
+        np.outer(np.arange(1, 4), np.linspace(0, 3, m)) + rng.uniform(0, 6, (axes, 3, 1))
+    )
+    backlash = rng.normal(0, 4, (axes, 1, 1)) + rng.normal(0, 0.5, (axes, 1, m))
+    mean = waves.sum(axis=1)[:, None, :] + np.array([[0.5], [-0.5]]) * backlash
+    return mean, rng.uniform(0.3, 2.0, (axes, 1, 1))
+
+
+def test_a_repeated_test_lies_within_the_stated_bound() -> None:
+    """1000 axes, each tested twice: within 2 sqrt(2) u_sampling in 92 % or more."""
+    shape = (11, 5)
+    truth, s = simulated(1, 1000, shape)
+    rng = stream(2)
+    tests = [
+        statistics(truth[..., None] + s[..., None] * rng.standard_normal((1000, 2, *shape)))
+        for _ in range(2)
+    ]
+    first, second = (figures_of(mean, own) for _, mean, own in tests)
+    u = sampling_u(*tests[0], stream(3), 150)
+    for name in JUDGED:
+        inside = np.abs(first[name] - second[name]) <= 2 * math.sqrt(2) * u[name]
+        assert inside.mean() >= 0.92, name
+        # Nor is it so wide that it says nothing.
+        assert inside.mean() <= 0.99, name
+
+
+def test_figures_of_an_instrument_without_error_lie_within_two_u() -> None:
+    """1000 axes read by instruments with an error of the budget's: A, E and M in 93 % or more."""
+    budget = InstrumentBudget(
+        device_U_um_per_m=3.0, T_half_width_K=0.5, alpha_um_per_m_K=11.0, alignment_mm=0.5,
+        T_mean_degC=21.5, alpha_half_width=1.0, already_at_20=True,
+    )  # fmt: skip
+    truth, s = simulated(4, 1000, (11, 5))
+    rng, inside = stream(5), dict.fromkeys(("A", "E", "M"), 0)
+    for i in range(1000):
+        right = (truth[i, :, :, None] + s[i] * rng.standard_normal((2, 11, 5))) * UM
+        scale = rng.standard_normal() * 1.5 + rng.uniform(-1, 1) * 5.5 + rng.uniform(-1, 1) * 1.5
+        scale += rng.uniform() * 0.5**2 / 2  # a rectangle up to d^2/(2 L), um a metre
+        test = positioning(TARGETS, (right + scale * 1e-6 * TARGETS[:, None]) / UM)
+        u = instrument_u(test, budget, stream(6, i), 200)
+        read, known = (figures_of(*statistics(x)[1:]) for x in (test.readings, right))
+        for name in inside:
+            inside[name] += bool(abs(read[name] - known[name]) <= 2 * u[name])
+    assert min(inside.values()) >= 930, inside
+
+
+BUDGETS: dict[str, tuple[dict[str, Any], float]] = {
+    # U of k = 2 for L = 1 m, um: ISO/TR 230-9 as derived in formats.
+    "device": ({"device_U_um_per_m": 2.0}, 2.0),
+    "alignment": ({"alignment_mm": 2.0}, 2.0**2 / (2 * 1000) * 1e3 / math.sqrt(3)),
+    "temperature": ({"T_half_width_K": 0.5, "alpha_um_per_m_K": 11.5}, 11.5 / math.sqrt(3)),
+    "expansion": (
+        {"T_mean_degC": 24.0, "alpha_um_per_m_K": 11.5, "alpha_half_width": 1.0},
+        8.0 / math.sqrt(3),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BUDGETS)
+def test_closed_forms_of_one_contributor(name: str) -> None:
+    """On a straight steep line E and M change with the scale alone, so U(E) is the closed form;
+    R and B do not change.
+    """
+    given, U = BUDGETS[name]
+    line = np.broadcast_to((0.1 * TARGETS)[:, None], (2, 11, 5))
+    budget = InstrumentBudget(already_at_20=True, **given)
+    found = instrument_u(positioning(TARGETS, line), budget, stream(7))
+    for figure in ("E", "M"):
+        assert 2 * found[figure] / UM == pytest.approx(U, rel=0.03)
+    assert found["B"] == pytest.approx(0, abs=1e-12)
+    assert found["R"] == pytest.approx(0, abs=1e-12)
+
+
+def test_drift_of_the_environment_is_of_single_readings() -> None:
+    """U(B) of one target is 0.6 E_VE sqrt(2/n)."""
+    two = np.array([0.0, 500.0])
+    readings = np.zeros((2, 2, 5)) + np.array([5.0, 0.0])[:, None, None]
+    readings[0, 1] = 50.0
+    readings += 1e-3 * np.arange(5)
+    found = instrument_u(positioning(two, readings), InstrumentBudget(E_VE_um=3.0), stream(8))
+    expected = 3.0 / math.sqrt(12) * math.sqrt(2 / 5)
+    assert found["B"] / UM == pytest.approx(expected, rel=0.03)
+
+
+def test_readings_are_taken_to_20_degc_where_the_budget_says_so() -> None:
+    given: dict[str, Any] = {"T_mean_degC": 23.0, "alpha_um_per_m_K": 10.0}
+    readings = np.broadcast_to((0.03 * TARGETS)[:, None], (2, 11, 5))
+    test = positioning(TARGETS, readings)
+    own, noted = corrected(test, InstrumentBudget(already_at_20=False, **given))
+    assert own.readings == pytest.approx(np.zeros((2, 11, 5)), abs=1e-12)
+    assert [x.code for x in noted] == ["corrected-to-20"]
+    assert corrected(test, InstrumentBudget(already_at_20=True, **given)) == (test, [])
+
+
+def test_one_direction_has_one_way_figures_alone() -> None:
+    targets, readings = published(3)
+    readings[1] = np.nan
+    axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
+    there = {name for name, x in axis.figures.items() if not math.isnan(x.value)}
+    assert there == {"A_forward", "E_forward", "R_forward"}
+    assert axis.figures["A_forward"].value / UM == pytest.approx(19.0975, abs=1e-4)
+    assert axis.figures["A_forward"].u_sampling > 0
+    note = next(x for x in warnings_of(axis) if x.code == "not-estimable")
+    assert "one direction only" in note.message
+
+
+def test_one_approach_each_way_has_E_B_and_M() -> None:
+    """As on axes beyond 2 m: A and R need scatter."""
+    targets, readings = np.arange(0.0, 3001.0, 250.0), stream(9).normal(0, 3, (2, 13, 1))
+    axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
+    there = {name for name, x in axis.figures.items() if not math.isnan(x.value)}
+    assert there == {"E", "E_forward", "E_reverse", "M", "B", "B_mean"}
+    assert all(math.isnan(x.u_sampling) for x in axis.figures.values())
+    assert [x.code for x in warnings_of(axis)] == ["not-estimable"]
+
+
+def test_where_the_laser_was_zeroed_there_is_no_scatter() -> None:
+    targets, readings = published(3)
+    readings[0, 0] = 0.0
+    axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
+    first, second = axis.at_target[:2]
+    assert math.isnan(first.R)
+    assert math.isnan(first.s_forward)
+    assert first.s_reverse > 0
+    assert second.R > 0
+    assert not math.isnan(axis.figures["R"].value)
+    assert "R at 15 mm" in [x.facts["quantity"] for x in warnings_of(axis)]
+
+
+def test_few_targets_runs_and_step_cycles_are_reported() -> None:
+    targets, readings = published(3)
+    axis = evaluate(
+        positioning(targets[:3] * 40, readings[:, :3, :2], stepped=True), None, 2.0, 1, 0
+    )
+    texts = [x.message for x in warnings_of(axis) if x.code == "test-conditions"]
+    assert len(texts) == 3
+    assert texts[0] == f"dx_x: 3 targets over 800 mm; {CLAUSE} asks for 5 or more (five a metre)"
+    assert not list(warnings_of(evaluate(positioning(targets, readings), None, 2.0, 1, 0)))
+
+
+def test_a_transient_is_shown_and_stays() -> None:
+    targets, readings = published(1)
+    rows = np.arange(50).reshape(2, 5, 5) + 2
+    axis = evaluate(positioning(targets, readings, rows=rows, file="a.csv"), None, 2.0, 1, 0)
+    (found,) = outlying_runs(axis)
+    assert found.facts["rows"] == (2, 7)
+    assert axis.count.sum() == 50
+    clean = evaluate(positioning(*published(3), rows=rows), None, 2.0, 1, 0)
+    assert not list(outlying_runs(clean))
+
+
+def test_figures_of_another_test_differ_or_not() -> None:
+    targets, readings = published(3)
+    now = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
+    moved = readings + np.array([30.0, 0.0])[:, None, None]
+    then = evaluate(positioning(targets, moved), None, 2.0, 1, 0)
+    found = changes(now, then)
+    assert found["B"].differs
+    assert not found["R_forward"].differs
+    assert found["B_mean"].difference / UM == pytest.approx(-30.0)
+    one = found["B_mean"]
+    assert one.bound == pytest.approx(
+        2 * math.hypot(now.figures["B_mean"].u_sampling, one.u_sampling)
+    )
+
+
+def test_limits_are_decided_by_iso_14253_1() -> None:
+    targets, readings = published(3)
+    budget = InstrumentBudget(device_U_um_per_m=20.0)
+    axis = evaluate(positioning(targets, readings), budget, 2.0, 1, 0)
+    A, U = axis.figures["A"].value / UM, 2 * axis.figures["A"].u / UM
+    assert U > 0
+    for limit, verdict in (
+        (A + 1.1 * U, "conforming"),
+        (A + 0.5 * U, "not proven"),
+        (A - 0.5 * U, "not proven"),
+        (A - 1.1 * U, "nonconforming"),
+    ):
+        (found,) = decisions({"dx_x": axis}, {"A": limit})
+        assert found.verdict == verdict
+    assert not list(decisions({"dx_x": axis}, {"dy_y.A": 1.0}))
+
+
+@pytest.mark.parametrize(
+    ("length", "pitch"), [(500.0, 10.0), (1000.0, 20.0), (200.0, 100.0), (80.0, 16.0), (2500, 40)]
+)
+def test_planned_targets_are_no_multiples_of_the_pitch(length: float, pitch: float) -> None:
+    found = plan(length, pitch)
+    phase = np.mod(found.targets / pitch, 1.0)
+    assert np.minimum(phase, 1 - phase).min() > 0.05
+    assert len(found.targets) == max(5, math.ceil(5 * length / 1000))
+    assert found.targets.min() >= 0
+    assert found.targets.max() <= length
+    assert np.diff(found.targets).min() > 0
+    if pitch < length / 10:
+        # A cyclic error is seen at phases all over the pitch.
+        assert np.ptp(phase) > 0.3
+    assert Iso230Result(axes={}, plan=found).plan is found
