@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import re
 import struct
-from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
-from mtu_cli.formats.base import OTHER, POINTS, Ask, Format, Imported, RawFile, local, raw_file
+from mtu_cli.formats.base import OTHER, POINTS, Ask, Format, Imported, RawFile, local
 from mtu_cli.formats.grid import number
 from mtu_cli.formats.text_blocks import add_points
 
@@ -79,13 +78,11 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
     return found
 
 
-def read_features(path: Path) -> dict[str, Any]:
-    """Plane, machine and features of a ballbar file ``.b5r``: each `value` with its `unit`."""
-    return features_of(raw_file(path, "file"))
-
-
 def features_of(file: RawFile) -> dict[str, Any]:
-    """The same of a file that was read; raises InputError where it has no feature."""
+    """Plane, machine and features of a ballbar file ``.b5r``: each `value` with its `unit`.
+
+    Raises InputError where it has no feature.
+    """
     root, found, features = file.xml, dict[str, Any](), dict[str, Any]()
     for element in root.iter() if root is not None else ():
         name = local(element.tag) if isinstance(element.tag, str) else ""

@@ -20,7 +20,7 @@ from mtu_cli.formats import renishaw
 from mtu_cli.formats.base import Ask, Imported, of_content
 from mtu_cli.formats.instruments import converter, identify, read
 from mtu_cli.formats.table_map import read_profile
-from mtu_cli.formats.xml_files import read_features, samples_of
+from mtu_cli.formats.xml_files import features_of, samples_of
 
 ASK = Ask(component="dx_x", unit="um")
 
@@ -196,9 +196,8 @@ def test_points_of_every_vendor(name: str) -> None:
         read(raw(content, name), Ask(kind="readings"))
 
 
-def test_a_ballbar_file_and_a_capture(tmp_path: Path) -> None:
-    (tmp_path / "\u5ea6.b5r").write_text(made.B5R, "utf-8")
-    found = read_features(tmp_path / "\u5ea6.b5r")
+def test_a_ballbar_file_and_a_capture() -> None:
+    found = features_of(raw(made.B5R, "\u5ea6.b5r"))
     assert found["test_plane"] == "XY"
     assert found["features"]["AF_SQUARENESS"] == {"value": -12.5, "unit": "um/m"}
     assert found["features"]["AF_CIRCULARITY"] == {"value": 8.4, "unit": "um"}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from effect_tables import FloatArray, shop_covariates, table
 from scipy.integrate import quad
-from scipy.stats import binom, invgamma
+from scipy.stats import binom, invgamma, norm
 
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
@@ -136,6 +136,40 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
         alarms += Gate(likelihood, np.random.default_rng(seed))(()).smallest <= alpha
     low, high = (binom.ppf(q, sets, alpha) for q in (0.001, 0.999))
     assert low <= alarms <= high
+
+
+def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
+    """Plainly, of a column that changes from part to part and from feature to feature: correlations
+    of means and of what is left, each as a normal deviate with Bartlett's factor, by information.
+    """
+    own = noise(5, part=2 * NOISE_MM, feature=3 * NOISE_MM)
+    x = np.random.default_rng(5).normal(size=(P, H))
+    own = replace(own, covariates={"load": x})
+    likelihood = posed_of(own, "covariate").likelihood()
+    gate, fit = Gate(likelihood, np.random.default_rng(1)), likelihood.fit(())
+    at, lp = gate._members((), fit, fit.residual[None])
+    named = [likelihood.design.name(int(m)) for m in at]
+
+    def strata(values: FloatArray) -> list[tuple[FloatArray, int]]:
+        parts, features = values.mean(axis=1) - values.mean(), values.mean(axis=0) - values.mean()
+        rest = values - values.mean() - parts[:, None] - features
+        return [
+            (np.sqrt(H) * parts, P - 1),
+            (np.sqrt(P) * features, H - 1),
+            (rest.ravel(), (P - 1) * (H - 1)),
+        ]
+
+    for name, y in zip(("covariate-x", "covariate-y"), np.moveaxis(own.errors, 2, 0), strict=True):
+        total, information = 0.0, 0.0
+        for (u, dof), (v, _) in zip(strata(x), strata(y), strict=True):
+            r = u @ v / np.sqrt((u @ u) * (v @ v))
+            deviate = np.sign(r) * np.sqrt(-(dof - 1.5) * np.log(1 - r**2))
+            known = (u @ u) / (v @ v / dof)
+            total += float(np.sqrt(known) * deviate)
+            information += float(known)
+        expected = -np.log(2 * norm.sf(abs(total) / np.sqrt(information)))
+        found = max(lp[0, i] for i, own_name in enumerate(named) if own_name == name)
+        assert found == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize(("jump_um", "widest"), [(20.0, 1.0), (2.5, 8.0)])
