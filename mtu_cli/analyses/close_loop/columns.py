@@ -14,6 +14,12 @@ EMPTY = 1e-9
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
+MANY = 8
+"""Partners of a column from which on its products with all others are calculated at once."""
+AT_ONCE = 1_000_000
+"""Numbers of columns whose products are calculated at once."""
+FACTOR = 2**31
+"""More than there are columns."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 
@@ -30,13 +36,18 @@ class Columns:
         S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
-        self._G = [np.zeros((1, 1))] * S
         self._used = np.ones(S, int)
         self._rows = np.zeros((S, 0), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
         self._means = np.zeros((0, A))
         self._known: dict[bytes, int] = {}
         self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
+        self._pivots = np.zeros((S, 0, 0))
+        """Cross products (S, K, p) with the columns that many others are asked beside."""
+        self._pivot_of = np.zeros(0, int)
+        """Which of these a column is (K,), or NONE."""
+        self._pairs, self._of_pairs = np.zeros(1, int), np.zeros((S, 1))
+        """Other pairs of columns, sorted, and their cross products."""
         self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
         self._append(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
 
@@ -80,10 +91,52 @@ class Columns:
         self.count += len(units)
 
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Cross products (S, ...) in each stratum of columns with these indices."""
+        """Cross products (S, ...) in each stratum of columns with these indices.
+
+        They are calculated when they are asked for, and kept.
+        """
         self._settle()
-        pairs = zip(self._G, self._rows, strict=True)
-        return np.stack([G[rows[one], rows[other]] for G, rows in pairs])
+        one, other = np.broadcast_arrays(one, other)
+        shape, one, other = one.shape, one.ravel(), other.ravel()
+        self._calculate(one, other)
+        one, other = np.where(self._pivot_of[one] < 0, [other, one], [one, other])
+        of_pivot = self._pivot_of[one] >= 0
+        found = np.zeros((len(self._values), len(one)))
+        found[:, of_pivot] = self._pivots[:, other[of_pivot], self._pivot_of[one[of_pivot]]]
+        pairs = _pairs(one[~of_pivot], other[~of_pivot])
+        found[:, ~of_pivot] = self._of_pairs[:, np.searchsorted(self._pairs, pairs)]
+        return found.reshape(len(found), *shape)
+
+    def _calculate(self, one: IntArray, other: IntArray) -> None:
+        """Cross products that are lacking: of a column with many others those with all, else one
+        by one.
+        """
+        lacking = (self._pivot_of[one] < 0) & (self._pivot_of[other] < 0)
+        if not lacking.any():
+            return
+        pairs = np.sort(_pairs(one[lacking], other[lacking]))
+        pairs = pairs[np.diff(pairs, prepend=-1) > 0]
+        at = np.searchsorted(self._pairs[:-1], pairs)
+        pairs = pairs[self._pairs[at] != pairs]
+        if not len(pairs):
+            return
+        ends = np.stack(np.divmod(pairs, FACTOR))
+        new = np.flatnonzero(np.bincount(ends.ravel()) > MANY)
+        if len(new):
+            self._pivot_of[new] = self._pivots.shape[2] + np.arange(len(new))
+            own = self.products(self.dense(new.tolist()))
+            self._pivots = np.concatenate([self._pivots, own], axis=2)
+            single = (self._pivot_of[ends] < 0).all(axis=0)
+            pairs, ends = pairs[single], ends[:, single]
+        found = np.zeros((len(self._values), len(pairs)))
+        for s, values in enumerate(self._values):
+            rows = self._rows[s, ends]
+            there = np.flatnonzero((rows > 0).all(axis=0))
+            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
+                found[s, some] = np.einsum("kn,kn->k", *values[rows[:, some]])
+        order = np.argsort(np.concatenate([self._pairs, pairs]), kind="stable")
+        self._pairs = np.concatenate([self._pairs, pairs])[order]
+        self._of_pairs = np.concatenate([self._of_pairs, found], axis=1)[:, order]
 
     @property
     def means(self) -> FloatArray:
@@ -95,9 +148,9 @@ class Columns:
         """Takes new columns into the cross products."""
         if not self._new:
             return
-        first, before = len(self._means), self._used.copy()
+        first = old = len(self._means)
         self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
-        self._rows = _roomy(self._rows, (len(before), self.count))
+        self._rows = _roomy(self._rows, (len(self._used), self.count))
         for at, units, _ in self._new:
             ends = np.searchsorted(at, self._ends)
             for s in np.flatnonzero(np.diff(ends)):
@@ -109,17 +162,11 @@ class Columns:
                 values[rows[:, None], at[ends[s] : ends[s + 1]] - self._ends[s]] = block[there]
                 self._rows[s, first + there] = rows
             first += len(units)
-        for s in np.flatnonzero(self._used > before):
-            old, new = before[s], self._used[s]
-            every = self._values[s][:new]
-            if 2 * old < new:
-                # Of an array with itself only half is calculated.
-                self._G[s] = every @ every.T
-                continue
-            cross = every[old:] @ every.T
-            G = self._G[s] = _roomy(self._G[s], (new, new))
-            G[old:new, :new], G[:new, old:new] = cross, cross.T
         self._new = []
+        pivots = np.argsort(self._pivot_of)[np.sum(self._pivot_of < 0) :]
+        new = self.products(self.dense(pivots.tolist()), old)
+        self._pivots = np.concatenate([self._pivots, new], axis=1)
+        self._pivot_of = np.concatenate([self._pivot_of, np.full(self.count - old, NONE)])
 
     def weighed(self, weights: FloatArray, one: IntArray, other: IntArray) -> FloatArray:
         """The sum of these over the strata, by their weights (S,)."""
@@ -134,12 +181,27 @@ class Columns:
             found[s, rows > 0] = self._values[s][rows[rows > 0]] @ Y[:, part].T
         return found
 
+    def in_strata(self, Y: FloatArray) -> list[FloatArray]:
+        """Products (rows, B) of the columns of each stratum with coordinates Y (B, N)."""
+        self._settle()
+        own = zip(self._values, self._used, self.strata.slices, strict=True)
+        return [values[:used] @ Y[:, part].T for values, used, part in own]
+
+    def taken(self, s: int, products: FloatArray, indices: IntArray) -> FloatArray:
+        """Of products (rows, B) in a stratum those (..., B) of some columns."""
+        return np.asarray(products[self._rows[s, indices]])
+
     def dense(self, indices: Sequence[int]) -> FloatArray:
         """Columns as coordinates (k, N)."""
         self._settle()
         rows = self._rows[:, list(indices)]
         pairs = zip(self._values, rows, strict=True)
         return np.concatenate([values[own] for values, own in pairs], axis=1)
+
+
+def _pairs(one: IntArray, other: IntArray) -> IntArray:
+    """A number for each pair of columns, either way round."""
+    return np.asarray(np.minimum(one, other) * FACTOR + np.maximum(one, other))
 
 
 def _roomy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:

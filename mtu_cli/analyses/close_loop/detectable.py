@@ -6,7 +6,6 @@ import numpy as np
 from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
-from mtu_cli.stats.least_squares import FloatArray
 
 POWER_DEVIATE = 0.8416212335729143
 """Normal deviate of a power of 80 %."""
@@ -24,34 +23,42 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v). D is Sidak's over all candidates
     and the members of each.
     """
-    design, strata = found.posed.design, found.posed.strata
+    design, strata, ridge = found.posed.design, found.posed.strata, found.likelihood.ridge
     fit = found.likelihood.fit(found.models.columns(found.model))
     P, H, _ = strata.shape
-    columns, members = design.columns, design.members[: design.tested]
+    cross, members = design.columns.cross, design.members[: design.tested]
     counts = np.bincount([member.candidate for member in members])
     tests = int((counts > 0).sum())
-    inverses: dict[tuple[int, ...], FloatArray] = {}
-    sizes: dict[str, list[float]] = {}
-    for member in members:
-        own, low = np.array(member.own, int), np.array([*member.low, *design.common], int)
-        crossed = columns.cross(own[:, None], own)
-        inner = np.tensordot(fit.weights, crossed, 1)
-        if member.low not in inverses:
-            # The fitted coefficients have a known variance.
-            spread = columns.weighed(fit.weights, low[:, None], low)
-            spread += np.diag(found.likelihood.ridge(low))
-            inverses[member.low] = np.asarray(np.linalg.pinv(spread, hermitian=True), float)
-        beside = columns.weighed(fit.weights, low[:, None], own)
-        free = inner - beside.T @ inverses[member.low] @ beside
-        k, signal = len(own), float(np.trace(free)) / max(len(own), 1)
-        if signal <= LEAST * float(np.trace(inner)):
-            continue
-        shares = fit.weights * np.einsum("skk->s", crossed)
-        v = max(float(shares @ fit.dof / shares.sum()) - k, 1.0)
-        p = (1 - (1 - alpha) ** (1 / tests)) / counts[member.candidate]
-        c2 = v * float(np.expm1(min(float(chdtri(k, p)) / v, 50.0)))
+    groups: dict[tuple[tuple[int, ...], int], list[int]] = {}
+    for m, member in enumerate(members):
+        if member.own:
+            groups.setdefault((member.low, len(member.own)), []).append(m)
+    of = design.of[: design.tested]
+    sizes = np.full(design.tested, np.nan)
+    for (margins, k), group in groups.items():
+        own, low = np.array([members[m].own for m in group]), np.array([*margins, *design.common])
+        low = low.astype(int)
+        crossed = cross(own[:, :, None], own[:, None, :])
+        inner = np.einsum("s,smkk->m", fit.weights, crossed)
+        # The fitted coefficients have a known variance.
+        spread = np.tensordot(fit.weights, cross(low[:, None], low), 1) + np.diag(ridge(low))
+        beside = np.tensordot(fit.weights, cross(own[:, :, None], low), 1)
+        taken = beside @ np.linalg.pinv(spread, hermitian=True)
+        signal = (inner - np.einsum("mkz,mkz->m", taken, beside)) / k
+        shares = fit.weights[:, None] * np.einsum("smkk->sm", crossed)
+        v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
+        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
+        c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v))
-        cells = P * H * len({strata.axis[s] for s in np.flatnonzero(shares)})
-        name = design.candidates[member.candidate].name
-        sizes.setdefault(name, []).append(float(z) / np.sqrt(signal * cells))
-    return {name: float(np.median(own)) * found.posed.scale for name, own in sizes.items()}
+        axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
+        cells = P * H * np.sum(axes, axis=1)
+        seen = signal * k > LEAST * inner
+        sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
+    found_at = {
+        design.candidates[c].name: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)
+    }
+    return {
+        name: float(np.median(own)) * found.posed.scale
+        for name, own in found_at.items()
+        if len(own)
+    }

@@ -6,8 +6,9 @@ checks, on null tables made from the model's own residual.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
@@ -181,7 +182,7 @@ class Gate:
             low = tuple(i for i in member.low if i not in held)
             if not set(member.own) <= held | set(low):
                 groups.setdefault((low, len(member.own)), []).append(m)
-        U = columns.products(Y)
+        U = columns.in_strata(Y)
         at: list[FloatArray] = []
         lps: list[FloatArray] = []
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
@@ -194,7 +195,7 @@ class Gate:
             known, vectors = np.linalg.eigh(tested.information)
             total = np.zeros((*tested.size.shape, len(Y)))
             for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
-                score = tested.score(s, U[s], w[s])
+                score = tested.score(s, partial(columns.taken, s, U[s]), w[s])
                 among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
                 stat = np.sum((vectors[s].transpose(0, 2, 1) @ score) ** 2 / among, axis=1)
                 left = np.maximum(squares[:, s] - tested.explained[s], least[s])
@@ -210,7 +211,7 @@ class Gate:
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
     def _tested(
-        self, own: IntArray, low: IntArray, base: Columns, w: FloatArray, U: FloatArray
+        self, own: IntArray, low: IntArray, base: Columns, w: FloatArray, U: list[FloatArray]
     ) -> tuple[BoolArray, _Tested]:
         """Which of the members' columns `own` (M, k) can be told from others, and these."""
         inner = self.design.columns.cross
@@ -238,7 +239,11 @@ class Gate:
         each = size[:, :, None] * size[:, None, :]
         apart = np.linalg.eigvalsh(whole / each)[:, 0]
         good = np.all(size**2 > LEAST_LEFT * first, axis=1) & (apart > 1e-5)
-        y = W * (U[:, low] - L @ U[:, b])
+        of_low, of_base = (
+            np.stack([self.design.columns.taken(s, own, i) for s, own in enumerate(U)])
+            for i in (low, b)
+        )
+        y = W * (of_low - L @ of_base)
         sizes = inverse @ y.sum(axis=0)
         return good, _Tested(
             own=own[good],
@@ -378,9 +383,9 @@ class Gate:
             for s in group:
                 n = int(strata.sizes[s])
                 B = strata.of_features[strata.axis[s]][:, -n:] if basis is None else basis[:, -n:]
-                values, vectors = np.linalg.eigh(B.T @ K @ B)
-                z = (Y[:, strata.slices[s]] @ vectors) ** 2
-                total += z @ values / np.maximum(z.sum(axis=1), 1e-300)
+                own = Y[:, strata.slices[s]]
+                form = np.einsum("bn,bn->b", own @ (B.T @ K @ B), own)
+                total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
             names.append(name)
             found.append(total)
         return _calibrated(found, len(Y)), names
@@ -489,11 +494,11 @@ class _Tested:
     explained: FloatArray
     used: FloatArray
 
-    def score(self, s: int, U: FloatArray, w: float) -> FloatArray:
-        """Scores (M, k, n) in a stratum beside the fitted margins, of products U (K, n) of all
-        columns with the data.
+    def score(self, s: int, products: Callable[[IntArray], FloatArray], w: float) -> FloatArray:
+        """Scores (M, k, n) in a stratum beside the fitted margins, by the products of columns with
+        the data.
         """
-        score: FloatArray = w * (U[self.own] - self.of_base @ U[self.base])
+        score = w * (products(self.own) - self.of_base @ products(self.base))
         score -= self.of_low @ self.low[s] + self.rest[s] @ self.sizes
         return score / self.size[:, :, None]
 
