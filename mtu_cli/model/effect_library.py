@@ -458,6 +458,10 @@ each end of the data at most."""
 LARGEST_COLUMNS = 2_000_000
 """Numbers that the columns of one parameter may take."""
 FEWEST_VALUES = 24
+FEWEST_FOR_WAVES = 6
+"""Different values from which on more is known than a wave's size, phase and period take beside a
+line.
+"""
 MANY_PLACES = 30
 """Different values from which on waves are told apart well, and those that lie unevenly show
 periods shorter than their steps."""
@@ -484,6 +488,8 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
         count = min(search.count or len(inside), most)
         every = math.ceil(len(inside) / count) if count else 1
         return inside[(every - 1) // 2 :: every]
+    if search.grid == "frequency" and len(distinct) < FEWEST_FOR_WAVES:
+        return np.zeros(0)
     known = _known(distinct)
     low = max(_bounds(search.from_, known), default=math.nan)
     high = min(_bounds(search.to, known), default=math.nan)

@@ -14,6 +14,7 @@ from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import Posed, free_lines, posed
+from mtu_cli.analyses.close_loop.strata import FEATURE
 from mtu_cli.model.residuals import ResidualTable
 
 LEAST_MEAN = 1e-9
@@ -83,8 +84,9 @@ def diagnosed(
         errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
         table = replace(table, errors=errors)
     moving: list[tuple[str, float]] = []
+    of_features = None
     while True:
-        problem = posed(table, candidates, tuple(name for name, _ in moving))
+        problem = posed(table, candidates, tuple(name for name, _ in moving), of_features)
         likelihood = problem.likelihood()
         gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
@@ -95,6 +97,7 @@ def diagnosed(
         if len(of_parts) == len(moving):
             break
         moving = of_parts
+        of_features = problem.variance(likelihood.fit(models.columns(model)), FEATURE)
     p = gate(models.columns(model), tuple(name for name, _ in scatter)).p
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from mtu_cli.analyses.close_loop.design import (
     smooth_covariance,
 )
 from mtu_cli.analyses.close_loop.forms import Candidate
-from mtu_cli.analyses.close_loop.likelihood import Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
 from mtu_cli.analyses.close_loop.missing import Missing, interaction, missing
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
 from mtu_cli.model.residuals import ResidualTable
@@ -63,6 +63,13 @@ class Posed:
         return Likelihood(
             self.design, y, errors.mean(axis=(0, 1)), n, self._known(variance, n), least
         )
+
+    def variance(self, fit: Fit, kind: str) -> FloatArray:
+        """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
+        found = np.zeros(self.strata.shape[2])
+        for s in self.strata.of(kind):
+            found[self.strata.axis[s]] = self.scale**2 / fit.weights[s]
+        return found
 
     def filled(self, errors: FloatArray) -> FloatArray:
         """Errors (P, H, A) with what is missing filled in."""
@@ -133,10 +140,13 @@ class Posed:
 
 
 def posed(
-    table: ResidualTable, candidates: Sequence[Candidate], scatter: tuple[str, ...] = ()
+    table: ResidualTable,
+    candidates: Sequence[Candidate],
+    scatter: tuple[str, ...] = (),
+    of_features: FloatArray | None = None,
 ) -> Posed:
     """The strata and columns of a table and its candidates, beside motions of whole parts that
-    `scatter`.
+    `scatter`; `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
@@ -147,6 +157,8 @@ def posed(
     steps[: len(table.resolution)] = table.resolution
     scale = _scale(errors, steps, gaps.lines)
     strata = _strata(table, errors / scale, scatter)
+    if of_features is not None:
+        strata = _with_moved_means(strata, errors / scale, len(scatter), of_features / scale**2)
     design = design_of(table, strata, candidates, scale, gaps)
     found = Posed(
         table=table,
@@ -211,6 +223,24 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
                 roughness=rough, bends=bends,
             )  # fmt: skip
     return found
+
+
+def _with_moved_means(
+    strata: Strata, errors: FloatArray, moving: int, of_features: FloatArray
+) -> Strata:
+    """Strata in which the mean of the parts along their last lines, which are `moving`, scatters as
+    it must: by v_features + v_line - v_inner.
+    """
+    y, spread = strata.coordinates(errors), strata.spread.copy()
+    P, H, A = strata.shape
+    _, _, j = np.unravel_index(strata.place, (A, P, H))
+    variance = [float(np.mean(y[part] ** 2)) for part in strata.slices]
+    for s in strata.of(INTERACTION):
+        a = strata.axis[s]
+        for line in [own for own in strata.of(LINE) if strata.axis[own] == a][-moving:]:
+            more = max(variance[line] - variance[s], 0.0) / of_features[a]
+            spread[strata.at[a, 0, j[strata.slices[line].start]]] *= np.sqrt(1 + more)
+    return replace(strata, spread=spread)
 
 
 def _along(table: ResidualTable) -> FloatArray | None:
