@@ -96,13 +96,23 @@ def _one_table(
     tables: int,
     tell: Progress,
 ) -> TableResult:
+    shown = (0, 1)
+
     def diagnose(own: ResidualTable) -> Diagnosis:
         candidates = candidates_of(own, library, exclude)
-        return diagnosed(own, candidates, alpha=alpha, most=most, seed=seed)
+        return diagnosed(own, candidates, alpha=alpha, most=most, seed=seed, tell=again)
+
+    def again() -> None:
+        tell(*shown)
+
+    def show(done: int, of: int) -> None:
+        nonlocal shown
+        shown = (1 + done, of + 1)
+        again()
 
     found = diagnose(table)
     sizes = estimated(found.models, found.model)
-    out = held_out(table, diagnose, lambda done, of: tell(1 + done, of + 1))
+    out = held_out(table, diagnose, show)
     effects = described(found, sizes)
     found_at = _constant_temperatures(found, library)
     seen = table.there & ~found.outliers.any(axis=2)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -384,6 +384,7 @@ def design_of(
     candidates: Sequence[Candidate],
     scale: float,
     gaps: Missing,
+    tell: Callable[[], None],
 ) -> Design:
     """The columns of all candidates that a table can test; errors are in units of `scale` (mm)."""
     columns = Columns(strata)
@@ -415,6 +416,7 @@ def design_of(
         mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
     )
     for c, candidate in enumerate(candidates):
+        tell()
         if candidate.kind in ("scatter", "offset"):
             continue
         distinct = _distinct(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -74,8 +74,11 @@ def diagnosed(
     alpha: float,
     most: int,
     seed: int,
+    tell: Callable[[], None] = lambda: None,
 ) -> Diagnosis:
-    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most; `tell`
+    is called now and then.
+    """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     steps = np.zeros(table.errors.shape[2])
     steps[: len(table.resolution)] = table.resolution
@@ -86,9 +89,9 @@ def diagnosed(
     moving: list[tuple[str, float]] = []
     of_features = None
     while True:
-        problem = posed(table, candidates, tuple(name for name, _ in moving), of_features)
+        problem = posed(table, candidates, [name for name, _ in moving], of_features, tell)
         likelihood = problem.likelihood()
-        gate = Gate(likelihood, np.random.default_rng(seed))
+        gate = Gate(likelihood, np.random.default_rng(seed), tell)
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
         scatter = moving + models.scatter(model, [name for name, _ in moving])

@@ -51,10 +51,15 @@ class Gated:
 
 
 class Gate:
-    """Tests of one table; `rng` draws the null tables."""
+    """Tests of one table; `rng` draws the null tables, `tell` is called at each test."""
 
-    def __init__(self, likelihood: Likelihood, rng: np.random.Generator) -> None:
-        self.likelihood, self.rng = likelihood, rng
+    def __init__(
+        self,
+        likelihood: Likelihood,
+        rng: np.random.Generator,
+        tell: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.likelihood, self.rng, self.tell = likelihood, rng, tell
         self.design: Design = likelihood.design
         self.strata = self.design.strata
         self._drawn: dict[Columns, tuple[list[str], FloatArray]] = {}
@@ -73,6 +78,7 @@ class Gate:
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
+        self.tell()
         design = self.design
         fit = self.likelihood.fit(columns)
         Y, cells = self._null(fit)

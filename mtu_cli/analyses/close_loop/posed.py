@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -142,8 +142,9 @@ class Posed:
 def posed(
     table: ResidualTable,
     candidates: Sequence[Candidate],
-    scatter: tuple[str, ...] = (),
+    scatter: Sequence[str] = (),
     of_features: FloatArray | None = None,
+    tell: Callable[[], None] = lambda: None,
 ) -> Posed:
     """The strata and columns of a table and its candidates, beside motions of whole parts that
     `scatter`; `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
@@ -159,14 +160,14 @@ def posed(
     strata = _strata(table, errors / scale, scatter)
     if of_features is not None:
         strata = _with_moved_means(strata, errors / scale, len(scatter), of_features / scale**2)
-    design = design_of(table, strata, candidates, scale, gaps)
+    design = design_of(table, strata, candidates, scale, gaps, tell)
     found = Posed(
         table=table,
         design=design,
         missing=gaps,
         scale=scale,
         steps=steps / scale,
-        scatter=scatter,
+        scatter=tuple(scatter),
     )
     n = found._dof()
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
