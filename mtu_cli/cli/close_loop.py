@@ -151,12 +151,13 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEff
     from mtu_cli.language import names as names_of
     from mtu_cli.language import parse
 
-    parameters = () if effect.table else effect.all_parameters
     equations, components = dict(effect.equations), {}
+    kept = effect.written
+    parameters = [effect.all_parameters[i] for i in kept]
     if effect.table:
         components = {component_name(effect.name): _stated_table(effect.table, item.table.unit)}
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
-    C = effect.covariance / np.outer(f, f) if parameters else None
+    C = effect.covariance[np.ix_(kept, kept)] / np.outer(f, f) if kept else None
     names = {*components, *(p.name for p in parameters)}
     return WrittenEffect(
         name=effect.name,
@@ -246,15 +247,14 @@ def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     """The covariance over the parameters of effects one after the other, in internal units: of
     those that were estimated together by their table's.
     """
-    kept = [(effect, item) for effect, item in kept if effect.table is None]
-    rows = [(i, r) for i, (effect, _) in enumerate(kept) for r in range(len(effect.covariance))]
+    rows = [(i, r) for i, (effect, _) in enumerate(kept) for r in effect.written]
     whole = np.zeros((len(rows), len(rows)))
     for k, (i, r) in enumerate(rows):
         for m, (j, s) in enumerate(rows):
             (one, item), (other, of) = kept[i], kept[j]
             if i == j:
                 whole[k, m] = one.covariance[r, s]
-            elif item is of and one.rows and other.rows:
+            elif item is of and one.table is None and other.table is None:
                 whole[k, m] = item.covariance[one.rows[r], other.rows[s]]
     return np.asarray((whole + whole.T) / 2)
 

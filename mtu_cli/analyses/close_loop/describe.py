@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit
 
-from mtu_cli.analyses.close_loop.design import Design, Member
+from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
 from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Size
 from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.result import (
     SmoothTable,
     component_name,
 )
-from mtu_cli.analyses.close_loop.smooth import smooth_effect
+from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import parse
 from mtu_cli.language.tree import Call, Node, Number, filled_text, names
@@ -32,6 +32,8 @@ from mtu_cli.stats.least_squares import FloatArray
 
 ALIAS = 0.999
 """R^2 of the columns of two effects from which on they are the same whatever the data."""
+OUTLYING = ("part", "feature")
+"""Of what one alone is off: the others are right, and no level is theirs."""
 SAYS = {
     "profile": "a smooth error of {axis} along {along}",
 }
@@ -44,13 +46,47 @@ def described(found: Diagnosis, sizes: Estimates) -> tuple[FoundEffect, ...]:
     # The level of an axis is written once: as its offset, or with the first effect along it.
     levels = {key for effect in offsets for key in effect["equations"]}  # type: ignore[attr-defined]
     effects = [
-        _smooth(found, sizes, entry)
+        _smooth(found, entry)
         if entry.item < 0
-        else _mean_effect(found, sizes, entry, by_item[entry.item], levels)
+        else _mean_effect(found, sizes, entry, by_item[entry.item])
         for entry in found.entries
     ]
-    effects += [_scatter(found, name, p) for name, p in found.scatter]
-    return tuple(FoundEffect(**effect) for effect in effects + offsets)  # type: ignore[arg-type]
+    made = [FoundEffect(**effect) for effect in effects]  # type: ignore[arg-type]
+    made = [
+        _with_levels(found, sizes, _aliased(found, entry, by_item.get(entry.item), effect), levels)
+        for entry, effect in zip(found.entries, made, strict=True)
+    ]
+    others = [_scatter(found, name, p) for name, p in found.scatter] + offsets
+    return (*made, *(FoundEffect(**effect) for effect in others))  # type: ignore[arg-type]
+
+
+def _with_levels(
+    found: Diagnosis, sizes: Estimates, effect: FoundEffect, levels: set[str]
+) -> FoundEffect:
+    """An effect with what is left of the mean along its axes, where no other has it yet."""
+    scale, table = found.posed.scale, found.posed.table
+    if table.fitted_degree >= 0 or table.datum != "none" or effect.over in OUTLYING:
+        return effect
+    for key in [key for key in effect.equations if key not in levels]:
+        levels.add(key)
+        level = _parameter(sizes.levels[table.axes.index(key[1:])], scale)
+        text = effect.equations[key]
+        taken = {p.name for p in effect.all_parameters} | names(parse(text)).keys()
+        level = replace(level, name=free_name(level.name, taken, "_"))
+        rows = (*effect.rows, _level_row(sizes, table, key))
+        covariance = np.pad(effect.covariance, (0, 1))
+        if len(rows) == len(covariance):
+            covariance = sizes.covariance[np.ix_(rows, rows)] * scale**2
+        else:  # A smooth effect has no size among those: its mean is independent of it.
+            covariance[-1, -1] = level.u**2
+        effect = replace(
+            effect,
+            beside=(*effect.beside, level),
+            rows=rows,
+            covariance=covariance,
+            equations={**effect.equations, key: f"{text} + {level.name}"},
+        )
+    return effect
 
 
 def compared(
@@ -118,33 +154,24 @@ def _base(found: Diagnosis, name: str) -> dict[str, object]:
 
 
 def _mean_effect(
-    found: Diagnosis, sizes: Estimates, entry: Entry, own: Estimate, levels: set[str]
+    found: Diagnosis, sizes: Estimates, entry: Entry, own: Estimate
 ) -> dict[str, object]:
-    scale, table = found.posed.scale, found.posed.table
+    scale = found.posed.scale
     member = own.member
     bound = member.form.bound
     told = [_parameter(size, scale) for size in own.sizes]
     rows = list(own.rows)
-    equations = _equations(own)
-    for key in equations if table.fitted_degree < 0 and table.datum == "none" else ():
-        if key not in levels and bound.family.over is None:
-            levels.add(key)
-            level = _parameter(sizes.levels[table.axes.index(key[1:])], scale)
-            taken = {p.name for p in told} | names(parse(equations[key])).keys()
-            told.append(replace(level, name=free_name(level.name, taken, "_")))
-            rows.append(_level_row(sizes, table, key))
-            equations[key] += f" + {told[-1].name}"
     covariance = sizes.covariance[np.ix_(rows, rows)] * scale**2
     effect = _base(found, entry.name)
     effect |= {
-        "kind": "outlier" if bound.family.over in ("part", "feature") else "mean",
+        "kind": "outlier" if bound.family.over in OUTLYING else "mean",
         "over": bound.family.over,
         "covariate": bound.covariate,
         "parameters": tuple(item for item in told if item.role == "own"),
         "beside": tuple(item for item in told if item.role != "own"),
         "covariance": covariance,
         "rows": tuple(rows),
-        "equations": equations,
+        "equations": _equations(own),
         "chosen": None if member.form.chosen is None else member.form.chosen[member.chosen or 0],
         "searched": {}
         if own.searched is None
@@ -247,12 +274,10 @@ def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment 
     return experiment(found.posed.table, rivals, design.strata, sizes.fit.weights)
 
 
-def _smooth(found: Diagnosis, sizes: Estimates, entry: Entry) -> dict[str, object]:
+def _smooth(found: Diagnosis, entry: Entry) -> dict[str, object]:
     scale = found.posed.scale
     kernel = found.posed.design.kernels[-1 - entry.item]
-    rest = tuple(item for item in found.model if item != entry.item)
-    fit = found.likelihood.fit(found.models.columns(rest))
-    effect = smooth_effect(found.likelihood, fit, kernel)
+    effect = _profile(found, entry, kernel)
     rms = effect.rms * scale
     J = effect.values / max(effect.rms, 1e-300) / len(effect.values)
     u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * scale
@@ -274,19 +299,55 @@ def _smooth(found: Diagnosis, sizes: Estimates, entry: Entry) -> dict[str, objec
         "says": SAYS[kernel.family].format(axis=(kernel.axis or "")[:1], along=kernel.along),
         "parameters": (size,),
         "covariance": np.array([[u**2]]),
-        "table": SmoothTable(
-            of=kernel.along,
-            at_mm=effect.knots,
-            values=effect.values * scale,
-            covariance=effect.covariance * scale**2,
-            roughness=effect.roughness * scale**2,
-        ),
+        "table": _table(kernel, effect, scale),
         "p_familywise": entry.p,
         "log_bayes_factor": entry.gain,
         "posterior": entry.posterior,
         "classes": tuple((name, p) for name, _, p in entry.credible),
         "nameless": entry.nameless,
     }
+
+
+def _profile(found: Diagnosis, entry: Entry, kernel: Kernel) -> SmoothEffect:
+    """The smooth function of a kernel in the place of an effect."""
+    rest = tuple(item for item in found.model if item != entry.item)
+    fit = found.likelihood.fit(found.models.columns(rest))
+    return smooth_effect(found.likelihood, fit, kernel)
+
+
+def _aliased(
+    found: Diagnosis, entry: Entry, own: Estimate | None, effect: FoundEffect
+) -> FoundEffect:
+    """An effect of which several ranges of what was searched fit: written as its values at the
+    places that were measured, which all of them share; between these each makes other errors, as
+    much as its mean square.
+    """
+    if own is None or not effect.several:
+        return effect
+    axis = effect.axis or found.posed.table.axes[0]
+    named = found.models.named
+    kernels = [k for k in map(found.posed.design.kernels.__getitem__, named) if k.axis == axis]
+    if not kernels:
+        return effect
+    table = _table(kernels[0], _profile(found, entry, kernels[0]), found.posed.scale)
+    a = found.posed.strata.axis[kernels[0].strata[0]]
+    mean = sum(p.value * m[a] for p, m in zip(effect.parameters, own.member.means, strict=False))
+    squares = sum(p.value**2 for p in effect.parameters) / 2
+    return replace(
+        effect,
+        equations=dict.fromkeys(effect.equations, component_name(effect.name)),
+        table=replace(table, values=table.values + mean, between=squares),
+    )
+
+
+def _table(kernel: Kernel, profile: SmoothEffect, scale: float) -> SmoothTable:
+    return SmoothTable(
+        of=kernel.along,
+        at_mm=profile.knots,
+        values=profile.values * scale,
+        covariance=profile.covariance * scale**2,
+        roughness=profile.roughness * scale**2,
+    )
 
 
 def _empty(found: Diagnosis, name: str, family: str) -> dict[str, object]:

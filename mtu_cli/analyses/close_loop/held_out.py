@@ -126,7 +126,8 @@ def of_written(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArr
     """The contribution (P, H, A) of effects as a machine is written with them; what is off by
     itself, a feature or an operation, is known as well.
     """
-    return contribution([effect for effect in effects if not effect.several], table)
+    kept = [effect for effect in effects if effect.table is not None or not effect.several]
+    return contribution(kept, table)
 
 
 def contribution(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:

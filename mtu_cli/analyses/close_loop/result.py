@@ -8,6 +8,7 @@ from typing import Literal
 
 from mtu_cli.analyses.close_loop.experiment import Experiment
 from mtu_cli.findings import Finding, listed
+from mtu_cli.language import names, parse
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -113,6 +114,12 @@ class FoundEffect:
         return (*self.parameters, *self.beside)
 
     @property
+    def written(self) -> list[int]:
+        """Which of its parameters its equations have: a table stands for sizes of its own."""
+        used = {name for text in self.equations.values() for name in names(parse(text))}
+        return [i for i, parameter in enumerate(self.all_parameters) if parameter.name in used]
+
+    @property
     def several(self) -> tuple[str, ...]:
         """What was searched and has several ranges: each predicts other errors elsewhere."""
         continuous = any(p.role == "searched" for p in self.beside)
@@ -124,7 +131,7 @@ class FoundEffect:
         """Why a machine is written without it; empty where it is not."""
         if self.over is not None or not self.equations:
             return "no equation of the machine can hold it"
-        if self.several:
+        if self.several and self.table is None:
             return (
                 f"several ranges of {listed(self.several)} fit, and each predicts other errors "
                 "elsewhere"

@@ -15,9 +15,9 @@ from mtu_cli.stats.smooth_profile import averaged
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothEffect:
-    """Values (T,) at `knots` (T,) mm along axis `along`, about their line, with the covariance
-    (T, T); `roughness` is the variance of the integrated Wiener process per mm^3. In units of the
-    scale.
+    """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
+    with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
+    mm^3. In units of the scale.
     """
 
     along: str
@@ -66,6 +66,9 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
         rest, nu = float(fit.dof[s] / fit.weights[s]), round(fit.dof[s])
     values, covariance, amplitude2 = averaged(G, z, B / np.sqrt(scale), rest, nu)
     s2 = rest / nu
+    # The level is estimated with those of all other effects: of the features none is left here.
+    about = np.eye(len(knots)) - np.bincount(at) / len(at)
+    values, covariance = about @ values, about @ covariance @ about.T
     return SmoothEffect(
         along=along,
         knots=knots,
