@@ -42,6 +42,10 @@ class Powers:
         return T
 
 
+AT_MM = 1e-3
+"""Distance up to which a point is at a position of a table."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableShape:
     """Values at the positions `at` (T,), mm, rising, with natural cubic interpolation.
@@ -71,8 +75,8 @@ class TableShape:
 
     def left_open(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of what the values leave open, the same for all parts."""
-        off = np.diag(~np.isin(position, self.at) * self.between)
-        return self.roughness * left_open(self.at, position) + off
+        off = np.abs(position[:, None] - self.at).min(axis=1) > AT_MM
+        return self.roughness * left_open(self.at, position) + np.diag(off * self.between)
 
     def of_runs(self, position: FloatArray) -> FloatArray:
         """Covariance (n, n) of the bend of one run, its line left out."""

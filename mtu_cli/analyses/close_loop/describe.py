@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit
 
-from mtu_cli.analyses.close_loop.design import Design, Kernel, Member
+from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
 from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Size
 from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
@@ -22,11 +22,12 @@ from mtu_cli.analyses.close_loop.result import (
     SmoothTable,
     component_name,
 )
-from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
+from mtu_cli.analyses.close_loop.smooth import smooth_effect
 from mtu_cli.files.extend_machine import free_name
-from mtu_cli.language import parse
+from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.language.tree import Call, Node, Number, filled_text, names
 from mtu_cli.model.effect_library import BoundTemplate
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -53,8 +54,7 @@ def described(found: Diagnosis, sizes: Estimates) -> tuple[FoundEffect, ...]:
     ]
     made = [FoundEffect(**effect) for effect in effects]  # type: ignore[arg-type]
     made = [
-        _with_levels(found, sizes, _aliased(found, entry, by_item.get(entry.item), effect), levels)
-        for entry, effect in zip(found.entries, made, strict=True)
+        _with_levels(found, sizes, _as_table(effect, found.posed.table), levels) for effect in made
     ]
     others = [_scatter(found, name, p) for name, p in found.scatter] + offsets
     return (*made, *(FoundEffect(**effect) for effect in others))  # type: ignore[arg-type]
@@ -277,7 +277,9 @@ def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment 
 def _smooth(found: Diagnosis, entry: Entry) -> dict[str, object]:
     scale = found.posed.scale
     kernel = found.posed.design.kernels[-1 - entry.item]
-    effect = _profile(found, entry, kernel)
+    rest = tuple(item for item in found.model if item != entry.item)
+    fit = found.likelihood.fit(found.models.columns(rest))
+    effect = smooth_effect(found.likelihood, fit, kernel)
     rms = effect.rms * scale
     J = effect.values / max(effect.rms, 1e-300) / len(effect.values)
     u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * scale
@@ -299,7 +301,13 @@ def _smooth(found: Diagnosis, entry: Entry) -> dict[str, object]:
         "says": SAYS[kernel.family].format(axis=(kernel.axis or "")[:1], along=kernel.along),
         "parameters": (size,),
         "covariance": np.array([[u**2]]),
-        "table": _table(kernel, effect, scale),
+        "table": SmoothTable(
+            of=kernel.along,
+            at_mm=effect.knots,
+            values=effect.values * scale,
+            covariance=effect.covariance * scale**2,
+            roughness=effect.roughness * scale**2,
+        ),
         "p_familywise": entry.p,
         "log_bayes_factor": entry.gain,
         "posterior": entry.posterior,
@@ -308,45 +316,32 @@ def _smooth(found: Diagnosis, entry: Entry) -> dict[str, object]:
     }
 
 
-def _profile(found: Diagnosis, entry: Entry, kernel: Kernel) -> SmoothEffect:
-    """The smooth function of a kernel in the place of an effect."""
-    rest = tuple(item for item in found.model if item != entry.item)
-    fit = found.likelihood.fit(found.models.columns(rest))
-    return smooth_effect(found.likelihood, fit, kernel)
-
-
-def _aliased(
-    found: Diagnosis, entry: Entry, own: Estimate | None, effect: FoundEffect
-) -> FoundEffect:
-    """An effect of which several ranges of what was searched fit: written as its values at the
-    places that were measured, which all of them share; between these each makes other errors, as
-    much as its mean square.
+def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
+    """An effect along a coordinate of which several ranges of what was searched fit: written as its
+    values at the places that were measured, which all of them share. Between these each makes other
+    errors: a wave and what is interpolated differ by the sum of their mean squares.
     """
-    if own is None or not effect.several:
+    (text, *others) = effect.equations.values() or ("0",)
+    sizes = [p.name for p in effect.all_parameters]
+    levers = linear_form(parse(text), sizes).coefficients
+    along = {name for lever in levers.values() for name in names(lever)}
+    if not effect.several or others or len(along) != 1 or not along <= {*AXES}:
         return effect
-    axis = effect.axis or found.posed.table.axes[0]
-    named = found.models.named
-    kernels = [k for k in map(found.posed.design.kernels.__getitem__, named) if k.axis == axis]
-    if not kernels:
-        return effect
-    table = _table(kernels[0], _profile(found, entry, kernels[0]), found.posed.scale)
-    a = found.posed.strata.axis[kernels[0].strata[0]]
-    mean = sum(p.value * m[a] for p, m in zip(effect.parameters, own.member.means, strict=False))
-    squares = sum(p.value**2 for p in effect.parameters) / 2
+    (axis,) = along
+    knots = np.unique(np.round(table.mean_places[:, AXES.index(axis)], 6))
+    J = np.array([evaluate(levers[name], {axis: knots}) * np.ones(len(knots)) for name in sizes])
+    values = np.array([p.value for p in effect.all_parameters])
     return replace(
         effect,
         equations=dict.fromkeys(effect.equations, component_name(effect.name)),
-        table=replace(table, values=table.values + mean, between=squares),
-    )
-
-
-def _table(kernel: Kernel, profile: SmoothEffect, scale: float) -> SmoothTable:
-    return SmoothTable(
-        of=kernel.along,
-        at_mm=profile.knots,
-        values=profile.values * scale,
-        covariance=profile.covariance * scale**2,
-        roughness=profile.roughness * scale**2,
+        table=SmoothTable(
+            of=axis,
+            at_mm=knots,
+            values=values @ J,
+            covariance=J.T @ effect.covariance @ J,
+            roughness=0.0,
+            between=sum(p.value**2 for p in effect.parameters),
+        ),
     )
 
 

@@ -213,3 +213,46 @@ def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
     own.errors[..., 0] -= size * turn * y
     own.errors[..., 1] += size * turn * x
     assert diagnosis(own).names == ["rotation-scatter"]
+
+
+def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:
+    """Their mean turns by 1/sqrt(P) of what each does: no more false names than alpha allows."""
+    sets, wrong = 40, 0
+    for seed in range(sets):
+        own = noise(100 + seed, feature=0.3 * NOISE_MM)
+        turn = np.random.default_rng(seed).normal(size=(P, 1))
+        x, y = (own.places[..., i] - own.places[..., i].mean() for i in (0, 1))
+        size = 6 * NOISE_MM / np.hypot(x, y).max()
+        own.errors[..., 0] -= size * turn * y
+        own.errors[..., 1] += size * turn * x
+        names = diagnosis(own, "rotation", "rotation-scatter").names
+        assert "rotation-scatter" in names
+        wrong += "rotation-z" in names
+    assert wrong <= binom.ppf(0.999, sets, 0.05)
+
+
+def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured() -> None:
+    """Regular places cannot decide between the aliases of a wave: all make the same errors there,
+    and between them the written table is as unsure as the wave is high.
+    """
+    n, amplitude = 12, 8 * NOISE_MM
+    places = np.zeros((n, 3))
+    places[:, 0] = 25.0 * np.arange(n)
+    own = replace(noise(6), features=tuple(f"h{i}" for i in range(n)))
+    rng = np.random.default_rng(6)
+    errors = NOISE_MM * rng.standard_normal((P, n, 2))
+    wave = amplitude * np.sin(2 * np.pi * places[:, 0] / 9.0)
+    errors[..., 0] += wave
+    own = replace(table(P, n, places=places, covariates=dict(own.covariates)), errors=errors)
+    found = diagnosed(
+        own, [c for c in candidates_of(own, effect_library()) if c.family == "cyclic"],
+        alpha=0.05, most=1, seed=1,
+    )  # fmt: skip
+    (effect,) = described(found, estimated(found.models, found.model))
+    assert effect.name == "cyclic-x"
+    assert len(effect.several) == 1
+    assert effect.table is not None
+    assert not effect.not_written
+    (level,) = (p for p in effect.beside if p.role == "level")
+    assert effect.table.values + level.value == pytest.approx(wave, abs=5 * NOISE_MM / np.sqrt(P))
+    assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)
