@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.distributions import t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.workspace import Workspace
 
@@ -153,49 +153,25 @@ def check_square(part: LoadedPart, entries: Iterable[int]) -> None:
 
 
 ROUNDING = 1e-12
-"""Share of the largest below which a singular value or a product is rounding."""
-PIECE = 8192
-"""Trials at a time: all that is known of them stays in the processor's cache."""
-
-
-class _Line(NamedTuple):
-    """What one line needs of the normals of a trial: `matrix` times rows `uses` of them.
-
-    The first `k` rows of the product are the coordinates u along the line. Then follows the
-    expectation of u'v given u: as one row where the expected v are the same in every trial
-    (`fixed`), else as the k expected v. The next `spreads` rows are L'u. The last row is the
-    line's part of the first-order form.
-
-    Where L'w has no part that belongs to both lines there are no rows of it: the coordinates are
-    turned to the principal axes of L L', and `sums` (2, k) times their squares are u'u and |L'u|^2.
-    """
-
-    matrix: FloatArray
-    uses: slice
-    k: int
-    spreads: int
-    fixed: bool
-    sums: FloatArray
+"""Share of the largest below which a singular value is rounding."""
 
 
 class AngleTrials(PointTrials):
-    """A Monte Carlo model of one angle, distributed as that of `plain` to rounding.
+    """A Monte Carlo model of one angle, distributed as that of `plain`, of half as many normals.
 
-    dtheta = -u_r'v_r/u_r'u_r - u_c'v_c/u_c'u_c, Gilsinn & Ling 2004, eqs. (24)-(26), with the
-    coordinates u along and v across the row and the column. They are jointly normal; so, given
-    all u, are the v, with expectation v_0 + K u and covariance L L'. dtheta is linear in v:
-    given u it is normal too, with
+    dtheta = -w'v + what it is by design, w = (u_r/u_r'u_r, u_c/u_c'u_c), with the coordinates u
+    along and v across the row and the column: Gilsinn & Ling 2004, eqs. (24)-(26). They are jointly
+    normal; so, given u, is v, with expectation v_0 + K z, z the normals behind u, and covariance V.
+    dtheta is linear in v: given u it is normal too, with
 
-        expectation -w'(v_0 + K u) and standard deviation |L'w|,  w = (u_r/u_r'u_r, u_c/u_c'u_c).
+        expectation -w'(v_0 + K z) and variance w'V w.
 
-    So a trial draws the normals behind u and one for all of v. Where the degrees of freedom are
-    finite all normals of a trial are scaled alike, as in `plain` (JCGM 101:2008, 6.4.9).
+    So a trial draws z and one normal for all of v. Where the degrees of freedom are finite all
+    normals of a trial are scaled alike, as in `plain` (JCGM 101:2008, 6.4.9).
 
     The first-order form, the control variate, has its own distribution exactly; it is drawn from
-    the same u and, for its share in v, the same last normal.
+    the same z and, for its share in v, the same last normal.
     """
-
-    in_pieces = True
 
     def __init__(self, plain: PointTrials, lines: tuple[FloatArray, ...]) -> None:
         """`plain` draws the errors of u_r, v_r, u_c, v_c; `lines` are these by design, (k, 1)."""
@@ -203,144 +179,43 @@ class AngleTrials(PointTrials):
         self.work = Workspace()
         u_r, v_r, u_c, v_c = (item[:, 0] for item in lines)
         self.square = float(u_r @ v_r / (u_r @ u_r) + u_c @ v_c / (u_c @ u_c))
-        ends = np.cumsum([len(item) for item in lines])
-        *factors, of_linear = np.split(plain.factor, ends)
-        *errors, first_order = np.split(plain.offset[:, 0], ends)
-        mean = [a[:, 0] + b for a, b in zip(lines, errors, strict=True)]
-        # Bases of the normals behind u, and of those behind v that u leaves open.
-        W, self.at = _bases(factors[0], factors[2])
-        self.drawn = len(W)
-        left = [_without(factors[i], W) for i in (1, 3)]
-        V, of_row = _bases(*left)
-        L_r, L_c = (_seen(item, V) for item in left)
-        self.shared = of_row if np.any(L_c[:, :of_row]) else 0
-        linear = np.insert(of_linear @ W.T, self.at, first_order, axis=1)
-        self.rest = float(np.linalg.norm(_without(of_linear, W)))
-        # The row's part of the first-order form, and the column's with the constant.
-        own = np.arange(len(W) + 1) < self.at
-        parts = np.where(own, linear, 0.0), np.where(own, 0.0, linear)
-        shared = bool(self.shared)
-        self.row = _line(factors[:2], mean[:2], W, self.at, L_r[:, :of_row], shared, parts[0])
-        self.column = _line(factors[2:], mean[2:], W, self.at, L_c, shared, parts[1])
+        self.of_row, self.n = len(u_r), len(u_r) + len(u_c)
+        places = np.split(np.arange(plain.k), np.cumsum([len(item) for item in lines[:-1]]))
+        # u, then v, then the first-order form.
+        order = np.concatenate([*places[::2], *places[1::2], [plain.k]])
+        means = plain.offset[order] + np.vstack([*lines[::2], *lines[1::2], np.zeros((1, 1))])
+        factor = plain.factor[order]
+        _, size, normals = np.linalg.svd(factor[: self.n], full_matrices=False)
+        normals = normals[size > ROUNDING * size.max(initial=0.0)]
+        by_z = factor @ normals.T
+        left = (factor - by_z @ normals)[self.n :]
+        self.rest = float(np.linalg.norm(left[-1]))
+        self.V = left[:-1] @ left[:-1].T
+        # The means ride along in the product: a pass over the array is saved.
+        self.product, self.drawn = np.hstack([by_z, means]), len(normals)
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (1, m)."""
+        n, rank = self.n, self.drawn
+        z = self.work.array("z", (rank + 2, m))
+        rng.standard_normal(out=z[:rank])
+        rng.standard_normal(out=z[-1])
+        if np.isfinite(self.linear_dof[0]):
+            z *= t_scales(float(self.linear_dof[0]), rng, self.work.array("scale", (m,)))
+        z[rank] = 1.0
+        rows = np.matmul(self.product, z[:-1], out=self.work.array("rows", (2 * n + 1, m)))
+        w, v, linear = rows[:n], rows[n : 2 * n], rows[2 * n :]
         values = self.work.array("values", (1, m))
-        linear = self.work.array("linear", (1, m))
-        pieces = max(1, round(m / PIECE))
-        for i in range(pieces):
-            piece = slice(m * i // pieces, m * (i + 1) // pieces)
-            self._draw(rng, values[0, piece], linear[0, piece])
-        return Draws(values=values, linear=linear)
-
-    def _draw(self, rng: np.random.Generator, values: FloatArray, linear: FloatArray) -> None:
-        z = self._normals(rng, len(values))
-        np.multiply(z[-1], self.rest, out=linear)
         # A line of no length has no direction: its trials are not finite, which is counted.
         with np.errstate(divide="ignore", invalid="ignore"):
-            expected, of_row = self._slope("row", self.row, z, linear)
-            slope, of_column = self._slope("column", self.column, z, linear)
-            # |L'w|^2 (m,).
-            spread = of_row
-            if self.shared:
-                of_column[: self.shared] += of_row
-                spread = np.einsum("ij,ij->j", of_column, of_column)
-            else:
-                spread += of_column
-        expected += slope
-        expected -= self.square
-        np.sqrt(spread, out=values)
+            for u in (w[: self.of_row], w[self.of_row :]):
+                u *= 1.0 / np.einsum("ij,ij->j", u, u)
+            spread = np.matmul(self.V, w, out=self.work.array("spread", (n, m)))
+            np.einsum("ij,ij->j", w, spread, out=values[0])
+            np.sqrt(values, out=values)
         values *= z[-1]
-        values -= expected
-
-    def _normals(self, rng: np.random.Generator, m: int) -> FloatArray:
-        """Those of the row, ones, those of the column and the last, scaled to Student's t."""
-        z = self.work.array("z", (self.drawn + 2, m))
-        rng.standard_normal(out=z[: self.at])
-        z[self.at] = 1.0
-        rng.standard_normal(out=z[self.at + 1 :])
-        if np.isfinite(self.linear_dof[0]):
-            # sqrt(dof/chi^2) (m,): normals times it are Student's t.
-            half, scale = self.linear_dof[0] / 2, self.work.array("scale", (m,))
-            rng.standard_gamma(half, out=scale)
-            np.divide(half, scale, out=scale)
-            np.sqrt(scale, out=scale)
-            z[: self.at] *= scale
-            z[self.at + 1 :] *= scale
-        return z
-
-    def _slope(
-        self, name: str, line: _Line, z: FloatArray, linear: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """The slope b1 expected given u (m,), and L'w (spreads, m) or |L'w|^2 (m,); the line's part
-        of the first-order form is added to `linear`.
-        """
-        rows = self.work.array(name, (len(line.matrix), z.shape[1]))
-        np.matmul(line.matrix, z[line.uses], out=rows)
-        linear += rows[-1]
-        u, expected = rows[: line.k], rows[line.k]
-        last = len(rows) - 1 - line.spreads
-        if not line.fixed:
-            np.einsum("ij,ij->j", u, rows[line.k : last], out=expected)
-        np.multiply(u, u, out=u)
-        sums = self.work.array(f"sums {name}", (len(line.sums), u.shape[1]))
-        np.matmul(line.sums, u, out=sums)
-        inverse = np.divide(1.0, sums[0], out=sums[0])
-        expected *= inverse
-        spread = rows[last:-1]
-        if not line.spreads:
-            spread = sums[1]
-            spread *= inverse
-        spread *= inverse
-        return expected, spread
-
-
-def _line(
-    factors: list[FloatArray],
-    mean: list[FloatArray],
-    W: FloatArray,
-    at: int,
-    L: FloatArray,
-    shared: bool,
-    linear: FloatArray,
-) -> _Line:
-    """`factors`, `mean`: of the coordinates along and across; `linear` (1, r + 1)."""
-    sums = np.ones((1, len(L)))
-    if not shared:
-        axes, values, _ = np.linalg.svd(L)
-        factors, mean = [axes.T @ item for item in factors], [axes.T @ item for item in mean]
-        variances = np.zeros((1, len(L)))
-        variances[0, : len(values)] = values**2
-        sums, L = np.vstack([sums, variances]), np.zeros((len(L), 0))
-    # The means ride along as a column before number `at`.
-    u, K = np.insert(_seen(factors[0], W), at, mean[0], axis=1), _seen(factors[1], W)
-    fixed = not np.any(K)
-    expected = mean[1][None, :] @ u if fixed else np.insert(K, at, mean[1], axis=1)
-    matrix = np.vstack([u, expected, L.T @ u, linear])
-    # A line depends on the other's normals only where their errors are correlated: else half
-    # of the product would be zeros.
-    used = np.flatnonzero(np.any(matrix != 0.0, axis=0))
-    uses = slice(int(used[0]), int(used[-1]) + 1) if len(used) else slice(at, at + 1)
-    return _Line(np.ascontiguousarray(matrix[:, uses]), uses, len(u), L.shape[1], fixed, sums)
-
-
-def _bases(first: FloatArray, second: FloatArray) -> tuple[FloatArray, int]:
-    """Orthonormal rows that span those of both, those of `first` before the others; how many."""
-    found, counts = np.zeros((0, first.shape[1])), []
-    for rows in (first, second):
-        _, values, vectors = np.linalg.svd(_without(rows, found), full_matrices=False)
-        found = np.vstack([found, vectors[values > ROUNDING * np.linalg.norm(rows)]])
-        counts.append(len(found))
-    return found, counts[0]
-
-
-def _without(rows: FloatArray, basis: FloatArray) -> FloatArray:
-    """What is left of rows (n, rank) beside the orthonormal `basis`."""
-    return rows - (rows @ basis.T) @ basis
-
-
-def _seen(rows: FloatArray, basis: FloatArray) -> FloatArray:
-    """Components (n, len(basis)) of rows, rounding left out."""
-    found = rows @ basis.T
-    found[np.abs(found) <= ROUNDING * np.linalg.norm(rows)] = 0.0
-    return found
+        values -= np.einsum("ij,ij->j", w, v)
+        values += self.square
+        z[-1] *= self.rest
+        linear += z[-1]
+        return Draws(values=values, linear=linear)

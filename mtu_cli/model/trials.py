@@ -13,13 +13,12 @@ from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.coverage import t_quantiles
+from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.monte_carlo import monte_carlo
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
 
-NORMAL_DOF = 1e6
-"""From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
 COUNTED_TRIALS = 200_000
 """Trials behind a probability that is counted; its standard error is stated."""
 
@@ -123,9 +122,7 @@ class PointTrials:
         scale = self.work.array("scale", (len(self.names), m))
         scale[:] = 1.0
         for i in self.finite:
-            rng.standard_gamma(self.dof[i] / 2, out=scale[i])
-            np.divide(self.dof[i] / 2, scale[i], out=scale[i])
-            np.sqrt(scale[i], out=scale[i])
+            t_scales(float(self.dof[i]), rng, scale[i])
         # Row by row: the scales of all rows at once would be an array as large as `total`.
         for row, i in zip(total, self.owner, strict=False):
             row *= scale[i]

@@ -19,13 +19,8 @@ FIXED_BLOCK = 8192
 """Trials a block for a given count: 26 inputs of a block are 1.7 MB and stay in cache."""
 ADAPTIVE_BLOCK = 2048
 """Trials a block for an adaptive count: small, so that a first look has many blocks."""
-LONG_BLOCK = 2**15
-"""Trials a block of a given count where the model draws them in pieces that stay in cache: what
-a block costs by itself, whatever its length, is a tenth of a block of `FIXED_BLOCK`."""
 LEAST_BLOCKS = 10
 """Fewest blocks whose scatter is taken as the Monte Carlo's own standard uncertainty."""
-ENOUGH_BLOCKS = 30
-"""Blocks whose scatter is known well enough to make them longer instead of more."""
 FIRST_LOOK = 20
 """Blocks before an adaptive count is first judged: the decision needs a surer scatter."""
 WITH_STENCIL = 8
@@ -59,8 +54,7 @@ class TrialModel(Protocol):
     mean, about which it is symmetric: nan in either where it is unknown. `u_exists` (outputs,) of
     bool, False where an output has no standard deviation (a t distribution of 2 degrees of freedom
     or fewer). `smooth` True: the outputs are smooth functions of what is drawn, nearly their
-    first-order form, so that few trials tell how far they are from it. `in_pieces` True: `draw`
-    keeps to the processor's cache, however large m is.
+    first-order form, so that few trials tell how far they are from it.
 
     `draw` is called from several threads at once and must take all randomness from `rng`.
     """
@@ -107,18 +101,11 @@ class BlockPlan:
     longer: int = 0
 
     @classmethod
-    def fixed(
-        cls, trials: int, probability: float, *, smooth: bool = False, in_pieces: bool = False
-    ) -> BlockPlan:
-        """Exactly `trials`: one block where ten would be too short for their quantiles; longer
-        blocks of a model that draws `in_pieces`.
-        """
+    def fixed(cls, trials: int, probability: float, *, smooth: bool = False) -> BlockPlan:
+        """Exactly `trials`: one block where ten would be too short for their quantiles."""
         if is_one_block(trials, probability, smooth=smooth):
             return cls(probability, trials, 1)
-        least = least_block(probability)
-        blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least))
-        if in_pieces:
-            blocks = max(min(blocks, ENOUGH_BLOCKS), trials // max(LONG_BLOCK, least))
+        blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least_block(probability)))
         return cls(probability, trials // blocks, blocks, trials % blocks)
 
     @classmethod

@@ -108,13 +108,13 @@ def monte_carlo(
 
 def _plan(model: TrialModel, trials: int | None, max_trials: int, probability: float) -> BlockPlan:
     """Blocks for a given count, or for one that adapts where it leaves room for a first look."""
-    smooth, in_pieces = (bool(getattr(model, name, False)) for name in ("smooth", "in_pieces"))
+    smooth = bool(getattr(model, "smooth", False))
     if trials is None:
         plan = BlockPlan.adaptive(probability, smooth=smooth)
         if max_trials >= FIRST_LOOK * plan.size:
             return plan
         trials = max_trials
-    return BlockPlan.fixed(trials, probability, smooth=smooth, in_pieces=in_pieces)
+    return BlockPlan.fixed(trials, probability, smooth=smooth)
 
 
 def _estimates(run: _Runner, criterion: Criterion, most: int) -> Estimates:

@@ -132,17 +132,12 @@ def slope_of(along: FloatArray, across: FloatArray) -> float:
 def moved_along(
     reduced: AngleTrials, plain: PointTrials, along: FloatArray, z: FloatArray
 ) -> FloatArray:
-    """u less its mean at the normals z: their basis is that of the row, then what the column has
-    beside it."""
-    n = len(along[along < plain.k // 2])
+    """u less its mean at the normals z behind them."""
     F = plain.factor[along]
-    own = np.linalg.svd(F[:n], full_matrices=False)
-    W_r = own[2][own[1] > 1e-12 * np.linalg.norm(F[:n])]
-    rest = F[n:] - F[n:] @ W_r.T @ W_r
-    beside = np.linalg.svd(rest, full_matrices=False)
-    W_c = beside[2][beside[1] > 1e-12 * np.linalg.norm(F[n:])]
-    assert len(W_r) + len(W_c) == reduced.drawn
-    moved: FloatArray = F @ np.vstack([W_r, W_c]).T @ z
+    _, size, W = np.linalg.svd(F, full_matrices=False)
+    W = W[size > 1e-12 * size[0]]
+    assert len(W) == reduced.drawn
+    moved: FloatArray = F @ W.T @ z
     return moved
 
 
@@ -154,7 +149,7 @@ class Given(np.random.Generator):
         self.left, self.dof = list(normals), dof
 
     def standard_normal(self, *args: object, out: FloatArray, **kwargs: object) -> None:  # type: ignore[override]  # only what the trials use
-        out[:, 0] = [self.left.pop(0) for _ in range(len(out))]
+        out[..., 0] = [self.left.pop(0) for _ in out] if out.ndim > 1 else self.left.pop(0)
 
     def standard_gamma(self, *args: object, out: FloatArray, **kwargs: object) -> None:  # type: ignore[override]  # chi^2 equal to its degrees of freedom
         out[:] = self.dof / 2

@@ -44,16 +44,6 @@ def test_quantiles_of_many_short_blocks_are_unbiased(m: int) -> None:
     assert np.all(np.abs(error) < 5 * np.std(draws, axis=0)[np.tile(known, 2)] / np.sqrt(1000))
 
 
-def test_long_blocks_for_models_that_draw_in_pieces() -> None:
-    for trials in (20_000, 300_000, 1_000_000, 10_000_003):
-        plan = BlockPlan.fixed(trials, 0.95, in_pieces=True)
-        plain = BlockPlan.fixed(trials, 0.95)
-        assert plan.blocks is not None
-        assert plain.blocks is not None
-        assert plan.size * plan.blocks + plan.longer == trials
-        assert min(30, plain.blocks) <= plan.blocks <= plain.blocks
-
-
 @pytest.mark.parametrize("m", [200, 201, 1000, 8192])
 @pytest.mark.parametrize("f", [np.exp, np.round, np.zeros_like])
 def test_quantiles_are_those_of_a_full_sort(f: Callable[[FloatArray], FloatArray], m: int) -> None:
