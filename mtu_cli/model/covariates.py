@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.files.csv_table import DECIMALS
-from mtu_cli.files.csv_table import number as number_in
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, InputError, finding
@@ -21,9 +19,9 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.temperatures import moment_problem
 from mtu_cli.model.visits import MOST_TOLD, BoolArray, Cells, IntArray, axes_of, only_rows
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.resolution import step_of
 
 Values = dict[str, FloatArray | float]
 Columns = Mapping[str, np.ndarray]
@@ -42,8 +40,7 @@ def point_columns(points: Points) -> dict[str, np.ndarray]:
     return named | points.covariates
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Needed:
+class Needed(NamedTuple):
     """What the model's equations need, by name: one value a measurement (n,), or one for all."""
 
     values: Values
@@ -64,8 +61,7 @@ def needed_covariates(
     Times are added where a drift lags behind its temperatures.
 
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
-    empty or no number, for temperatures of one moment that cannot both be right, with their rows,
-    and for points without a coordinate that an equation needs.
+    empty or no number, and for points without a coordinate that an equation needs.
     """
     files = ", ".join(source.shown for source in points.sources)
     problems = [
@@ -82,22 +78,15 @@ def needed_covariates(
     places = points.nominal
     if not at_nominal:
         places = np.where(np.isnan(places), points.measured, places)
-    if not problems:
-        found = [
-            moment_problem(model, points, values),
-            without_coordinate(model, places, lambda i: _feature(points, i)),
-        ]
-        problems += [problem for problem in found if problem is not None]
+    named = lambda i: (points.features[points.feature[i]], _row(points, i))
+    if not problems and (lacking := without_coordinate(model, places, named)) is not None:
+        problems.append(lacking)
     if problems:
         raise InputError(problems)
     reason = "the points have the column"
     idle = [name for name in used_columns(model) if name in columns and name in at]
     warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
     return Needed(values=values, warnings=tuple(warnings))
-
-
-def _feature(points: Points, i: int) -> tuple[str, dict[str, Any]]:
-    return points.features[points.feature[i]], _row(points, i)
 
 
 def _row(points: Points, i: int) -> dict[str, Any]:
@@ -185,23 +174,23 @@ def table_covariates(
     their part. A column of text is left out, one with gaps with a warning; `rows` (n,) of what
     was `measured`.
     """
-    found: dict[str, FloatArray] = {}
-    gaps: list[str] = []
-    files = measured.file_index[rows]
-    for name, column in columns.items():
-        if column.dtype == object:
-            continue
-        known = np.isfinite(column)
-        if known.all():
-            found[name] = _smallest(column.astype(np.float64), cells)
-            continue
-        lost = f"{name} ({int((~known).sum())} of {len(known)} rows"
-        bare = [measured.sources[f].shown for f in np.unique(files) if not known[files == f].any()]
-        gaps.append(f"{lost}, all of {' and '.join(bare)})" if bare else f"{lost})")
+    numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
+    lost = {name: ~np.isfinite(column) for name, column in numeric.items()}
+    found = {name: _smallest(x, cells) for name, x in numeric.items() if not lost[name].any()}
+    gaps = [
+        f"{name} ({int(own.sum())} of {len(own)} rows, the first {_shown(measured, rows, own)})"
+        for name, own in lost.items()
+        if own.any()
+    ]
     if not gaps:
         return found, []
     consequence = "no effect of such a column can be tested"
     return found, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
+
+
+def _shown(measured: Points | Readings, rows: IntArray, chosen: BoolArray) -> str:
+    first = rows[int(chosen.argmax())]
+    return f"{measured.sources[measured.file_index[first]].shown}, row {measured.row[first]}"
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
@@ -242,9 +231,10 @@ def gap_rows(
     """
     empty: dict[str, BoolArray] = {}
     for name, column in columns.items():
-        lost = column.dtype != object and ~np.isfinite(column)
-        if np.any(lost) and len(np.unique(column[~np.asarray(lost)])) > 1:
-            empty[name] = np.asarray(lost)
+        if column.dtype != object:
+            known = np.isfinite(column)
+            if not known.all() and len(np.unique(column[known])) > 1:
+                empty[name] = ~known
     gone, named = np.zeros(len(rows), bool), []
     for name in sorted(empty, key=lambda name: int(empty[name].sum())):
         both = gone | empty[name]
@@ -254,36 +244,21 @@ def gap_rows(
             named.append(name)
     if not named:
         return gone, []
-    first = rows[int(gone.argmax())]
-    place = f"{measured.sources[measured.file_index[first]].shown}, row {measured.row[first]}"
-    lost_rows = f"{int(gone.sum())} of {len(gone)} rows{whose} left out, the first {place}"
-    return gone, [finding("missing-values", what="cells", names=named, consequence=lost_rows)]
+    count = f"{int(gone.sum())} of {len(gone)} rows{whose} left out"
+    consequence = f"{count}, the first {_shown(measured, rows, gone)}"
+    return gone, [finding("missing-values", what="cells", names=named, consequence=consequence)]
 
 
 def text_warnings(measured: Points | Readings) -> list[Finding]:
-    """One warning of all columns that are texts by more than a few of their cells, with the texts
-    that such a column has beside numbers: these may be meant.
-    """
+    """One warning of all columns that are texts by more than a few of their cells."""
     texts = []
     for name, column in measured.covariates.items():
-        if column.dtype != object:
-            continue
-        cells = {i: text for i, text in enumerate(map(str, column)) if text}
-        words = [
-            i
-            for i, text in cells.items()
-            if all(number_in(text, sign) is None for sign in DECIMALS)
-        ]
-        if len(words) <= FEW_TEXTS * len(cells):
-            continue
-        texts.append(repr(name))
-        if len(words) < len(cells):
-            i = words[0]
-            source = measured.sources[measured.file_index[i]]
-            first = f"{cells[i]!r} in {source.shown}, row {measured.row[i]}"
-            count = f"texts in {len(words)} of {len(cells)} cells"
-            meant = "where that means not known, leave it empty"
-            texts[-1] += f" ({count}, the first {first}; {meant})"
+        if column.dtype == object:
+            cells = [text for text in map(str, column) if text]
+            words = [text for text in cells if np.isnan(number(text.replace(",", ".")))]
+            if len(words) > FEW_TEXTS * len(cells):
+                some = f" ({len(words)} of {len(cells)} cells, such as {words[0]!r})"
+                texts.append(repr(name) + some * (len(words) < len(cells)))
     facts = {"what": "effects", "items": texts, "reason": "text, not numbers"}
     return [finding("not-tested", **facts)] if texts else []
 
@@ -297,64 +272,55 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
     A column repeats what was measured where it is proportional to it at every point, to the last
     digit of both: in um, with the other sign, or as the diameter of a position.
     """
-    held: dict[str, tuple[str, str]] = {}
-    written = None
-    for name, column in points.covariates.items():
-        if name in needed or column.dtype == object:
-            continue
-        written = written or list(_written(points))
-        step = _least_step(column.astype(np.float64))
-        for what, words, values, digit in written:
-            both = np.isfinite(column) & np.isfinite(values)
-            own, said = column[both].astype(np.float64), values[both]
-            if len(own) < FEWEST or not said.any():
-                continue
-            factor = float(own @ said / (said @ said))
-            # Of drawn places the least distance is no last digit.
-            last = min(step, abs(factor) * DRAWN_MM) if what == NOMINAL else step
-            most = 0.51 * (last + abs(factor) * digit)
-            apart = np.abs(own - factor * said)
-            if abs(factor) * float(said.std()) > CLEAR * most and (apart <= most).all():
-                held[name] = what, words
-                break
-    warned = []
-    for what in (MEASURED, NOMINAL):
-        items = [
-            f"{name!r} ({words})" for name, (own_what, words) in held.items() if own_what == what
-        ]
-        if items:
-            reason = f"they repeat {what}"
-            warned.append(finding("not-tested", what="effects", items=items, reason=reason))
-    left = {name: column for name, column in points.covariates.items() if name not in held}
-    return (replace(points, covariates=left) if held else points), warned
+    held: dict[str, dict[str, str]] = {MEASURED: {}, NOMINAL: {}}
+    numeric = {k: x for k, x in points.covariates.items() if k not in needed and x.dtype != object}
+    written = list(_written(points)) if numeric else []
+    for name, column in numeric.items():
+        repeated = [each for each in written if _repeats(column.astype(np.float64), *each[2:])]
+        for what, words, *_ in repeated[:1]:
+            held[what][name] = f"{name!r} ({words})"
+    warned = [
+        finding(
+            "not-tested", what="effects", items=list(own.values()), reason=f"they repeat {what}"
+        )
+        for what, own in held.items()
+        if own
+    ]
+    gone = {name for own in held.values() for name in own}
+    left = {name: column for name, column in points.covariates.items() if name not in gone}
+    return (replace(points, covariates=left) if gone else points), warned
 
 
 MEASURED, NOMINAL = "what was measured", "the nominal place"
-Written = tuple[str, str, FloatArray, float]
-"""What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit."""
 
 
-def _written(points: Points) -> Iterator[Written]:
+def _written(points: Points) -> Iterator[tuple[str, str, FloatArray, float, float]]:
+    """What CMMs write of points: what it repeats, in words, values (n,) in mm, their last digit,
+    and the coarsest digit that they are repeated to.
+    """
     axes = axes_of(points)
     errors = points.measured[:, axes] - points.nominal[:, axes]
-    digit = max((_least_step(points.measured[:, axis], 1e-9) for axis in axes), default=0.0)
+    digit = max((step_of(points.measured[:, axis]) for axis in axes), default=0.0)
     for axis in axes:
-        # Before the coordinate as measured, which is near it.
-        yield NOMINAL, f"the nominal {AXES[axis]}", points.nominal[:, axis], 0.0
+        # Before the coordinate as measured, which is near it; its own distances are no digits.
+        yield NOMINAL, f"the nominal {AXES[axis]}", points.nominal[:, axis], 0.0, DRAWN_MM
     for k, axis in enumerate(axes):
-        yield MEASURED, f"the error along {AXES[axis]}", errors[:, k], digit
-        yield MEASURED, f"the coordinate {AXES[axis]}", points.measured[:, axis], digit
+        yield MEASURED, f"the error along {AXES[axis]}", errors[:, k], digit, np.inf
+        measured = points.measured[:, axis]
+        yield MEASURED, f"the coordinate {AXES[axis]}", measured, digit, np.inf
     for count in range(2, len(axes) + 1):
         length = np.sqrt((errors[:, :count] ** 2).sum(axis=1))
-        yield MEASURED, "the length of the error", length, count * digit
+        yield MEASURED, "the length of the error", length, count * digit, np.inf
 
 
-def _least_step(values: FloatArray, rounding: float = 0.0) -> float:
-    """The least that two of the values (n,) differ by, not by `rounding` or less; 0 where all are
-    equal.
-    """
-    steps = np.unique(values)
-    apart = np.diff(steps)
-    # Each gap beside its own two values: one that is far off says nothing of the others.
-    least = np.maximum(rounding, 1e-9 * np.maximum(np.abs(steps[1:]), np.abs(steps[:-1])))
-    return float(apart[apart > least].min()) if (apart > least).any() else 0.0
+def _repeats(column: FloatArray, values: FloatArray, digit: float, coarsest: float) -> bool:
+    """Whether a column (n,) is proportional to values (n,) to the last digit of both."""
+    both = np.isfinite(column) & np.isfinite(values)
+    own, said = column[both], values[both]
+    if len(own) < FEWEST or not said.any():
+        return False
+    factor = float(own @ said / (said @ said))
+    size = abs(factor)
+    most = 0.51 * (min(step_of(column), size * coarsest) + size * digit)
+    clear = size * float(said.std()) > CLEAR * most
+    return clear and bool((np.abs(own - factor * said) <= most).all())

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, finding, listed
 from mtu_cli.model.machine_model import (
     Covariates,
@@ -17,11 +16,9 @@ from mtu_cli.model.machine_model import (
     sensors_of,
 )
 from mtu_cli.model.variance import Block, normal_block
-from mtu_cli.stats.lag import farthest_at_once, lag_of_moments
+from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
 
-AGREE_DEGC = 0.5
-"""Readings of one sensor at one moment differ by less: what differs by more is another time."""
 SLACK = 0.05
 """Share of the fitted range of temperatures that may be exceeded without a word."""
 
@@ -132,32 +129,3 @@ def temperature_warnings(
         names = [drift.component for drift in lagged]
         warnings.append(finding("settled-temperatures", components=names, minutes=slowest))
     return warnings
-
-
-def moment_problem(model: MachineModel, points: Points, covariates: Covariates) -> Finding | None:
-    """That two rows of measured points (n,) have one time and temperatures that cannot both be
-    right, for a drift lags behind them; None where all rows of every moment agree.
-    """
-    times = row_times(covariates)
-    if times is None:
-        return None
-    for drift in model.drifts():
-        for sensor, tau in zip(drift.sensors, drift.time_constants.tolist(), strict=True):
-            value = np.asarray(covariates[sensor], float)
-            if not (tau > 0 and value.ndim):
-                continue
-            i, j, apart = farthest_at_once(value, times)
-            if apart <= AGREE_DEGC:
-                continue
-            files = [points.sources[points.file_index[k]].shown for k in (i, j)]
-            other = f"row {points.row[i]}" + (f" of {files[0]}" if files[0] != files[1] else "")
-            return finding(
-                "contradicts",
-                other=f"{value[i]:g} degC at the same time ({other})",
-                value=f"{value[j]:g} degC",
-                file=files[1],
-                row=int(points.row[j]),
-                column=sensor,
-                expected="times that run on over all parts: the drift lags behind its temperatures",
-            )
-    return None

@@ -55,15 +55,3 @@ def lag_of_moments(signal: FloatArray, time: FloatArray, time_constants: FloatAr
     found = first_order_lag(mean, time[starts], time_constants)[:, moment]
     found[np.asarray(time_constants) <= 0] = signal
     return found
-
-
-def farthest_at_once(signal: FloatArray, time: FloatArray) -> tuple[int, int, float]:
-    """Rows i < j of one time, in any order, whose signals (n,) differ most, and by how much."""
-    order = np.lexsort((signal, time))
-    new = np.concatenate([[True], np.diff(time[order]) != 0])
-    first = np.flatnonzero(new)
-    last = np.append(first[1:], len(order)) - 1
-    apart = signal[order[last]] - signal[order[first]]
-    worst = int(np.argmax(apart))
-    i, j = sorted((int(order[first[worst]]), int(order[last[worst]])))
-    return i, j, float(apart[worst])

@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.rows import REACH
 from mtu_cli.files.points import Points
-from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.machine_model import MachineModel, drift_terms
 from mtu_cli.model.settings import Settings
@@ -115,20 +114,6 @@ def lagging_points(times: list[float], temperatures: list[float]) -> Points:
     }  # fmt: skip
     time = np.concatenate([start + 2.0 * np.arange(11) for start in times])
     return ring_points(np.tile(ring_places(), (2, 1)), ["a", "b"], None, own, time=time)
-
-
-def test_parts_that_each_count_their_times_from_0(tmp_path: Path) -> None:
-    """The second part of 26 degC must not take the temperatures of the first one."""
-    model = lagging(machine(tmp_path), (40.0, 0.0))
-    with pytest.raises(InputError) as raised:
-        correct(model, None, lagging_points([0.0, 0.0], [20.0, 26.0]), SETTINGS)
-    (problem,) = raised.value.findings
-    assert (problem.file, problem.row, problem.column) == ("cmm.csv", 13, "T_a_degC")
-    assert "contradicts 20 degC at the same time (row 2): '26 degC'" in problem.message
-    found = correct(model, None, lagging_points([0.0, 1000.0], [20.0, 26.0]), SETTINGS)
-    assert found.error[11:, 1] - found.error[:11, 1] == pytest.approx(
-        np.full(11, 0.012), rel=ROUNDING
-    )
 
 
 def test_unlike_rows_do_not_change_what_the_noise_of_a_lag_does(tmp_path: Path) -> None:

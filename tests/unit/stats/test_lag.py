@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import lsim
 
-from mtu_cli.stats.lag import farthest_at_once, first_order_lag, lag_of_moments
+from mtu_cli.stats.lag import first_order_lag, lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
 
 
@@ -145,10 +145,3 @@ def test_a_run_that_starts_anew_does_so_with_rows_of_one_moment() -> None:
     for run in (slice(0, 6), slice(6, 10)):
         alone = lag_of_moments(signal[run], time[run], tau)
         assert found[:, run] == pytest.approx(alone, rel=1e-14)
-
-
-def test_the_farthest_readings_of_one_moment() -> None:
-    time = np.array([3.0, 1.0, 3.0, 2.0, 1.0, 3.0])
-    signal = np.array([5.0, 0.0, 7.5, 40.0, 1.0, 6.0])
-    assert farthest_at_once(signal, time) == (0, 2, 2.5)
-    assert farthest_at_once(signal, np.arange(6.0))[2] == 0
