@@ -116,9 +116,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Figures that do not exist, and what validation and correction show.
     "not-estimable": _note("not estimable: {quantity} ({names}); {reason}"),
-    "order-of-files": _warning(
-        "{names}: several files and no times; the trend takes the files in the order given"
-    ),
     "not-converged": _warning("{trials} Monte Carlo trials: not converged to {goal}"),
     "validation-failed": _warning(
         "the first-order 95 % interval of {names} differs from the Monte Carlo one by more than "

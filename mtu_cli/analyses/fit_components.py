@@ -171,19 +171,11 @@ def fit_result(
 
 
 def _warnings(fit: MachineFit) -> list[Finding]:
-    """Why figures of several instruments are not estimable, and what trends rest on."""
+    """Why figures of several instruments are not estimable."""
     read, noted = fit.components.items(), []
     if several := [name for name, x in read if len(x.instruments) > 1]:
         reason = "several instruments: see `instruments`"
         noted.append(finding("not-estimable", quantity="dof and r2", names=several, reason=reason))
-    # Of trends through several files without times the order of the files is their time.
-    of_files = [
-        name
-        for name, x in read
-        if any(item.trend and item.trend_of_files for item in x.instruments)
-    ]
-    if of_files:
-        noted.append(finding("order-of-files", names=of_files, expected="a column time"))
     return noted
 
 

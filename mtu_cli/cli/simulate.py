@@ -36,7 +36,6 @@ from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
     covariate_equations,
-    cut_warnings,
     errors_by_axis,
     growth,
     simulate_points,
@@ -83,8 +82,6 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
     warnings = _unused_options(options, paths)
     warnings += [each for each in of_machine if each.facts["what"] == "component"]
-    if options.write_lbb is not None or options.write_cmm is not None:
-        warnings += cut_warnings(model)
     made: dict[str, Synthetic] = {}
     for name in paths:
         made[name], found = MAKERS[name](inputs, model, settings.seed)

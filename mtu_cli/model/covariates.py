@@ -78,7 +78,10 @@ def needed_covariates(
     places = points.nominal
     if not at_nominal:
         places = np.where(np.isnan(places), points.measured, places)
-    named = lambda i: (points.features[points.feature[i]], _row(points, i))
+
+    def named(i: int) -> tuple[str, dict[str, Any]]:
+        return points.features[points.feature[i]], _row(points, i)
+
     if not problems and (lacking := without_coordinate(model, places, named)) is not None:
         problems.append(lacking)
     if problems:

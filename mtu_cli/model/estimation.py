@@ -32,7 +32,6 @@ from mtu_cli.stats.pass_tests import (
     pass_scatter,
     pass_trend,
     reversal,
-    trend_units,
 )
 from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.stats.smooth_profile import FEWEST_TARGETS, SmoothProfile
@@ -86,14 +85,6 @@ class InstrumentFit:
         """The drift a pass."""
         passes = self.passes
         return None if passes is None else pass_trend(self.fit, passes.order, self.rounding)
-
-    @property
-    def trend_of_files(self) -> bool:
-        """Whether the order in which files are given, and no times, makes the trend what it is."""
-        passes = self.passes
-        if passes is None or passes.timed:
-            return False
-        return passes.files_in_turn(trend_units(self.fit))
 
     @cached_property
     def reversal(self) -> Shift | None:

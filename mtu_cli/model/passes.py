@@ -40,15 +40,6 @@ class Passes:
             some[name] = tuple(getattr(self, name)[g] for g in kept)
         return replace(self, **some)
 
-    def files_in_turn(self, unit: IntArray) -> bool:
-        """Whether some units, `unit` (G,) that of each pass, are of other files than others: where
-        each has a pass of every file no order of the files changes the mean time of a unit.
-        """
-        files: dict[int, set[int]] = {}
-        for (file, _, _), own in zip(self.keys, unit.tolist(), strict=True):
-            files.setdefault(own, set()).add(file)
-        return len({frozenset(own) for own in files.values()}) > 1
-
 
 def passes_of(
     readings: Readings, rows: IntArray, numbers: IntArray, sign: IntArray

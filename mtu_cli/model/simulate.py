@@ -20,7 +20,7 @@ from mtu_cli.files.covariates import (
 )
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import Finding, InputError, error, finding, listed, nearest, suggestion
+from mtu_cli.findings import InputError, error, finding, listed, nearest, suggestion
 from mtu_cli.language import Node, check_dimension, evaluate, parse
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
@@ -33,8 +33,6 @@ from mtu_cli.stats.streams import stream
 
 READINGS_STREAM, PARTS_STREAM, CMM_STREAM, SCATTER_STREAM, OTHER_AXES_STREAM = 0, 1, 2, 3, 8
 """Further ones: 4 of the climate, 6 of drifts."""
-SEEN = 0.1
-"""Share of its variances from which on it is told that a covariance was changed."""
 LARGEST_MM = 1e6
 """No machine is a kilometre long."""
 TAKEN = {
@@ -61,20 +59,6 @@ def pass_root(model: MachineModel) -> FloatArray:
         own = np.concatenate([place[name] for name in block.names])
         found[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
     return found
-
-
-def cut_warnings(model: MachineModel) -> list[Finding]:
-    """Of components whose passes are drawn to differ by more than predictions take them to."""
-    cut: list[str] = []
-    for block in _blocks(model):
-        drawn = drawable_passes(block.D, block.C)
-        # Where nothing is left to be drawn, by what noise alone gives.
-        scale = np.sqrt(np.fmax(np.diag(drawn), np.diag(block.C)))
-        if (np.abs(drawn - block.D) > SEEN * np.outer(scale, scale)).any():
-            cut += block.names
-    consequence = "what is simulated scatters more than is predicted"
-    facts = {"what": "pass-to-pass", "items": listed(cut), "consequence": consequence}
-    return [finding("negative-variance", **facts)] if cut else []
 
 
 def _blocks(model: MachineModel) -> list[Block]:

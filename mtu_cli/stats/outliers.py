@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import numpy as np
 
@@ -82,29 +81,13 @@ FACTOR = 2.0
 """Outliers are so many times farther off than all that are none."""
 NEAR = 0.8
 """Share of the values, those near the median, that give s."""
+NEAR_SQUARE, NEAR_EFFICIENCY = 0.4377245949036389, 0.6277679967579073
+"""Mean square of the NEAR = q of normal values of variance 1 that are nearest to 0, and the share
+of the degrees of freedom of s^2 that those count.
 
-
-@cache
-def near_moments() -> tuple[float, float]:
-    """Mean square of the NEAR = q of normal values of variance 1 that are nearest to 0, and the
-    share of the degrees of freedom of s^2 that those count.
-
-    With P(|x| < k) = q and A = E x^2 [|x| < k] = q - 2 k f(k) the mean square is A/q. The
-    influence function of A (Huber, Robust Statistics, 1981, 3.3) is min(x^2, k^2) less its mean,
-    as moving k takes k^2 from the density at the edge: n var(s^2)/s^4 = var(min(x^2, k^2))/A^2,
-    against 2 of all values. The share is 2 A^2/var = 0.628, with
-
-        E min^2 = 3 q - 2 (k^3 + 3 k) f(k) + (1 - q) k^4,    E min = A + (1 - q) k^2.
-    """
-    from scipy.special import ndtri
-
-    q, k = NEAR, float(ndtri((1 + NEAR) / 2))
-    f = math.exp(-(k**2) / 2) / math.sqrt(2 * math.pi)
-    A = q - 2 * k * f
-    square = 3 * q - 2 * (k**3 + 3 * k) * f + (1 - q) * k**4
-    return A / q, 2 * A**2 / (square - (A + (1 - q) * k**2) ** 2)
-
-
+With P(|x| < k) = q and A = E x^2 [|x| < k] = q - 2 k f(k) these are A/q and 2 A^2/var(min(x^2,
+k^2)) by the influence function of A (Huber, Robust Statistics, 1981, 3.3), as moving k takes k^2 from
+the density at the edge."""
 MAD_EFFICIENCY = 0.37
 """Of a median absolute deviation as a deviation of normal values (Rousseeuw & Croux,
 J. Am. Stat. Assoc. 88 (1993) 1273): so many of its degrees of freedom count."""
@@ -169,10 +152,9 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
     sample = rest[:: n // SAMPLED + 1]
     count = max(int(NEAR * len(sample)), 1)
     near = np.partition(sample, count - 1)[:count]
-    mean_square, efficiency = near_moments()
-    s2 = float(np.mean(near**2)) / mean_square / max(dof / n, LEAST_DOF)
+    s2 = float(np.mean(near**2)) / NEAR_SQUARE / max(dof / n, LEAST_DOF)
     s = math.sqrt(s2 + float(hidden(s2, r)))
-    t = -float(stdtrit(max(efficiency * dof, 1.0), OUTLYING_P / (2 * n)))
+    t = -float(stdtrit(max(NEAR_EFFICIENCY * dof, 1.0), OUTLYING_P / (2 * n)))
     beyond = rest > max(GROSS, t) * s
     far = np.sort(rest[beyond])
     # The outermost gap that is wide enough parts the outliers from the rest.

@@ -14,7 +14,6 @@ from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
-    cut_warnings,
     pass_root,
     simulate_points,
     simulate_readings,
@@ -63,9 +62,6 @@ def test_of_readings_no_more_than_a_negative_part_is_taken_off() -> None:
     assert agree(of_parts(model_of([(one, {"x": "1"})], axes=("x",))), X @ drawn @ X.T)
     assert np.linalg.eigvalsh(drawn / np.outer(*[np.sqrt(np.diag(drawn))] * 2))[0] >= -1e-9
     # What D lacks is less than the mean square of the ten passes, of which C is a tenth.
-    (warned,) = cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))
-    assert warned.code == "negative-variance"
-    assert warned.message.startswith("the pass-to-pass variance is estimated below zero (a)")
     added = np.diag(X @ (drawn - moment) @ X.T)
     assert (added >= 0).all()
     assert (added <= 10 * np.diag(X @ C @ X.T)).all()
@@ -99,7 +95,6 @@ def test_parts_of_components_read_together_vary_together() -> None:
     )
     found = simulate_points(model, ["a", "b", "c"], AT, plan, 2).measured.reshape(MANY, 3, 2)
     errors = np.column_stack([found[:, :, 0] - AT[:, 0], found[:, 0, 1]])
-    assert cut_warnings(model) == []
     X = np.zeros((4, 3))
     X[:3, 0], X[:3, 1], X[3, 2] = 1.0, AT[:, 0], 1.0
     wanted = X @ D @ X.T
@@ -136,28 +131,6 @@ def test_what_is_not_known_of_passes_together_is_drawn_apart() -> None:
         unknown = replace(model, joint=(changed,))
         root = pass_root(unknown)
         np.testing.assert_allclose(root @ root.T, wanted, rtol=1e-6, atol=1e-18)
-        assert cut_warnings(unknown) == []
     alone = estimate("a", "x", [0.0, 0.0], D=np.full((2, 2), np.nan))
     with pytest.raises(InputError, match="pass-to-pass covariance of a"):
         pass_root(model_of([(alone, {"x": "1"})], axes=("x",)))
-
-
-@pytest.mark.parametrize(("correlation", "seen"), [(0.9, False), (1.05, False), (1.3, True)])
-def test_passes_drawn_much_as_predicted_are_not_told(correlation: float, seen: bool) -> None:
-    D = np.array([[1e-6, correlation * 1e-8], [correlation * 1e-8, 1e-10]])
-    one = estimate("a", "x", [0.0, 0.0], C=D * np.eye(2) / 10, D=D)
-    assert bool(cut_warnings(model_of([(one, {"x": "1"})], axes=("x",)))) == seen
-
-
-def test_of_components_read_together_those_are_named_that_are_cut() -> None:
-    """Whether b alone has less than nothing, or only the two together."""
-    model, _ = together()
-    (group,) = model.joint
-    D = np.diag([1.0, 1.0, 1e-3])
-    cut, both = D.copy(), D.copy()
-    cut[0, 0] = -1.0
-    both[0, 1] = both[1, 0] = 1.5
-    for own, named in ((cut, "zero (b, a): "), (both, "zero (b, a): ")):
-        changed = replace(group, pass_covariance=own, covariance=0.1 * D)
-        (warned,) = cut_warnings(replace(model, joint=(changed,)))
-        assert named in warned.message

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mtu_cli.stats.outliers import GROSS, NEAR, OUTLYING_P, near_moments, outlying, spikes
+from mtu_cli.stats.outliers import (
+    GROSS,
+    NEAR,
+    NEAR_EFFICIENCY,
+    NEAR_SQUARE,
+    OUTLYING_P,
+    outlying,
+    spikes,
+)
 
 RNG = np.random.default_rng(20261128)
 
@@ -24,7 +32,7 @@ def plain(values: list[float], fitted: int) -> tuple[set[int], float]:
     end = float(stats.norm.isf((1 - NEAR) / 2))
     normal = float(stats.truncnorm(-end, end).var())
     s = (statistics.fmean(d**2 for d in near) / normal / (dof / n)) ** 0.5
-    t = float(stats.t.isf(OUTLYING_P / (2 * n), near_moments()[1] * dof))
+    t = float(stats.t.isf(OUTLYING_P / (2 * n), NEAR_EFFICIENCY * dof))
     return {i for i, d in enumerate(away) if d > max(GROSS, t) * s}, s
 
 
@@ -45,10 +53,9 @@ def test_efficiency_of_the_near_values() -> None:
     d = np.abs(np.random.default_rng(4).standard_normal((4000, 1000)))
     d.partition(799, axis=1)
     s2 = (d[:, :800] ** 2).mean(axis=1)
-    mean_square, efficiency = near_moments()
-    assert s2.mean() == pytest.approx(mean_square, rel=2e-3)
+    assert s2.mean() == pytest.approx(NEAR_SQUARE, rel=2e-3)
     found = 2 / (s2.var() / s2.mean() ** 2) / 1000
-    assert found == pytest.approx(efficiency, rel=4 * np.sqrt(2 / 4000))
+    assert found == pytest.approx(NEAR_EFFICIENCY, rel=4 * np.sqrt(2 / 4000))
 
 
 def test_chance_seldom_meets_it() -> None:
