@@ -12,6 +12,7 @@ from mtu_cli.files.part import Tolerance
 from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.covariance import as_covariance, factor_of
 from mtu_cli.stats.coverage import t_quantiles
 from mtu_cli.stats.distributions import NORMAL_DOF, t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -66,7 +67,7 @@ class PointTrials:
         self.offset = np.concatenate([mean, self.linear_mean])[:, None]
         self.k = len(combine)
         self.owner = np.concatenate([owner, np.arange(len(names))])
-        self.factor = self._factor(np.vstack([combine, gradient]), prediction, independent)
+        self.factor = self._factor_of(np.vstack([combine, gradient]), prediction, independent)
         self.shifted = np.hstack([self.factor, self.offset])
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.dof, self.u_exists = dof, dof > 2
@@ -77,7 +78,9 @@ class PointTrials:
         inflation[live] = dof[live] / (dof[live] - 2)
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
 
-    def _factor(self, stacked: FloatArray, prediction: Prediction, independent: bool) -> FloatArray:
+    def _stacked_factor(
+        self, stacked: FloatArray, prediction: Prediction, independent: bool
+    ) -> FloatArray:
         """F with F F' the covariance of the stacked rows, every output at its own variance.
 
         Where that is not the covariance's (a negative D was kept from making it too small,
@@ -85,12 +88,12 @@ class PointTrials:
         of the output are scaled alike.
         """
         if independent:
-            return factor_of(stacked * prediction.independent_variance @ stacked.T)
+            return _factor(stacked * prediction.independent_variance @ stacked.T)
         raw = stacked @ prediction.covariance @ stacked.T
         wanted = prediction.variance(stacked[self.k :]).total
         if np.allclose(np.diag(raw)[self.k :], wanted, rtol=1e-9, atol=0.0):
-            return factor_of(raw)
-        factor = factor_of(stacked @ prediction.drawable @ stacked.T)
+            return _factor(raw)
+        factor = _factor(stacked @ prediction.drawable @ stacked.T)
         ratio = _ratio(wanted, np.sum(factor[self.k :] ** 2, axis=1))
         return factor * ratio[self.owner, None]
 
@@ -130,26 +133,16 @@ class PointTrials:
         return total
 
 
+def _factor(covariance: FloatArray) -> FloatArray:
+    """F (rows, rank) with F F' = covariance, of errors that with a moment estimate of D need not
+    have one when they are very many together.
+    """
+    return np.ascontiguousarray(factor_of(as_covariance(covariance)))
+
+
 def _ratio(wanted: FloatArray, drawn: FloatArray) -> FloatArray:
     """By what rows of the variances `drawn` are scaled to those `wanted`; 0 where nothing is."""
     return np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
-
-
-def factor_of(covariance: FloatArray) -> FloatArray:
-    """F (rows, rank) with F F' = covariance, by eigenvalues: it may be singular.
-
-    With a moment estimate of pass-to-pass covariance the errors of very many points together
-    need not have a covariance. The negative part is then left out and every row scaled back to
-    its own variance. A row without variance is zero, not a residue of rounding.
-    """
-    values, vectors = np.linalg.eigh((covariance + covariance.T) / 2)
-    kept = values > 1e-14 * max(values[-1], 0.0)
-    factor: FloatArray = np.ascontiguousarray(vectors[:, kept] * np.sqrt(values[kept]))
-    wanted = np.clip(np.diag(covariance), 0.0, None)
-    factor[wanted == 0] = 0.0
-    if values[0] < -1e-9 * abs(values[-1]):
-        factor *= _ratio(wanted, np.sum(factor**2, axis=1))[:, None]
-    return factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,9 +24,10 @@ def correlation_of(C: FloatArray) -> FloatArray:
 
 def factor_of(C: FloatArray) -> FloatArray:
     """F (k, rank) with F F' = C, which may be singular (r = 1), and whose units may differ."""
-    values, vectors = np.linalg.eigh(np.nan_to_num(correlation_of(C)))
+    s = np.sqrt(np.diag(C))
+    values, vectors = np.linalg.eigh(np.where(np.outer(s, s) > 0, correlation_of(C), 0.0))
     kept = values > 1e-14 * max(float(values[-1]), np.finfo(np.float64).eps)
-    return np.sqrt(np.diag(C))[:, None] * vectors[:, kept] * np.sqrt(values[kept])
+    return s[:, None] * vectors[:, kept] * np.sqrt(values[kept])
 
 
 def covariance_root(C: FloatArray) -> FloatArray:

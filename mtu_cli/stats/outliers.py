@@ -85,9 +85,9 @@ NEAR_SQUARE, NEAR_EFFICIENCY = 0.4377245949036389, 0.6277679967579073
 """Mean square of the NEAR = q of normal values of variance 1 that are nearest to 0, and the share
 of the degrees of freedom of s^2 that those count.
 
-With P(|x| < k) = q and A = E x^2 [|x| < k] = q - 2 k f(k) these are A/q and 2 A^2/var(min(x^2,
-k^2)) by the influence function of A (Huber, Robust Statistics, 1981, 3.3), as moving k takes k^2 from
-the density at the edge."""
+With P(|x| < k) = q and A = E x^2 [|x| < k] = q - 2 k f(k) these are A/q and
+2 A^2/var(min(x^2, k^2)) by the influence function of A (Huber, Robust Statistics, 1981, 3.3), as
+moving k takes k^2 from the density at the edge."""
 MAD_EFFICIENCY = 0.37
 """Of a median absolute deviation as a deviation of normal values (Rousseeuw & Croux,
 J. Am. Stat. Assoc. 88 (1993) 1273): so many of its degrees of freedom count."""

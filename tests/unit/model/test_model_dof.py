@@ -11,7 +11,7 @@ from mtu_cli.files.machine_contract import Component
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.estimation import fit_component
 from mtu_cli.model.prediction import predict, reportable
-from mtu_cli.model.trials import factor_of
+from mtu_cli.stats.covariance import as_covariance, factor_of
 from mtu_cli.stats.coverage import coverage_factor
 
 FloatArray = NDArray[np.float64]
@@ -177,7 +177,7 @@ def test_factor_of_an_indefinite_matrix_keeps_the_variances() -> None:
     for _ in range(20):
         vectors = np.linalg.qr(rng.normal(size=(6, 6)))[0]
         S = vectors @ np.diag([4.0, 2, 1, 0.5, -0.2, -0.4]) @ vectors.T
-        F = factor_of(S)
+        F = factor_of(as_covariance(S))
         kept = np.diag(S) >= 0
         assert np.diag(F @ F.T)[kept] == pytest.approx(np.diag(S)[kept], rel=1e-12)
         assert np.linalg.eigvalsh(F @ F.T)[0] > -1e-12
@@ -185,10 +185,10 @@ def test_factor_of_an_indefinite_matrix_keeps_the_variances() -> None:
 
 def test_factor_of_singular_and_zero_matrices() -> None:
     half = np.random.default_rng(9).normal(size=(7, 2))
-    F = factor_of(half @ half.T)
+    F = factor_of(as_covariance(half @ half.T))
     assert F.shape == (7, 2)
     assert pytest.approx(half @ half.T, rel=1e-12, abs=1e-13) == F @ F.T
-    assert factor_of(np.zeros((3, 3))).shape == (3, 0)
+    assert factor_of(as_covariance(np.zeros((3, 3)))).shape == (3, 0)
 
 
 def test_the_reported_covariance_is_one() -> None:
