@@ -78,7 +78,7 @@ class PointTrials:
         inflation[live] = dof[live] / (dof[live] - 2)
         self.linear_variance = self.linear_u[:, 0] ** 2 * inflation
 
-    def _stacked_factor(
+    def _factor_of(
         self, stacked: FloatArray, prediction: Prediction, independent: bool
     ) -> FloatArray:
         """F with F F' the covariance of the stacked rows, every output at its own variance.
