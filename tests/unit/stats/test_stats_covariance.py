@@ -117,7 +117,7 @@ def test_roots_give_the_covariance_again(r: float) -> None:
     C *= np.outer(s := np.array([1e-6, 40.0, 1.0]), s)
     for F in (factor_of(C), covariance_root(C)):
         np.testing.assert_allclose(F @ F.T, C, atol=1e-14 * 1600)
-    assert factor_of(C).shape == (3, 2 if abs(r) == 1 else 3)
+    assert factor_of(C).shape == (3, 1 if abs(r) == 1 else 2)
     assert correlation_of(C)[0, 1] == pytest.approx(r)
     assert np.isnan(correlation_of(C)[0, 2])
 
