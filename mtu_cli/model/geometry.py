@@ -16,14 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares
+from mtu_cli.stats.least_squares import FloatArray, batched_least_squares, least_squares
 
-ITERATIONS = 200
-HALVINGS = 30
-STEP = 1e-12
-"""A step of this share of the points' extent ends the iteration."""
-OFFSET = 1e-12
-"""Share of the squared residuals that a step must explain for their sum to show it."""
+ITERATIONS = 100
+HALVINGS = 12
+STEP = 1e-13
+"""A step that moves the figure by this share of the points' extent ends the iteration."""
+UPHILL = 1e-9
+"""Share by which the sum of squares may grow in a step, by rounding."""
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
 SAME = 1e-9
 """Share of the extent below which points, or eigenvalues of a plane, are not told apart."""
@@ -141,11 +141,22 @@ def _round(points: FloatArray) -> RoundFit:
     if distinct <= d:
         raise GeometryError(f"{distinct} distinct points; a {KINDS[d]} needs {d + 1}")
     # (c, r) of |p|^2 = 2 c.p + (r^2 - |c|^2), Kasa 1976.
-    start = _solved(2 * q, (q**2).sum(axis=1)).coefficients
-    start[d] = max(float(start[d] + start[:d] @ start[:d]), 0.0) ** 0.5
-    found = _gauss_newton(q, start)
-    away, distance, residuals = _residuals(q, found)
-    unit = away / distance[:, None]
+    start = _solved(2 * q, (q**2).sum(axis=1))
+    radius = max(float(start[d] + start[:d] @ start[:d]), 0.0) ** 0.5
+    with np.errstate(invalid="ignore", divide="ignore"):
+        centre, radii = round_figure(q.T[:, :, None], start[:d, None], radius, free=True)
+    found = np.append(centre[:, 0], radii)
+    if not np.isfinite(found).all():
+        raise GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
+    for last in (False, True):
+        away = q - found[:d]
+        distance = np.linalg.norm(away, axis=1)
+        if distance.min() == 0:
+            raise GeometryError("a point stands at the centre")
+        residuals, unit = distance - found[d], away / distance[:, None]
+        if not last:
+            # The far end of a short arc, to the last digit.
+            found = found + _solved(unit, residuals)
     return RoundFit(
         centre=centroid + scale * found[:d],
         radius=scale * float(found[d]),
@@ -155,49 +166,48 @@ def _round(points: FloatArray) -> RoundFit:
     )
 
 
-def _residuals(q: FloatArray, found: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Vectors (n, d) from the centre, distances (n,) and residuals (n,)."""
-    away = q - found[:-1]
-    distance = np.linalg.norm(away, axis=1)
-    if distance.min() == 0:
-        raise GeometryError("a point stands at the centre")
-    return away, distance, distance - found[-1]
-
-
-def _solved(columns: FloatArray, values: FloatArray) -> LeastSquares:
-    """The fit of `columns` (n, d) and a constant; the Gauss-Newton step is d_i = u_i.dc + dr."""
+def _solved(columns: FloatArray, values: FloatArray) -> FloatArray:
+    """Coefficients of `columns` (n, d) and a constant: of a step, d_i = u_i.dc + dr."""
     fit = least_squares(np.column_stack([columns, np.ones(len(columns))]), values)
     if fit.rank < columns.shape[1] + 1:
         # Seen from a centre as far away as this, the points hardly bend.
         flat = "line" if columns.shape[1] == 2 else "plane or a circle"
         raise GeometryError(f"the points lie on a {flat}")
-    return fit
+    return fit.coefficients
 
 
-def _gauss_newton(q: FloatArray, start: FloatArray) -> FloatArray:
-    """(c, r) (d + 1,) at the minimum; steps that do not lead down are halved."""
-    found, settled = start, False
-    away, distance, residuals = _residuals(q, found)
+def round_figure(
+    q: FloatArray, centre: FloatArray, start: float | FloatArray, *, free: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Centre (d, m) and radius (m,) of least squared distances |q - c| - r of points q (d, n, m).
+
+    Gauss-Newton from `centre` (d, m) and a radius, with shorter steps where a whole one leads up;
+    the radius stays where it is not `free`. A trial that does not come to an end is nan.
+    """
+    d, n, m = q.shape
+    radius = np.broadcast_to(start, m)
+    X = np.ones((d + free, n, m))
+    least = (STEP * np.ptp(q, axis=1).max(axis=0)) ** 2
+    away = q - centre[:, None]
+    far = np.sqrt(np.einsum("dnm,dnm->nm", away, away))
+    moves = np.ones(m, bool)
     for _ in range(ITERATIONS):
-        fit = _solved(away / distance[:, None], residuals)
-        step, rss = fit.coefficients, float(residuals @ residuals)
-        # The far end of a short arc is known with the square of its distance less.
-        if np.abs(step).max() <= STEP * max(1.0, float(np.abs(found).max()) ** 2):
-            return found + step
-        # Where rounding hides the way down, whole steps still lead to where it ends.
-        rounding = len(q) ** 0.5 * ROUNDING * float(distance.max())
-        settled = rss - fit.rss <= OFFSET * rss + rounding * (rss**0.5 + rounding)
+        X[:d] = away / far
+        step, explained = batched_least_squares(X, far - radius)
+        bound = (1.0 + UPHILL) * np.sum((far - radius) ** 2, axis=0) + least
         for _ in range(HALVINGS):
-            away, distance, residuals = _residuals(q, found + step)
-            if settled or float(residuals @ residuals) < rss:
+            after = centre + step[:d], radius + step[d] if free else radius
+            away = q - after[0][:, None]
+            far = np.sqrt(np.einsum("dnm,dnm->nm", away, away))
+            uphill = ~(np.sum((far - after[1]) ** 2, axis=0) <= bound)
+            if not uphill.any():
                 break
-            step = step / 2
-        else:
+            step[:, uphill] *= 0.5
+        centre, radius = after
+        moves = explained > least
+        if not moves.any():
             break
-        found = found + step
-    if settled:
-        return found
-    raise GeometryError(f"the {KINDS[q.shape[1]]} could not be fitted: the points hardly bend")
+    return np.where(moves, np.nan, centre), np.where(moves, np.nan, radius)
 
 
 def _radius_gradient(unit: FloatArray, distance: FloatArray, residuals: FloatArray) -> FloatArray:

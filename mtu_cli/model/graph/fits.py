@@ -10,16 +10,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mtu_cli.model.geometry import fit_circle, fit_plane, fit_sphere
+from mtu_cli.model.geometry import fit_circle, fit_plane, fit_sphere, round_figure
 from mtu_cli.model.graph.constructions import along, cross, dot, norm, tangents
-from mtu_cli.stats.least_squares import FloatArray, batched_least_squares
+from mtu_cli.stats.least_squares import FloatArray
 
-ITERATIONS = 100
-HALVINGS = 12
-STEP = 1e-13
-"""A step that moves the figure by this share of the points' extent ends the iteration."""
-UPHILL = 1e-9
-"""Share by which the sum of squares may grow in a step, by rounding."""
 LINE = 1e-6
 """Share of the longest of several triangles' areas below which one is a line."""
 
@@ -127,37 +121,3 @@ def circumcircle(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArra
     away = dot(u, u) * cross(v, w) + dot(v, v) * cross(w, u)
     away /= 2.0 * dot(w, w)
     return a + away, norm(away)
-
-
-def round_figure(
-    q: FloatArray, centre: FloatArray, start: float | FloatArray, *, free: bool
-) -> tuple[FloatArray, FloatArray]:
-    """Centre (d, m) and radius (m,) of least squared distances |q - c| - r of points q (d, n, m).
-
-    Gauss-Newton from `centre` (d, m) and a radius, with shorter steps where a whole one leads up;
-    the radius stays where it is not `free`. A trial that does not come to an end is nan.
-    """
-    d, n, m = q.shape
-    radius = np.broadcast_to(start, m)
-    X = np.ones((d + free, n, m))
-    least = (STEP * np.ptp(q, axis=1).max(axis=0)) ** 2
-    away = q - centre[:, None]
-    far = np.sqrt(dot(away, away))
-    moves = np.ones(m, bool)
-    for _ in range(ITERATIONS):
-        X[:d] = away / far
-        step, explained = batched_least_squares(X, far - radius)
-        bound = (1.0 + UPHILL) * np.sum((far - radius) ** 2, axis=0) + least
-        for _ in range(HALVINGS):
-            after = centre + step[:d], radius + step[d] if free else radius
-            away = q - after[0][:, None]
-            far = np.sqrt(dot(away, away))
-            uphill = ~(np.sum((far - after[1]) ** 2, axis=0) <= bound)
-            if not uphill.any():
-                break
-            step[:, uphill] *= 0.5
-        centre, radius = after
-        moves = explained > least
-        if not moves.any():
-            break
-    return np.where(moves, np.nan, centre), np.where(moves, np.nan, radius)
