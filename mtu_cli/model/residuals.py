@@ -47,11 +47,11 @@ from mtu_cli.model.visits import (
     Motions,
     axes_of,
     cells_of,
+    freed_errors,
     incomplete_datum,
     motions_of,
     only_rows,
     operations_of,
-    visits_of,
     without_motions,
 )
 from mtu_cli.stats.covariance import factor_of
@@ -222,16 +222,20 @@ def residual_table(
     points, gaps = without_gaps(points, model.covariates())
     warned += [*repeated, *gaps, *text_warnings(points)]
     axes = _axes(model, points, warned)
+    lost = freed_errors(points, points.measured[:, axes], axes, datum)[1]
+    if lost.all() and len(lost):
+        raise error(
+            "too-little-data",
+            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
+            file=points.sources[0].shown,
+            expected="more features measured of each part, or --datum none",
+        )
+    if count := int(lost.sum()):
+        reason = f"in measurements of so few features the datum {datum!r} takes all errors"
+        names = [f"{count} of {len(lost)} points"]
+        warned.append(finding("not-measured", names=names, count=count, reason=reason))
+        points = only_rows(points, ~lost)
     layout = _layout(model, points)
-    seen, motions, whole = _measurements(points, layout, axes, datum)
-    lost = np.zeros((seen.parts, seen.columns), bool)
-    for own in motions:
-        lost[np.ix_(own.rows, own.columns)] = own.Q.shape[0] == own.Q.shape[1]
-    if lost.any():
-        points = _without_lost(points, lost.ravel()[seen.cell], datum, warned)
-        layout = _layout(model, points)
-        seen, motions, whole = _measurements(points, layout, axes, datum)
-    warned += [] if whole else [incomplete_datum()]
     at, cells, columns = covariates or {}, layout.cells, point_columns(points)
     needed = needed_covariates(model, points, columns, at, at_nominal=True)
     shown, more = table_covariates(columns, cells, points, np.arange(len(points)))
@@ -242,9 +246,11 @@ def residual_table(
     warned += guess_warnings(model, points.nominal, needed.values, columns, at)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
-    if motions:
-        rows = without_motions(seen.table(errors[seen.order])[..., None], motions, seen.parts)
-        errors = rows.reshape(-1, len(axes))[seen.cell]
+    errors = freed_errors(points, errors, axes, datum)[0]
+    of_operation = (layout.operation == code for code in np.unique(layout.operation))
+    seen = [cells.repeats[:, own] for own in of_operation]
+    if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in seen):
+        warned.append(incomplete_datum())
     table = layout.table(
         errors,
         axes=tuple(AXES[axis] for axis in axes),
@@ -316,43 +322,6 @@ def _layout(model: MachineModel, points: Points) -> Layout:
         cells=cells_of(row, column.reshape(-1), len(parts), len(columns)),
         nominal=np.column_stack(list(fixed_places(model, points.nominal).values())),
     )
-
-
-# What a datum frees.
-
-
-def _measurements(
-    points: Points, layout: Layout, axes: tuple[int, ...], datum: Datum
-) -> tuple[Cells, tuple[Motions, ...], bool]:
-    """The cells of measurements of parts in one operation each (rows) by columns, the motions that
-    the datum frees in each, and whether all have the columns that their parts have.
-    """
-    cells = layout.cells
-    if datum == "none":
-        return cells, (), True
-    visits = visits_of(points)
-    seen = cells_of(visits.of_point, cells.column, len(visits.part), cells.columns)
-    there, part = seen.repeats > 0, np.zeros(seen.parts, np.int64)
-    part[visits.of_point] = cells.part
-    whole = (cells.repeats > 0)[part] & (layout.operation == visits.operation[:, None])
-    motions = motions_of(datum, layout.places[part], layout.operation, axes, there)
-    return seen, motions, bool((there == whole).all())
-
-
-def _without_lost(points: Points, lost: BoolArray, datum: Datum, warned: list[Finding]) -> Points:
-    """The points but those of whose errors the motions take all."""
-    if lost.all():
-        raise error(
-            "too-little-data",
-            what=f"the datum {datum!r} takes all errors, no measurement has enough features",
-            file=points.sources[0].shown,
-            expected="more features measured of each part, or --datum none",
-        )
-    count = int(lost.sum())
-    reason = f"in measurements of so few features the datum {datum!r} takes all errors"
-    names = [f"{count} of {len(lost)} points"]
-    warned.append(finding("not-measured", names=names, count=count, reason=reason))
-    return only_rows(points, ~lost)
 
 
 # The model at the cells.

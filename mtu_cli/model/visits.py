@@ -284,22 +284,41 @@ def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, 
     """The points with each visit's freedoms taken out, and whether all visits are complete:
     each has every feature of its operation.
     """
-    if datum == "none" or not axes:
+    chosen = list(axes)
+    errors = points.measured[:, chosen] - points.nominal[:, chosen]
+    left, _, complete = freed_errors(points, errors, axes, datum)
+    if left is errors:
         return points, True
+    measured = points.measured.copy()
+    measured[:, chosen] = points.nominal[:, chosen] + left
+    return replace(points, measured=measured), complete
+
+
+def freed_errors(
+    points: Points, errors: FloatArray, axes: tuple[int, ...], datum: Datum
+) -> tuple[FloatArray, BoolArray, bool]:
+    """Errors (n, A) of the points less each visit's freedoms, those (n,) of which nothing is left
+    whatever they are, and whether all visits are complete.
+    """
+    if datum == "none" or not axes:
+        return errors, np.zeros(len(errors), bool), True
     visits = visits_of(points)
-    errors = visits.errors.copy()
-    there = np.asarray(np.isfinite(errors[:, :, list(axes)]).all(axis=2))
-    places = np.broadcast_to(visits.nominal, errors.shape)
+    at = visits.of_point, points.feature
+    table = np.full((len(visits.part), len(points.features), len(axes)), np.nan)
+    table[at] = errors
+    there = np.isfinite(table).all(axis=2)
+    places = np.full((*there.shape, 3), np.nan)
+    places[at] = points.nominal
     one = np.zeros(there.shape[1], np.int64)
     motions = motions_of(datum, places, one, axes, there)
-    left = without_motions(errors[:, :, list(axes), None], motions, len(there))
-    errors[:, :, list(axes)] = left[..., 0]
+    lost = np.zeros(there.shape, bool)
+    for own in motions:
+        lost[np.ix_(own.rows, own.columns)] = own.Q.shape[0] == own.Q.shape[1]
     complete = True
     for operation in np.unique(visits.operation):
-        own = there[visits.operation == operation]
-        complete &= bool((own == own.any(axis=0)).all())
-    changed = errors[visits.of_point, points.feature]
-    return replace(points, measured=points.nominal + changed), complete
+        of_it = there[visits.operation == operation]
+        complete &= bool((of_it == of_it.any(axis=0)).all())
+    return without_motions(table[..., None], motions, len(there))[at][..., 0], lost[at], complete
 
 
 @dataclass(frozen=True, kw_only=True)
