@@ -23,6 +23,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,17 +57,15 @@ class PassFit:
     """The mixed model of one component; q = 2 random columns with an axis, 1 without.
 
     `plain` is the ordinary least-squares fit of all readings as repeats (Gilsinn & Ling 2004,
-    eqs. (5)-(11)). `covariance` (k, k) is that of its coefficients under the mixed model, D
-    (q, q) the pass-to-pass covariance at `center`, `s2` the repeatability variance. `D_moment`
-    is D before its negative part is set to zero, the unbiased moment estimate. `between` (q, q)
-    is the mean square of the passes' own coefficients with `pass_dof` degrees of freedom,
-    `within_dof` belongs to `s2`. `pairs` (P, 2) are the passes there and back of P runs, of which
-    `half_differences` (q, q) is the mean square S_h, None of fewer than two: the units that were
-    repeated are then the runs.
+    eqs. (5)-(11)). `covariance` (k, k) is that of its coefficients under the mixed model, `D`
+    (q, q) the pass-to-pass covariance at `center`, `D_moment` the same before its negative part is
+    set to zero, the unbiased estimate; `s2` the repeatability variance, of `within_dof`.
+    `between` (q, q) is the mean square of the passes' own coefficients, of `pass_dof`. `pairs`
+    (P, 2) are the passes there and back of P runs, of which `half_differences` (q, q) is the mean
+    square S_h, None of fewer than two: the units that were repeated are then the runs.
     `pass_coefficients` (G, q) are the passes' own intercepts (at the centre) and slopes,
-    `deviations` (G, q) the same less their mean by direction, `divisor` what the sum of their
-    squares is divided by for `between`. `separated` is False where the
-    data cannot tell D from s2.
+    `deviations` (G, q) the same less their mean by direction, whose squares are divided by
+    `divisor` for `between`. `separated` is False where the data cannot tell D from s2.
     `pooled_rss` with `pooled_dof` is the residual sum of squares of one line a direction.
     `rounding` is what sums of the readings may be off by arithmetic alone.
     """
@@ -121,7 +120,7 @@ def fit_passes(
     if group is None:
         return _single(y, plain, center)
     design = _pass_design(position, center, degree, group, direction, runs)
-    fit = _separated(y, design, plain, center) if design.dof_between > 0 else None
+    fit = _separated(y, design, plain, center) if design.dof > 0 else None
     return _single(y, plain, center, design) if fit is None else fit
 
 
@@ -130,39 +129,43 @@ def _separated(
 ) -> PassFit | None:
     """Pass-to-pass scatter told from repeatability; None where the readings cannot."""
     rows, G = design.rows, len(design.ids)
-    stage = own_lines(y[rows], design.Z[rows], design.common, design.own, G)
-    squares = between_passes(stage, design.fixed)
-    if squares is None:
+    Z, common = design.Z[rows], design.X[rows, design.Z.shape[1] :]
+    found = _between_lines(y[rows], Z, common, design.own, design.fixed)
+    if found is None:
         return None
-    between, of_repeatability, deviations = squares
-    D = positive_part(between, of_repeatability, stage.s2)
+    s2, between = found.rss / max(found.dof, 1), found.S
+    within, D = s2 * found.M, positive_part(between, found.M, s2)
     # Two or three may agree by chance far better than repeatability allows: D is not negative.
-    within = stage.s2 * of_repeatability
-    moment = D if design.dof_between < FEW_PASSES else between - within
-    K = covariance_in_runs(deviations, design.pairs, between)
+    moment = D if design.dof < FEW_PASSES else between - within
+    K = covariance_in_runs(found.deviations, design.pairs, between)
+    halves = None
+    if len(design.pairs) >= FEWEST_RUNS:
+        # Passes without a fellow have no covariance: over all of them it is so much less. Where
+        # both passes of every run differ by the same it is 0, which rounding may make negative.
+        halves = as_covariance((moment + within - 2 * len(design.pairs) / G * K) / 2)
     # One line a direction takes all passes of it as one.
-    lines = [design.Z[rows] * column[design.own, None] for column in design.fixed.T]
-    pooled = least_squares(np.column_stack([*lines, design.common]), y[rows])
+    lines = [Z * column[design.own, None] for column in design.fixed.T]
+    pooled = least_squares(np.column_stack([*lines, common]), y[rows])
     choices = ((moment, K), (D, K), (D, bounded(K, D)))
     return PassFit(
         plain=plain,
-        covariance=_coefficient_covariance(plain, design, stage.s2, choices),
+        covariance=_coefficient_covariance(plain, design, s2, choices),
         center=center,
-        s2=stage.s2,
+        s2=s2,
         D=D,
         D_moment=moment,
         between=between,
-        pass_dof=design.dof_between,
-        within_dof=stage.dof,
-        within_rss=stage.rss,
+        pass_dof=design.dof,
+        within_dof=found.dof,
+        within_rss=found.rss,
         separated=True,
         groups=design.ids,
         group_direction=design.sign,
-        pass_coefficients=stage.coefficients,
-        deviations=deviations,
+        pass_coefficients=found.coefficients,
+        deviations=found.deviations,
         divisor=G - design.fixed.shape[1],
         pairs=design.pairs,
-        half_differences=half_differences(moment + within, K, design.pairs, G),
+        half_differences=halves,
         pooled_rss=pooled.rss,
         pooled_dof=pooled.dof,
         rounding=rounding_of(y),
@@ -226,8 +229,7 @@ def _coefficient_covariance(
     return total
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _PassDesign:
+class _PassDesign(NamedTuple):
     """Columns X (n, k) and Z (n, q) of all readings, and the passes that tell of all of Z.
 
     Passes that broke off early have no slope of their own: they count in the coefficients
@@ -235,7 +237,7 @@ class _PassDesign:
     all readings, `all_pairs` (P, 2) those there and back; `rows` (n,) the readings of passes that
     tell; `own` (rows,) number those passes, `ids` and `sign` (G,) are theirs, `pairs` those of
     them there and back, `fixed` (G, 1 or 2) the columns of direction: 1, and +-1/2 where both
-    were read.
+    were read; `dof` are the degrees of freedom of the scatter between them.
     """
 
     X: FloatArray
@@ -248,16 +250,7 @@ class _PassDesign:
     sign: FloatArray
     pairs: IntArray
     fixed: FloatArray
-
-    @property
-    def dof_between(self) -> int:
-        """Degrees of freedom of the scatter between the passes that tell."""
-        return units_dof(len(self.ids), self.pairs, int(self.fixed.shape[1]))
-
-    @property
-    def common(self) -> FloatArray:
-        """Powers (rows,) that all passes have in common, of the readings of those that tell."""
-        return self.X[self.rows, self.Z.shape[1] :]
+    dof: int
 
 
 def _pass_design(
@@ -288,6 +281,7 @@ def _pass_design(
     fixed = np.ones((len(own_sign), 1))
     if (own_sign > 0).any() and (own_sign < 0).any() and len(own_sign) > 2:
         fixed = np.column_stack([fixed, own_sign / 2])
+    pairs = pairs_of(run[whole], own_sign)
     return _PassDesign(
         X=polynomial(position, degree),
         Z=polynomial(position - center, int(sloped)),
@@ -297,29 +291,10 @@ def _pass_design(
         own=(np.cumsum(whole) - 1)[codes[rows]],
         ids=ids[whole].astype(np.int64),
         sign=own_sign,
-        pairs=pairs_of(run[whole], own_sign),
+        pairs=pairs,
         fixed=fixed,
+        dof=units_dof(len(own_sign), pairs, fixed.shape[1]),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class OwnLines:
-    """The passes' own lines over their columns Z_g, with m powers common to all passes.
-
-    `coefficients` (G, q) are those of the readings less the common powers, `carried`
-    (G, q, m) those of the common powers, `shared` the fit of the powers within passes.
-    `precisions` (G, q, q) hold Z_g'Z_g. `s2` = rss/dof is the
-    repeatability variance, `rounding` the sum of squares that arithmetic alone may leave.
-    """
-
-    coefficients: FloatArray
-    carried: FloatArray
-    shared: LeastSquares
-    precisions: FloatArray
-    s2: float
-    rss: float
-    dof: int
-    rounding: float
 
 
 def rounding_of(y: FloatArray) -> float:
@@ -332,33 +307,61 @@ def rounding_of(y: FloatArray) -> float:
     return steps * float(np.spacing(np.abs(y).max(initial=0.0)))
 
 
-def own_lines(
-    y: FloatArray, Z: FloatArray, common: FloatArray, codes: IntArray, G: int
-) -> OwnLines:
-    """Each pass's own coefficients, with the higher powers common to all passes.
-
-    The common columns and y are first freed from every pass's own line (Frisch-Waugh), so
-    that nothing larger than the readings is ever formed.
+class _Between(NamedTuple):
+    """Own `coefficients` (G, q) of the passes less the powers common to all, their `deviations`
+    (G, q) from the mean by direction and mean square S (q, q), E S = D + s2 M, s2 = `rss`/`dof`.
     """
+
+    coefficients: FloatArray
+    deviations: FloatArray
+    S: FloatArray
+    M: FloatArray
+    rss: float
+    dof: int
+
+
+def _between_lines(
+    y: FloatArray, Z: FloatArray, common: FloatArray, codes: IntArray, fixed: FloatArray
+) -> _Between | None:
+    """Lines of the passes `codes` over Z, with the higher powers `common` to all of them, compared.
+
+    The common columns and y are first freed from every pass's own line (Frisch-Waugh), so that
+    nothing larger than the readings is ever formed. M holds the error of each pass's own line and
+    what the error of the common powers carries into lines over different positions. None where
+    these are not determined within passes but needed to compare them.
+    """
+    G, k = len(fixed), common.shape[1]
     lines, residual = lines_by_pass(np.column_stack([common, y]), Z, codes, G)
-    k = common.shape[1]
     # What the lines took out whole would come back as a column of rounding errors.
     absorbed = np.linalg.norm(residual[:, :k], axis=0) <= 1e-10 * np.linalg.norm(common, axis=0)
     residual[:, :k][:, absorbed] = 0.0
     shared = least_squares(residual[:, :k], residual[:, k])
     rounding = len(y) * float(ARITHMETIC * np.abs(y).max()) ** 2
     dof = len(y) - G * Z.shape[1] - shared.rank
-    # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
-    rss = shared.rss if dof > 0 and shared.rss > rounding else 0.0
-    return OwnLines(
-        coefficients=lines[:, :, k] - lines[:, :, :k] @ shared.coefficients,
-        carried=lines[:, :, :k],
-        shared=shared,
-        precisions=_products(Z, Z, codes, G),
-        s2=rss / max(dof, 1),
-        rss=rss,
+    # What is left of passes beside `fixed`, without a matrix of all by all of them.
+    by_fixed = np.linalg.solve(fixed.T @ fixed, fixed.T)
+    coefficients = lines[:, :, k] - lines[:, :, :k] @ shared.coefficients
+    deviations = coefficients - fixed @ (by_fixed @ coefficients)
+    means = np.einsum("fg,gia->fia", by_fixed, lines[:, :, :k])
+    carried = lines[:, :, :k] - np.einsum("gf,fia->gia", fixed, means)
+    null, most = shared.null_space, np.abs(lines[:, :, :k]).max(axis=0)
+    if (np.abs(carried @ null) > 1e-9 * (most @ np.abs(null))).any():
+        return None
+    precisions = _products(Z, Z, codes, G)
+    apart = 1.0 - np.einsum("gf,fg->g", fixed, by_fixed)
+    of_lines = np.einsum("g,gij->ij", apart, np.linalg.inv(precisions))
+    of_powers = np.einsum("gia,ab,gjb->ij", carried, shared.unscaled_covariance, carried)
+    if np.einsum("gi,gij,gj->", deviations, precisions, deviations) <= rounding:
+        deviations = np.zeros_like(deviations)
+    divisor = G - fixed.shape[1]
+    return _Between(
+        coefficients,
+        deviations,
+        S=deviations.T @ deviations / divisor,
+        M=(of_lines + of_powers) / divisor,
+        # One reading a pass: nothing repeats within it, all scatter is pass-to-pass.
+        rss=shared.rss if dof > 0 and shared.rss > rounding else 0.0,
         dof=max(dof, 0),
-        rounding=rounding,
     )
 
 
@@ -401,34 +404,6 @@ def lines_by_pass(
     return np.stack([level - middle * slope, slope], axis=1), rest
 
 
-def between_passes(
-    stage: OwnLines, fixed: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Mean square S (q, q) of the passes' coefficients about their mean by direction.
-
-    With it M (q, q), where E S = D + s2 M, and the deviations (G, q). M holds the error of
-    each pass's own line and what the error of the common powers carries into lines over
-    different positions. None where the common powers are not determined within passes but
-    needed to compare them.
-    """
-    dof = len(fixed) - fixed.shape[1]
-    # What is left of passes beside `fixed`, without a matrix of all by all of them.
-    by_fixed = np.linalg.solve(fixed.T @ fixed, fixed.T)
-    apart = 1.0 - np.einsum("gf,fg->g", fixed, by_fixed)
-    deviations = stage.coefficients - fixed @ (by_fixed @ stage.coefficients)
-    of_fixed = np.einsum("fg,gia->fia", by_fixed, stage.carried)
-    carried = stage.carried - np.einsum("gf,fia->gia", fixed, of_fixed)
-    null = stage.shared.null_space
-    if (np.abs(carried @ null) > 1e-9 * (np.abs(stage.carried).max(axis=0) @ np.abs(null))).any():
-        return None
-    of_lines = np.einsum("g,gij->ij", apart, np.linalg.inv(stage.precisions))
-    of_powers = np.einsum("gia,ab,gjb->ij", carried, stage.shared.unscaled_covariance, carried)
-    size = np.einsum("gi,gij,gj->", deviations, stage.precisions, deviations)
-    if size <= stage.rounding:
-        deviations = np.zeros_like(deviations)
-    return deviations.T @ deviations / dof, (of_lines + of_powers) / dof, deviations
-
-
 def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
     """(P, 2) the pass there and the pass back of every run that has one of each.
 
@@ -463,14 +438,3 @@ def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatAr
     product = there.T @ back / (len(pairs) - 1)
     K: FloatArray = (product + product.T) / 2
     return K if 2 * len(pairs) == len(deviations) else bounded(K, between)
-
-
-def half_differences(S: FloatArray, K: FloatArray, pairs: IntArray, G: int) -> FloatArray | None:
-    """S_h (q, q) of the mean square S between G passes; None of fewer than two runs.
-
-    Passes without a fellow have no covariance: over all of them it is so much less. Where both
-    passes of every run differ by the same it is 0, which rounding may have made negative.
-    """
-    if len(pairs) < FEWEST_RUNS:
-        return None
-    return as_covariance((S - 2 * len(pairs) / G * K) / 2)
