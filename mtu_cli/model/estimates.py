@@ -17,13 +17,12 @@ from mtu_cli.units import ARCSEC, LENGTH, UM, UNITS, Unit
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalEstimate:
     """The drift of one component, in internal units (mm or rad, per degC and per mm^m).
-
-    `coefficients` (m, s): ascending powers of the position along `of` (one row where the drift
-    does not depend on it), one column a sensor. `covariance` (m*s, m*s) of them, powers first,
-    with `coefficient_dof`. `leftover` (m, m), with `leftover_dof`, is the covariance of what the
-    model leaves of the drift, as a polynomial of the same powers, shared by all points of a part.
-    `time_constants` (s,) in min, 0 without lag; `sensor_u` (s,) in degC; `temperature_range` (s, 2)
-    in degC and `position_range` in mm are what the fit saw (None: not known).
+    `coefficients` (m, s): ascending powers of the position along `of` (one row where the drift does
+    not depend on it), one column a sensor. `covariance` (m*s, m*s) of them, powers first, with
+    `coefficient_dof`. `leftover` (m, m), with `leftover_dof`, is the covariance of what the model
+    leaves, as a polynomial of the same powers, shared by all points of a part. `time_constants`
+    (s,) in min, 0 without lag; `sensor_u` (s,) in degC; `temperature_range` (s, 2) in degC and
+    `position_range` in mm are what the fit saw (None: not known).
     """
 
     component: str
@@ -51,17 +50,16 @@ class ThermalEstimate:
         return np.asarray(np.polynomial.polynomial.polyval(position, self.coefficients))
 
     def gradient_u(self, sensor: int, position: float) -> float:
-        """Standard uncertainty of a sensor's gradient at `position` (mm): mm or rad per degC.
-
-        u^2 = x' C x with x the powers of the position and C the sensor's block of the covariance.
+        """u of a sensor's gradient at `position` (mm), mm or rad per degC: u^2 = x' C x, x its
+        powers.
         """
         x, count = position ** np.arange(self.degree + 1.0), len(self.sensors)
         C = self.covariance[sensor::count, sensor::count]
         return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
 
     def drift(self, position: FloatArray, temperature: Mapping[str, FloatArray]) -> FloatArray:
-        """The drift (n,) in mm or rad at `position` (n,) and sensors' temperatures (n,), degC,
-        which are lagged already.
+        """The drift (n,) in mm or rad at `position` (n,) and temperatures (n,), degC, lagged
+        already.
         """
         rises = [np.asarray(temperature[sensor]) - self.reference for sensor in self.sensors]
         each = [own * u for own, u in zip(self.gradients(position), rises, strict=True)]
@@ -117,10 +115,9 @@ class ComponentEstimate:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class JointPasses:
-    """Components that were read in the same passes, or parameters estimated together.
-
-    `covariance`, `pass_covariance` and `half_differences` (K, K) replace the components' own; K
-    counts their coefficients (`widths` of them each) in the order of `components`.
+    """Components read in the same passes, or parameters estimated together: `covariance`,
+    `pass_covariance` and `half_differences` (K, K) replace the components' own; K counts their
+    coefficients (`widths` of them each) in the order of `components`.
     """
 
     components: tuple[str, ...]
@@ -244,9 +241,8 @@ def leftover_estimate(drift: ThermalEstimate) -> ComponentEstimate:
 
 def stated_component(name: str, entry: Component) -> ComponentEstimate:
     """A component whose coefficients a file states, without a covariance as known. `u_future`, the
-    standard uncertainty of a future observation, is all that many published tables give: it counts
-    as repeatability, independent from point to point, or, without an axis, as shared by all points
-    of a part.
+    standard uncertainty of a future observation that many tables print, counts as repeatability or,
+    without an axis, as shared by all points of a part.
     """
     unit, coefficients = UNITS[entry.unit], np.asarray(entry.coefficients, float)
     f, k = unit.to_internal, len(coefficients)

@@ -40,12 +40,11 @@ from mtu_cli.units import UNITS, Unit
 
 @dataclass(frozen=True, kw_only=True)
 class InstrumentFit:
-    """One component as one instrument read it; arrays in mm, rad and the readings' order.
-
-    `group` (n,) is the pass of each reading among the passes `read`; `passes` are those of the fit,
-    in its order, which leaves out what broke off early; all three None where no pass is given. Of
-    a table `profile` is the bend, and `fit` of the readings less it. `rounding` is the variance of
-    a reading by its last digit. The tests on the passes are made when they are first asked for.
+    """One component as one instrument read it; arrays in mm, rad and the readings' order. `group`
+    (n,) is the pass of each reading among the passes `read`; `passes` are those of the fit, in its
+    order, without what broke off early; all three None where no pass is given. Of a table `profile`
+    is the bend, and `fit` of the readings less it. `rounding` is the variance of a reading by its
+    last digit. The tests on the passes are made when they are first asked for.
     """
 
     role: str
@@ -105,9 +104,8 @@ class InstrumentFit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentFit:
-    """A component, its fit by every instrument that read it, and the combined estimate.
-
-    `agreement_p` is the p value that the instruments agree, None with one instrument.
+    """A component, its fit by every instrument that read it, the combined estimate, and the p value
+    that the instruments agree (None with one instrument).
     """
 
     name: str
@@ -118,10 +116,9 @@ class ComponentFit:
 
 
 def fit_component(readings: Readings, name: str, component: Any) -> ComponentFit:
-    """Fits one component from all its readings.
-
-    `component` is the machine file's entry: `of`, `unit`, `degree`. Readings of several
-    instruments (ball bar, laser) are fitted apart, each with its own variances, and combined.
+    """Fits one component from all its readings; `component` is the machine file's entry: `of`,
+    `unit`, `degree`. Instruments (ball bar, laser) are fitted apart, each with its own variances,
+    and combined.
 
     Raises InputError for one of several instruments whose readings show no scatter, and for tables
     of several.
@@ -229,8 +226,8 @@ def _fit_instrument(
 
 
 def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
-    """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, in the file
-    and unit where it is coarsest.
+    """The variance of a reading by its last digit (`stats.resolution`), mm^2 or rad^2, where
+    coarsest.
     """
     units = None if readings.unit is None else readings.unit[rows]
     codes = readings.file_index[rows] * len(UNITS) + (0 if units is None else units)
@@ -318,11 +315,9 @@ def combine(estimates: Sequence[ComponentEstimate], counts: Sequence[int]) -> Co
 def _at_both_ways(
     estimates: Sequence[ComponentEstimate], fits: Sequence[InstrumentFit]
 ) -> list[ComponentEstimate]:
-    """Lines of the mean of both directions, which predictions are for.
-
-    An instrument that ran one way alone, w = +1 or -1, reads the line of that way, which is half of
-    the reversal value h away: b_0 - w h/2, with u(h)^2/4 more variance, h of one that ran both
-    ways. Without such a one it stays as it is.
+    """Lines of the mean of both directions, which predictions are for: an instrument that ran one
+    way alone, w = +1 or -1, reads a line half of the reversal value h away: b_0 - w h/2, with
+    u(h)^2/4 more variance, h of one that ran both ways. Without such a one it stays as it is.
     """
     known = next((fit.reversal for fit in fits if fit.reversal is not None), None)
     found = list(estimates)
@@ -388,12 +383,10 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
 
 
 def shared_passes(fits: Mapping[str, ComponentFit]) -> tuple[JointPasses, ...]:
-    """The groups of components that share passes, with their joint covariances.
-
-    Two components share passes if one instrument read both in the same (pass, direction)
-    pairs and the same runs there and back and, with a `setup` column, in the same set-ups, or,
-    with times, in passes that overlap. Without either, passes of one ball-bar file are shared;
-    those of two files are not, nor those of a laser, which reads one component a set-up.
+    """The groups of components that share passes, with their joint covariances: one instrument read
+    them in the same (pass, direction) pairs and runs and, with a `setup` column, in the same
+    set-ups, or, with times, in passes that overlap. Without either, passes of one ball-bar file are
+    shared; those of two files are not, nor those of a laser, which reads one component a set-up.
     """
     groups: list[list[ComponentFit]] = []
     for fit in fits.values():

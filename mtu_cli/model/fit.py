@@ -51,8 +51,7 @@ ELSEWHERE = 1.0
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineFit:
     """Every component that readings were given for, and the groups that share passes; `missing`
-    have neither readings nor coefficients. `warnings` of effects that could not be taken off the
-    readings, and of these.
+    have neither readings nor coefficients. `warnings` of these and of effects left on the readings.
     """
 
     components: dict[str, ComponentFit]
@@ -92,9 +91,8 @@ def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:
 
 
 def without_effects(machine: LoadedMachine, readings: Readings) -> tuple[Readings, list[Finding]]:
-    """What is left for the components: an effect that was found in readings of one is in its
-    readings still, and would be counted again, as its coefficients or its scatter from pass to
-    pass. Warns of effects whose columns the readings lack.
+    """The readings less the effects that were found in readings of their component: else counted
+    again, as its coefficients or its scatter. Warns of effects whose columns the readings lack.
     """
     of_effects = {effect.found.get("component") for effect in machine.machine.effects}
     error, warned = readings.error.copy(), []
@@ -124,9 +122,7 @@ def error_axis(machine: LoadedMachine, component: str) -> str:
 def reading_columns(
     readings: Readings, rows: IntArray, run: IntArray, axis: str
 ) -> dict[str, np.ndarray]:
-    """Columns (n,) of the readings `rows` of a component, an error along `axis`; `sequence` counts
-    their runs, from `run` 0.
-    """
+    """Columns (n,) of the readings `rows` of a component, an error along `axis`, with their `run`."""
     found: dict[str, np.ndarray] = {"sequence": run + 1.0}
     sign = readings.direction[rows].astype(np.float64)
     if sign.any():
@@ -207,9 +203,7 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
 
 
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
-    """What the machine file makes one ask; not of coefficients that readings, or a report of
-    their fit, win over.
-    """
+    """What the machine file makes one ask; not of coefficients that readings or a report win over."""
     stated = from_machine_file(machine)
     # A report may do no more than carry the file's own.
     used = {
@@ -392,9 +386,7 @@ def _stated_drift(
 
 
 def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
-    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s): through
-    them where there are as many powers, eq. (13).
-    """
+    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s), eq. (13)."""
     X = polynomial(positions, degree)
     return np.column_stack([least_squares(X, column).coefficients for column in values.T])
 

@@ -73,10 +73,9 @@ def drift_terms(drift: ThermalEstimate, levers: dict[str, Node]) -> tuple[Term, 
 
 
 def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> FloatArray:
-    """Temperatures (n, s) of a drift's sensors, lagged where the rows tell a history.
-
-    One temperature for all rows, or rows without times, count as settled. What lags is the mean
-    over the rows of a moment; a sensor without lag is every row's own.
+    """Temperatures (n, s) of a drift's sensors, lagged where the rows tell a history: one
+    temperature for all rows, or rows without times, count as settled. What lags is the mean over
+    the rows of a moment; a sensor without lag is every row's own.
     """
     found = np.empty((n, len(drift.sensors)))
     for s, sensor in enumerate(drift.sensors):
@@ -98,11 +97,9 @@ def row_times(covariates: Covariates) -> FloatArray | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MachineModel:
-    """A machine with all its components known.
-
-    `axes` are the axes that have an equation, `terms` the components in the order of theta,
-    `remainders` what the equations hold beside components, `constants` name -> (value, u),
-    `effects` what the machine file declares as such.
+    """A machine with all its components known: `axes` that have an equation, `terms` in the order
+    of theta, `remainders` what the equations hold beside components, `constants` name -> (value,
+    u), `effects` what the machine file declares as such.
     """
 
     name: str
@@ -192,8 +189,8 @@ def _levers(parts: Sequence[Part]) -> dict[str, dict[str, Node]]:
 
 
 def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequence[str]) -> None:
-    """Raises InputError for `missing` components, and for one without an uncertainty: not where
-    nothing is left over for scatter.
+    """Raises InputError for `missing` components, and for one too few readings leave without
+    scatter.
     """
     problems = []
     for name in missing:
@@ -276,10 +273,8 @@ def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:
 
 
 class Design(NamedTuple):
-    """The machine at n points: rows are (point, axis), points first.
-
-    `J` (n*a, K) in theta, `levers` (n*a, c) of each term, `remainder` (n*a,) in mm, `columns` of
-    each term in J.
+    """The machine at n points, rows (point, axis), points first: `J` (n*a, K) in theta, `levers`
+    (n*a, c) of each term, `remainder` (n*a,) in mm, `columns` of each term in J.
     """
 
     J: FloatArray
@@ -332,9 +327,7 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
 def _check_finite(
     model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
 ) -> None:
-    """Raises InputError for the first equation and point without a finite value, and names the
-    effect that it is of.
-    """
+    """Raises InputError for the first equation and point without a finite value, naming its effect."""
     with np.errstate(invalid="ignore"):
         beyond = ~(np.abs(J) < LARGEST)
         bad = beyond.any(axis=2) | ~(np.abs(remainder) < LARGEST)

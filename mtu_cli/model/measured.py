@@ -31,11 +31,10 @@ ARRAYS = tuple(each.name for each in fields(Cells))
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeasuredTables:
-    """Tables of one kind of quantity, one row a table and one column a part.
-
-    `labels` name each table (operation, id, axis; "" where there is none), `cells` hold what an
-    analysis of variance needs, in mm or rad; `parts` the columns. `rounding` (tables,) is the
-    variance of one of the values by the last digit of the coordinates (`stats.resolution`).
+    """Tables of one kind of quantity, one row a table and one column a part: `labels` (operation,
+    id, axis; "" where there is none), `cells` what an analysis of variance needs, in mm or rad;
+    `parts` the columns; `rounding` (tables,) the variance of a value by the last digit of the
+    coordinates.
     """
 
     labels: tuple[tuple[str, str, str], ...]
@@ -104,9 +103,7 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
 
 
 def check_repeats(points: Points, cell: IntArray | None = None) -> None:
-    """Raises InputError for a feature that stands twice in one repeat of one part, each of which is
-    a `cell` (n,).
-    """
+    """Raises InputError for a feature that stands twice in one repeat of one part (a `cell` (n,))."""
     if cell is None:
         _, operation = operations_of(points)
         features, parts = len(points.features), len(points.parts)
@@ -155,10 +152,8 @@ def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
-    """One table an operation and length of the part file: measured minus nominal, mm.
-
-    Along an axis that not every end of a length was measured along the length is taken as free
-    of error (`length_warnings` says so).
+    """One table an operation and length of the part file: measured minus nominal, mm; free of error
+    along an axis that not every end was measured along (`length_warnings` says so).
 
     Raises InputError for a length of which one end alone has a nominal z.
     """

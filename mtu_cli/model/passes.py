@@ -19,8 +19,7 @@ PassKey = tuple[int, int, int]
 class Passes:
     """`keys` name the G passes; `order` (G,) is their sequence in time, `timed` that it was read
     rather than assumed; `starts` and `ends` (G,) their first and last time in min, nan or infinite
-    where not given; `setups` their set-ups, `runs` (G,) the run there and back of each, numbered
-    in time.
+    where not given; `setups` their set-ups, `runs` (G,) the run there and back of each, in time.
     """
 
     keys: tuple[PassKey, ...]
@@ -76,10 +75,8 @@ def passes_of(
 
 
 def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, Passes]:
-    """The passes of the readings `rows` (n,) of a component along the axis `of`, numbered or not.
-
-    Without an axis every reading without a number is a pass of its own; with one they are repeats
-    of pass 0.
+    """The passes of the readings `rows` (n,) of a component along the axis `of`: without a number
+    each is a pass of its own where there is no axis, else a repeat of pass 0.
     """
     has, sign = readings.has_pass[rows], readings.direction[rows].astype(np.int64)
     numbers = np.where(has, readings.pass_number[rows], 0)

@@ -50,9 +50,7 @@ INDEFINITE = 1e-9
 
 
 class ConstantEffects(NamedTuple):
-    """What the constants' uncertainties do to the errors: blocks, and a shift (rows,) of the mean,
-    mm.
-    """
+    """What the constants' uncertainties do: blocks, and a shift (rows,) of the mean, mm."""
 
     blocks: tuple[Block, ...]
     shift: FloatArray
@@ -61,11 +59,9 @@ class ConstantEffects(NamedTuple):
 def constant_effects(
     model: MachineModel, points: FloatArray, covariates: Covariates, centre: Design
 ) -> ConstantEffects:
-    """First and second order in every uncertain constant c (JCGM 100, 5.1.2, note).
-
-    dE/dc and d2E/dc2 by central differences over one standard uncertainty. A constant is a
-    lever arm of components that are uncertain themselves: their product adds
-    u(c)^2 (dJ/dc) (C + D) (dJ/dc)', which is all there is where the components' mean is 0.
+    """First and second order in every uncertain constant c (JCGM 100, 5.1.2, note): dE/dc and
+    d2E/dc2 by central differences over one standard uncertainty. A constant is a lever arm of
+    components that are uncertain themselves: their product adds u(c)^2 (dJ/dc) (C + D) (dJ/dc)'.
     `centre` is the design at the constants' values.
     """
     mean = centre.J @ theta(model) + centre.remainder
@@ -95,10 +91,9 @@ def constant_effects(
 
 @dataclass(frozen=True, kw_only=True)
 class Prediction:
-    """Errors at n points in a axes; rows are (point, axis), points first.
-
-    `mean` (n*a,) in mm, `independent_variance` (n*a,) under the papers' independence.
-    `outside` lists (point, component or its drift, position, low, high) beyond the measured range.
+    """Errors at n points in a axes; rows are (point, axis), points first: `mean` (n*a,) in mm,
+    `independent_variance` (n*a,) under the papers' independence; `outside` lists (point, component
+    or its drift, position, low, high) beyond the measured range.
     """
 
     ids: tuple[str, ...]
@@ -180,12 +175,10 @@ class Prediction:
 
     def variance(self, A: FloatArray | None = None) -> Variance:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.
-        Without A of the errors themselves, (n*a,).
-
-        Effective degrees of freedom by Welch-Satterthwaite (JCGM 100, G.4.1) over the
-        independent mean squares behind the variance (see `variance.block_variance`), and never
-        fewer than the least of them: where one mean square is subtracted the formula alone
-        would give next to none.
+        Without A of the errors themselves, (n*a,). Effective degrees of freedom by
+        Welch-Satterthwaite (JCGM 100, G.4.1) over the independent mean squares behind it
+        (`variance.block_variance`), and never fewer than the least of them: where one is subtracted
+        the formula alone would give next to none.
         """
         found = [block_variance(block, A, len(self.axes)) for block in self.blocks]
         parts = np.array([part for part, _ in found])
@@ -289,10 +282,8 @@ def reportable(
     prediction: Prediction, variance: FloatArray, *, by_point: bool = False
 ) -> FloatArray:
     """The covariance (rows, rows), or those (n, a, a) of each point alone, with the variances
-    (rows,), without negative eigenvalues, as reports and pictures show it.
-
-    D that is estimated without bias may have a negative part, and then so may the covariance of
-    errors: correlations are those without it, variances the estimated ones. The prediction's own
+    (rows,), without negative eigenvalues, as reports and pictures show it: D that is estimated
+    without bias may have a negative part; correlations are those without it. The prediction's own
     where it has both already.
     """
     wanted = variance.reshape(-1, len(prediction.axes)) if by_point else variance

@@ -39,16 +39,15 @@ Columns = dict[str, np.ndarray]
 def reading_tables(
     machine: LoadedMachine, known: Estimates, readings: Readings
 ) -> tuple[tuple[ResidualTable, ...], tuple[Finding, ...]]:
-    """One table a component that was read: readings minus what was known of it before them.
+    """One table a component that was read: readings minus what was known of it before them. `known`
+    are estimates that these readings took no part in: a components report's, or those of the
+    machine file. A component of which nothing was known is taken less its own least-squares
+    polynomial of these readings, whose degree is `fitted_degree`: then neither factor has a column,
+    and what the polynomial may hold cannot be seen. Effects of the machine that were found in
+    readings of a component are taken off, too.
 
-    `known` are estimates that these readings took no part in: a components report's, or those of
-    the machine file. A component of which nothing was known is taken less its own least-squares
-    polynomial of these readings, whose degree is `fitted_degree`: then neither factor has a
-    column, and what the polynomial may hold cannot be seen. Effects of the machine that were found
-    in readings of a component are taken off, too.
-
-    A pass takes the place of a part, a target and direction that of a feature. Forward and
-    reverse of a pass share what the fit found them to share of D, the rest each draws anew.
+    A pass takes the place of a part, a target and direction that of a feature. Forward and reverse
+    of a pass share what the fit found them to share of D, the rest each draws anew.
     """
     tables, warned = [], text_warnings(readings)
     for code, name in enumerate(readings.components):
@@ -215,8 +214,8 @@ SIGNS = {1: " +", -1: " -", 0: ""}
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLayout(Layout):
-    """Passes in order of time by targets and directions, whose sign is `direction` (H,). `pairs`
-    are those of the passes that are two, one there and one back.
+    """Passes in order of time by targets and directions, whose sign is `direction` (H,); `pairs`
+    are those of two passes, one there and one back.
     """
 
     direction: IntArray
@@ -256,8 +255,8 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
 
 
 def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
-    """The passes of each run by their numbers, in their order; with their file where two files
-    have the same, and their direction where that alone tells two runs apart.
+    """The passes of each run by their numbers; with their file or direction where these alone
+    differ.
     """
     numbered = {key[:2] for key in passes.keys}
     twice = len({number for _, number in numbered}) < len(numbered)
@@ -273,8 +272,8 @@ def _row_names(readings: Readings, passes: Passes) -> tuple[str, ...]:
 
 
 def _targets(position: FloatArray) -> tuple[IntArray, list[str]]:
-    """The target of each reading (n,), ascending, and the targets' names: with as many digits as
-    tell them apart. Each position is its own target where neighbours would run together.
+    """The target of each reading (n,), ascending, and their names, with as many digits as tell them
+    apart. Each position is its own target where neighbours would run together.
     """
     distinct, code = np.unique(position, return_inverse=True)
     near = SAME * float(np.ptp(distinct))

@@ -67,16 +67,14 @@ class ResidualTable:
     `parts` in order of manufacture; of readings, passes in order of time. `features` name the
     columns: features, "operation feature" where there are several operations; of readings,
     positions with their direction where there are two. `axes` name the errors: axes, or, of a
-    `component` that has none, the component. `unit` is "um" or "arcsec", to show them in.
-
-    `errors` (P, H, A) are means over `repeats` (P, H), nan where there are none. `places`
-    (P, H, 3) mm, nan where a coordinate is not known. `operation` (H,) are codes of `operations`.
-    `covariates` broadcast to (P, H) in the smallest shape. `common` (P or 1, H, A, K) and
-    `of_part` (P or 1, H, A, R) are factors F of the covariances F F' of the errors by what all
-    parts share (the coefficients, C) and by what each part draws anew (the pass-to-pass
-    covariance, D; of readings none where D is not known). `datum` has been projected out of errors
-    and factors; `fitted_degree` is that of the polynomial that the readings themselves gave (-1:
-    none). `pass_dof` are the degrees of freedom that D was estimated with; `resolution` (A,) the
+    `component` that has none, the component. `unit` is "um" or "arcsec", to show them in. `errors`
+    (P, H, A) are means over `repeats` (P, H), nan where there are none. `places` (P, H, 3) mm, nan
+    where a coordinate is not known. `operation` (H,) are codes of `operations`. `covariates`
+    broadcast to (P, H) in the smallest shape. `common` (P or 1, H, A, K) and `of_part` (P or 1, H,
+    A, R) are factors F of the covariances F F' of the errors by what all parts share (C) and by
+    what each part draws anew (D; of readings none where D is not known). `datum` has been projected
+    out of errors and factors; `fitted_degree` is that of the polynomial that the readings
+    themselves gave (-1: none). `pass_dof` are the degrees of freedom of D; `resolution` (A,) the
     step, mm or rad, of the last digit of what was measured (empty: not known).
     """
 
@@ -104,9 +102,8 @@ class ResidualTable:
         return self.repeats > 0
 
     def freed(self, values: FloatArray) -> FloatArray:
-        """Columns (P or 1, H, A, K) less the freedoms of the datum in each part, as the errors
-        and factors are; cells that were not measured keep theirs. The first dimension stays 1
-        where all parts are alike.
+        """Columns (P or 1, H, A, K) less the freedoms of the datum in each part, as the errors and
+        factors are; cells that were not measured keep theirs.
         """
         return without_motions(values, self.motions, len(self.parts))
 
@@ -125,7 +122,7 @@ class ResidualTable:
         return motions_of(self.datum, self.places, self.operation, axes, self.there)
 
     def ranges(self, columns: Iterable[str]) -> dict[str, list[float]]:
-        """Lowest and highest value over the measured cells of positions and `columns`, those that
+        """Lowest and highest value over the measured cells of positions and those `columns` that
         the table has, rounded outward to a millionth of the range.
         """
         values = {axis: self.places[..., i] for i, axis in enumerate(AXES)} | self.covariates
@@ -206,15 +203,13 @@ def residual_table(
     datum: Datum = "none",
 ) -> tuple[ResidualTable, tuple[Finding, ...]]:
     """The table of measured points: E = measured - nominal - (J theta + remainder), the model at
-    the points' nominal places and own covariates, `covariates` where they have no such column.
+    the points' nominal places and own covariates, `covariates` where they have no such column. A
+    `datum` that frees is projected out of every measurement of a part and of the factors. An axis
+    without an equation, or that not every point has, is left out with a warning; so are covariates
+    that repeat the errors or are texts, and rows with one of few gaps in a covariate.
 
-    A `datum` that frees is projected out of every measurement of a part, operation by
-    operation, and of the factors. An axis without an equation, or that not every point has, is
-    left out with a warning; so are covariates that repeat the errors or are texts, and rows with
-    one of few gaps in a covariate.
-
-    Raises InputError for a missing covariate or coordinate, points that cannot be what they
-    claim, or points of no axis that an equation is for.
+    Raises InputError for a missing covariate or coordinate, points that cannot be what they claim,
+    or points of no axis that an equation is for.
     """
     check_repeats(points)
     warned = left_out(points)
@@ -339,13 +334,11 @@ def cell_model(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Predictions (n, a) mm at `places` (n, 3) mm under the covariates `values`, as `predict` makes
     them, and of the cells the factors F (P or 1, H, a, K) of the covariances F F', mm^2, that all
-    parts share and that every part draws anew; first dimension 1 where all parts have the same.
-
-    Measurements that differ in nothing the equations hold are predicted once. `shown` are the
-    covariates' tables: the noise of a temperature that all points share is common to all parts,
-    that of one reading a part is of the part; that of a reading a point, as the components'
-    repeatability, adds to the scatter of single cells and is in neither factor. A drift with a
-    lag is given the history of all measurements.
+    parts share and that every part draws anew. Measurements that differ in nothing the equations
+    hold are predicted once. `shown` are the covariates' tables: the noise of a temperature that all
+    points share is common to all parts, that of one reading a part is of the part; that of a
+    reading a point adds to the scatter of single cells and is in neither factor. A drift with a lag
+    is given the history of all measurements.
     """
     lagged = any(bool(drift.time_constants.any()) for drift in model.drifts())
     fixed, used = model.position_constants(), {*model.covariates(), TIME}

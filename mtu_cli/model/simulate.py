@@ -45,10 +45,8 @@ Equations = tuple[tuple[str, Node], ...]
 
 
 def pass_root(model: MachineModel) -> FloatArray:
-    """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta.
-
-    D of readings is an unbiased estimate with a negative part where passes hardly differ: it is
-    drawn from without that, as predictions are (`variance.drawable_passes`).
+    """F (K, K), F F' the pass-to-pass covariance of all coefficients, in the order of theta,
+    without the negative part that an estimate of D may have (`variance.drawable_passes`).
 
     Raises InputError for passes of which nothing is known.
     """
@@ -105,11 +103,9 @@ class SimulatedReadings:
 
 
 def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
-    """Readings of every component: its polynomial, a draw of D a pass, s_repeat a reading.
-
-    Of components read together the passes are drawn together. A component without an axis is
-    read once a pass, forward only. The parameters of declared effects are no components: nothing
-    reads them.
+    """Readings of every component: its polynomial, a draw of D a pass, together for components read
+    together, s_repeat a reading. A component without an axis is read once a pass, forward only;
+    nothing reads the parameters of declared effects.
     """
     estimates = [term.estimate for term in model.terms]
     # Direction and positions of each run through them in a pass.
@@ -179,13 +175,11 @@ def covariate_equations(option: str, texts: Sequence[str]) -> Equations:
 
 
 def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str, Node]:
-    """Name and equation of an error in mm, or of a `column` in the unit that its name tells.
+    """Name and equation of an error in mm, or of a `column` in the unit that its name tells. Its
+    numbers may have units: ``0.004*dir_x`` are mm.
 
-    The numbers of an equation may have units: ``0.004*dir_x`` are mm. Without a number in it a
-    term must be what the equation is, as in a machine file.
-
-    Raises InputError for what is no such text, for a column that looks like a sensor's and is
-    none, and for terms of another dimension.
+    Raises InputError for what is no such text, for a column that looks like a sensor's and is none,
+    and for terms of another dimension.
     """
     name, colon, equation = text.partition(":")
     blanks, name = " " * len(name + colon), name.strip()
@@ -210,15 +204,13 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartsPlan:
-    """How parts are made and measured.
-
-    `repeats` CMM measurements a feature with standard uncertainty `cmm_u` (mm), or, of the
-    first parts, `first_repeats` = (parts, repeats); `scatter` (axis, equation) adds a random
-    error of that standard deviation (mm) to each feature of each part; `operation` names how
-    the features were made; a random offset of every part with standard deviation `part_offset`
-    (mm); features are machined in the part's order, every `reverse_every`-th part in the
-    opposite one (0: never), each taking `minutes`. `effects` are (axis, equation in mm),
-    `covariates` (name, equation), `given` columns (parts, features) such as temperatures.
+    """How parts are made and measured: `repeats` CMM measurements a feature with standard
+    uncertainty `cmm_u` (mm) or, of the first parts, `first_repeats` = (parts, repeats); `scatter`
+    (axis, equation) a random error of that standard deviation (mm) of each feature; `part_offset`
+    (mm) that of a random offset of every part. Features are machined in the part's order, every
+    `reverse_every`-th part in the opposite one (0: never), each taking `minutes`. `effects` are
+    (axis, equation in mm), `covariates` (name, equation), `given` columns (parts, features) such as
+    temperatures.
     """
 
     parts: int
@@ -237,9 +229,8 @@ class PartsPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedPoints:
-    """Columns of a points file; one row per (part, feature, repeat).
-
-    `measured` (n, axes) in mm; `covariates` hold sequence, time, directions and any declared.
+    """Columns of a points file, one row per (part, feature, repeat): `measured` (n, axes) in mm;
+    `covariates` hold sequence, time, directions and any declared.
     """
 
     axes: tuple[str, ...]
@@ -324,14 +315,13 @@ def _parts(ids: Sequence[str], points: FloatArray, plan: PartsPlan) -> list[Part
 def simulate_points(
     model: MachineModel, ids: Sequence[str], points: FloatArray, plan: PartsPlan, seed: int
 ) -> SimulatedPoints:
-    """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm.
+    """CMM points of `plan.parts` parts with features `ids` at `points` (n, 3), mm. A part has one
+    draw of every component's D, those read together one of theirs, and of its offset, a feature one
+    of every component's s_repeat, a repeat one of the CMM's.
 
-    A part has one draw of every component's D, those read together one of theirs, and of its
-    offset, a feature one draw of every component's s_repeat, a repeat one of the CMM's.
-
-    Raises InputError for an equation that uses an unknown name, or has no value or one out of
-    range at a feature; for a covariate of the machine that nothing gives; for a place that the
-    part does not state.
+    Raises InputError for an equation that uses an unknown name, or has no value or one out of range
+    at a feature; for a covariate of the machine that nothing gives; for a place that the part does
+    not state.
     """
     parts = _parts(ids, points, plan)
     _check(model, parts[0])
@@ -359,9 +349,7 @@ def simulate_points(
 
 
 def _check(model: MachineModel, part: Part) -> None:
-    """Raises InputError for covariates that the part lacks, and for a feature of which the part
-    file does not say where it is along an axis.
-    """
+    """Raises InputError for covariates that the part lacks, and for an unknown coordinate."""
     sensors, missing = sensors_of(model), []
     for name in model.covariates():
         if name not in part.values:
@@ -381,9 +369,7 @@ def _check(model: MachineModel, part: Part) -> None:
 def _measured(
     model: MachineModel, plan: PartsPlan, part: Part, seed: int, rows: Design, root: FloatArray
 ) -> FloatArray:
-    """Measured coordinates (repeats, n, axes) of one part's features, mm: `rows` are the design at
-    them, `root` that of what parts differ by.
-    """
+    """Measured coordinates (repeats, n, axes) of one part's features, mm, from the design's `rows`."""
     (first, more), index = plan.first_repeats, part.number - 1
     n, a, repeats = len(part.ids), len(model.axes), more if index < first else plan.repeats
     rng = stream(seed, PARTS_STREAM, index)
@@ -417,21 +403,17 @@ def _measured(
 
 
 def _written(model: MachineModel) -> tuple[str, ...]:
-    """The coordinates of a points file: x and y, which every such file has, and those that the
-    machine has an equation for.
-    """
+    """Coordinates of a points file: x, y, and those that the machine has an equation for."""
     return tuple(axis for axis in AXES if axis in {"x", "y", *model.axes})
 
 
 def growth(
     found: SimulatedPoints, ids: Sequence[str], points: FloatArray, circles: Sequence[Circle]
 ) -> FloatArray:
-    """What the circles' features stand off their nominal places, (n, axes) in mm.
-
-    They stand on the diameter D(T) of the calibration: p - c grows by D(T)/D0 - 1, with c the
-    centre and D0 the diameter of the circle through the nominal features `ids` at `points`
-    (features, 3); D between calibrated temperatures is linear, beyond them constant. A circle
-    whose temperature no covariate gives stays nominal.
+    """What the circles' features stand off their nominal places, (n, axes) in mm: p - c grows by
+    D(T)/D0 - 1, with c the centre and D0 the diameter of the circle through the nominal features
+    `ids` at `points` (features, 3); D(T) is linear between calibrated temperatures, beyond them
+    constant. A circle whose temperature no covariate gives stays nominal.
 
     Raises InputError for features that do not determine their circle.
     """

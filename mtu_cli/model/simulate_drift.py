@@ -22,13 +22,12 @@ _CLIMATE_STREAM = 4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Climate:
-    """The room and what its sensors make of it; temperatures in degC, times in min.
-
-    The room goes from `low` to `high` and back with the lag `room_lag`; on top of it
-    `room_wobble` for all and `sensor_wobble` for each sensor, standard deviations of
-    Ornstein-Uhlenbeck processes. Sensors follow with lags spread over `sensor_lag` (lowest,
-    highest; evenly in the logarithm), with shares of the room's rise of 1 +- `sensor_spread`,
-    and read with the standard deviation `sensor_noise`.
+    """The room and what its sensors make of it; temperatures in degC, times in min. The room goes
+    from `low` to `high` and back with the lag `room_lag`; on top of it `room_wobble` for all and
+    `sensor_wobble` for each sensor, standard deviations of Ornstein-Uhlenbeck processes. Sensors
+    follow with lags spread over `sensor_lag` (lowest, highest; evenly in the logarithm), with
+    shares of the room's rise of 1 +- `sensor_spread`, and read with the standard deviation
+    `sensor_noise`.
     """
 
     reference: float
@@ -58,9 +57,8 @@ class Sensors:
 def followed(
     climate: Climate, sensors: Sensors, targets: FloatArray, step: float, seed: int
 ) -> FloatArray:
-    """Noise-free temperatures (n, s) every `step` min while the room is driven to `targets` (n,).
-
-    Room and sensors start settled at the reference, without wobble.
+    """Noise-free temperatures (n, s) every `step` min while the room is driven to `targets` (n,);
+    room and sensors start settled at the reference.
     """
     n = len(targets)
     times = np.arange(n, dtype=np.float64) * step
@@ -93,9 +91,8 @@ def _wobble(deviation: float, n: int, step: float, rng: np.random.Generator) -> 
 def settled(
     climate: Climate, sensors: Sensors, rooms: FloatArray, wobble: float, seed: int
 ) -> FloatArray:
-    """Noise-free temperatures (r, s) with the room settled at each of `rooms`, degC.
-
-    Each has its own draughts at the sensors, of standard deviation `wobble`.
+    """Noise-free temperatures (r, s) with the room settled at each of `rooms`, degC, each with
+    draughts of its own of standard deviation `wobble`.
     """
     draughts = np.empty((len(rooms), len(sensors.names)))
     for r, s in np.ndindex(draughts.shape):
@@ -125,11 +122,10 @@ PLACES = 101
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftProfile:
-    """Drift in mm or rad at places (g,) mm, (3, g), and where it was observed, (3, p).
-
-    `temperatures` (3, s) degC: the lowest, middle and highest that each sensor read, which in a
-    warm-up come close to a state of the machine; where they are not known `ranged` is False and
-    all sensors are STEPS above the reference. A drift that is the same everywhere has one place.
+    """Drift in mm or rad at places (g,) mm, (3, g), and where it was observed, (3, p), in three
+    states `temperatures` (3, s) degC: the lowest, middle and highest that each sensor read, or,
+    where these are not known (not `ranged`), STEPS above the reference. A drift that is the same
+    everywhere has one place.
     """
 
     temperatures: FloatArray
@@ -168,13 +164,11 @@ _REACHED = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriftPlan:
-    """A drift test: `cycles` warm-ups and cool-downs in turn, times in min.
-
-    Read every `interval` for `minutes`, then `soak` without readings; each component at its
-    `positions` (mm, by name; nan where it has no axis). `noise` is a reading's standard
-    deviation by dimension of the unit, mm and rad. `settled` (mm or rad, by component) are the
-    drifts at the positions once the room has settled at `high`; of other components they are
-    kept within `limits`, by dimension.
+    """A drift test: `cycles` warm-ups and cool-downs in turn, times in min, read every `interval`
+    for `minutes`, then `soak` without readings; each component at its `positions` (mm, by name; nan
+    where it has no axis). `noise` is a reading's standard deviation by dimension of the unit, mm
+    and rad. `settled` (mm or rad, by component) are the drifts at the positions once the room has
+    settled at `high`; those of other components are kept within `limits`, by dimension.
     """
 
     climate: Climate
@@ -196,10 +190,9 @@ class DriftPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SimulatedDrift:
-    """Columns of a drift file, rows by (cycle, component, position, time).
-
-    `error` in each component's own unit, `time` in min, `temperatures` in degC as read;
-    `sensors` say how they follow the room.
+    """Columns of a drift file, rows by (cycle, component, position, time): `error` in each
+    component's own unit, `time` in min, `temperatures` in degC as read; `sensors` say how they
+    follow the room.
     """
 
     component: tuple[str, ...]
@@ -221,12 +214,11 @@ class _Target(NamedTuple):
 
 
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
-    """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible.
-
-    With the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
-    drifts are R G a. Where one is asked for or exceeds its limit it becomes a target d of
-    a = a0 + G^+ (d/R - G a0), the solution nearest to a0 (G^+ the pseudoinverse). Limits that
-    the sensors cannot keep beside the other drifts are left alone.
+    """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible:
+    with the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
+    drifts are R G a. Where one is asked for or exceeds its limit it becomes a target d of a = a0 +
+    G^+ (d/R - G a0), the solution nearest to a0. Limits that the sensors cannot keep beside the
+    other drifts are left alone.
 
     Raises InputError where the sensors cannot give the drifts that are asked for.
     """
@@ -263,9 +255,7 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
 def _missed(
     targets: Sequence[_Target], shares: FloatArray, rise: float
 ) -> tuple[FloatArray, float]:
-    """The shares nearest to `shares` (s,) that come closest to the targets, and by how much they
-    miss them, of what counts as reached.
-    """
+    """Shares nearest to `shares` (s,) that come closest to the targets; by how much they miss them."""
     if not targets:
         return shares, 0.0
     G = np.concatenate([item.G for item in targets])

@@ -33,17 +33,14 @@ Measure = Callable[[FloatArray, Workspace], FloatArray]
 class PointTrials:
     """A Monte Carlo model: m future parts a block, each with errors at all points.
 
-    `combine` (combinations, rows) says which linear combinations of the errors `measure`
-    needs (differences of two points, errors less their line's mean); only these are drawn.
-    They are normal with the prediction's covariance or, with `independent`, with every error
-    on its own, as Gilsinn & Ling 2004, eq. (23), have it. `owner` (combinations,) is the output
-    that a combination belongs to. `dof` (outputs,) are the effective degrees of freedom of
-    each output: where they are finite its combinations are scaled to Student's t (JCGM
-    101:2008, 6.4.9), so that the trials and the first-order interval differ by what the
-    measurand is not linear in, and by nothing else.
-
-    The first-order form about the values at the mean, `gradient` (outputs, rows), is drawn along
-    and serves as control variate.
+    `combine` (combinations, rows) says which linear combinations of the errors `measure` needs;
+    only these are drawn, normal with the prediction's covariance or, with `independent`, with every
+    error on its own, as Gilsinn & Ling 2004, eq. (23), have it. `owner` (combinations,) is the
+    output that a combination belongs to. `dof` (outputs,) are the effective degrees of freedom:
+    where they are finite its combinations are scaled to Student's t (JCGM 101:2008, 6.4.9), so that
+    the trials and the first-order interval differ by what the measurand is not linear in, and by
+    nothing else. The first-order form, `gradient` (outputs, rows), is drawn along and serves as
+    control variate.
     """
 
     smooth = True
@@ -81,11 +78,9 @@ class PointTrials:
     def _factor_of(
         self, stacked: FloatArray, prediction: Prediction, independent: bool
     ) -> FloatArray:
-        """F with F F' the covariance of the stacked rows, every output at its own variance.
-
-        Where that is not the covariance's (a negative D was kept from making it too small,
-        `variance.block_variance`), the covariance is drawn without negative part and all rows
-        of the output are scaled alike.
+        """F with F F' the covariance of the stacked rows; where an output's own variance is another
+        (a negative D was kept from making it too small, `variance.block_variance`), without
+        negative part and with all rows of the output scaled alike.
         """
         if independent:
             return _factor(stacked * prediction.independent_variance @ stacked.T)
@@ -203,10 +198,8 @@ def _counted(
 def joint_conformance(
     model: PointTrials, items: Sequence[Conformance | None], settings: Settings
 ) -> tuple[float, float] | None:
-    """Probability that one part conforms in all its toleranced lengths, and its standard error.
-
-    The lengths of a part are correlated, so this is not the product of their probabilities; nor is
-    it more than the least of them, which the trials may scatter beyond.
+    """Probability that one part conforms in all its toleranced lengths, and its standard error: not
+    the product of theirs, as the lengths of a part are correlated, nor more than the least of them.
     """
     known = [item.probability for item in items if item is not None]
     if len(known) < 2:
@@ -236,11 +229,10 @@ class PositionConformance:
 def position_conformance(
     prediction: Prediction, position_um: Sequence[float | None], settings: Settings
 ) -> tuple[PositionConformance | None, ...]:
-    """P(Ex^2 + Ey^2 <= (T/2)^2) of every feature with a T, by Monte Carlo.
-
-    A mean square MS of nu degrees of freedom says of its expectation that it is MS nu/W, W a
-    chi-squared of nu (JCGM 101:2008, 6.4.9): every trial draws one W a source, and with it the
-    errors that this source makes along x and y together. An axis without equation has no error.
+    """P(Ex^2 + Ey^2 <= (T/2)^2) of every feature with a T, by Monte Carlo. A mean square MS of nu
+    degrees of freedom says of its expectation that it is MS nu/W, W a chi-squared of nu (JCGM
+    101:2008, 6.4.9): every trial draws one W a source, and with it the errors along x and y
+    together. An axis without equation has no error.
     """
     found: list[PositionConformance | None] = [None] * len(position_um)
     zones = {i: zone for i, zone in enumerate(position_um) if zone is not None}

@@ -16,13 +16,12 @@ from mtu_cli.stats.least_squares import FloatArray
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Block:
-    """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns.
-
-    `C`, `D` (k, k); `noise` (rows, c) holds lever arms times s_repeat of its c components,
-    `columns` their coefficients among the k, `repeat_dof` the degrees of freedom of their
-    s_repeat. `between` (k, k) is the mean square S between `n_passes` passes that C and D come
-    from; None, 0 where they do not come from one. `half_differences` (k, k) is S_h, the part of
-    S that is of runs there and back (`stats.mixed_model`); None where passes are independent.
+    """Coefficients that share a covariance, seen from the points: G (rows, k) = J columns; `C`, `D`
+    (k, k); `noise` (rows, c) lever arms times s_repeat of its c components, `columns` their
+    coefficients among the k, `repeat_dof` the degrees of freedom of their s_repeat. `between` (k,
+    k) is the mean square S between `n_passes` passes that C and D come from; None, 0 where they do
+    not come from one. `half_differences` (k, k) is S_h, the part of S that is of runs there and
+    back (`stats.mixed_model`); None where passes are independent.
     """
 
     names: tuple[str, ...]
@@ -40,12 +39,10 @@ class Block:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MeanSquares:
-    """The K independent mean squares behind the variance of m linear measurands, mm^2.
-
-    `of_mean` (K, m) is what each adds to the variance of the mean over all future parts, that
-    of the coefficients; `of_part` (K, m) what it adds to the scatter of parts, of passes and
-    visits; `dof` (K,), infinite where the machine file knows better than by readings. What D
-    or C enter has the degrees of freedom of the passes, however small its estimate.
+    """The K independent mean squares behind the variance of m linear measurands, mm^2: `of_mean`
+    (K, m) is what each adds to the variance of the mean over all future parts, that of the
+    coefficients; `of_part` (K, m) to the scatter of parts, of passes and visits; `dof` (K,),
+    infinite where the machine file knows better than by readings.
     """
 
     of_mean: FloatArray
@@ -85,11 +82,8 @@ class Shares:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variance:
-    """Variance (m,) of m linear measurands with effective degrees of freedom (m,).
-
-    `by_block` (blocks, m) are the shares of the blocks; `coefficients`, `passes` and
-    `repeatability` (m,) split the variance by its nature, `squares` by what it was estimated
-    from.
+    """Variance (m,) of m linear measurands with effective degrees of freedom (m,), by block
+    (blocks, m), by its nature (m,) and by the mean `squares` that it was estimated from.
     """
 
     total: FloatArray
@@ -213,8 +207,8 @@ def drawable_passes(D: FloatArray, C: FloatArray) -> FloatArray:
 
 
 def normal_block(name: str, F: FloatArray, *, of_part: bool = False) -> Block:
-    """Standard normal quantities times F (rows, K), known as they are or drawn anew for every part;
-    or one a point, times F (rows,).
+    """Standard normal quantities times F (rows, K), known or drawn anew for every part; or one a
+    point, times F (rows,).
     """
     each = F.ndim == 1
     G = np.zeros((len(F), 1)) if each else F

@@ -38,12 +38,11 @@ def operations_of(points: Points) -> tuple[tuple[str, ...], IntArray]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Visits:
-    """The points of each measurement of each part together.
-
-    `errors` and `nominal` (visits, features, 3) mm, nan where a feature was not measured;
-    `part` and `operation` (visits,) are codes, `of_point` (n,) the visit of each point. A
-    visit is one repeat of one part in one operation: repeats by their number or, without one,
-    in the order of the file, after those with a number.
+    """The points of each measurement of each part together: `errors` and `nominal` (visits,
+    features, 3) mm, nan where a feature was not measured; `part` and `operation` (visits,) are
+    codes, `of_point` (n,) the visit of each point. A visit is one repeat of one part in one
+    operation: repeats by their number or, without one, in the order of the file, after those with a
+    number.
     """
 
     part: IntArray
@@ -164,13 +163,11 @@ ROUNDING = 1e-9
 
 
 def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """Columns (n * a, k), k <= 4, of small motions: the errors that each of them gives.
-
-    `places` (n, 3) in mm, of which x and y are used; rows are (feature, axis of `axes`),
-    features first. An offset along each axis, in the errors' own unit (mm of error a mm of
-    offset). Where x and y are among the axes: with rotation (-y, x) about the mean of the features,
-    mm of error a radian; with the diameter of a ring, whose points they are, (x, y)/r about its
-    centre, mm of error a mm of radius.
+    """Columns (n * a, k), k <= 4, of small motions: the errors that each gives, rows (feature, axis
+    of `axes`), features first, at `places` (n, 3) in mm, of which x and y are used. An offset along
+    each axis, mm a mm; where x and y are among the axes with rotation (-y, x) about the mean of the
+    features, mm a radian, or with the diameter of a ring, whose points they are, (x, y)/r about its
+    centre, mm a mm of radius.
     """
     n, a = len(places), len(axes)
     columns = [] if datum == "none" else list(np.tile(np.eye(a), n))
@@ -191,9 +188,7 @@ def freedoms(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatAr
 
 
 def basis(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatArray:
-    """Orthonormal columns Q (n * a, k) of the freedoms, fewer where some coincide: one feature
-    cannot tell a rotation. Without unit.
-    """
+    """Orthonormal columns Q (n * a, k) of the freedoms, fewer where some coincide, without unit."""
     F = freedoms(places, axes, datum)
     if not F.size:
         return F
@@ -224,10 +219,7 @@ def projector(places: FloatArray, axes: tuple[int, ...], datum: Datum) -> FloatA
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Motions:
-    """The motions of some rows of a table in the columns that all of them have.
-
-    `rows` (m,), `columns` (h,), `Q` (h * A, k) orthonormal, rows of it (column, axis).
-    """
+    """Motions of `rows` (m,) of a table in their `columns` (h,): `Q` (h * A, k) orthonormal."""
 
     rows: IntArray
     columns: IntArray
@@ -241,10 +233,9 @@ def motions_of(
     axes: tuple[int, ...],
     there: BoolArray,
 ) -> tuple[Motions, ...]:
-    """What each row is free to move by, in each operation on its own.
-
-    Rows at nominal `places` (N, H, 3) mm have values where they are `there` (N, H); `operation`
-    (H,) codes; `axes` (0, 1, 2) those of the errors.
+    """What each row is free to move by, in each operation on its own: rows at nominal `places` (N,
+    H, 3) mm have values where they are `there` (N, H); `operation` (H,) codes; `axes` (0, 1, 2)
+    those of the errors.
     """
     found: list[Motions] = []
     for code in np.unique(operation) if datum != "none" else ():
@@ -262,9 +253,8 @@ def motions_of(
 
 
 def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -> FloatArray:
-    """Values (rows or 1, H, A, R) less their least-squares motions; others stay as they are.
-
-    The first dimension stays 1 where all rows have the same motions.
+    """Values (rows or 1, H, A, R) less their least-squares motions; others stay as they are. The
+    first dimension stays 1 where all rows have the same motions.
     """
     if not motions:
         return values
@@ -323,11 +313,9 @@ def freed_errors(
 
 @dataclass(frozen=True, kw_only=True)
 class Cells:
-    """The cells of `parts` x `columns` that n measurements fall into; `cell` (n,) is
-    part * columns + column.
-
-    `order` (n,) sorts the measurements by cell, `starts` and `count` (m,) are the runs of the m
-    cells that hold any, `there` (m,) their numbers.
+    """The cells of `parts` x `columns` that n measurements fall into; `cell` (n,) is part * columns
+    + column. `order` (n,) sorts the measurements by cell, `starts` and `count` (m,) are the runs of
+    the m cells that hold any, `there` (m,) their numbers.
     """
 
     parts: int

@@ -163,11 +163,9 @@ def load_graph(path: Path) -> MeasurementGraph:
 
 
 def firing_order(steps: Iterable[Step], marked: Iterable[str]) -> Rounds:
-    """Rounds of transitions: each fires once, as soon as all its inputs hold a marker.
-
-    Places of `marked` hold one from the beginning (Stryczek: M0). Measurements, which have no
-    input, fire in the first round; within a round the file's order counts. Transitions that never
-    fire (in or behind a cycle, or behind a fault) are left out.
+    """Rounds of transitions: each fires once, as soon as all its inputs hold a marker (Stryczek: M0
+    marks those of `marked`); within a round the file's order counts. Transitions that never fire
+    (in or behind a cycle, or behind a fault) are left out.
     """
     holding, waiting, rounds = set(marked), list(steps), []
     while fired := tuple(step for step in waiting if holding.issuperset(step.inputs)):
@@ -192,11 +190,9 @@ def cycle_of(before: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 class _Net:
-    """The checks of one file: of the sound part of its contract, `known` being the names of all
-    places that stand there, faulty ones included.
-
-    `unclear` names are no places: each may be meant for one that seems unused; of transitions that
-    cannot be read nobody knows what they name.
+    """The checks of one file, of the sound part of its contract; `known` are the names of all
+    places, faulty ones included, `unclear` how many names are no places: each may be meant for one
+    that seems unused; of transitions that cannot be read nobody knows what they name.
     """
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
@@ -343,12 +339,9 @@ class _Net:
         return f"the transition of line {line}, which makes the place"
 
     def check_names(self) -> None:
-        """That no place is made twice or depends on itself; that every place has its value from
-        one transition or from the start, and leads to those reported, or to those that end the
-        graph.
-
-        Places that nothing makes or uses are reported if they are more than the names that are no
-        places: one of these may be meant.
+        """That no place is made twice or depends on itself; that every place has its value from one
+        transition or from the start, and leads to those reported, or to those that end the graph.
+        Places that nothing makes or uses are reported if they are more than the `unclear` names.
         """
         for name, (first, *others) in self.makers.items():
             for index in others:

@@ -91,10 +91,9 @@ def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
 
 
 class Inputs:
-    """All random inputs of the places `wanted` as one vector, and how to draw it.
-
-    `mean` (k,), `u` (k,) the standard uncertainty of each, `factor` F (k, k), `rows` where each
-    group stands, `normal` whether all are.
+    """All random inputs of the places `wanted` as one vector: `mean` (k,), `u` (k,) the standard
+    uncertainty of each, `factor` F (k, k), `rows` where each group stands, `normal` whether all
+    are.
     """
 
     def __init__(self, graph: Graph, wanted: Collection[str]) -> None:
@@ -146,14 +145,12 @@ class Inputs:
 
 
 class GraphTrials:
-    """n `outputs` of a graph, and what stands behind them, as a function of the random inputs.
-
-    To first order: `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,). As a
-    Monte Carlo model: m simulation cycles a block, every place of a cycle from one draw of the
-    inputs. The first-order form c.x of the outputs is drawn along and serves as control variate: of
-    the whole distribution where all inputs are normal, of the mean and u where some are not. Of
-    what `jumps` (n,), which a random input reaches through the equation language's step, it is nil:
-    the mean of 0 and 1 is the share of 1.
+    """n `outputs` of a graph, and what stands behind them, as a function of the random inputs. To
+    first order: `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,). As a Monte
+    Carlo model: m simulation cycles a block, every place of a cycle from one draw of the inputs.
+    The first-order form is drawn along and serves as control variate: of the whole distribution
+    where all inputs are normal, of the mean and u where some are not. Of what `jumps` (n,), which a
+    random input reaches through the equation language's step, it is nil.
     """
 
     def __init__(self, graph: MeasurementGraph, outputs: Iterable[Output]) -> None:
@@ -186,12 +183,8 @@ class GraphTrials:
 
     def _derivatives(self) -> tuple[FloatArray, FloatArray]:
         """Nominal outputs and their derivatives, by central differences over one standard
-        uncertainty of each input, all in one batch.
-
-        (f(x + u_i e_i) - f(x - u_i e_i)) / (2 u_i), as JCGM 100:2008, 5.1.3, note 2, allows: exact
-        for what is of second order in the inputs; it differs from the derivative by what is of
-        third order in u over the dimensions of the part. Where one of both has no finite value it
-        is 0, and the trials tell whether the output has one.
+        uncertainty of each input, all in one batch (JCGM 100:2008, 5.1.3, note 2). Where one of
+        both has no finite value it is 0, and the trials tell whether the output has one.
         """
         inputs, k = self.inputs, self.inputs.k
         X = np.repeat(inputs.mean[:, None], 2 * k + 1, axis=1)
