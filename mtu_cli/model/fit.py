@@ -122,7 +122,7 @@ def error_axis(machine: LoadedMachine, component: str) -> str:
 def reading_columns(
     readings: Readings, rows: IntArray, run: IntArray, axis: str
 ) -> dict[str, np.ndarray]:
-    """Columns (n,) of the readings `rows` of a component, an error along `axis`, with their `run`."""
+    """Columns (n,) of the readings `rows` of a component, an error along `axis`; `run` of each."""
     found: dict[str, np.ndarray] = {"sequence": run + 1.0}
     sign = readings.direction[rows].astype(np.float64)
     if sign.any():
@@ -203,7 +203,7 @@ def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estima
 
 
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
-    """What the machine file makes one ask; not of coefficients that readings or a report win over."""
+    """What the machine file makes one ask; not of coefficients that readings, or a report, beat."""
     stated = from_machine_file(machine)
     # A report may do no more than carry the file's own.
     used = {
@@ -386,7 +386,7 @@ def _stated_drift(
 
 
 def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
-    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s), eq. (13)."""
+    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s): eq. 13."""
     X = polynomial(positions, degree)
     return np.column_stack([least_squares(X, column).coefficients for column in values.T])
 

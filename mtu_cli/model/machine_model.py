@@ -327,7 +327,7 @@ def design(model: MachineModel, points: FloatArray, covariates: Covariates) -> D
 def _check_finite(
     model: MachineModel, J: FloatArray, remainder: FloatArray, points: FloatArray
 ) -> None:
-    """Raises InputError for the first equation and point without a finite value, naming its effect."""
+    """Raises InputError for the first equation and point without a finite value, or its effect."""
     with np.errstate(invalid="ignore"):
         beyond = ~(np.abs(J) < LARGEST)
         bad = beyond.any(axis=2) | ~(np.abs(remainder) < LARGEST)

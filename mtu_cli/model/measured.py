@@ -103,7 +103,7 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
 
 
 def check_repeats(points: Points, cell: IntArray | None = None) -> None:
-    """Raises InputError for a feature that stands twice in one repeat of one part (a `cell` (n,))."""
+    """Raises InputError for a feature twice in one repeat of one part, each a `cell` (n,)."""
     if cell is None:
         _, operation = operations_of(points)
         features, parts = len(points.features), len(points.parts)

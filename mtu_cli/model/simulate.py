@@ -369,7 +369,7 @@ def _check(model: MachineModel, part: Part) -> None:
 def _measured(
     model: MachineModel, plan: PartsPlan, part: Part, seed: int, rows: Design, root: FloatArray
 ) -> FloatArray:
-    """Measured coordinates (repeats, n, axes) of one part's features, mm, from the design's `rows`."""
+    """Measured coordinates (repeats, n, axes) of one part's features, mm, by their design."""
     (first, more), index = plan.first_repeats, part.number - 1
     n, a, repeats = len(part.ids), len(model.axes), more if index < first else plan.repeats
     rng = stream(seed, PARTS_STREAM, index)

@@ -255,7 +255,7 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
 def _missed(
     targets: Sequence[_Target], shares: FloatArray, rise: float
 ) -> tuple[FloatArray, float]:
-    """Shares nearest to `shares` (s,) that come closest to the targets; by how much they miss them."""
+    """The nearest shares (s,) that come closest to the targets; by how much they miss them."""
     if not targets:
         return shares, 0.0
     G = np.concatenate([item.G for item in targets])

@@ -20,12 +20,11 @@ from mtu_cli.stats.least_squares import FloatArray
 
 NODES = 64
 AT_ONCE = 8
-"""Sums that are gathered at once: their pairs stay in the processor's cache."""
+"""Variances at a time: the pairs of their sums stay in the processor's cache."""
 REACH = 6.0
 """Quantiles run from -REACH to REACH standard deviations of the normal scale."""
 MANY = 30.0
 """From so many degrees of freedom on Welch and Satterthwaite's formula does no harm."""
-BLOCK = 512
 STEPS = 80
 """Halvings of a bracket that spans less than exp(60) to a part in 1e-10."""
 BRACKET = 30.0
@@ -49,12 +48,14 @@ def uncertain_variance(squares: FloatArray, dof: FloatArray) -> UncertainVarianc
     Negative entries (differences of mean squares) are taken off the others in proportion; a
     sum below 0 is 0.
     """
-    c = _positive(squares)
-    values = np.empty((c.shape[1], NODES))
-    weights = np.empty_like(values)
-    for start in range(0, c.shape[1], BLOCK):
-        rows = slice(start, start + BLOCK)
-        values[rows], weights[rows] = _convolved(c[:, rows], dof)
+    total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
+    whole = positive.sum(axis=0)
+    share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
+    found = [
+        _convolved(rows, dof)
+        for rows in np.array_split(positive * share, len(whole) // AT_ONCE + 1, axis=1)
+    ]
+    values, weights = (np.concatenate(each) for each in zip(*found, strict=True))
     return UncertainVariance(values=values, weights=weights)
 
 
@@ -94,19 +95,16 @@ def f_tails(
     return np.where(known, high, np.nan), np.where(known, low, np.nan)
 
 
-def _positive(squares: FloatArray) -> FloatArray:
-    total, positive = squares.sum(axis=0), np.maximum(squares, 0.0)
-    whole = positive.sum(axis=0)
-    share = np.divide(np.maximum(total, 0.0), whole, out=np.zeros_like(whole), where=whole > 0)
-    return positive * share
-
-
 def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Nodes and weights (m, NODES) of sum_k c_k nu_k/W_k, one mean square after the other."""
     z, weight = _normal_nodes()
     many = dof >= MANY
-    pooled = _pooled(c[many], dof[many], z) if many.any() else np.zeros((c.shape[1], NODES))
-    values, weights = pooled, np.tile(weight, (c.shape[1], 1))
+    values, weights = np.zeros((c.shape[1], NODES)), np.tile(weight, (c.shape[1], 1))
+    if many.any():
+        # As one (JCGM 100, G.4.1).
+        total = c[many].sum(axis=0)
+        nu = effective_dof(total, c[many], dof[many])
+        values = total[:, None] * _inverse_chi_squared(z, nu)
     for own, nu in zip(c[~many], dof[~many], strict=True):
         there = np.flatnonzero(own > 0)
         if not len(there):
@@ -116,7 +114,8 @@ def _convolved(c: FloatArray, dof: FloatArray) -> tuple[FloatArray, FloatArray]:
         values[there[alone]] = more[alone]
         both = there[~alone]
         if len(both):
-            values[both], weights[both] = _sum(values[both], weights[both], more[~alone], weight)
+            sums = values[both, :, None] + more[~alone, None, :]
+            values[both], weights[both] = _gathered(sums, weights[both, :, None] * weight)
     return values, weights
 
 
@@ -150,25 +149,6 @@ def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
     nu = own[:, None]
     found: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
     return np.where(np.isinf(dof)[:, None], 1.0, found[which])
-
-
-def _pooled(c: FloatArray, dof: FloatArray, z: FloatArray) -> FloatArray:
-    """Mean squares of many degrees of freedom as one (JCGM 100, G.4.1), (m, nodes)."""
-    total = c.sum(axis=0)
-    nu = effective_dof(total, c, dof)
-    return total[:, None] * _inverse_chi_squared(z, nu)
-
-
-def _sum(
-    a: FloatArray, weights: FloatArray, b: FloatArray, weight: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """The sum of two independent quantities > 0, gathered again at NODES places."""
-    found = [
-        _gathered(a[rows, :, None] + b[rows, None, :], weights[rows, :, None] * weight)
-        for rows in (slice(first, first + AT_ONCE) for first in range(0, len(a), AT_ONCE))
-    ]
-    mean, total = zip(*found, strict=True)
-    return np.concatenate(mean), np.concatenate(total)
 
 
 def _gathered(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
