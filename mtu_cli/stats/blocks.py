@@ -32,11 +32,9 @@ a parabola, to 1e-5 u."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draws:
-    """What a model returns for one block of m trials.
-
-    `values` (outputs, m): the outputs of the model. `linear` (outputs, m): their first-order
-    form, evaluated on the same draws. The engine reads the arrays before the next `draw` in the
-    same thread and never writes to them, so a model may return arrays of its `Workspace`.
+    """What a model returns for one block of m trials: `values` (outputs, m) and their first-order
+    form `linear` (outputs, m) on the same draws. The engine reads the arrays before the next `draw`
+    in the same thread and never writes to them: they may be of the model's `Workspace`.
     """
 
     values: FloatArray
@@ -89,10 +87,8 @@ def is_one_block(trials: int | None, probability: float, *, smooth: bool = False
 
 @dataclass(frozen=True)
 class BlockPlan:
-    """Blocks of `size` trials; the first `longer` of them have one trial more.
-
-    `blocks` is None where the count adapts. Equal blocks weigh the same in an average of
-    block quantiles; a short last block would not.
+    """Blocks of `size` trials, the first `longer` of them of one more; `blocks` is None where the
+    count adapts. Equal blocks weigh the same in an average of block quantiles.
     """
 
     probability: float
@@ -121,10 +117,9 @@ class BlockPlan:
 
     @cached_property
     def shares(self) -> FloatArray:
-        """Probabilities (n,), rising, of the quantiles that are kept at either end of a block.
-
-        From that of the first ordered value, denser towards both ends, and alike about the middle
-        one, (1 - p)/2: the partner of a in an interval of probability p is 1 - p - a.
+        """Probabilities (n,), rising, of the quantiles kept at either end of a block, from that of
+        the first ordered value: denser towards both ends, and alike about (1 - p)/2, as the partner
+        of a in an interval of probability p is 1 - p - a.
         """
         end = 0.5 * (1.0 - self.probability)
         first = min(1.0 / (self.size + 1), end)
@@ -170,12 +165,10 @@ def _of_rank(rank: float, m: int, tail: int) -> FloatArray:
 
 @dataclass(frozen=True, slots=True)
 class BlockSummary:
-    """All that is kept of a block of `count` trials.
-
-    `statistics` (2 + 2 n, outputs): mean, variance, and the quantiles at the plan's n shares from
-    below and from above. `controls`: the same statistics of the first-order form minus their exact
-    values; 0 where these are unknown. `squares` (outputs, outputs): sums of products about the
-    block's mean.
+    """All that is kept of a block of `count` trials: `statistics` (2 + 2 n, outputs) mean,
+    variance, and the quantiles at the plan's n shares from below and from above; `controls` the
+    same of the first-order form minus their exact values, 0 where unknown; `squares` (outputs,
+    outputs) sums of products about the block's mean.
     """
 
     count: int

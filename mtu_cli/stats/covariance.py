@@ -80,12 +80,10 @@ def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
 
 
 def as_covariance(C: FloatArray) -> FloatArray:
-    """C (k, k) where it is a covariance; else the one of the same variances whose correlations
-    are C's, their negative part set to zero and scaled to unit variance again.
-
-    For covariances put together from estimates of their own, such as variances by one design and
-    covariances by another. What has no variance has no covariance. One that is not known (nan)
-    stays as it is.
+    """C (k, k) where it is a covariance; else the one of the same variances whose correlations are
+    C's, their negative part set to zero and scaled to unit variance again: for covariances put
+    together from estimates of their own. What has no variance has no covariance; what is not known
+    (nan) stays as it is.
     """
     if not np.isfinite(C).all():
         return C

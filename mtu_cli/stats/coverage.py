@@ -97,10 +97,8 @@ def fieller(
 
 
 def few_blocks_factor(blocks: int) -> float:
-    """t(h - 1)/z at 97.5 %: by which two standard errors from the scatter of h blocks fall short.
-
-    1.07 for 20 blocks and 1.02 for 80; 1 for one block, whose standard errors do not come from a
-    scatter.
+    """t(h - 1)/z at 97.5 %, by which two standard errors from the scatter of h blocks fall short:
+    1.07 for 20 blocks; 1 for one, whose standard errors do not come from a scatter.
     """
     if blocks == 1:
         return 1.0

@@ -36,16 +36,14 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Distribution:
-    """One contribution to an input quantity, about 0.
+    """One contribution to an input quantity, about 0: `u` the standard uncertainty that the first
+    order uses, with `dof`; of bounded kinds the `half_width` of the base, `top` that of a
+    trapezoid's flat top, and `inexact` the relative half-range of the half-width, d/a of JCGM
+    101:2008, 6.4.3.
 
-    `u`: standard uncertainty that the first order uses. `dof`: its degrees of freedom.
-    `half_width` (bounded kinds): of the base; `top`: half-width of the flat top of a trapezoid.
-    `inexact`: relative half-range of the half-width, d/a of JCGM 101:2008, 6.4.3.
-
-    What is drawn: a normal contribution with finite `dof` is the scaled and shifted t of
-    JCGM 101:2008, 6.4.9, a bounded one with `inexact` has a half-width that is itself
-    rectangular in half_width (1 -+ inexact), so that a rectangle becomes the curvilinear
-    trapezoid of 6.4.3.
+    Drawn is, of a normal one with finite `dof`, the scaled and shifted t of JCGM 101:2008, 6.4.9,
+    of a bounded one with `inexact` one whose half-width is itself rectangular, so that a rectangle
+    becomes the curvilinear trapezoid of 6.4.3.
     """
 
     kind: Kind
@@ -83,10 +81,8 @@ class Distribution:
 
     @property
     def mean_scale(self) -> float:
-        """E(S) of the scale S of what is drawn: 1 without one and for limits that are inexact.
-
-        For the chi of Student's t sqrt(nu/2) Gamma((nu - 1)/2)/Gamma(nu/2), with E(S^2) =
-        nu/(nu - 2); infinite where nu is 1 or less.
+        """E(S) of the scale S of what is drawn: of the chi of Student's t sqrt(nu/2) Gamma((nu -
+        1)/2)/Gamma(nu/2), infinite where nu is 1 or less; else 1.
         """
         if self.bounded or self.dof >= NORMAL_DOF:
             return 1.0
@@ -246,11 +242,9 @@ def largest_covariance(first: Marginal, second: Marginal) -> float:
 
 
 def normal_correlation(first: Marginal, second: Marginal, covariance: float) -> float | None:
-    """rho of the normals for which the inputs have this `covariance`; None where none gives it.
-
-    covariance = sum a_k b_k rho^k over odd k (Mehler), rising in rho. What
-    the series leaves out goes to its last term, so that at rho = +-1, and where the covariance
-    is within rounding of that, it is exact.
+    """rho of the normals for which the inputs have this `covariance`, sum a_k b_k rho^k over odd k
+    (Mehler), rising in rho; None where none gives it. What the series leaves out goes to its last
+    term, so that at rho = +-1, and within rounding of it, it is exact.
     """
     most = largest_covariance(first, second)
     terms = first.coefficients * second.coefficients

@@ -106,14 +106,12 @@ def fit_passes(
     direction: FloatArray | None = None,
     runs: IntArray | None = None,
 ) -> PassFit:
-    """Fits one component; all arrays are (n,), in internal units and mm.
-
-    `group` is the pass of each reading (None: passes are not known), `direction` is +1, -1
-    or 0 (not given), `runs` the run there and back that it is of (None: all passes are
-    independent); both are constant within a pass. With three passes or more direction is a
-    fixed effect of their coefficients, so that reversal does not enter D. Without an axis,
-    give degree 0. Where the passes differ in what no pass determines by itself (single
-    readings along an axis), D is not separated.
+    """Fits one component; all arrays are (n,), in internal units and mm. `group` is the pass of
+    each reading (None: not known), `direction` +1, -1 or 0 (not given), `runs` the run there and
+    back that it is of (None: all passes are independent); both are constant within a pass. With
+    three passes or more direction is a fixed effect of their coefficients, so that reversal does
+    not enter D. Without an axis, give degree 0. Where the passes differ in what no pass determines
+    by itself (single readings along an axis), D is not separated.
     """
     plain = least_squares(polynomial(position, degree), y)
     center = float(position.mean())
@@ -204,12 +202,11 @@ def _coefficient_covariance(
     s2: float,
     choices: Iterable[tuple[FloatArray, FloatArray]],
 ) -> FloatArray:
-    """Covariance of plain least squares under V = s2 I + Z D Z' by pass, Z K Z' within a run.
-
-    (X'X)^-1 X' V X (X'X)^-1; on a balanced design this is the between mean square over G, or that
-    of the runs' means over their number.
-    The first of the `choices` of D and K, the unclipped, keeps it unbiased; the clipped D, and then
-    a K within it, which always give a covariance, stand in only where the result is none.
+    """Covariance of plain least squares under V = s2 I + Z D Z' by pass, Z K Z' within a run,
+    (X'X)^-1 X' V X (X'X)^-1; on a balanced design the between mean square over G, or that of the
+    runs' means over their number. The first of the `choices` of D and K, the unclipped, keeps it
+    unbiased; the clipped D, and then a K within it, stand in only where the result is no
+    covariance.
     """
     inverse = plain.unscaled_covariance
     A = inverse @ _products(design.X, design.Z, design.codes, int(design.codes.max()) + 1)
@@ -298,10 +295,8 @@ def _pass_design(
 
 
 def rounding_of(y: FloatArray) -> float:
-    """What a mean of the readings (n,), or a line through them, may be off by arithmetic alone.
-
-    A sum of n numbers is rounded n times, by half of the spacing of numbers of its size each;
-    few numbers are scaled, centred and turned more often than they are summed.
+    """What a mean of the readings (n,), or a line through them, may be off by arithmetic alone: a
+    sum of n numbers is rounded n times, by half of the spacing of numbers of its size each.
     """
     steps = max(len(y), FEWEST_ROUNDINGS)
     return steps * float(np.spacing(np.abs(y).max(initial=0.0)))
@@ -405,10 +400,8 @@ def lines_by_pass(
 
 
 def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
-    """(P, 2) the pass there and the pass back of every run that has one of each.
-
-    `runs` (G,) number the run of each pass, `sign` (G,) is its direction; of several passes one
-    way the last there and the first back are taken.
+    """(P, 2) the pass there and the pass back of every run (`runs` (G,), directions `sign` (G,))
+    that has one of each; of several passes one way the last there and the first back.
     """
     order = np.lexsort([-sign, runs])
     first, second = order[:-1], order[1:]

@@ -50,10 +50,9 @@ def deviation_limit(count: FloatArray, p: float) -> FloatArray:
 def larger_scatter(left: FloatArray, taken: int = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Of residuals (n, k), nan where there are none, that lost `taken` degrees of freedom each:
     standard deviations (k,) of the columns, the median of those of the others, and p of a larger
-    variance than theirs, without the largest residual of each: a single one is an outlier.
-
-    The larger p of the F test and of ln s^2, whose variance is (2 + excess kurtosis)/dof (Box,
-    Biometrika 40 (1953) 318): heavy tails make variances differ by chance.
+    variance than theirs, without the largest residual of each: a single one is an outlier. The
+    larger p of the F test and of ln s^2, whose variance is (2 + excess kurtosis)/dof (Box,
+    Biometrika 40 (1953) 318).
     """
     from scipy.special import fdtrc, ndtr
 
@@ -111,9 +110,8 @@ def medians(table: FloatArray, axis: int) -> FloatArray:
 def polished(table: FloatArray, x: FloatArray | None = None) -> FloatArray:
     """A table (rows, columns) less the medians of its columns, of its rows, and of its columns
     again (the median polish of Tukey, 1977); of rows at `x` (columns,) also less their slope, the
-    median of those of all pairs (Theil 1950, Sen 1968), as a slip must not turn it.
-
-    Rows of FEWEST values or fewer keep their level.
+    median of those of all pairs (Theil 1950, Sen 1968). Rows of FEWEST values or fewer keep their
+    level.
     """
     left = table - medians(table, 0)
     if x is not None and np.ptp(x) > 0:

@@ -70,11 +70,10 @@ def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:
 
 
 def pass_scatter(fit: PassFit, r: float = 0.0) -> FTest | None:
-    """Do the passes differ by more than repeatability? None where that cannot be told.
-
-    The extra sum of squares of one line a pass over one line a direction, against
-    s_repeat^2 (Draper & Smith, Applied Regression Analysis, 6.1): exact on any design. What the
-    last digit hides from s_repeat^2, `r` at most, counts as scatter (`stats.resolution`).
+    """Do the passes differ by more than repeatability? None where that cannot be told. The extra
+    sum of squares of one line a pass over one line a direction, against s_repeat^2 (Draper & Smith,
+    Applied Regression Analysis, 6.1): exact on any design. What the last digit hides from
+    s_repeat^2, `r` at most, counts as scatter (`stats.resolution`).
     """
     df = fit.pooled_dof - fit.within_dof
     if not fit.separated or fit.within_dof < 1 or df < 1:
@@ -97,11 +96,10 @@ def trend_units(fit: PassFit) -> IntArray:
 
 
 def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Shift | None:
-    """Drift a pass of the level at the mean position, direction taken out.
-
-    `order` (G,) is the sequence of the passes in time. A trend means that passes are not
-    exchangeable, which D and every interval built on it assume. Passes there and back of a run
-    are one unit, their mean, and count as one pass; `r` as in `pass_scatter`.
+    """Drift a pass of the level at the mean position, direction taken out; `order` (G,) is the
+    sequence of the passes in time. With a trend passes are not exchangeable, which D and every
+    interval built on it assume. Passes there and back of a run are one unit, their mean, and count
+    as one pass; `r` as in `pass_scatter`.
     """
     if not fit.separated or fit.pass_dof < 2:
         return None
@@ -174,11 +172,10 @@ def _reversal_of_runs(
 def lack_of_fit(
     y: FloatArray, position: FloatArray, degree: int, group: IntArray | None, r: float = 0.0
 ) -> FTest | None:
-    """Does a free mean at each position fit better than the polynomial?
-
-    Every pass keeps its own intercept (and slope, from degree 1), so that pass-to-pass drift
-    does not count as error (Draper & Smith, Applied Regression Analysis, 1.5, within passes); what
-    the last digit hides of n readings a position, n r, does.
+    """Does a free mean at each position fit better than the polynomial? Every pass keeps its own
+    intercept (and slope, from degree 1), so that drift does not count as error (Draper & Smith,
+    Applied Regression Analysis, 1.5, within passes); what the last digit hides of n readings a
+    position, n r, does.
     """
     distinct, at = np.unique(position, return_inverse=True)
     m = len(distinct)

@@ -30,10 +30,8 @@ HEAD = 4096
 
 
 class Gain(NamedTuple):
-    """Variance of the plain estimate over that of the estimate used, each (outputs,).
-
-    From the scatter of the blocks; 1 where the plain estimate is used. With g, the same
-    standard error would take g times as many trials without the control variate.
+    """Variance of the plain estimate over that of the estimate used, each (outputs,): the same
+    standard error would take so many times the trials without the control variate.
     """
 
     mean: FloatArray
@@ -66,10 +64,8 @@ ENDS = np.array([0, 1, 2 + MIDDLE, 2 + QUANTILES + MIDDLE])
 
 
 class Pool:
-    """Running sums over blocks, added in the order of their numbers.
-
-    Sums of statistics are taken about the first block's, so that their squares do not
-    cancel; nothing here grows with the number of blocks.
+    """Running sums over blocks, added in the order of their numbers. Those of statistics are about
+    the first block's, so that their squares do not cancel; nothing grows with the number of blocks.
     """
 
     _origin: FloatArray
@@ -109,11 +105,10 @@ class Pool:
         self._groups[:, group] += np.array([away, away * away, c, c * c, away * c])
 
     def estimates(self) -> Estimates:
-        """Estimates and their standard errors from all blocks so far (at least two).
-
-        mean and covariance with divisor n - 1 over all trials where no control is used
-        (JCGM 101:2008, 7.6, eq. (16) and (17)); interval ends as averages over blocks
-        (7.9.4); standard errors from the scatter of the blocks, s/sqrt(h).
+        """Estimates and their standard errors from all blocks so far (at least two): mean and
+        covariance with divisor n - 1 over all trials where no control is used (JCGM 101:2008, 7.6,
+        eq. (16) and (17)); interval ends as averages over blocks (7.9.4); standard errors
+        s/sqrt(h).
         """
         value, of_value, gain, slope = self._controlled()
         plain_covariance = self._squares / (self.trials - 1)
@@ -175,10 +170,8 @@ class Pool:
 
     def _shortest(self) -> tuple[FloatArray, FloatArray]:
         """Shortest interval (JCGM 101:2008, 7.7.2) from the block averages of the quantiles, the
-        width being a parabola of the place between those at the plan's shares.
-
-        A quantile takes the slope of its own, S_sc/S_cc over the blocks: where an output runs as an
-        exponential that of another one is worse than none.
+        width being a parabola of the place between those at the plan's shares. A quantile takes the
+        slope of its own control: that of another one may be worse than none.
         """
         s, c, cc, sc = self._sums
         spread = cc - c**2 / self.blocks
@@ -282,12 +275,9 @@ def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray
 
 
 def with_atoms(estimates: Estimates, samples: FloatArray, probability: float) -> Estimates:
-    """The estimates with the interval ends of discrete outputs from the samples (outputs, kept).
-
-    The ends of a discrete distribution are values of it, the smallest v with F(v) >= (1 - p)/2 and
-    F(v) >= (1 + p)/2 (JCGM 101:2008, 7.7.1, for a G that has jumps), where block averages lie
-    between two; the shortest interval is that of least width with a share of p or more. They have
-    no standard error: an end is one value or another.
+    """The estimates with the interval ends of discrete outputs from the samples (outputs, kept):
+    values of it, the smallest v with F(v) >= (1 - p)/2 and F(v) >= (1 + p)/2 (JCGM 101:2008,
+    7.7.1), and the interval of least width with a share of p or more. They have no standard error.
     """
     names = ("low", "high", "shortest_low", "shortest_high", "se_low", "se_high")
     changed = {name: getattr(estimates, name).copy() for name in names}

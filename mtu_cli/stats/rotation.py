@@ -23,10 +23,7 @@ from mtu_cli.stats.resolution import hidden
 RATE = 0.05
 ROTATIONS = 999
 ENTRIES = 100_000
-"""Tables with more entries have their single entries and means tested by bounds."""
-WORK = 40_000_000
-"""Entries rotated for a large table, in all; never fewer than `FEWEST` rotations."""
-FEWEST = 39
+"""Tables with more entries are tested by bounds, single entries and means alone."""
 MOST_THREADS = 4
 DENSE_ROWS = 64
 """Up to so many rows the rotations are uniform on the whole orthogonal group."""
@@ -40,12 +37,11 @@ Rotate = Callable[[int], FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outstanding:
-    """Family-wise p values, each adjusted for all rows, columns, groups and kinds.
-
-    `by_row` (rows,) the smallest for the row as a whole (its distance and its mean over the
-    columns of each group), `by_cell` (rows, columns) for single entries. `limit`
-    (columns,) is the deviation from the column's mean, over its sample deviation, beyond which an
-    entry's p is at most the rate; nan where no entry can get there.
+    """Family-wise p values, each adjusted for all rows, columns, groups and kinds: `by_row` (rows,)
+    the smallest for the row as a whole (its distance and its mean over the columns of each group),
+    `by_cell` (rows, columns) for single entries. `limit` (columns,) is the deviation from the
+    column's mean, over its sample deviation, beyond which an entry's p is at most the rate; nan
+    where no entry can get there.
     """
 
     by_row: FloatArray
@@ -71,10 +67,9 @@ def outstanding_rows(
     """
     d, count = _scaled(table, rounding)
     indicator = (groups[:, None] == np.unique(groups)[None, :]).astype(np.float64)
-    rng = np.random.default_rng(seed)
     if d.size <= ENTRIES:
-        return _by_rotation(d, count, indicator, rng, rate)
-    return _by_bounds(d, count, indicator, rng, rate)
+        return _by_rotation(d, count, indicator, np.random.default_rng(seed), rate)
+    return _by_bounds(d, count, indicator, rate)
 
 
 def _by_rotation(
@@ -103,7 +98,8 @@ def _by_rotation(
     smallest = own.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
     limit = np.full(len(count), _critical(nulls[0], smallest, rate))
-    return _outstanding(entries, distance.min(axis=1), mean.min(axis=1), limit, count)
+    by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
+    return _outstanding(entries, by_row, limit, count)
 
 
 def _critical(null: FloatArray, smallest: FloatArray, rate: float) -> float:
@@ -113,38 +109,23 @@ def _critical(null: FloatArray, smallest: FloatArray, rate: float) -> float:
     return float(np.sort(null)[-reached[-1]]) if len(reached) else np.inf
 
 
-def _by_bounds(
-    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator, rate: float
-) -> Outstanding:
-    """Large tables: half of the error rate to the distances, by few rotations, a quarter each
-    to single entries and means, by the bound of Bonferroni on Grubbs's statistic.
+def _by_bounds(d: FloatArray, count: FloatArray, indicator: FloatArray, rate: float) -> Outstanding:
+    """Large tables: half of the error rate each to single entries and means, by the bound of
+    Bonferroni on Grubbs's statistic.
     """
     rows = len(d)
-    entries = np.minimum(4 * d.size * deviation_p(d, count[None, :]), 1.0)
+    entries = np.minimum(2 * d.size * deviation_p(d, count[None, :]), 1.0)
     means = d @ indicator
     scale = np.sqrt((means**2).sum(axis=0) / (rows - 1))
     means = means / np.where(scale > 0, scale, 1.0)
-    mean = np.minimum(4 * means.size * deviation_p(means, np.full(1, float(rows))), 1.0)
-    together = _and_all(indicator)
-    observed = (d**2) @ together
-    # Single precision suffices for a null distribution and halves the time.
-    rotate = _rotations(_filled(d).astype(np.float32), rng)
-    single = together.astype(np.float32)
-    rotations = max(FEWEST, min(ROTATIONS, WORK // d.size))
-    largest = np.empty((rotations, together.shape[1]))
-    for b in range(rotations):
-        (turned,) = rotate(1)
-        largest[b] = (np.square(turned, out=turned) @ single).max(axis=0)
-    distance = np.minimum(2 * _tail(*_alike(observed, largest), 1e-5), 1.0)
-    limit = deviation_limit(count, rate / (4 * d.size))
-    return _outstanding(entries, distance.min(axis=1), mean.min(axis=1), limit, count)
+    mean = np.minimum(2 * means.size * deviation_p(means, np.full(1, float(rows))), 1.0)
+    limit = deviation_limit(count, rate / (2 * d.size))
+    return _outstanding(entries, mean.min(axis=1), limit, count)
 
 
 def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Statistics (rows, groups) of groups of any size made comparable, and the null (rotations,)
-    of the largest of them.
-
-    Each is taken in terms of its group's largest values, the observed one among them: they
+    """Statistics (rows, groups) of groups of any size made comparable, and the null (rotations,) of
+    the largest of them: in terms of the group's largest values, the observed one among them, which
     are exchangeable under the null.
     """
     pool = np.vstack([largest, observed.max(axis=0)])
@@ -154,18 +135,11 @@ def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, Float
 
 
 def _outstanding(
-    entries: FloatArray,
-    distance: FloatArray,
-    mean: FloatArray,
-    limit: FloatArray,
-    count: FloatArray,
+    by_cell: FloatArray, by_row: FloatArray, limit: FloatArray, count: FloatArray
 ) -> Outstanding:
     largest = (count - 1) / np.sqrt(np.maximum(count, 1.0))
-    return Outstanding(
-        limit=np.where(limit < largest, limit, np.nan),
-        by_row=np.minimum(distance, mean),
-        by_cell=entries,
-    )
+    reached = np.where(limit < largest, limit, np.nan)
+    return Outstanding(by_row=by_row, by_cell=by_cell, limit=reached)
 
 
 def _scaled(table: FloatArray, rounding: FloatArray | float) -> tuple[FloatArray, FloatArray]:
@@ -231,11 +205,11 @@ def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:
     return rotate
 
 
-def _tail(values: FloatArray, null: FloatArray, rounding: float = 1e-12) -> FloatArray:
+def _tail(values: FloatArray, null: FloatArray) -> FloatArray:
     """(1 + number of null values at least as large)/(1 + their count), for every value."""
     ordered = np.sort(null)
     # Equal up to rounding counts as equal, so that a table is never rarer than itself.
-    below = np.searchsorted(ordered, values - rounding * (1 + np.abs(values)), side="left")
+    below = np.searchsorted(ordered, values - 1e-12 * (1 + np.abs(values)), side="left")
     return (1 + len(null) - below) / (1 + len(null))
 
 

@@ -13,13 +13,10 @@ CONVERGED_TO = 0.2
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
-    """Outcome of clause 8 for one output, in the unit of the output.
-
-    `passed`: whether both differences of interval ends are at most `tolerance`; None where
-    the Monte Carlo cannot tell: its own two standard errors exceed a fifth of the tolerance
-    at an end (8.2), and a difference is within those two of the tolerance.
-    `settled`: whether more trials would be of no use: they have converged to that fifth, or a
-    difference is beyond the tolerance by more than its two standard errors.
+    """Outcome of clause 8 for one output, in its unit. `passed`: whether both differences of
+    interval ends are at most `tolerance`; None where the Monte Carlo cannot tell: its own two
+    standard errors exceed a fifth of the tolerance at an end (8.2), and a difference is within
+    those two of the tolerance. `settled`: whether more trials would be of no use.
     """
 
     passed: bool | None
