@@ -16,7 +16,6 @@ from mtu_cli.files.reports_read import (
     ComponentsReport,
     ReportedComponent,
     ReportedDrift,
-    ReportedEffects,
     ReportedGroup,
     ThermalReport,
 )
@@ -248,11 +247,18 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     _check_report(machine, report)
     found = from_machine_file(machine)
     found |= {name: _reported(name, item) for name, item in report.components.items()}
-    return Estimates(
-        components=found,
-        joint=tuple(_joint(group, found) for group in report.joint),
-        effects=None if report.effects is None else _effects(report.effects),
-    )
+    effects, item = None, report.effects
+    if item is not None:
+        units = tuple(PARAMETER_UNITS[unit] for unit in item.units)
+        f = np.array([unit.to_internal for unit in units])
+        effects = EffectEstimates(
+            names=tuple(item.parameters),
+            units=units,
+            values=np.asarray(item.values, float) * f,
+            covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
+        )
+    joint = tuple(_joint(group, found) for group in report.joint)
+    return Estimates(components=found, joint=joint, effects=effects)
 
 
 def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalReport) -> None:
@@ -332,17 +338,6 @@ def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> Join
         pass_dof=group.pass_dof,
         n_passes=group.n_passes,
         half_differences=_scaled(group.half_difference_mean_square, np.diag(f)),
-    )
-
-
-def _effects(item: ReportedEffects) -> EffectEstimates:
-    units = tuple(PARAMETER_UNITS[unit] for unit in item.units)
-    f = np.array([unit.to_internal for unit in units])
-    return EffectEstimates(
-        names=tuple(item.parameters),
-        units=units,
-        values=np.asarray(item.values, float) * f,
-        covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
     )
 
 

@@ -110,7 +110,10 @@ def _table(
         # Of a table or `degree: auto` the bends of the highest degree are declared already.
         declared = isinstance(entry.degree, int) and not entry.is_table
         degree = 0 if of is None else int(entry.degree) if declared else MOST_AUTO
-        errors, degree = _less_polynomial(errors, layout, of, degree)
+        position = np.zeros(len(errors)) if of is None else layout.nominal[:, AXES.index(of)]
+        degree = min(degree, len(layout.features) - 1, len(np.unique(position)) - 1)
+        # A residual does not depend on where the powers are counted from; its digits do.
+        errors = least_squares(polynomial(position - position.mean(), degree), errors).residuals
     return layout.table(
         errors[:, None],
         axes=(of or name,),
@@ -123,17 +126,6 @@ def _table(
         pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
         resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
     )
-
-
-def _less_polynomial(
-    errors: FloatArray, layout: ReadingLayout, of: str | None, degree: int
-) -> tuple[FloatArray, int]:
-    """Errors (n,) less their own polynomial, of a degree that their positions allow."""
-    position = np.zeros(len(errors)) if of is None else layout.nominal[:, AXES.index(of)]
-    degree = min(degree, len(layout.features) - 1, len(np.unique(position)) - 1)
-    # A residual does not depend on where the powers are counted from; its digits do.
-    powers = polynomial(position - position.mean(), degree)
-    return least_squares(powers, errors).residuals, degree
 
 
 def _together(

@@ -246,6 +246,8 @@ def residual_table(
     seen = [cells.repeats[:, own] for own in of_operation]
     if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in seen):
         warned.append(incomplete_datum())
+    own = (x.estimate for x in model.terms if np.any(x.estimate.pass_covariance))
+    dofs = [each.pass_dof for each in (*own, *model.joint)]
     table = layout.table(
         errors,
         axes=tuple(AXES[axis] for axis in axes),
@@ -255,7 +257,8 @@ def residual_table(
         common=common[:, :, of_axes],
         of_part=of_part[:, :, of_axes],
         datum=datum,
-        pass_dof=_pass_dof(model),
+        # The fewest that a pass-to-pass covariance of the model was estimated with.
+        pass_dof=float(min((dof for dof in dofs if dof > 0), default=np.inf)),
         resolution=tuple(np.sqrt(12 * roundings(points)[list(axes)]).tolist()),
     )
     if datum != "none":
@@ -279,15 +282,6 @@ def _axes(model: MachineModel, points: Points, warned: list[Finding]) -> tuple[i
     if not axes:
         raise no_shared_axis(model, points, measured)
     return axes
-
-
-def _pass_dof(model: MachineModel) -> float:
-    """The fewest degrees of freedom that a pass-to-pass covariance of the model was estimated
-    with; infinite where none was estimated.
-    """
-    own = [t.estimate.pass_dof for t in model.terms if np.any(t.estimate.pass_covariance)]
-    found = [dof for dof in (*own, *(group.pass_dof for group in model.joint)) if dof > 0]
-    return float(min(found, default=np.inf))
 
 
 def _layout(model: MachineModel, points: Points) -> Layout:

@@ -111,7 +111,13 @@ def block_variance(block: Block, A: FloatArray | None, axes: int) -> tuple[Float
     """
     # A zero of G has no sign in a product with I.
     g = block.G + 0.0 if A is None else A @ block.G
-    visits = [_visits(column, A, axes) for column in block.noise.T]
+    # Of visits of one component, which the axes of a point share.
+    visits = [
+        column**2
+        if A is None
+        else ((A * column).reshape(len(A), -1, axes).sum(axis=2) ** 2).sum(axis=1)
+        for column in block.noise.T
+    ]
     if block.between is not None:
         return _of_mean_squares(block, block.between, g, visits)
     of_C, of_D = _quadratic(g, block.C), _quadratic(g, block.D)
@@ -137,14 +143,6 @@ def pass_squares(block: Block, A: FloatArray) -> list[PassSquare | None]:
     if S is not None and halves is not None:
         passes = [S - halves, halves]
     return [*(PassSquare(g, each) for each in passes), *[None] * len(block.repeat_dof)]
-
-
-def _visits(column: FloatArray, A: FloatArray | None, axes: int) -> FloatArray:
-    """Variance (m,) of A E from visits of one component, which the axes of a point share."""
-    if A is None:
-        return column**2
-    shared = (A * column).reshape(len(A), -1, axes).sum(axis=2)
-    return (shared**2).sum(axis=1)
 
 
 def _of_mean_squares(

@@ -48,8 +48,6 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
     minimum-norm solution (in the scaled columns) is returned and `null_space` spans what is
     free. Iterative refinement brings residuals and coefficients to working accuracy.
     """
-    if X.shape[1] == 0:
-        return _nothing_fitted(y)
     scale = np.linalg.norm(X, axis=0)
     scale[scale == 0] = 1.0
     U, singular, Vt = np.linalg.svd(X / scale, full_matrices=X.shape[0] < X.shape[1])
@@ -66,19 +64,6 @@ def least_squares(X: FloatArray, y: FloatArray) -> LeastSquares:
         dof=X.shape[0] - rank,
         rank=rank,
         null_space=Vt[rank:k].T / scale[:, None],
-    )
-
-
-def _nothing_fitted(y: FloatArray) -> LeastSquares:
-    """The fit of no columns: y is what is left."""
-    return LeastSquares(
-        coefficients=np.zeros(0),
-        unscaled_covariance=np.zeros((0, 0)),
-        residuals=y.astype(np.float64),
-        rss=float(y @ y),
-        dof=len(y),
-        rank=0,
-        null_space=np.zeros((0, 0)),
     )
 
 

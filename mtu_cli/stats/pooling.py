@@ -282,14 +282,11 @@ def with_atoms(estimates: Estimates, samples: FloatArray, probability: float) ->
     names = ("low", "high", "shortest_low", "shortest_high", "se_low", "se_high")
     changed = {name: getattr(estimates, name).copy() for name in names}
     for i, column in enumerate(samples):
-        if len(column) >= HEAD and _is_discrete(column):
+        few = len(column) >= HEAD and len(np.unique(column[:HEAD])) <= MOST_VALUES
+        if few and len(np.unique(column)) <= MOST_VALUES:
             for name, value in zip(names, (*_ends(column, probability), 0.0, 0.0), strict=True):
                 changed[name][i] = value
     return replace(estimates, **changed)
-
-
-def _is_discrete(column: FloatArray) -> bool:
-    return len(np.unique(column[:HEAD])) <= MOST_VALUES and len(np.unique(column)) <= MOST_VALUES
 
 
 def _ends(column: FloatArray, probability: float) -> tuple[float, float, float, float]:
