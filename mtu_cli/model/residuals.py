@@ -246,8 +246,8 @@ def residual_table(
     seen = [cells.repeats[:, own] for own in of_operation]
     if datum != "none" and any(((n > 0) & (n < n.max(axis=1, keepdims=True))).any() for n in seen):
         warned.append(incomplete_datum())
-    own = (x.estimate for x in model.terms if np.any(x.estimate.pass_covariance))
-    dofs = [each.pass_dof for each in (*own, *model.joint)]
+    own = [x.estimate for x in model.terms if np.any(x.estimate.pass_covariance)]
+    dofs = [each.pass_dof for each in own] + [group.pass_dof for group in model.joint]
     table = layout.table(
         errors,
         axes=tuple(AXES[axis] for axis in axes),
