@@ -75,7 +75,6 @@ SUMMARY = """
     verdict_text | verdict() | the verdict in words
     items | | number of items
     verdicts | | number of items by gravest fault
-    not_tested | | items that could not be tested
     tested.bias | bias_tested | items tested for bias
     tested.scatter | scatter_tested | items tested for scatter
     - | verdicts.consistent | | con- / sistent, some()
@@ -84,19 +83,11 @@ SUMMARY = """
     over_predicted | | items with that fault | over- / predicted, some()
     under_predicted_factor | factors() | least and largest scatter ratio of the under-predicted
     *pooled
-    ratio_u | ranges.ratio_u.ends | least and largest ratio of u | u ratio, span
-    ratio_scatter | ranges.ratio_scatter.ends | least and largest ratio of scatter from part to \
+    ratio_u | ranges.ratio_u | least and largest ratio of u | u ratio, span
+    ratio_scatter | ranges.ratio_scatter | least and largest ratio of scatter from part to \
         part | scatter ratio, span
-    ratio_range | ranges.ratio_range.ends | least and largest ratio of range widths \
+    ratio_range | ranges.ratio_range | least and largest ratio of range widths \
         | range ratio, span
-    median_ratio_u | ranges.ratio_u.median | median ratio of u
-    median_ratio_range | ranges.ratio_range.median | median ratio of range widths
-    paper_ratio_u | ranges.paper_ratio_u.ends | least and largest ratio of u as in the paper
-    paper_ratio_range | ranges.paper_ratio_range.ends | least and largest ratio of range widths as \
-        in the paper
-    median_bias_um | ranges.bias.median | median bias
-    n0 | ranges.n0.median | median n0
-    sqrt_ms_between_over_s_part | ranges.ms_share.ends | least and largest of the items' figure
 """
 POOLED = """
     all_at_once. | pooled
@@ -125,7 +116,7 @@ def verdict_text(item: Summary) -> str:
     if item.pooled is not None and item.pooled_fault:
         times, p = significant(item.pooled.ratio), p_value(item.pooled.p)
         said.append(f"{item.pooled_fault} (pooled scatter {times} times predicted, p {p})")
-    if item.not_tested == item.items:
+    if not item.bias_tested and not item.scatter_tested:
         said = ["not tested"]
     else:
         said = said or ["consistent"]
@@ -138,7 +129,7 @@ def _size(item: Summary, name: str, text: str) -> str:
     if name not in item.ranges:
         return ""
     scale = UM if "um" in text else 1.0
-    ends = (significant(end / scale) for end in item.ranges[name].ends)
+    ends = (significant(end / scale) for end in item.ranges[name])
     return f": {text.format(span(*ends))}"
 
 
@@ -150,7 +141,7 @@ def summary(kind: str) -> Fields:
         name=lambda x: f"{x.operation} {x.kind}".strip(),
         verdict=verdict_text,
         some=lambda value, u, digits: str(value) if value else MISSING,
-        factors=lambda x: x.ranges["under_factor"].ends if "under_factor" in x.ranges else [],
+        factors=lambda x: x.ranges.get("under_factor", []),
         pooled=pooled if kind == "features" else [],
     )
 

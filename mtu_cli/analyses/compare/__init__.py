@@ -66,9 +66,8 @@ asked for."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompareResult:
-    """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm.
-
-    The summaries have one entry an operation.
+    """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm; the
+    summaries have one entry an operation.
     """
 
     ids: tuple[str, ...]
@@ -120,6 +119,7 @@ def compare(
         holes = dict(zip(known, features.one_way.ms_between.tolist(), strict=False))
         lengths = _compared(long, predictions, partial(length_rows, part=part), k, holes)
     features, lengths = judged(features, lengths)
+    kinds = [features] if lengths is None else [features, lengths]
     seen = np.unique(points.feature)
     return CompareResult(
         ids=tuple(points.features[i] for i in seen),
@@ -130,7 +130,7 @@ def compare(
         length_summaries=() if lengths is None else summarised(lengths, "lengths"),
         datum=datum,
         coverage_factor=k,
-        warnings=(*warnings, *noted, *_warnings(model, part, points, tables, features, lengths)),
+        warnings=(*warnings, *noted, *_warnings(model, part, points, tables, kinds)),
     )
 
 
@@ -241,8 +241,7 @@ def predict_operations(
 def _errors(model: MachineModel, places: FloatArray, values: Values) -> FloatArray:
     """J theta + remainder (n, a), mm."""
     rows = design(model, places, values)
-    found: FloatArray = (rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
-    return found
+    return np.asarray(rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
 
 
 def _mean(values: FloatArray, first: IntArray, of: IntArray) -> tuple[FloatArray, bool]:
@@ -258,19 +257,18 @@ def _warnings(
     part: LoadedPart,
     points: Points,
     tables: MeasuredTables,
-    features: Compared,
-    lengths: Compared | None,
+    kinds: list[Compared],
 ) -> list[Finding]:
     """All warnings on the items; `tables` are those of the features."""
-    kinds = [features] if lengths is None else [features, lengths]
     without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
     aside = "the points are not compared there, and lengths have no predicted error along it"
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
+    lengths = kinds[1].labels if len(kinds) > 1 else ()
     found = [
         *_sign(kinds),
         *not_measured(model.axes, points),
         *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
-        *missing_entries("length", part.part.lengths, lengths.labels if lengths else ()),
+        *missing_entries("length", part.part.lengths, lengths),
     ]
     if missing:
         found.append(finding("not-measured", names=missing, reason="not among the points"))
@@ -280,6 +278,40 @@ def _warnings(
     known = np.array([present[operation == i].any(axis=0) for i in np.unique(operation)])
     found += missing_cells(tables, ~present & known[operation], "measurements")
     return found + _items(kinds)
+
+
+def _items(kinds: list[Compared]) -> list[Finding]:
+    """What parts, repeats and predictions are too few for, item by item."""
+    parts, repeats, u, s_part = (
+        np.concatenate(each)
+        for each in zip(
+            *((x.one_way.parts, x.one_way.df_within, x.predicted.u, x.s_part) for x in kinds),
+            strict=True,
+        )
+    )
+    untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
+    withheld = np.array([held for kind in kinds for held in kind.withheld])
+    few = parts < FEWEST_PARTS
+    scatter = "means are judged by the predicted scatter, and one that is off may be scatter"
+    cmm = "MS_between contains the scatter of the CMM, which is not predicted"
+    nothing = "no scatter is measured and none predicted"
+    hopeless = "of so few passes or parts ten times the predicted scatter would pass"
+    least = int(parts.min(initial=FEWEST_PARTS))
+    cases: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
+        ("few-parts", few, {"parts": least, "consequence": scatter}),
+        ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
+        ("not-tested", untested, {"what": "the difference", "reason": nothing}),
+        ("not-tested", withheld, {"what": "the scatter", "reason": hopeless}),
+    )
+    found = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
+    ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
+    for rows, quantity, reason in (
+        (~(u > 0), "ratios to the predicted scatter", "no uncertainty is predicted"),
+        ((s_part == 0) & (parts > 1), "the parts' share of MS_between", "they do not scatter"),
+    ):
+        if names := [*dict.fromkeys(ids[rows])]:
+            found.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
+    return found
 
 
 def _sign(kinds: list[Compared]) -> list[Finding]:
@@ -297,39 +329,3 @@ def _sign(kinds: list[Compared]) -> list[Finding]:
     now, after = (float(((e[known] / u[known]) ** 2).sum()) for e in (bias, bias + 2 * mean))
     turned = after <= (1 - TURNED) * now
     return [finding("sign-turned", percent=100 * (1 - after / now))] if turned else []
-
-
-def _items(kinds: list[Compared]) -> list[Finding]:
-    """What parts, repeats and predictions are too few for, item by item."""
-    parts = np.concatenate([kind.one_way.parts for kind in kinds])
-    repeats = np.concatenate([kind.one_way.df_within for kind in kinds])
-    exact = np.concatenate([~(kind.predicted.u > 0) for kind in kinds])
-    alike = np.concatenate([kind.s_part == 0 for kind in kinds]) & (parts > 1)
-    untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
-    withheld = np.array([held for kind in kinds for held in kind.withheld])
-    few = (parts > 1) & (parts < FEWEST_PARTS)
-    least = int(parts[few].min(initial=FEWEST_PARTS))
-    by_prediction = "a bias is judged by the predicted scatter"
-    too_few = (
-        f"{FEWEST_PARTS} are needed to measure the scatter: means are judged by the predicted one, "
-        "and one that is off may be scatter"
-    )
-    cmm = "MS_between contains the scatter of the CMM, which is not predicted"
-    nothing = "no scatter is measured and none predicted"
-    hopeless = "of so few passes or parts ten times the predicted scatter would pass"
-    cases: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
-        ("few-parts", parts == 1, {"parts": 1, "consequence": by_prediction}),
-        ("few-parts", few, {"parts": least, "consequence": too_few}),
-        ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
-        ("not-tested", untested, {"what": "the difference", "reason": nothing}),
-        ("not-tested", withheld, {"what": "the scatter", "reason": hopeless}),
-    )
-    found = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
-    ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
-    for rows, quantity, reason in (
-        (exact, "ratios to the predicted scatter", "no uncertainty is predicted"),
-        (alike, "the parts' share of MS_between", "the parts do not scatter"),
-    ):
-        if names := [*dict.fromkeys(ids[rows])]:
-            found.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
-    return found

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import inf
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -33,11 +33,7 @@ FAULTS: tuple[Verdict, ...] = ("under-predicted", "biased", "over-predicted")
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 JOINT_SHARE = 0.2
 """Of that rate what the pooled tests of all features of an operation may take."""
-RANGES = (
-    *("ratio_u", "ratio_range", "ratio_scatter", "paper_ratio_u", "paper_ratio_range"),
-    *("bias", "ms_share"),
-)
-
+FAULTY = ("biased", "under_predicted", "over_predicted")
 Answers = tuple[bool | None, ...]
 """One an item; None where it was not tested."""
 FEWEST_PARTS = 5
@@ -445,42 +441,27 @@ def _judged(kind: Compared, p: FloatArray, withheld: BoolArray) -> Compared:
     )
 
 
-class Range(NamedTuple):
-    """The least, the median and the largest of the values that are known."""
-
-    least: float
-    median: float
-    largest: float
-
-    @property
-    def ends(self) -> tuple[float, float]:
-        """The least and the largest."""
-        return self.least, self.largest
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Summary:
-    """The items of one operation, features or lengths (`kind`): how many have which verdict and
-    fault, and the ranges of their figures.
+    """The items of one operation, features or lengths (`kind`).
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted` and
-    `over_predicted` every fault. `bias_tested` and `scatter_tested` items could be judged at all,
-    `not_tested` ones in neither. `ranges` are, where any value is known, those of RANGES, of
-    `ratio_scatter` of the items under- and over-predicted (`under_factor`, `over_factor`), of
-    |bias| of the biased (`bias_size`, mm), and of `n0`. `pooled`: None where it was not tested.
+    `over_predicted` every fault; `bias_tested`, `scatter_tested` the items that could be judged.
+    `ranges` are the least and the largest known of the ratios of u, range and scatter, of
+    `ratio_scatter` of the items under- and over-predicted (`under_factor`, `over_factor`) and of
+    |bias| of the biased (`bias_size`, mm). `pooled`: None where it was not tested.
     """
 
     kind: str
     operation: str
     items: int
     verdicts: dict[Verdict, int]
-    not_tested: int
     bias_tested: int
     scatter_tested: int
     biased: int
     under_predicted: int
     over_predicted: int
-    ranges: Mapping[str, Range]
+    ranges: Mapping[str, tuple[float, float]]
     pooled: Pooled | None
 
     @property
@@ -500,29 +481,27 @@ def summarised(found: Compared, kind: str = "features") -> tuple[Summary, ...]:
 def _summary(found: Compared, kind: str, operation: str) -> Summary:
     rows = [i for i, label in enumerate(found.labels) if label[0] == operation]
     verdicts = [found.verdicts[i] for i in rows]
-    names = ("biased", "under_predicted", "over_predicted")
-    answers = {name: [getattr(found, name)[i] for i in rows] for name in names}
-    biased, under, over = (np.array([x is True for x in each]) for each in answers.values())
-    values = {name: getattr(found, name)[rows] for name in RANGES}
-    scatter = values["ratio_scatter"]
-    values |= {"under_factor": scatter[under], "over_factor": scatter[over]}
-    values |= {"bias_size": np.abs(values["bias"][biased]), "n0": found.one_way.n0[rows]}
+    faulty = {x: np.array([getattr(found, x)[i] is True for i in rows]) for x in FAULTY}
+    scatter = found.ratio_scatter[rows]
+    values = {
+        "ratio_u": found.ratio_u[rows],
+        "ratio_range": found.ratio_range[rows],
+        "ratio_scatter": scatter,
+        "under_factor": scatter[faulty["under_predicted"]],
+        "over_factor": scatter[faulty["over_predicted"]],
+        "bias_size": np.abs(found.bias[rows][faulty["biased"]]),
+    }
     known = {name: each[np.isfinite(each)] for name, each in values.items()}
     return Summary(
         kind=kind,
         operation=operation,
         items=len(rows),
         verdicts={name: verdicts.count(name) for name in VERDICTS},
-        not_tested=verdicts.count(None),
-        bias_tested=len(rows) - answers["biased"].count(None),
-        scatter_tested=len(rows) - answers["under_predicted"].count(None),
-        biased=int(biased.sum()),
-        under_predicted=int(under.sum()),
-        over_predicted=int(over.sum()),
-        ranges={
-            name: Range(float(each.min()), float(np.median(each)), float(each.max()))
-            for name, each in known.items()
-            if len(each)
-        },
+        bias_tested=sum(found.biased[i] is not None for i in rows),
+        scatter_tested=sum(found.under_predicted[i] is not None for i in rows),
+        biased=int(faulty["biased"].sum()),
+        under_predicted=int(faulty["under_predicted"].sum()),
+        over_predicted=int(faulty["over_predicted"].sum()),
+        ranges={name: (float(x.min()), float(x.max())) for name, x in known.items() if len(x)},
         pooled=next((item for item in found.pooled if item.operation == operation), None),
     )

@@ -118,7 +118,8 @@ def test_a_bias_shows_beside_scatter() -> None:
     assert (summary.biased, summary.under_predicted) == (len(x), 2 * len(x))
     assert summary.verdicts["biased"] == 0
     # 20 um beside the machine's own scatter of some 4 um, from 21 parts.
-    assert 2.5 < summary.ranges["under_factor"].least < summary.ranges["under_factor"].largest < 10
+    low, high = summary.ranges["under_factor"]
+    assert 2.5 < low < high < 10
 
 
 def test_shipped_parts_against_the_papers_ratios() -> None:
@@ -126,13 +127,15 @@ def test_shipped_parts_against_the_papers_ratios() -> None:
     files = [(DATA / "gilsinn-ling-parts" / f"{name}.csv", "cmm") for name in ("drilled", "milled")]
     result = compared(read_points(files, STUDY.part.part.places()))
     sampling = 1 / np.sqrt(2 * (PARTS - 1))
-    for summary, (low, high) in zip(result.length_summaries, ((4, 7), (2, 3)), strict=True):
-        assert summary.ranges["paper_ratio_range"].least > low * (1 - 2 * sampling)
-        assert summary.ranges["paper_ratio_range"].largest < high * (1 + 2 * sampling)
+    lengths, features = result.lengths, result.features
+    assert lengths is not None
+    for operation, (low, high) in (("drilled", (4, 7)), ("milled", (2, 3))):
+        ratios = lengths.paper_ratio_range[[x[0] == operation for x in lengths.labels]]
+        assert ratios.min() > low * (1 - 2 * sampling)
+        assert ratios.max() < high * (1 + 2 * sampling)
     # Components of variance: MS_between overstates the parts' scatter by about sqrt(n0) = 1.6.
-    for summary in result.feature_summaries:
-        assert summary.ranges["n0"].median == pytest.approx(2.544, abs=0.0005)
-        assert summary.ranges["ms_share"].median == pytest.approx(np.sqrt(2.544), rel=0.05)
+    assert np.median(features.one_way.n0) == pytest.approx(2.544, abs=0.0005)
+    assert np.median(features.ms_share) == pytest.approx(np.sqrt(2.544), rel=0.05)
 
 
 WARM = """
