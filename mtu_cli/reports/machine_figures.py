@@ -257,7 +257,7 @@ def _beside(panel: Axes, entries: list[tuple[Any, str]], title: str = "") -> Non
 def _shares(panel: Axes, item: ComponentDrift) -> None:
     """The rms contribution of every sensor."""
     unit, size = item.rms_unit, item.rms_size
-    names = [share.sensor for share in item.by_share]
+    names = item.by_share
     drawn = names[:SENSORS]
     parts = [item.shares.get(name, 0.0) / size for name in drawn]
     alike = [f"\nand {len(item.twins(name))} alike" * bool(item.twins(name)) for name in drawn]

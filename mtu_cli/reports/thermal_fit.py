@@ -59,10 +59,6 @@ COMPONENT = """
             cycle | | its name
             rms_before_UNIT | before | rms of the drift
             rms_after_UNIT | after | rms of the residuals
-    candidates[]
-        model | | kind of model
-        degree | | of its polynomial in position
-        rms_held_out_UNIT | held_out | rms of its held-out residuals
     position_test.
         F | | variance ratio of the dependence on position
         p | | p that there is none
@@ -71,9 +67,6 @@ COMPONENT = """
     residuals.normality_p | | p that they are normal (D'Agostino & Pearson)
     residuals.lag1_autocorrelation | residuals.lag1 | from reading to reading
     residuals.n_effective | residuals.effective | independent readings
-    shares[] | by_share
-        sensor | | name of the sensor
-        rms_UNIT | rms | rms of its part of the modelled drift
     at_positions[]
         position_mm | position | observed position; null: the same at all
         gradients_UNIT_per_degC | gradients | of the model, by sensor | -, unit=UNIT
@@ -85,10 +78,6 @@ COMPONENT = """
                 it as they did | -, unit=UNIT
             u_UNIT_per_degC | u | its standard uncertainty | -, unit=UNIT
             interval95_UNIT_per_degC | interval | that holds it at 95 % | -, unit=UNIT
-    intercepts[]
-        position_mm | position | observed position; null: the same at all
-        cycle | | of a zeroed probe; null: of all cycles
-        intercept_UNIT | value | drift at the reference temperature
 """
 
 
@@ -141,9 +130,8 @@ ROW = declare(
 
 def _leading(item: ComponentDrift) -> str:
     """A sensor T_spindle_degC is spindle."""
-    shares = item.by_share
-    names = [x.sensor.removeprefix("T_").removesuffix("_degC") for x in shares[:LEADING]]
-    return ", ".join([*names, *(["..."] if len(shares) > LEADING else [])])
+    names = [name.removeprefix("T_").removesuffix("_degC") for name in item.by_share]
+    return ", ".join([*names[:LEADING], *(["..."] if len(names) > LEADING else [])])
 
 
 MODEL = declare(
@@ -169,16 +157,6 @@ MODEL = declare(
     """,
     leading=_leading,
 )
-TRIED = declare(
-    """
-    - | 0.name | | component, text
-    - | 0.rms_unit | | unit, text
-    - | 1.model | | model, text
-    - | 1.degree | | degree, count
-    - | 1.held_out | | held-out rms, sig3, size=0.rms_size, mark=chosen()
-    """,
-    chosen=lambda pair: "*" if pair[0].chosen(pair[1]) else "",
-)
 
 
 def document(fit: ThermalFit, digits: int = 2) -> Document:
@@ -198,9 +176,6 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     models = Table(
         "Thermal models", ROW, gradients, footer, [note], shown=items, shown_fields=MODEL
     )
-    pairs = [(item, each) for item in items for each in item.candidates]
-    footer = "* chosen by the scores within the other cycles; -: not tried in every fold"
-    tried = Table("Models tried", TRIED, pairs, footer, detail=True)
     footer = (
         "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
         "separable: known together only (warnings)"
@@ -209,7 +184,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     notes = [f"{listed(group)} move alike and share their drift" for group in alike]
     rows = [each for each in gradients if each.sensor is not None]
     sensors = Table("Gradients of the sensors", ROW, rows, footer, notes, detail=True)
-    tables, figure = [models, tried, sensors], partial(machine_figures.drift, fit)
+    tables, figure = [models, sensors], partial(machine_figures.drift, fit)
     return Document("Thermal models", (RESULTS, fit), tables, figure, _verdict(items), digits)
 
 

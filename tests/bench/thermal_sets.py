@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.analyses.thermal_fit import thermal_fit
+from mtu_cli.analyses.thermal_fit import METHODS, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ThermalFit
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
@@ -118,9 +118,9 @@ def zeroed(readings: Readings) -> Readings:
     return replace(readings, error=readings.error - readings.error[first][which])
 
 
-def fitted(readings: Readings) -> ThermalFit:
+def fitted(readings: Readings, method: str = "auto") -> ThermalFit:
     """As the command fits it."""
-    return thermal_fit(readings, {"d": (None, "um")}, reference=20.0)
+    return thermal_fit(readings, {"d": (None, "um")}, reference=20.0, method=method)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,19 +142,19 @@ def seen(rng: np.random.Generator, kind: Kind) -> Seen:
     """One set, fitted."""
     readings, truth = drift_test(rng, kind)
     free = fitted(readings).components["d"] if kind.zeroed else None
-    item = fitted(zeroed(readings) if kind.zeroed else readings).components["d"]
+    given = zeroed(readings) if kind.zeroed else readings
+    item = fitted(given).components["d"]
     assert item.held_out is not None
     own = item.at_positions[0]
     by_name = dict(zip(NAMES, 1e-3 * truth, strict=True))
     covered, common = [], []
     for sensor, interval in own.intervals.items():
-        if own.separable(sensor) and interval is not None:
+        apart = not any(sensor in group.sensors for group in own.inseparable)
+        if apart and interval is not None:
             low, high = interval
             covered.append(bool(low <= by_name[sensor] <= high))
-    singles: dict[str, float] = {}
-    for each in item.candidates:
-        assert each.held_out is not None
-        singles[each.model] = each.held_out
+    singles = [fitted(given, each).components["d"].held_out for each in METHODS[1:]]
+    least = min(each.after for each in singles if each is not None)
     after = item.held_out.after
     T = np.column_stack([readings.covariates[name].astype(float) for name in NAMES])
     for c in range(kind.cycles):
@@ -171,7 +171,7 @@ def seen(rng: np.random.Generator, kind: Kind) -> Seen:
         inseparable=bool(own.inseparable),
         common=tuple(common),
         to_unzeroed=after / free.held_out.after if free and free.held_out else float("nan"),
-        to_single=after / min(singles.values()),
+        to_single=after / least,
         offsets=item.zeroed.offsets,
         model=item.model,
     )

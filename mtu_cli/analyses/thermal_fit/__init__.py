@@ -7,13 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import choose, held_out, lags_sought, position_test
+from mtu_cli.analyses.thermal_fit.choice import choose, held_out, position_test
 from mtu_cli.analyses.thermal_fit.gradients import gradients
 from mtu_cli.analyses.thermal_fit.models import Fitted, Library, Spec, centred, fit, library
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
-    Intercept,
     PositionTest,
     Residuals,
     ThermalFit,
@@ -94,7 +93,7 @@ def _chosen(lib: Library, method: str) -> tuple[Fitted, PositionTest | None]:
         levels = rows.levels
         what = "a level" if levels == 1 else f"a level at each {where} ({levels})"
         raise _too_few(series, f"{what} and the gradient of one sensor", f"at least {levels + 2}")
-    spec = choose(lib, lib.blocks, method)[0].spec
+    spec = choose(lib, lib.blocks, method)
     test = position_test(lib, spec)
     if len(series.cycles) < 2 and test is not None and test.p < 0.05:
         spec = Spec(kind=spec.kind, degree=lib.most_degree, lags=spec.lags)
@@ -124,12 +123,11 @@ def _component(
     G = np.array([found.gradient(p) for p in range(len(series.positions))])
     modelled = np.sum(lib.Z[:, found.columns[1:-1]] * G[series.place], axis=1)
     starts = series.piece_starts if lib.zeroed.offsets else series.place_starts
-    residual, levels = about_means(series.y - modelled, starts)
+    residual, _ = about_means(series.y - modelled, starts)
     drift, _ = about_means(series.y, starts)
     before, after = float(np.mean(drift**2)), float(np.mean(residual**2))
     lag1 = found.autocorrelation(rows)
     number = effective_number(rows.n, lag1)
-    evidence, candidates = held_out(lib, method)
     condition, vif = _collinearity(found)
     squares = found.group_shares(rows)
     sensor_u = sensor_noise(series)
@@ -145,8 +143,7 @@ def _component(
         r2_fit=float("nan") if series.still else 1 - after / before,
         rms_before=float(np.sqrt(before)),
         rms_after=float(np.sqrt(after)),
-        held_out=evidence,
-        candidates=candidates,
+        held_out=held_out(lib, method),
         position_test=test,
         condition=condition,
         vif=vif,
@@ -157,17 +154,8 @@ def _component(
             if squares[j] > 0
         },
         at_positions=gradients(found, sensor_u),
-        intercepts=tuple(
-            Intercept(
-                series.positions[series.place[i]],
-                level,
-                series.cycles[series.cycle[i]] if lib.zeroed.offsets else None,
-            )
-            for i, level in zip(starts.tolist(), levels.tolist(), strict=True)
-        ),
         zeroed=lib.zeroed,
         curves=_curves(series, series.y - residual),
-        without_lag=method == "lagged" and lags_sought(lib) and not any(spec.lags),
     )
 
 

@@ -22,7 +22,7 @@ from mtu_cli.analyses.thermal_fit.models import (
     fit,
     fits,
 )
-from mtu_cli.analyses.thermal_fit.result import Candidate, CycleRms, HeldOut, PositionTest
+from mtu_cli.analyses.thermal_fit.result import CycleRms, HeldOut, PositionTest
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -76,8 +76,8 @@ def _best(lib: Library, blocks: Blocks, kind: str, spec: Spec) -> Scored:
     return Scored(kind, replace(spec, penalty=float(penalties[i])), float(total[i]))
 
 
-def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, list[Scored]]:
-    """The best spec of a method ("auto": of all kinds), and all that were compared.
+def choose(lib: Library, blocks: Blocks, method: str) -> Spec:
+    """The best spec of a method ("auto": of all kinds).
 
     Without a second block nothing can be held out: the paper's stepwise selection is taken (or
     the kind asked for, as ordinary least squares), of the degree that the caller settles.
@@ -90,7 +90,7 @@ def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, list[Scor
             tried += _lagged(lib, blocks)
     tried = tried or _by_degree(lib, blocks, "ridge")
     if len(blocks) < 2:
-        return tried[0], tried
+        return tried[0].spec
     # Of models that are alike but for rounding the first.
     least = min(item.score for item in tried) * (1 + ALIKE)
     best = next(item for item in tried if item.score <= least)
@@ -99,12 +99,7 @@ def choose(lib: Library, blocks: Blocks, method: str) -> tuple[Scored, list[Scor
     simple = min(without, key=lambda item: item.score, default=best)
     if best.score >= (1 - LAG_WORTH) * simple.score:
         best = simple
-    return _simplest([item for item in tried if item.kind == best.kind]), tried
-
-
-def lags_sought(lib: Library) -> bool:
-    """Whether there are lags to choose from, and cycles to choose them by."""
-    return bool(lib.groups) and len(lib.time_constants) > 1 and len(lib.blocks) > 1
+    return _simplest([item for item in tried if item.kind == best.kind]).spec
 
 
 def _by_degree(
@@ -173,28 +168,22 @@ def _improved(
     return best
 
 
-def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate, ...]]:
+def held_out(lib: Library, method: str) -> HeldOut | None:
     """Every cycle predicted by a model chosen and fitted on the others alone.
 
     Where there are many, blocks of them (see `Library.blocks`). None with fewer than three
-    cycles, or without a sensor. The candidates' figures are of the best of their kind and degree
-    on each fold's other cycles, so that they are held out as well; None for what was not tried in
-    every fold, because other cycles are another measure.
+    cycles, or without a sensor.
     """
     if len(lib.blocks) < FEWEST_NESTED or not lib.groups:
-        return None, ()
+        return None
     least, n = 0.0, lib.all_rows.n
     by_cycle: list[CycleRms] = []
-    tried: dict[tuple[str, int], list[float]] = {}
     totals = np.zeros(2)
     ordinary = Spec(kind="ridge", degree=lib.most_degree, lags=(0,) * len(lib.groups))
     for block, (rows, held) in zip(lib.blocks, _folds(lib, lib.blocks), strict=True):
-        best, candidates = choose(lib, [other for other in lib.blocks if other != block], method)
-        for item in candidates:
-            loss = float(fit(lib, rows, item.spec).sum_of_squares(held))
-            tried.setdefault((item.kind, item.spec.degree), []).append(loss)
+        best = choose(lib, [other for other in lib.blocks if other != block], method)
         least += float(fit(lib, rows, ordinary).sum_of_squares(held))
-        both = constant(lib, rows, best.spec), fit(lib, rows, best.spec)
+        both = constant(lib, rows, best), fit(lib, rows, best)
         for cycle in block:
             own = lib.rows([cycle])
             losses = np.array([float(fitted.sum_of_squares(own)) for fitted in both])
@@ -202,21 +191,13 @@ def held_out(lib: Library, method: str) -> tuple[HeldOut | None, tuple[Candidate
             by_cycle.append(CycleRms(lib.series.cycles[cycle], before, after))
             totals += losses
     before, after = np.sqrt(totals / n).tolist()
-    found = HeldOut(
+    return HeldOut(
         before=before,
         after=after,
         ordinary=float(np.sqrt(least / n)),
         r2=1 - float(totals[1] / totals[0]) if before > 0 else float("nan"),
         cycles=tuple(by_cycle),
         blocks=len(lib.blocks),
-    )
-    return found, tuple(
-        Candidate(
-            model=kind,
-            degree=degree,
-            held_out=float(np.sqrt(sum(x) / n)) if len(x) == len(lib.blocks) else None,
-        )
-        for (kind, degree), x in tried.items()
     )
 
 

@@ -16,21 +16,6 @@ NOT_ZEROED = Zeroed(offsets=False, by="setting")
 Interval = tuple[float, float]
 
 
-class Intercept(NamedTuple):
-    """What the readings show at the reference temperature, in one cycle or in all (None)."""
-
-    position: float | None
-    value: float
-    cycle: str | None = None
-
-
-class Share(NamedTuple):
-    """Root mean square of a sensor's part of the modelled drift; None where its twin has it."""
-
-    sensor: str
-    rms: float | None
-
-
 class Residuals(NamedTuple):
     """Of the fitted readings: `normality_p` (D'Agostino & Pearson's K^2 on the effective
     number), `lag1` autocorrelation, `effective` number of independent residuals.
@@ -84,17 +69,7 @@ class HeldOut:
         return 1.0 - self.after / self.before if self.before > 0 else float("nan")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """A model that was tried: its held-out root mean square, None where it is undefined."""
-
-    model: str
-    degree: int
-    held_out: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PositionTest:
+class PositionTest(NamedTuple):
     """Whether the drift depends on position: F and its p."""
 
     F: float
@@ -127,10 +102,6 @@ class Gradients:
     by: dict[str, str] = field(default_factory=dict)
     inseparable: tuple[Inseparable, ...] = ()
 
-    def separable(self, sensor: str) -> bool:
-        """Whether the readings tell the gradient of a sensor from that of all others."""
-        return not any(sensor in group.sensors for group in self.inseparable)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentDrift:
@@ -139,7 +110,6 @@ class ComponentDrift:
     `groups` are sensors that move alike (|r| >= 0.999), the first of each standing
     for all; `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of
     the model; `shares` (by sensor) the root mean square of its part of the modelled drift.
-    `without_lag`: lags were asked for and sought, and none was worth it; the `model` is ridge.
     """
 
     name: str
@@ -154,17 +124,14 @@ class ComponentDrift:
     rms_before: float
     rms_after: float
     held_out: HeldOut | None
-    candidates: tuple[Candidate, ...]
     position_test: PositionTest | None
     condition: float
     vif: dict[str, float | None]
     residuals: Residuals
     shares: dict[str, float]
     at_positions: tuple[Gradients, ...]
-    intercepts: tuple[Intercept, ...]
     curves: tuple[Curve, ...]
     zeroed: Zeroed = NOT_ZEROED
-    without_lag: bool = False
 
     @property
     def size(self) -> float:
@@ -187,19 +154,13 @@ class ComponentDrift:
         return UM if self.unit.dimension == LENGTH else ARCSEC
 
     @property
-    def by_share(self) -> tuple[Share, ...]:
+    def by_share(self) -> list[str]:
         """The sensors of the model, the one with the largest part of the drift first."""
-        shares = [Share(name, self.shares.get(name)) for name in self.estimate.sensors]
-        return tuple(sorted(shares, key=lambda share: -(share.rms or 0.0)))
+        return sorted(self.estimate.sensors, key=lambda name: -self.shares.get(name, 0.0))
 
     def twins(self, sensor: str) -> tuple[str, ...]:
         """The other sensors that `sensor` stands for."""
         return next((group[1:] for group in self.groups if group[:1] == (sensor,)), ())
-
-    def chosen(self, candidate: Candidate) -> bool:
-        """Whether a candidate is the model; without a lag a lagged model is ridge."""
-        kind = "lagged" if self.without_lag else self.model
-        return (kind, self.estimate.degree) == (candidate.model, candidate.degree)
 
     @property
     def gradients(self) -> Iterator[SensorGradient]:
@@ -218,7 +179,7 @@ class ComponentDrift:
                     u=at.u.get(sensor, model.gradient_u(i, at.position or 0.0)),
                     interval=at.intervals.get(sensor),
                     by=at.by.get(sensor),
-                    separable=at.separable(sensor),
+                    separable=not any(sensor in group.sensors for group in at.inseparable),
                     share=self.shares.get(sensor),
                     lag=float(model.time_constants[i]),
                     vif=self.vif.get(sensor),

@@ -9,16 +9,11 @@ import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED
 from mtu_cli.analyses.thermal_fit.models import Library
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, HeldOut
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.findings import Finding, finding
 from mtu_cli.stats.residuals import FEWEST_FOR_NORMALITY
 
 OVER_FIT = 2.0
-LEAST_GAIN, GAIN_P = 0.05, 0.05
-"""Fall of the held-out rms from which on a model is of use whatever its cycles' scatter, and the
-level at which a smaller one is told from none."""
-FAR = 1.0
-"""degC beyond the reference from which on it counts as not read."""
 
 
 def thermal_warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
@@ -33,7 +28,6 @@ def thermal_warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterat
         reason = f"it was read at {drift.positions[0]:g} mm only, and is taken as the same"
         what = f"the drift along {axis}"
         yield finding("not-tested", what=what, items=name, component=name, reason=reason)
-    yield from _of_reference(drift)
     if not drift.estimate.sensors:
         reason = "none explains the drift"
         reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""
@@ -98,27 +92,9 @@ def _without_lags(lib: Library, drift: ComponentDrift, method: str) -> str | Non
         return "no times are given" if untimed else "the times do not run on within the cycles"
     if method == "lagged" and len(drift.cycles) < 2:
         return "lags are chosen on held-out cycles, and there is one; the model is ridge"
-    if drift.without_lag:
+    if method == "lagged" and lib.groups and drift.model != "lagged":
         return "no time constant lowers the held-out error enough; the model is ridge"
     return None
-
-
-def _of_reference(drift: ComponentDrift) -> Iterator[Finding]:
-    """Drift that was zeroed far from the reference: its zero is extrapolated."""
-    span, reference = drift.estimate.temperature_range, drift.estimate.reference
-    if span is None or not len(span):
-        return
-    beyond = (span[:, 0] > reference + FAR) | (span[:, 1] < reference - FAR)
-    if beyond.mean() > 0.5:
-        yield finding(
-            "outside-measured-range",
-            component=drift.name,
-            what=f"the reference of {reference:g} degC",
-            names=[f"the sensors of {drift.name}"],
-            low=float(span[:, 0].min()),
-            high=float(span[:, 1].max()),
-            unit="degC",
-        )
 
 
 def _of_held_out(drift: ComponentDrift) -> Iterator[Finding]:
@@ -135,21 +111,3 @@ def _of_held_out(drift: ComponentDrift) -> Iterator[Finding]:
         yield finding("over-fit", component=name, fitted=fitted, held_out=held_out)
     if held.after > held.before:
         yield finding("no-better", component=name, effect="increase the rms")
-    elif drift.estimate.sensors and held.reduction < LEAST_GAIN and not _consistent(held):
-        effect = f"reduce the rms by {100 * held.reduction:.2g} % only, within its scatter"
-        yield finding("no-better", component=name, effect=effect)
-
-
-def _consistent(held: HeldOut) -> bool:
-    """Whether the cycles gain beyond their scatter: Student's t of ln(before/after), one-sided.
-
-    Ratios, because a cycle of large drift would be all that differences of squares show.
-    """
-    from scipy.special import stdtrit
-
-    before, after = np.array([own[1:] for own in held.cycles]).T
-    if not (before > 0).all() or not (after > 0).all():
-        return True
-    gain = np.log(before / after)
-    n, s = len(gain), float(np.std(gain, ddof=1))
-    return float(gain.mean() * np.sqrt(n)) > float(stdtrit(n - 1, 1 - GAIN_P)) * s

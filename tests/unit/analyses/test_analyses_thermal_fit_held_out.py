@@ -52,18 +52,12 @@ PLANS = {
 def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) -> None:
     found = PLANS[name].read(np.random.default_rng(31))
     drift = one(found, kind)
-    total, by_cycle, by_degree = held_out_errors(table(found), kind)
+    total, by_cycle, _ = held_out_errors(table(found), kind)
     assert drift.held_out is not None
     assert drift.held_out.after / UM == pytest.approx(total, rel=ROUNDING)
     assert [after / UM for _, _, after in drift.held_out.cycles] == pytest.approx(
         by_cycle, rel=ROUNDING
     )
-    tried = {item.degree: item.held_out for item in drift.candidates}
-    assert {item.model for item in drift.candidates} == {kind}
-    assert set(tried) == {0, 1, 2}
-    for degree, value in tried.items():
-        assert value is not None
-        assert value / UM == pytest.approx(by_degree[degree], rel=ROUNDING)
 
 
 def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
@@ -73,7 +67,7 @@ def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
     sizes = [2, 3, 2, 3]
     blocks = replace(table(found), cycle=np.repeat(np.arange(4), sizes)[found.cycle])
-    total, by_block, by_degree = held_out_errors(blocks, "ridge")
+    total, by_block, _ = held_out_errors(blocks, "ridge")
     drift = one(found, "ridge")
     assert drift.held_out is not None
     assert drift.held_out.blocks == 4
@@ -81,9 +75,6 @@ def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     squares = np.array([after / UM for _, _, after in drift.held_out.cycles]) ** 2
     means = [part.mean() for part in np.split(squares, np.cumsum(sizes)[:-1])]
     assert np.sqrt(means) == pytest.approx(np.array(by_block), rel=ROUNDING)
-    for item in drift.candidates:
-        assert item.held_out is not None
-        assert item.held_out / UM == pytest.approx(by_degree[item.degree], rel=ROUNDING)
 
 
 @pytest.mark.parametrize(("cycles", "blocks"), [(12, 12), (13, 12), (40, 12)])
@@ -238,7 +229,6 @@ def test_who_asks_for_lags_is_told_that_none_is_found(
     found = lagged_plan((lag,), 35, cycles)
     result = thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
     drift = result.components["p"]
-    assert drift.without_lag is told
     reasons = [
         item.facts["reason"] for item in result.warnings if item.code == "no-effect-of-temperature"
     ]

@@ -8,13 +8,11 @@ from itertools import product
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.result import (
-    Candidate,
     ComponentDrift,
     Curve,
     CycleRms,
     Gradients,
     HeldOut,
-    Intercept,
     PositionTest,
     Residuals,
     ThermalFit,
@@ -40,12 +38,6 @@ GRADIENTS = np.array(
 """um per degC of each sensor at each position."""
 LAGS = np.array([0.0, 12.0, 40.0, 0.0, 0.0])
 CYCLES = ("Mon-up", "Mon-down", "Tue-up", "Tue-down")
-TRIED: dict[str, tuple[float | None, ...]] = {
-    "stepwise": (14.1, 9.31, 2.4, 0.52),
-    "ridge": (14.0, 9.2, 2.3, None),
-    "lagged": (13.8, 9.01, 2.1, 0.305),
-}
-"""um on held-out cycles, by degree."""
 READINGS = 60
 MINUTES = 190.0
 
@@ -118,11 +110,6 @@ def cubic() -> ComponentDrift:
             ),
             blocks=len(CYCLES),
         ),
-        candidates=tuple(
-            Candidate(model=model, degree=d, held_out=None if value is None else value * f)
-            for model, values in TRIED.items()
-            for d, value in enumerate(values)
-        ),
         position_test=PositionTest(F=812.4, p=1e-40), condition=184.2,
         vif={"T_01_degC": 41.0, "T_02_degC": 812.3, "T_spindle_degC": 77.5, "T_05_degC": 12.1,
              "T_room_degC": None},
@@ -130,7 +117,6 @@ def cubic() -> ComponentDrift:
         shares={"T_01_degC": 9.1 * f, "T_02_degC": 44.0 * f, "T_spindle_degC": 38.2 * f,
                 "T_05_degC": 13.0 * f, "T_room_degC": 0.81 * f},
         at_positions=gradients,
-        intercepts=tuple(Intercept(p, 0.1 * i * f) for i, p in enumerate(POSITIONS)),
         curves=curves(estimate, POSITIONS, 0.25 * f),
     )  # fmt: skip
 
@@ -154,12 +140,10 @@ def constant(name: str = "yaw_y", *, held_out: bool = True) -> ComponentDrift:
             blocks=4)
         if held_out
         else None,
-        candidates=(Candidate(model="stepwise", degree=0, held_out=0.24 * f),) if held_out else (),
         position_test=None, condition=8.3, vif={"T_01_degC": 4.1, "T_02_degC": 4.1},
         residuals=Residuals(normality_p=None, lag1=0.61, effective=14.6),
         shares={"T_01_degC": 11.9 * f, "T_02_degC": 4.6 * f},
         at_positions=(Gradients(None, {"T_01_degC": 2.81 * f, "T_02_degC": -1.1 * f}),),
-        intercepts=(Intercept(None, 0.02 * f),),
         curves=tuple(x for x in curves(estimate, (None,), 0.2 * f) if x.cycle in cycles),
     )  # fmt: skip
 
