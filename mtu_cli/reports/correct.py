@@ -1,7 +1,7 @@
 """The report of correct: points, diameters and lengths before and after.
 
 A correction is minus the modelled error; null along an axis that is not corrected. Of a size, `u`
-and `interval95_mm` are of the corrected size, `u_error_um`, `interval95_um` and `E_n` of its error
+and `interval95_mm` are of the corrected size, `u_error_um`, `interval95_um` of its error
 after, the calibration's uncertainty included. The u of a mean over repeats is that of one part,
 which repeats share. `point_scatter` is part of the u of corrected points and of sizes, not of that
 of a correction, which the machine alone makes.
@@ -69,7 +69,7 @@ SIZE = """
     *size
     *reference
     *error
-    reduction_percent | | 100 (1 - |after|/|before|)
+    reduction_percent | | 100 (1 - |after|/|before|) | reduction / %, fix1
     u_um | u | standard uncertainty of the corrected size
     U_um | U | expanded uncertainty k u
     dof_effective | dof | degrees of freedom of u; null: infinite
@@ -77,8 +77,6 @@ SIZE = """
     u_error_um | u_error | standard uncertainty of the error after
     interval95_um | error_interval95 | 95 % interval of the error after \
         | 95 % interval, interval, u=u_error
-    - | reduction_shown | | reduction / %, fix1
-    E_n | | error after over its expanded uncertainty (ISO 13528) | E_n, detail
     s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
     *form
     *calibration
@@ -164,15 +162,6 @@ FORM_LEFT = declare("""
     F | | ratio of the two mean squares | F, sig3
     p | | p that nothing else is left | p, p
 """)
-AXIS = declare("""
-    - | axis | | axis, text
-    - | points | | points, count
-    - | least | | least, u=u_mean, unit=um
-    - | mean | | mean, u=u_mean, unit=um
-    - | largest | | largest, u=u_mean, unit=um
-    - | u_mean | | u mean, unit=um
-    - | u_largest | | u largest, unit=um
-""")
 SIZES = {kind: size(kind) for kind in KINDS}
 
 
@@ -222,8 +211,6 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
         tables.append(Table(title, SIZES[kind], sizes, errors, notes, detail=detail))
     form = "mean form over the visits; explained: u of the model and scatter of the points"
     tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
-    by_axis = result.by_axis() if many else []
-    tables.append(Table("Corrections of the points", AXIS, by_axis, footer))
     figure, verdict = partial(part_figures.correct, result), _verdict(result)
     return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
 
@@ -257,5 +244,5 @@ def _verdict(result: CorrectResult) -> str:
             changes = "reduces" if rms[1] <= rms[0] else "increases"
             of = f"the rms error of {name} from {before} to {after} um"
             return f"Correction {changes} {of}{left}."
-    largest, axis = max((max(-x.least, x.largest), x.axis) for x in result.by_axis())
+    largest, axis = result.largest
     return f"The largest correction is {significant(largest / UM, 3)} um, along {axis}."

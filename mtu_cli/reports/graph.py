@@ -298,7 +298,6 @@ def grid(fields: Fields) -> Fields:
         unit | output.unit | unit of means and u
         chance | | whether the means are chances
         varied | | values of what is varied
-        unrelated | without | what is varied and has no effect
         grid[] | | *point
         formula.
             form | | u as a function of what is varied; in um for a length
@@ -308,7 +307,6 @@ def grid(fields: Fields) -> Fields:
                 a u of the Monte Carlo
             monte_carlo.expected_max_error_percent | expected_max_percent | largest difference \
                 that these alone would make
-            monte_carlo.p | p | p of the differences if the formula is true
     """
     return declare(text, output=lambda result: str(result.output), point=fields)
 

@@ -110,7 +110,6 @@ def test_the_figures_follow_from_each_other(document: dict[str, Any]) -> None:
         left = abs(error["after"]) / abs(error["before"])
         assert ring["reduction_percent"] == pytest.approx(100 * (1 - left))
         assert ring["u_error_um"] == pytest.approx(hypot(ring["u_um"], 0.5))
-        assert ring["E_n"] == pytest.approx(error["after"] / hypot(ring["U_um"], 1.0))
         low, high = ring["interval95_um"]
         assert (low + high) / 2 == pytest.approx(error["after"])
         # What is left is what u says, of an error of 13 um.

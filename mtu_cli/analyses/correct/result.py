@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from math import isfinite
 from typing import NamedTuple
@@ -32,18 +32,6 @@ class FeatureErrors(NamedTuple):
     places: FloatArray
     before: FloatArray
     after: FloatArray
-
-
-class AxisCorrections(NamedTuple):
-    """The corrections of `points` coordinates along an axis, mm: what is added to the measured."""
-
-    axis: str
-    points: int
-    least: float
-    mean: float
-    largest: float
-    u_mean: float
-    u_largest: float
 
 
 class SizeErrors(NamedTuple):
@@ -152,22 +140,20 @@ class CorrectResult:
         )
         return FeatureErrors(tuple(self.points.features[i] for i in seen), places, before, after)
 
-    def by_axis(self) -> tuple[AxisCorrections, ...]:
-        """The corrections along each of `axes`, summed up."""
-        summed = []
-        for axis in self.axes:
-            k = AXES.index(axis)
-            known = np.isfinite(self.error[:, k])
-            added, u = -self.error[known, k], self.u[known, k]
-            figures = (added.min(), added.mean(), added.max(), u.mean(), u.max())
-            summed.append(AxisCorrections(axis, len(u), *map(float, figures)))
-        return tuple(summed)
+    @property
+    def largest(self) -> tuple[float, str]:
+        """The largest correction, mm, and its axis."""
+        along = np.nan_to_num(np.abs(self.error)).max(axis=0)
+        i = int(along.argmax())
+        return float(along[i]), AXES[i]
 
 
 def _left(result: CorrectResult) -> Iterator[Finding]:
     """Figures that are not estimable, and errors and forms that the correction makes or leaves."""
     exact = [item for item in result.sizes if item.error[0] == 0]
-    yield from _not_estimable("reduction_percent", exact, "no error before the correction")
+    if names := [f"{item.id} of {item.part}" for item in exact]:
+        reason = "no error before the correction"
+        yield finding("not-estimable", quantity="reduction_percent", names=names, reason=reason)
     left = [item for item in result.by_size() if item.off]
     if left:
         worst = max(left, key=lambda item: abs(item.mean[1]) - item.half)
@@ -188,11 +174,3 @@ def _left(result: CorrectResult) -> Iterator[Finding]:
             rms_um=most.rms / UM,
             explained_um=most.explained / UM,
         )
-    sure = [item for item in result.sizes if item.u_error == 0]
-    yield from _not_estimable("E_n", sure, "its uncertainty is unknown")
-
-
-def _not_estimable(quantity: str, sizes: Sequence[Size], reason: str) -> Iterator[Finding]:
-    names = [f"{item.id} of {item.part}" for item in sizes]
-    if names:
-        yield finding("not-estimable", quantity=quantity, names=names, reason=reason)

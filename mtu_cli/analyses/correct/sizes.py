@@ -80,14 +80,10 @@ class Size:
         return self.size[1] - half, self.size[1] + half
 
     @property
-    def half_error(self) -> float:
-        """Half the width of `error_interval95`."""
-        return coverage_factor(PROBABILITY, self.dof_error) * self.u_error
-
-    @property
     def error_interval95(self) -> Sides:
         """The 95 % interval of the error after, the calibration's uncertainty included."""
-        return self.error[1] - self.half_error, self.error[1] + self.half_error
+        half = coverage_factor(PROBABILITY, self.dof_error) * self.u_error
+        return self.error[1] - half, self.error[1] + half
 
     @property
     def U(self) -> float:
@@ -95,23 +91,10 @@ class Size:
         return self.k * self.u
 
     @property
-    def E_n(self) -> float:  # ISO 13528
-        """The error after over its expanded uncertainty, k u and that of the calibration; nan
-        where neither is known (ISO 13528, 9.7).
-        """
-        expanded = hypot(self.U, float(np.nan_to_num(self.U_reference)))
-        return self.error[1] / expanded if expanded > 0 else nan
-
-    @property
     def reduction_percent(self) -> float:
         """100 (1 - |after|/|before|) (Valdes et al., Tables 1 and 2); nan without an error."""
         before, after = self.error
         return 100 * (1 - abs(after) / abs(before)) if before else nan
-
-    @property
-    def reduction_shown(self) -> float | None:
-        """The reduction; None where the error before is within the uncertainty of that after."""
-        return self.reduction_percent if abs(self.error[0]) > self.u_error else None
 
 
 def mean_size(repeats: Sequence[Size]) -> Size:
@@ -201,28 +184,26 @@ def sizes_of(
         figures = zip(measured, variance.tolist(), dof.tolist(), strict=True)
         for (task, found), v, nu in figures:
             own = groups.setdefault((task.order, task.operation, task.part), [])
-            own.append(_size(task, found, sqrt(max(v, 0.0)), nu))
+            own.append(
+                Size(
+                    kind=task.wanted.kind,
+                    id=task.wanted.id,
+                    part=task.part,
+                    operation=task.operation,
+                    repeat=task.repeat if task.repeat >= 0 else None,
+                    temperature=found.temperature,
+                    size=found.size,
+                    form=found.form,
+                    reference=found.reference,
+                    U_reference=task.wanted.U_reference,
+                    u=sqrt(max(v, 0.0)),
+                    dof=nu,
+                    sensitivity=float((found.gradient**2).sum()),
+                )
+            )
     if problems:
         raise InputError(problems)
     return [mean_size(groups[key]) for key in sorted(groups, key=lambda key: key[0])], rings
-
-
-def _size(task: Task, found: Measure, u: float, dof: float) -> Size:
-    return Size(
-        kind=task.wanted.kind,
-        id=task.wanted.id,
-        part=task.part,
-        operation=task.operation,
-        repeat=task.repeat if task.repeat >= 0 else None,
-        temperature=found.temperature,
-        size=found.size,
-        form=found.form,
-        reference=found.reference,
-        U_reference=task.wanted.U_reference,
-        u=u,
-        dof=dof,
-        sensitivity=float((found.gradient**2).sum()),
-    )
 
 
 def _problem(task: Task, rows: RowErrors, fault: GeometryError) -> Finding:

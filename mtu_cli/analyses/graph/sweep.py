@@ -22,7 +22,6 @@ from mtu_cli.analyses.graph.simulate import (
 from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.graph.net import MeasurementGraph, Output
-from mtu_cli.model.graph.propagation import GraphTrials
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.units import UM
@@ -35,8 +34,6 @@ LARGEST_GRID = 10_000
 EXACT = 1e-4
 """Share of the first-order variance below which a formula needs no further term."""
 LETTERS = "abcdef"
-UNLIKELY = 0.01
-"""Below this probability the formula's errors are not the Monte Carlo's alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,8 +43,7 @@ class Formula:
     `form` in um where the output is a length, with the `terms` of u^2. `u` (g,) in the unit of
     the output, `error_percent` (g,) = 100 (formula/Monte Carlo - 1). `monte_carlo_percent`:
     relative standard error of a Monte Carlo u (root mean square); `expected_max_percent`: the
-    largest of g errors that these alone would make (with the formula true). `p`: of the observed
-    sum of squared errors if the formula is true.
+    largest of g errors that these alone would make (with the formula true).
     """
 
     form: str
@@ -59,7 +55,6 @@ class Formula:
     max_error_percent: float
     monte_carlo_percent: float
     expected_max_percent: float
-    p: float
 
     def u_at(self, at: Mapping[str, FloatArray], n: int) -> FloatArray:
         """u (n,) in the unit of the output, also between the grid points; `at` (n,) by name."""
@@ -81,15 +76,14 @@ class GridPoint(SimulatedCoordinate):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sweep:
-    """The grid of one output, and the formula fitted to it, or why there is none. `without`: what
-    is varied, and the output does not depend on. `digits`: those of u that were asked for.
+    """The grid of one output, and the formula fitted to it, or why there is none. `digits`: those
+    of u that were asked for.
     """
 
     output: Output
     digits: int
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
-    without: tuple[str, ...]
     formula: Formula | None = None
     no_formula: str | None = None
 
@@ -110,22 +104,13 @@ class Sweep:
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """What is varied for nothing; grid points that have not converged; no formula, one that
-        the Monte Carlo contradicts.
-        """
-        found, noted, of = self.formula, [], str(self.output)
-        if self.without and (found is not None or self.chance):
-            noted.append(finding("unrelated", output=of, names=self.without))
-        short = [item for item in self.grid if not item.converged]
-        if short:
+        """Grid points that have not converged; no formula."""
+        noted = []
+        if short := [item for item in self.grid if not item.converged]:
             where = f"at {len(short)} of {len(self.grid)} points of the grid"
             noted.append(not_converged(max(x.trials for x in short), self.digits, where))
-        if found is None and not self.chance:
+        if self.formula is None and not self.chance:
             noted.append(finding("no-formula", reason=self.no_formula))
-        if found is not None and found.p < UNLIKELY and found.max_error_percent > 1.0:
-            reason = f"the one reported is up to {found.max_error_percent:.2g} % off, more than "
-            reason += f"the scatter of the Monte Carlo explains (p {found.p:.2g})"
-            noted.append(finding("no-formula", reason=reason))
         return tuple(noted)
 
 
@@ -150,11 +135,12 @@ def sweep_graph(
         part = probed_with(graph, at)
         (found,) = simulate_outputs(part, [output], now, most=MOST, ends=False)
         grid.append(GridPoint(at=at, **vars(found)))
-    without = unrelated(graph, output, values)
-    formula = _formula(grid, [name for name in varied if name not in without], output)
-    swept = Sweep(
-        output=output, digits=settings.digits, varied=values, grid=tuple(grid), without=without
-    )
+    swept = Sweep(output=output, digits=settings.digits, varied=values, grid=tuple(grid))
+    if swept.chance:
+        return swept
+    u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
+    at = {name: np.array([item.at[name] for item in grid]) for name in values}
+    formula = fit_formula(at, u, se_u, linear_u, output.unit)
     if isinstance(formula, str):
         return replace(swept, no_formula=formula)
     both = zip(grid, formula.u, formula.error_percent, strict=True)
@@ -171,17 +157,6 @@ def _at(settings: Settings, number: int, count: int) -> Settings:
         seed=int(state[0]) << 32 | int(state[1]),
         progress=None if tell is None else lambda done, total: tell(number, count),
     )
-
-
-def _formula(grid: Sequence[GridPoint], of: Sequence[str], output: Output) -> Formula | str:
-    """The formula in what has an effect, or why there is none."""
-    if not of:
-        return f"{output} does not depend on {', '.join(grid[0].at)}"
-    if all(item.chance for item in grid):
-        return f"{output} is 0 or 1: its mean is a chance, its u no uncertainty"
-    u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
-    at = {name: np.array([item.at[name] for item in grid]) for name in of}
-    return fit_formula(at, u, se_u, linear_u, output.unit)
 
 
 def _check(varied: Mapping[str, Sequence[float]]) -> None:
@@ -211,31 +186,6 @@ def probed_with(graph: MeasurementGraph, at: Mapping[str, float]) -> Measurement
     return replace(graph, graph=file.model_copy(update=changes))
 
 
-def unrelated(
-    graph: MeasurementGraph, output: Output, varied: Mapping[str, Sequence[float]]
-) -> tuple[str, ...]:
-    """Which of `varied` have no effect on an output: with half of the largest of all its values the
-    inputs that the output follows have the same uncertainties. To first order it follows some;
-    where it follows none, or jumps, any that stands behind it.
-    """
-
-    def behind(at: Mapping[str, float]) -> GraphTrials:
-        return GraphTrials(probed_with(graph, at), [output])
-
-    largest = {name: float(max(values)) for name, values in varied.items()}
-    if REPEATS in largest:
-        largest[REPEATS] = 1.0
-    before, found = behind(largest), []
-    follows = before.gradient[0] != 0.0
-    if before.jumps[0] or not follows.any():
-        follows[:] = True
-    for name, value in largest.items():
-        after = behind({**largest, name: 4.0 if name == REPEATS else value / 2})
-        same = np.array_equal(after.inputs.u[follows], before.inputs.u[follows])
-        found += [name] if value > 0 and same else []
-    return tuple(found)
-
-
 def fit_formula(
     at: Mapping[str, FloatArray], u: FloatArray, se_u: FloatArray, linear_u: FloatArray, unit: str
 ) -> Formula | str:
@@ -254,17 +204,14 @@ def fit_formula(
         return "nothing varies"
     if not np.all(u > 0):
         return "u is 0 somewhere"
-    n = len(u)
-    terms = _chosen(varied, linear_u * scale, bool(np.all(linear_u >= LINEAR * u)))
+    n, known = len(u), bool(np.all(linear_u >= LINEAR * u))
+    if known and np.ptp(linear_u) <= EXACT * linear_u.max():
+        return f"u does not depend on {', '.join(varied)}"
+    terms = _chosen(varied, linear_u * scale, known)
     if n < len(terms):
         return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
     X, relative = _columns(terms, varied, n), se_u / u
     found, error = _fit(X, u * scale)
-    dof, p = n - len(terms), math.nan
-    if dof > 0 and np.all(relative > 0):
-        from scipy.special import chdtrc
-
-        p = float(chdtrc(dof, np.sum((error / relative) ** 2)))
     return Formula(
         form=_form(terms, unit),
         terms=terms,
@@ -275,7 +222,6 @@ def fit_formula(
         max_error_percent=100 * float(np.max(np.abs(error))),
         monte_carlo_percent=100 * float(np.sqrt(np.mean(relative**2))),
         expected_max_percent=100 * _expected_largest(X / u[:, None] ** 2, relative),
-        p=p,
     )
 
 
