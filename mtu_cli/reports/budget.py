@@ -13,28 +13,28 @@ from mtu_cli.analyses.budget.result import OutputBudget
 from mtu_cli.findings import listed
 from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, declare, rows_of
+from mtu_cli.reports.fields import Field, Fields, RowOf, declare, rows_of
 from mtu_cli.reports.numbers import interval, plus_minus, significant, with_u
 
 SHOWN = 4
 """Outputs of which the verdict states the value."""
 INPUT = """
-    - | output | name of the output | OUTPUT, text, csv=output
-    name | input.name | name of the input | input, text
-    unit | input.unit | unit of its value | unit, text
-    value | input.value | estimate | value, u=input.u
-    u | input.u | standard uncertainty | u
-    type | input.type | A from readings, else B | type, text
-    distribution | input.kind | kind of distribution, of each contribution | distribution, text
-    dof | input.dof | degrees of freedom; null: infinite | -, json
+    - | first.name | name of the output | OUTPUT, text, csv=output
+    name | inputs.name | name of the input | input, text
+    unit | inputs.unit | unit of its value | unit, text
+    value | inputs.value | estimate | value, u=inputs.u
+    u | inputs.u | standard uncertainty | u
+    type | inputs.type | A from readings, else B | type, text
+    distribution | inputs.kind | kind of distribution, of each contribution | distribution, text
+    dof | inputs.dof | degrees of freedom; null: infinite | -, json
     - | stated_dof() | degrees of freedom; inf: infinite | -, csv=dof
     - | finite_dof() | | dof, dof
-    sensitivity | | derivative of the output by the input, c
+    sensitivity | first.sensitivity | derivative of the output by the input, c
     - | sensitivity() | | sensitivity, sig4
-    contribution | | |c| u, in the unit of the output
+    contribution | first.contribution | |c| u, in the unit of the output
     - | contribution() | | contribution / UNIT
-    share | | share of u^2, with half of every covariance that it has a part in; below 0 where \
-        the input makes u smaller
+    share | first.share | share of u^2, with half of every covariance that it has a part in; below \
+        0 where the input makes u smaller
     - | share() | | share / %, percent1
     contributions[] | parts()
         says | | what it is, in words
@@ -50,12 +50,12 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
     text = INPUT.replace("OUTPUT", "output" if several else "-").replace("UNIT", unit)
     return declare(
         text,
-        stated_dof=lambda line: "inf" if math.isinf(line.input.dof) else line.input.dof,
-        finite_dof=lambda line: line.input.dof if line.input.u else None,
-        sensitivity=lambda line: line.sensitivity if line.input.u else None,
-        contribution=lambda line: line.contribution if line.input.u else None,
-        share=lambda line: line.share if line.input.u else None,
-        parts=lambda line: line.input.parts if len(line.input.parts) > 1 else (),
+        stated_dof=lambda x: "inf" if math.isinf(x.inputs.dof) else x.inputs.dof,
+        finite_dof=lambda x: x.inputs.dof if x.inputs.u else None,
+        sensitivity=lambda x: x.first.sensitivity if x.inputs.u else None,
+        contribution=lambda x: x.first.contribution if x.inputs.u else None,
+        share=lambda x: x.first.share if x.inputs.u else None,
+        parts=lambda x: x.inputs.parts if len(x.inputs.parts) > 1 else (),
         type=lambda part: "A" if part.type_a else "B",
     )
 
@@ -70,7 +70,7 @@ OUTPUT = """
     dof_effective | first.dof | effective degrees of freedom (Welch-Satterthwaite); null: infinite
     k | | coverage factor
     U | expanded | expanded uncertainty k u
-    rows[] | lines | *row
+    rows[] | lines() | *row
     monte_carlo. | .
         mean | | mean of the trials; null where it does not exist
         u | u() | their standard deviation; null where it does not exist
@@ -91,6 +91,13 @@ OUTPUT = """
         se_high | se_high() | standard error of the upper end
         gain | gain() | how many times fewer trials the control variate needs, by statistic
 """
+
+
+def _lines(item: OutputBudget) -> list[RowOf]:
+    """A row an input."""
+    return rows_of(item, len(item.inputs))
+
+
 OF_RUN = {
     name: partial(OutputBudget.of_run, name=name)
     for name in ("u", "se_mean", "se_u", "se_low", "se_high")
@@ -98,6 +105,7 @@ OF_RUN = {
 ONE = declare(
     OUTPUT,
     row=ROW,
+    lines=_lines,
     **OF_RUN,
     gain=lambda item: {name: x[item.index] for name, x in item.run.gain._asdict().items()},
 )
@@ -142,7 +150,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     outputs, single = result.outputs, result.single
     units = {item.unit for item in outputs}
     fields = row(units.pop() if len(units) == 1 else "", several=not single)
-    lines = [line for item in outputs for line in item.lines]
+    lines = [line for item in outputs for line in _lines(item)]
     footer = "share of u^2: half of every covariance belongs to each of its two inputs"
     contributions = Table(f"{result.name}: contributions", fields, lines, footer)
     rows = [each for item in outputs for each in item.estimates]

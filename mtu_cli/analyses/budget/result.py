@@ -28,18 +28,6 @@ FEW, MANY = 0.2, 10_000
 Interval = tuple[float, float]
 
 
-class Line(NamedTuple):
-    """An input of an output's budget: c, |c| u and its share of the variance; nan of the share
-    where that is 0.
-    """
-
-    output: str
-    input: InputQuantity
-    sensitivity: float
-    contribution: float
-    share: float
-
-
 class Estimate(NamedTuple):
     """An output by one method; `ends_u` is the u that the ends of the intervals are rounded to."""
 
@@ -85,13 +73,6 @@ class OutputBudget:
         """First-order interval y -+ k u for the coverage probability."""
         half = self.k_probability * self.first.u
         return self.first.value - half, self.first.value + half
-
-    @property
-    def lines(self) -> tuple[Line, ...]:
-        """Every input's part in it."""
-        columns = (self.first.sensitivity, self.first.contribution, self.first.share)
-        rows = zip(self.inputs, *(map(float, column) for column in columns), strict=True)
-        return tuple(Line(self.first.name, *row) for row in rows)
 
     def of_run(self, name: str) -> float:
         """A statistic of the trials, such as "mean" or "se_u"."""
@@ -215,21 +196,20 @@ def _of_inputs(inputs: Inputs) -> list[Finding]:
     if short := [item.name for item in inputs.quantities if item.without_u]:
         found.append(finding("few-degrees-of-freedom", names=short, how=NO_U))
     for source in inputs.sources:
-        names = [inputs.quantities[row].name for row in source.rows]
-        scaled = any(math.isfinite(item.dof) for item in source.members)
-        weaker = "; the scale of each makes the coefficients of the trials smaller"
-        assumed = []
-        if source.copula:
-            what = "the Monte Carlo takes a Gaussian copula"
-            assumed.append(("all normal", what, weaker if scaled else ""))
-        if not source.common_dof:
-            what = "Welch-Satterthwaite takes the smallest for all of them"
-            text = "" if source.copula else weaker
-            assumed.append(("of the same degrees of freedom", what, text))
-        found += [
-            finding("correlated-inputs", names=names, how=how, assumed=what, weaker=text)
-            for how, what, text in assumed
-        ]
+        names, more = [inputs.quantities[row].name for row in source.rows], ""
+        if not source.is_t and any(math.isfinite(item.dof) for item in source.members):
+            more = "; the scale of each makes the coefficients of the trials smaller"
+        for met, how, what in (
+            (source.copula, "all normal", "the Monte Carlo takes a Gaussian copula"),
+            (
+                not source.common_dof,
+                "of the same degrees of freedom",
+                "Welch-Satterthwaite takes the smallest for all of them",
+            ),
+        ):
+            if met:
+                facts = {"names": names, "how": how, "assumed": what, "weaker": more}
+                found.append(finding("correlated-inputs", **facts))
     return found
 
 
@@ -239,20 +219,18 @@ def _of_first_order(item: OutputBudget, u: FloatArray) -> list[Finding]:
         fault = first.faults[0]
         reason = f"{fault.text} (column {fault.column} of its equation)"
         return [finding("not-differentiable", output=first.name, reason=reason)]
-    known = math.isfinite(first.second_u)
-    second = f"u {first.second_u:.4g}" if known else "the variance below 0, so that u is undefined"
     if first.u == 0.0:
         if np.all(u == 0.0):
             return [finding("no-uncertainty", names=[f"the inputs of {first.name}"])]
-        cancel = np.any(first.sensitivity * u != 0.0)
-        if first.second_u == 0.0 and item.of_run("u") == 0.0 and not cancel:
+        if first.second_u == 0.0 and item.of_run("u") == 0.0:
             return []  # Nothing of it varies.
-        why = "the contributions cancel" if cancel else "every sensitivity is 0 at the estimates"
-        reason, second = f"the first-order u is 0 ({why})", f"u is {first.second_u:.4g}"
+        reason, second = "the first-order u is 0", f"u is {first.second_u:.4g}"
         return [finding("second-order", output=first.name, reason=reason, second=second)]
     shift, apart = abs(first.second_value - first.value), abs(first.second_u - first.u)
     if not max(shift, apart) > tolerance > 0.0:
         return []
+    known = math.isfinite(first.second_u)
+    second = f"u {first.second_u:.4g}" if known else "the variance below 0, so that u is undefined"
     reason = "the equation is not linear over the uncertainties of its inputs"
     text = f"the value is {first.second_value:.10g} and {second}"
     return [finding("second-order", output=first.name, reason=reason, second=text, u=second)]
