@@ -290,18 +290,15 @@ def _items(kinds: list[Compared]) -> list[Finding]:
         )
     )
     untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
-    withheld = np.array([held for kind in kinds for held in kind.withheld])
     few = parts < FEWEST_PARTS
     scatter = "means are judged by the predicted scatter, and one that is off may be scatter"
     cmm = "MS_between contains the scatter of the CMM, which is not predicted"
     nothing = "no scatter is measured and none predicted"
-    hopeless = "of so few passes or parts ten times the predicted scatter would pass"
     least = int(parts.min(initial=FEWEST_PARTS))
     cases: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
         ("few-parts", few, {"parts": least, "consequence": scatter}),
         ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
         ("not-tested", untested, {"what": "the difference", "reason": nothing}),
-        ("not-tested", withheld, {"what": "the scatter", "reason": hopeless}),
     )
     found = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
     ids = np.array([label[1] for kind in kinds for label in kind.labels], object)

@@ -39,8 +39,6 @@ Answers = tuple[bool | None, ...]
 FEWEST_PARTS = 5
 """With fewer, the scatter of the parts has three degrees of freedom or less: Student's t has
 hardly a variance then, and a mean that is off is not separable from parts that scatter."""
-HOPELESS = 10.0
-"""A scatter test that would not see scatter of so many times the predicted is withheld."""
 ROUNDING = 1e-9
 """Share of an expected MS_between that is rounding: a datum leaves no more of some features."""
 NOTHING = 1e-6
@@ -63,14 +61,13 @@ class Side:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pooled:
     """The test of the scatter of all `items` of an operation: `ratio` of the scatter from part to
-    part to the predicted one, two-sided `p`, and `p_hopeless`, that of a scatter that any test
-    should see. Once it is judged, p is adjusted over the study, and `verdict` says what differs.
+    part to the predicted one, and two-sided `p`. Once it is judged, p is adjusted over the study,
+    and `verdict` says what differs.
     """
 
     items: int
     ratio: float
     p: float
-    p_hopeless: float = 0.0
     operation: str = ""
     verdict: Verdict | None = None
 
@@ -79,7 +76,7 @@ class Pooled:
 class Compared:
     """Items (features by axis, or lengths) with both sides; arrays (items,), mm and mm^2.
 
-    `labels` (operation, id, axis). `independent` is predicted under the papers' independence.
+    `labels` (operation, id, axis). `independent` is predicted under the papers' independence;
     `measured` is of a future part by components of variance, `measured_paper` takes MS_between for
     the part variance (Gilsinn & Ling 2004, eq. (33), and for lengths eq. (22) on hole variances).
 
@@ -89,18 +86,12 @@ class Compared:
 
     C the coefficients' variance and s_part^2 the variance from part to part, measured or predicted
     (D + visit), whichever gives more; predicted alone with fewer than FEWEST_PARTS parts. `E_n` =
-    bias/(k u) (ISO/IEC 17043:2023, B.3.1.3 e, with the measured mean as the reference). `p_bias`:
-    two-sided; nan where nothing is predicted to scatter and nothing differs.
-
-    `ratio_ms` = MS_between/(MS_within + n0 (D + visit)); `p_scatter`: twice the smaller tail of it,
-    nan without MS_between; `p_hopeless`: what a ratio of HOPELESS^2 would have. `pooled`: of every
-    operation that can be tested. Other ratios are measured over predicted, nan where nothing is
-    predicted: of `u` and `width`, those with `paper` of the paper's two sides, `ratio_scatter` of
-    s_part and the root of (D + visit); `ms_share` = sqrt(MS_between)/s_part.
-
-    Once `judged`, p_bias and p_scatter are adjusted over the study, and `biased`,
-    `under_predicted`, `over_predicted` say what each test shows. `withheld`: the scatter was
-    measured, but of predictions of so few degrees of freedom that none would be found too large.
+    bias/(k u) (ISO/IEC 17043:2023, B.3.1.3 e). `p_bias`: two-sided; nan where nothing is predicted
+    to scatter and nothing differs. `ratio_ms` = MS_between/(MS_within + n0 (D + visit));
+    `p_scatter`: twice the smaller tail of it, nan without MS_between. The other ratios are measured
+    over predicted, nan where nothing is predicted; `ms_share` = sqrt(MS_between)/s_part. `pooled`:
+    of every operation that can be tested. Once `judged`, p_bias and p_scatter are adjusted over the
+    study, and `biased`, `under_predicted`, `over_predicted` say what each test shows.
     """
 
     labels: tuple[tuple[str, str, str], ...]
@@ -116,7 +107,6 @@ class Compared:
     p_bias: FloatArray
     ratio_ms: FloatArray
     p_scatter: FloatArray
-    p_hopeless: FloatArray
     ratio_u: FloatArray
     ratio_range: FloatArray
     ratio_scatter: FloatArray
@@ -127,7 +117,6 @@ class Compared:
     biased: Answers = ()
     under_predicted: Answers = ()
     over_predicted: Answers = ()
-    withheld: tuple[bool, ...] = ()
 
     def faults(self, i: int) -> list[Verdict]:
         """Every fault of item `i`, the gravest first."""
@@ -190,7 +179,7 @@ def compared(
     paper = _side(table.mean, V_p * (1 + 1 / table.N), k)
     bias = measured.mean - predicted.mean
     u_difference, p_bias = _bias_test(bias, table, V, spread, of_mean, repeat, rounding)
-    expected, p_scatter, p_hopeless = _scatter_test(table, tables.rounding, D, V.squares)
+    expected, p_scatter = _scatter_test(table, tables.rounding, D, V.squares)
     # Scatter where none at all is predicted is infinitely more.
     endless = (expected == 0) & (table.ms_between > 0)
     kept = np.isfinite(p_scatter) & (table.n0 * D > ROUNDING * expected) & (table.df_within > 0)
@@ -208,7 +197,6 @@ def compared(
         p_bias=p_bias,
         ratio_ms=np.where(endless, inf, ratio(table.ms_between, expected)),
         p_scatter=p_scatter,
-        p_hopeless=p_hopeless,
         ratio_u=ratio(measured.u, predicted.u),
         ratio_range=ratio(measured.width, predicted.width),
         ratio_scatter=ratio(np.sqrt(part), np.sqrt(D)),
@@ -273,10 +261,10 @@ def _bias_test(
 
 def _scatter_test(
     table: OneWay, r: FloatArray, D: FloatArray, squares: MeanSquares
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """MS_within + n0 D, of which MS_between has the expectation; p of their ratio, and that of a
-    ratio of HOPELESS^2. The last digit, of variance `r` (items,), may make of the expectation, or
-    hide from MS_between, n0 r: neither is more or less scatter.
+) -> tuple[FloatArray, FloatArray]:
+    """MS_within + n0 D, of which MS_between has the expectation, and p of their ratio. The last
+    digit, of variance `r` (items,), may make of the expectation, or hide from MS_between, n0 r:
+    neither is more or less scatter.
     """
     repeated, ms, df = table.df_within > 0, table.ms_between, table.df_between
     within = np.where(repeated, table.ms_within, 0.0)
@@ -287,10 +275,8 @@ def _scatter_test(
     expected = within + n0 * D + rounding
     high, _ = f_tails(ms, df, variance)
     _, low = f_tails(ms + rounding * (ms < 3 * rounding), df, variance)
-    hopeless, _ = f_tails(HOPELESS**2 * expected, df, variance)
     nothing = (expected - rounding <= NOTHING * rounding) & (ms < 3 * rounding)
-    p = np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
-    return expected, p, np.where(expected > 0, 2 * hopeless, 0.0)
+    return expected, np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
 
 
 def _variance(
@@ -369,12 +355,10 @@ def pooled_test(
     dof = 2.0 * float((correlation**2).mean() / shared.mean())
     variance = uncertain_variance(*squares)
     high, low = mean_square_tails(T, sizes, dof, variance)
-    far, _ = mean_square_tails(HOPELESS**2, sizes, dof, variance)
     return Pooled(
         items=len(ratios),
         ratio=float(np.sqrt(max(T - w, 0.0) / (1 - w))),
         p=min(2 * min(high, low), 1.0),
-        p_hopeless=2 * far,
     )
 
 
@@ -391,44 +375,32 @@ def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = in
 def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Compared | None]:
     """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
 
-    Scatter tests without a chance of finding anything, whatever is measured, are no part of
-    the family. The pooled ones of all features of an operation have JOINT_SHARE of the rate to
-    themselves (weighted Bonferroni): among a hundred others they would see no more than these.
+    The pooled tests of all features of an operation have JOINT_SHARE of the rate to themselves
+    (weighted Bonferroni): among a hundred others they would see no more than these.
     """
     kinds = [features] if lengths is None else [features, lengths]
-    p_bias, p_scatter, hopeless = (
-        np.concatenate([getattr(kind, name) for kind in kinds])
-        for name in ("p_bias", "p_scatter", "p_hopeless")
-    )
-    tests = np.isfinite(p_bias).sum() + np.isfinite(p_scatter).sum()
-    withheld = np.isfinite(p_scatter) & (hopeless > FAMILY_RATE / max(tests, 1))
-    p_scatter = np.where(withheld, np.nan, p_scatter)
-    least = JOINT_SHARE * FAMILY_RATE / max(len(features.pooled), 1)
-    able = [each for each in features.pooled if each.p_hopeless <= least]
-    share = JOINT_SHARE if able else 0.0
-    adjusted = holm(np.concatenate([p_bias, p_scatter]))
-    adjusted = np.minimum(adjusted / (1 - share), 1.0).reshape(2, -1)
-    n = len(features.labels)
+    p = np.concatenate([np.stack([kind.p_bias, kind.p_scatter]) for kind in kinds], axis=1)
+    share = JOINT_SHARE if features.pooled else 0.0
+    adjusted = np.minimum(holm(p.ravel()) / (1 - share), 1.0).reshape(2, -1)
     pooled = []
-    for each, p in zip(able, holm(np.array([x.p for x in able])).tolist(), strict=True):
-        p = min(p / JOINT_SHARE, 1.0)
+    p_pooled = holm(np.array([x.p for x in features.pooled])) / JOINT_SHARE
+    for each, own in zip(features.pooled, np.minimum(p_pooled, 1.0).tolist(), strict=True):
         way: Verdict = "under-predicted" if each.ratio > 1 else "over-predicted"
-        pooled.append(replace(each, p=p, verdict=way if p <= FAMILY_RATE else None))
-    features = replace(features, pooled=tuple(pooled))
-    more = None if lengths is None else _judged(lengths, adjusted[:, n:], withheld[n:])
-    return _judged(features, adjusted[:, :n], withheld[:n]), more
+        pooled.append(replace(each, p=own, verdict=way if own <= FAMILY_RATE else None))
+    n = len(features.labels)
+    features = _judged(replace(features, pooled=tuple(pooled)), adjusted[:, :n])
+    return features, None if lengths is None else _judged(lengths, adjusted[:, n:])
 
 
-def _judged(kind: Compared, p: FloatArray, withheld: BoolArray) -> Compared:
+def _judged(kind: Compared, p: FloatArray) -> Compared:
     """The verdicts by the adjusted p (2, items) of bias and scatter."""
     off, scatter = p <= FAMILY_RATE
     under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
     # Parts too few to measure their scatter, but known to scatter more, explain a mean that is off.
     off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
 
-    def answers(met: BoolArray, q: FloatArray) -> tuple[bool | None, ...]:
-        pairs = zip(met.tolist(), np.isfinite(q).tolist(), strict=True)
-        return tuple(yes if tested else None for yes, tested in pairs)
+    def answers(met: BoolArray, q: FloatArray) -> Answers:
+        return tuple(np.where(np.isfinite(q), met.astype(object), None).tolist())
 
     return replace(
         kind,
@@ -437,7 +409,6 @@ def _judged(kind: Compared, p: FloatArray, withheld: BoolArray) -> Compared:
         biased=answers(off, p[0]),
         under_predicted=answers(under, p[1]),
         over_predicted=answers(over, p[1]),
-        withheld=tuple(withheld.tolist()),
     )
 
 

@@ -86,7 +86,6 @@ def test_two_parts_by_hand() -> None:
     V = drawn([8, 2], [8, 2])
     high = 2 * ndtr(-np.sqrt(64 / V))
     same_tail(found.p_scatter[0], 2 * np.minimum(high, 1.0))
-    same_tail(found.p_hopeless[0], 4 * ndtr(-np.sqrt(1000 / V)))
     assert found.ratio_u[0] == pytest.approx(np.sqrt(47 / 13))
     assert found.ratio_range[0] == pytest.approx((7 + 2 * np.sqrt(47)) / (5 + 2 * np.sqrt(13)))
     assert found.ratio_scatter[0] == pytest.approx(np.sqrt(31 / 4))
@@ -136,7 +135,7 @@ def test_one_part_is_tested_by_what_is_predicted() -> None:
     assert found.u_difference[0] == pytest.approx(np.sqrt(14))
     assert found.E_n[0] == pytest.approx(6 / (2 * np.sqrt(14)))
     same_tail(found.p_bias[0], 2 * ndtr(-6 / np.sqrt(drawn([9, 4, 1], [3, 8, 1]))))
-    for name in ("p_scatter", "p_hopeless", "ratio_ms", "ratio_u", "ms_share"):
+    for name in ("p_scatter", "ratio_ms", "ratio_u", "ms_share"):
         assert np.isnan(getattr(found, name)[0]), name
     alone = evidence(tables([11.0]), predicted(), K)
     assert alone.u_difference[0] == pytest.approx(np.sqrt(13))
@@ -165,7 +164,6 @@ def many(
     p_scatter: list[float],
     ratio: list[float],
     parts: float = 21,
-    hopeless: float = 0.0,
 ) -> Compared:
     """Items with these p values; all else is of no account."""
     m = len(p_bias)
@@ -173,7 +171,7 @@ def many(
     one_way = replace(one.one_way, parts=np.full(m, parts))
     return replace(
         one, labels=(("", "a", "x"),) * m, one_way=one_way, p_bias=np.array(p_bias),
-        p_scatter=np.array(p_scatter), ratio_ms=np.array(ratio), p_hopeless=np.full(m, hopeless),
+        p_scatter=np.array(p_scatter), ratio_ms=np.array(ratio),
     )  # fmt: skip
 
 
@@ -222,18 +220,6 @@ def test_one_family_of_all_tests() -> None:
     last = judged(features, lengths)[1]
     assert last is not None
     assert last.verdicts == ("under-predicted", "consistent")
-
-
-def test_a_hopeless_scatter_test_is_withheld_and_no_part_of_the_family() -> None:
-    """Two items: four tests, so that a test must be able to reach 0.05/4."""
-    p = 0.05 / 2 * 0.99
-    found, _ = judged(many([p, 1], [1e-9, 1], [9, 1], hopeless=0.013), None)
-    assert found.withheld == (True, True)
-    assert answers(found)[0] == (True, None, None)
-    assert np.isnan(found.p_scatter).all()
-    kept, _ = judged(many([p, 1], [1e-9, 1], [9, 1], hopeless=0.012), None)
-    assert kept.withheld == (False, False)
-    assert kept.verdicts[0] == "under-predicted"
 
 
 def test_more_scatter_is_a_finding_whatever_made_it() -> None:

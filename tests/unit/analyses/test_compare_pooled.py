@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from compare_trials import fitted, made, study, trial
+from compare_trials import fitted, made, study
 from scipy import stats
 
 from mtu_cli.analyses.compare import CompareResult, compare
@@ -131,10 +131,3 @@ def test_what_single_features_show_is_not_stated_of_all() -> None:
     assert any(result.features.under_predicted)
     assert own.verdict == "under-predicted"
     assert result.feature_summaries[0].pooled_fault is None
-
-
-def test_a_machine_of_few_passes_is_not_tested() -> None:
-    """Of two runs no scatter would be too large."""
-    result = trial(2, 1)
-    assert result.features.pooled == ()
-    assert document(result).record()["summary"]["features"][0]["all_at_once"] is None

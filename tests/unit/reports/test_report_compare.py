@@ -62,7 +62,6 @@ def decreed(
         biased=tuple(i in biased for i in rows),
         under_predicted=tuple(i in under for i in rows),
         over_predicted=no,
-        withheld=no,
         pooled=(),
     )
 
