@@ -14,7 +14,6 @@ from mtu_cli.model.basis import Powers
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
 from mtu_cli.model.estimation import ComponentFit, InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.model.passes import PassKey
 from mtu_cli.stats.covariance import positive_part
 from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray
@@ -44,13 +43,6 @@ class Tested(NamedTuple):
     dof: int | tuple[int, int]
     significant: bool
     unit: Unit
-
-
-class Run(NamedTuple):
-    """Passes there and back, each as (file, number, direction), in time."""
-
-    role: str
-    passes: tuple[PassKey, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,7 +93,6 @@ class Component(Line):
 
     estimate: ComponentEstimate
     says: str | None
-    runs: tuple[Run, ...] | None
     pass_center: float
     pass_covariance: FloatArray
     pass_covariance_moment: FloatArray
@@ -194,7 +185,7 @@ def _component(
         D, moment = P @ one.fit.D @ P.T, P @ one.fit.D_moment @ P.T
         halves = _turned(one.fit.half_differences, P)
     counts = [len(item.keys_read) for item in items]
-    runs = tuple(run for item in items for run in _runs(item))
+    runs = sum(_runs(item) or 0 for item in items)
     s_pass, level = float(np.sqrt(D[0, 0])), float(estimate.coefficients[0])
     return Component(
         label=estimate.name,
@@ -204,7 +195,7 @@ def _component(
         coefficients=estimate.coefficients,
         covariance=estimate.covariance,
         passes_read=sum(counts) if counts and all(counts) else None,
-        runs_read=len(runs) or None,
+        runs_read=runs or None,
         n=sum(len(item.error) for item in items) if items else None,
         dof=None if one is None else int(one.fit.plain.dof),
         s_repeat=estimate.s_repeat,
@@ -214,7 +205,6 @@ def _component(
         agreement_p=None if fit is None else fit.agreement_p,
         estimate=estimate,
         says=says,
-        runs=runs or None,
         pass_center=centre,
         pass_covariance=D,
         pass_covariance_moment=moment,
@@ -239,7 +229,7 @@ def _instrument(
         coefficients=b,
         covariance=fit.covariance,
         passes_read=len(item.keys_read) or None,
-        runs_read=None if item.read is None else len(_runs(item)),
+        runs_read=_runs(item),
         n=len(item.error),
         dof=int(fit.plain.dof),
         s_repeat=s_repeat,
@@ -256,18 +246,9 @@ def _turned(D: FloatArray | None, T: FloatArray) -> FloatArray | None:
     return None if D is None else T @ D @ T.T
 
 
-def _runs(item: InstrumentFit) -> list[Run]:
-    """The runs of an instrument, runs and passes in time, files numbered from 1; none where no
-    passes are given.
-    """
-    read = item.read
-    if read is None:
-        return []
-    found: dict[int, list[PassKey]] = {}
-    for g in np.argsort(read.order, kind="stable").tolist():
-        file, number, way = read.keys[g]
-        found.setdefault(int(read.runs[g]), []).append((file + 1, number, way))
-    return [Run(item.role, tuple(found[run])) for run in sorted(found)]
+def _runs(item: InstrumentFit) -> int | None:
+    """Runs, a pass there and the one back, of an instrument; None where no passes are given."""
+    return None if item.read is None else len(np.unique(item.read.runs))
 
 
 def _scatter(

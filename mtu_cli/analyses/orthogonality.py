@@ -52,8 +52,7 @@ class Orthogonality:
 
     `run` holds the Monte Carlo (mean, u, interval, samples; u is nan where the trials'
     distribution has none), `independent` the same trials under the papers' independence, with
-    `independent_u` of first order; `k` the coverage factor. `u_of_next_trial` is of one more trial
-    about the mean of all (Gilsinn & Ling 2004, eq. (28)), and `scale` the u that figures are
+    `independent_u` of first order; `k` the coverage factor. `scale` is the u that figures are
     rounded to: that of first order where the trials have none. `shares` split the variance of first
     order; None under that independence and where there is no variance. `conformance` is of first
     order too; None without a tolerance. `outside`: whether a feature is beyond the measured range
@@ -65,7 +64,6 @@ class Orthogonality:
     column: tuple[str, ...]
     prediction: Prediction
     run: MonteCarloResult
-    u_of_next_trial: float
     scale: float
     first_order: FirstOrder
     independent: MonteCarloResult
@@ -144,7 +142,6 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         column=tuple(column),
         prediction=prediction,
         run=run,
-        u_of_next_trial=float(by_trials * np.sqrt(1.0 + 1.0 / run.trials)),
         scale=by_trials if np.isfinite(by_trials) else u,
         first_order=FirstOrder(mean, u, dof, (mean - half, mean + half)),
         independent=independent,

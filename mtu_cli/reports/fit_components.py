@@ -87,12 +87,6 @@ COMPONENT = """
     n_passes | estimate.n_passes | passes in the mean square between passes
     passes_read | | passes of the readings | passes / read, count, detail
     - | runs_read | runs | runs / read, count, detail
-    runs[]
-        role | | lbb or laser
-        passes[]
-            file | 0 | number of the file among those of readings, from 1
-            pass | 1 | number of the pass in the file
-            direction | 2 | 1 forward, -1 reverse, 0 not stated
     coefficients | | ascending powers of mm; of a table its values at at_mm | -, json, size=size()
     covariance | | of the coefficients | -, json, size=size2()
     covariance_independent | estimate.independent_covariance | s^2 (X'X)^-1, all readings as \

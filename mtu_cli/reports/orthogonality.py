@@ -21,8 +21,6 @@ ANGLE = """
         or fewer | u, u=run.u.0
     U_arcsec | U() | expanded uncertainty k u | U, u=run.u.0
     k | | coverage factor | -, json
-    u_eq28_arcsec | u_of_next_trial | uncertainty of one more trial about the mean of all \
-        (Gilsinn & Ling 2004, eq. (28))
     trials | run.trials | Monte Carlo trials | trials, count, detail
     converged | run.converged | whether they reached the digits asked for
     interval95_arcsec | ends() | interval that holds 95 of 100 trials, as many beyond either end \

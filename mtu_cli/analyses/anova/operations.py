@@ -35,9 +35,8 @@ class Total:
     them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
     method, `both` where they are not separable; `repeat_share` is the CMM's share of the
     variance of one measured point (REML, whatever the method). Of `tested` features
-    `significant` have F above its critical value and `differ` from part to part with the error
-    rate held over all features; the mean errors of `off` are not zero, likewise. `rounding` is
-    the uncertainty by which the means are worth printing.
+    `differ` from part to part with the error rate held over all features. `rounding` is the
+    uncertainty by which the means are worth printing.
     """
 
     operation: str
@@ -51,9 +50,7 @@ class Total:
     repeat: float
     both: float
     repeat_share: float
-    significant: int
     differ: int
-    off: int
     tested: int
     rounding: float
 
@@ -88,9 +85,7 @@ def _total(found: Analysed, operation: str, axis: str, members: list[int]) -> To
         repeat=repeat,
         both=both,
         repeat_share=by_reml[1] / sum(by_reml) if sum(by_reml) > 0 else float("nan"),
-        significant=int((found.one_way.F_critical_95[members] < F).sum()),
         differ=int((found.p_parts[members] <= FAMILY_RATE).sum()),
-        off=int((found.p_mean[members] <= FAMILY_RATE).sum()),
         tested=int(np.isfinite(F).sum()),
         rounding=largest / float(np.sqrt(len(found.tables.parts))),
     )

@@ -117,16 +117,6 @@ def _calibration_warnings(known: Wanted, sizes: Sequence[Size]) -> Iterator[Find
         yield finding("not-estimable", quantity=quantity, names=[known.name], reason=reason)
         return
     low, high = known.calibrated[[0, -1], 0].tolist()
-    if known.missing:
-        span = f" of {low:g} degC" if known.ranged else ""
-        yield finding(
-            "missing-values",
-            what=f"the temperature of {known.name}",
-            names=[repr(known.missing)],
-            consequence="neither a column of the points nor given by --at, so that the calibrated "
-            f"diameter{span} is taken as it is",
-            meant=known.near,
-        )
     T = [size.temperature for size in sizes if np.isfinite(size.temperature)]
     farthest = max(T, key=lambda degrees: max(low - degrees, degrees - high), default=low)
     if known.ranged and max(low - farthest, farthest - high) > SLACK_DEGC:

@@ -9,7 +9,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.part import Circle, LoadedPart, Sphere
 from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
@@ -28,8 +27,7 @@ class Wanted:
     given).
 
     `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter was
-    stated with a temperature; `missing` names the column of the temperature that is not there, ""
-    where nothing is missing, and `near` the columns that it may be.
+    stated with a temperature.
     """
 
     kind: Kind
@@ -39,8 +37,6 @@ class Wanted:
     calibrated: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))
     temperature: FloatArray = field(default_factory=lambda: np.zeros(0))
     ranged: bool = False
-    missing: str = ""
-    near: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -124,7 +120,7 @@ def _calibration(
             raise InputError(problems)
     elif name in at:
         temperature[:] = at[name]
-    elif name and len(table) > 1:
+    elif name and table:
         near = nearest(name, known)
         there = f" (there is {' or '.join(map(repr, near))})" if near else ""
         raise error(
@@ -136,15 +132,11 @@ def _calibration(
             value=name,
             expected=f"a column of this name{there}, or --at {name}=VALUE",
         )
-    missing = name if np.isnan(temperature).all() else ""
-    closest = closest_covariate(missing, known) if missing else None
     return {
         "U_reference": nan if item.U_um is None else item.U_um * UM,
         "calibrated": np.array(table, np.float64).reshape(-1, 2),
         "temperature": temperature,
         "ranged": isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
-        "missing": missing,
-        "near": (closest,) if closest else (),
     }
 
 

@@ -152,23 +152,14 @@ def test_repeats_are_no_parts_of_their_own(tmp_path: Path) -> None:
     assert all("2 parts" in each["reason"] for each in facts)
 
 
-@pytest.mark.parametrize(
-    ("ring", "code", "word"),
-    [
-        ({"calibrated_mm": "{20: 180.0}"}, "missing-values", "of 20 degC"),
-        ({"calibrated_mm": "180.0"}, "missing-values", "'T_scale_degC'"),
-    ],
-)
-def test_calibrations_that_cannot_be_used_as_they_are_meant(
-    tmp_path: Path, ring: dict[str, str], code: str, word: str
-) -> None:
+@pytest.mark.parametrize("calibrated", ["{20: 180.0}", "180.0"])
+def test_a_calibration_whose_temperature_nobody_gives(tmp_path: Path, calibrated: str) -> None:
     _, measured, temperature = rings(1)
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
     points = ring_points(measured, ["a"], None, own)
-    part = ring_part(tmp_path, **({"temperature": "T_scal_degC"} | ring))
-    (warned,) = correct(machine(tmp_path), part, points, SETTINGS).notes
-    assert warned.code == code
-    assert word in warned.message
+    part = ring_part(tmp_path, calibrated_mm=calibrated, temperature="T_scal_degC")
+    (message,) = refused(machine(tmp_path), part, points)
+    assert "(there is 'T_scale_degC'), or --at T_scal_degC=VALUE" in message
 
 
 def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:
