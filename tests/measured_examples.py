@@ -92,7 +92,6 @@ def alarms_of(result: AnovaResult) -> list[str]:
     """All that an analysis of clean parts should not say."""
     return [
         *(f"part {item.part}" for item in result.unusual or ()),
-        *(f"feature {item.where}" for item in result.unusual_features),
         *(f"trend {item.where}" for item in result.trends if item.p <= FAMILY_RATE),
         *(item.code for item in result.warnings),
     ]

@@ -168,11 +168,6 @@ TOTAL = declare(
     """,
     of_tested=lambda value, u, digits: f"{value} of {u}" if u else "",
 )
-UNUSUAL_FEATURE: Fields = (
-    *place("where"),
-    *declare("p_familywise | p | p among all features (Grubbs, Bonferroni) | p, p"),
-    *_in_units(DEVIATION, "um"),
-)
 SLOPE = """
     slope_UNIT | slope | change from part to part in the sequence | slope, u=u
     u_slope_UNIT | u | its standard uncertainty
@@ -249,8 +244,7 @@ RESULTS = declare(
     unusual_parts | unusual() | outlying parts: part, where, deviation and typical (rms of the \
         others) in um or arcsec, p_familywise, why (mean or distance of a group, or a single \
         table), singles; null: too few
-    unusual_features[] | unusual_features | *unusual_feature
-    family_wise_rate | rate() | false alarm rate of outlying parts, outlying features and trends \
+    family_wise_rate | rate() | false alarm rate of outlying parts and trends \
         together
     trends[] | trends | *trend
     capability[] | capabilities | *capability
@@ -263,7 +257,6 @@ RESULTS = declare(
     angle=entry("angle"),
     total=TOTAL,
     unusual=_unusual,
-    unusual_feature=UNUSUAL_FEATURE,
     rate=lambda _: FAMILY_RATE,
     trend=TREND,
     capability=CAPABILITY,
@@ -290,8 +283,6 @@ def _tables(result: AnovaResult) -> Iterator[Table]:
     parts = unusual_part("um", "arcsec")
     footer = f"mean of the other parts; false alarms in {100 * FAMILY_RATE:g} % of studies"
     yield Table("Outlying parts", parts, result.unusual or (), f"deviation from the {footer}")
-    footer = "deviation from the mean error of the other features of the operation and axis"
-    yield Table("Outlying features", UNUSUAL_FEATURE, result.unusual_features, footer)
     footer = "change from part to part, p over all tables (Holm)"
     yield Table("Trends over the sequence", TREND, _significant(result), footer)
     footer = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"
@@ -325,9 +316,6 @@ def _verdict(result: AnovaResult) -> str:
     if result.unusual is not None:
         names = listed(item.part for item in result.unusual)
         said.append(f"Outlying parts: {names}." if names else "No part is an outlier.")
-    if result.unusual_features:
-        names = listed(" ".join(filter(None, item.where)) for item in result.unusual_features)
-        said.append(f"Outlying features: {names}.")
     if trending := _significant(result):
         names = listed(" ".join(filter(None, item.where)) for item in trending)
         said.append(f"Trend over the sequence: {names}.")

@@ -19,16 +19,13 @@ from mtu_cli.analyses.anova.operations import (
     FeatureMap,
     Total,
     maps,
-    rows_by_axis,
     set_up_warnings,
     totals,
 )
 from mtu_cli.analyses.anova.outliers import (
     PartsTable,
-    UnusualFeature,
     UnusualPart,
     parts_table,
-    unusual_features,
     unusual_parts,
 )
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Label, Method, analysed
@@ -62,8 +59,8 @@ class AnovaResult:
     `kinds` are features, then lengths and right angles where there are any. `unusual` is None
     where there are too few parts to tell; `sequence` has the place (parts,) of each part in an
     operation; `trends` are of all tables, `capabilities` of what has a tolerance. `shown` are
-    (operation, feature) in the order of their interest: where a part is an outlier, those that are
-    outliers themselves, the largest errors to come. `maps` are the mean errors in the plane.
+    (operation, feature) by interest: where a part is an outlier, then the largest
+    errors to come. `maps` are the mean errors in the plane.
     """
 
     method: Method
@@ -72,7 +69,6 @@ class AnovaResult:
     deviations: PartsTable
     limit: FloatArray
     unusual: tuple[UnusualPart, ...] | None
-    unusual_features: tuple[UnusualFeature, ...]
     sequence: Mapping[str, FloatArray]
     trends: tuple[Trend, ...]
     capabilities: tuple[Capability, ...]
@@ -118,15 +114,13 @@ def analyse_variance(
             names[label] = (*names.get(label, ()), item.part)
     kinds = [replace(x, unusual=tuple(names.get(label, ()) for label in x.labels)) for x in kinds]
     features = kinds[0]
-    rows = rows_by_axis(features.labels)
-    outside = unusual_features(features, rows)
     places = np.full((len(points.features), 3), np.nan)
     places[points.feature] = points.nominal
     planes = maps(features, dict(zip(points.features, places, strict=True)))
     labels, sequence = features.labels, sequences(points)
     rounding = float(features.tables.rounding.mean())
     with_parts = [labels[i] for i, parts in enumerate(features.unusual) if parts]
-    interesting = [*with_parts, *(x.where for x in outside), *(labels[i] for i in features.order)]
+    interesting = [*with_parts, *(labels[i] for i in features.order)]
     return AnovaResult(
         method=method,
         datum=datum,
@@ -134,11 +128,10 @@ def analyse_variance(
         deviations=deviations,
         limit=limit,
         unusual=unusual,
-        unusual_features=outside,
         sequence=sequence,
         trends=trends(kinds, sequence),
         capabilities=tuple(filter(None, capabilities(kinds, part, sequence))),
-        totals=totals(features, rows),
+        totals=totals(features),
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
         maps=planes,
         warnings=(

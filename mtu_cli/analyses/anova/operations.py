@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.analyses.anova.outliers import FAMILY_RATE
-from mtu_cli.analyses.anova.tables import Analysed, Label
+from mtu_cli.analyses.anova.tables import Analysed
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.visits import basis, without
@@ -15,16 +15,6 @@ from mtu_cli.stats.least_squares import FloatArray
 
 FEWEST_LEFT, MOST = 6, 0.5
 """With fewer errors left over a rigid motion explains much by chance; the share it may explain."""
-Rows = dict[tuple[str, str], list[int]]
-
-
-def rows_by_axis(labels: tuple[Label, ...]) -> Rows:
-    """The tables of every operation and axis, operation by operation."""
-    operations = dict.fromkeys(label[0] for label in labels)
-    rows: dict[str, Rows] = {operation: {} for operation in operations}
-    for i, (operation, _, axis) in enumerate(labels):
-        rows[operation].setdefault((operation, axis), []).append(i)
-    return {key: members for of in rows.values() for key, members in of.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,9 +45,16 @@ class Total:
     rounding: float
 
 
-def totals(found: Analysed, rows: Rows) -> tuple[Total, ...]:
-    """One Total an operation and axis."""
-    return tuple(_total(found, *key, members) for key, members in rows.items())
+def totals(found: Analysed) -> tuple[Total, ...]:
+    """One Total an operation and axis, operation by operation."""
+    rows: dict[str, dict[str, list[int]]] = {}
+    for i, (operation, _, axis) in enumerate(found.labels):
+        rows.setdefault(operation, {}).setdefault(axis, []).append(i)
+    return tuple(
+        _total(found, operation, axis, members)
+        for operation, by_axis in rows.items()
+        for axis, members in by_axis.items()
+    )
 
 
 def _total(found: Analysed, operation: str, axis: str, members: list[int]) -> Total:

@@ -1,4 +1,4 @@
-"""Outlying parts, by a rotation test over all tables of a study, and outlying features."""
+"""Outlying parts, by a rotation test over all tables of a study."""
 
 from __future__ import annotations
 
@@ -10,20 +10,18 @@ import numpy as np
 
 from mtu_cli.analyses.anova.tables import Analysed, Label
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.outliers import deviation_p
 from mtu_cli.stats.resolution import hidden
 from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
 
 FAMILY_RATE = RATE
-"""Of clean studies so many have an alarm of any kind: an outlying part, an outlying feature, or a
-trend over the sequence."""
-PARTS, FEATURES, TRENDS = 0.6, 0.2, 0.2
-"""Shares of the rate (weighted Bonferroni): p of each kind are over its share."""
+"""Of clean studies so many have an alarm of any kind at most: an outlying part, or a trend over the
+sequence."""
+PARTS, TRENDS = 0.6, 0.2
+"""Shares of the rate (weighted Bonferroni): p of each kind are over its share. Not all of it is
+spent."""
 PARTS_RATE = PARTS * FAMILY_RATE
 FEWEST_PARTS = 4
 """Among fewer parts none can be called an outlier."""
-FEWEST_FEATURES = 5
-"""Nor any among fewer features."""
 
 Why = Literal["distance", "mean", "single"]
 KINDS: tuple[Why, ...] = ("mean", "distance")
@@ -47,18 +45,6 @@ class UnusualPart:
     deviation: float
     typical: float
     singles: tuple[Label, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UnusualFeature:
-    """A feature whose mean error along an axis lies `deviation` (mm) from the mean of all
-    features of the operation, the others `typical` (root mean square); family-wise `p`.
-    """
-
-    where: Label
-    p: float
-    deviation: float
-    typical: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -197,33 +183,3 @@ def _squares(values: FloatArray) -> FloatArray:
 def _rms(values: FloatArray) -> float:
     known = values[np.isfinite(values)]
     return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
-
-
-def unusual_features(
-    features: Analysed, rows: dict[tuple[str, str], list[int]]
-) -> tuple[UnusualFeature, ...]:
-    """Mean errors too far from the other features' of the same operation and axis (`rows`).
-
-    Grubbs's statistic with the bound of Bonferroni over all features and axes, at the share of
-    outlying features of the family-wise rate.
-    """
-    found = []
-    for members in rows.values():
-        n, mean = len(members), features.one_way.mean[members]
-        away = mean - mean.mean()
-        if n < FEWEST_FEATURES or not away.any():
-            continue
-        s2 = float((away**2).sum()) / (n - 1)
-        s = np.sqrt(s2 + features.rounding[members].mean())
-        p = deviation_p(away / s, np.full(n, float(n))) * len(features.labels) / FEATURES
-        for j in np.flatnonzero(p <= FAMILY_RATE).tolist():
-            others = np.delete(mean, j)
-            found.append(
-                UnusualFeature(
-                    where=features.labels[members[j]],
-                    p=float(p[j]),
-                    deviation=float(mean[j] - others.mean()),
-                    typical=float(np.sqrt(((others - others.mean()) ** 2).mean())),
-                )
-            )
-    return tuple(sorted(found, key=lambda item: item.p))

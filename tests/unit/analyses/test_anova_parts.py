@@ -274,18 +274,6 @@ def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(loose.maps[0].ids) == 12
 
 
-def test_a_feature_that_stands_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    places = {f"h{i}": (40.0 * (i % 5), 30.0 * (i // 5)) for i in range(20)}
-    monkeypatch.setattr(measured_examples, "PLACES", places)
-    monkeypatch.setattr(rotation, "ROTATIONS", 19)
-    found = study(10, 2, 1)
-    measured = found.measured.copy()
-    measured[found.feature == 7, 1] += 0.03
-    (item,) = analysed(with_measured(found, measured)).unusual_features
-    assert item.where == ("", "h7", "y")
-    assert item.deviation == pytest.approx(0.03, abs=4 * 0.01 / np.sqrt(10))
-
-
 def test_repeats_without_scatter() -> None:
     found = study(8, 1, 1)
     rows = [
@@ -345,7 +333,6 @@ def test_no_outlier_and_no_u_is_made_of_rounding() -> None:
     left = points([(f"P{p}", "a", 0, 0.01 * p, 0.02 * p) for p in range(8)])
     result = analyse_variance(left, None, "reml", SETTINGS, "offset")
     assert result.unusual == ()
-    assert not result.unusual_features
     assert (result.features.one_way.F[np.isfinite(result.features.one_way.F)] < 10).all()
 
 
