@@ -15,12 +15,8 @@ from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
 
 FEWEST_OF_TREND = 3
 """Runs there and back from which on a straight line leaves a degree of freedom."""
-_ALONE = "correlation of its drift with that of other components"
-_GROUPS = "correlation of their drift with that of the other groups"
-_SAID = {
-    _ALONE: "correlation of the drift of {} with that of other components",
-    _GROUPS: "correlation of the drifts of the groups {} with each other",
-}
+ALONE = "correlation of drift with other components"
+GROUPS = "correlation of drift between the groups"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +32,6 @@ class NotDetermined:
     def shown(self) -> str:
         """The component in a list of several; those of a group stay together."""
         return self.component.replace(", ", " + ")
-
-    def of(self, names: str) -> str:
-        """It said of several components that have it in common."""
-        return _SAID.get(self.not_determined, f"{self.not_determined} of {{}}").format(names)
 
 
 def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
@@ -160,7 +152,7 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
         if len(own) > 1:
             because = "read by several instruments"
             reading = "read it by one instrument, in the same passes as the others"
-        yield NotDetermined(name, _ALONE, because, reading)
+        yield NotDetermined(name, ALONE, because, reading)
     because = "each group was read in passes of its own, or in other directions"
     for group in groups if len(groups) > 1 else ():
-        yield NotDetermined(", ".join(group), _GROUPS, because, would)
+        yield NotDetermined(", ".join(group), GROUPS, because, would)

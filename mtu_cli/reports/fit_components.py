@@ -282,4 +282,5 @@ def _open(result: FitResult) -> Iterator[str]:
             grouped.setdefault(key, []).append(item)
     for (_, because, would), items in grouped.items():
         names = listed([item.shown for item in items], SHOWN)
-        yield f"not determined: {items[0].of(names)}. Why: {because}. Remedy: {would}"
+        what = f"{items[0].not_determined} of {names}"
+        yield f"not determined: {what}. Why: {because}. Remedy: {would}"

@@ -18,9 +18,8 @@ from mtu_cli.analyses.thermal_fit.models import (
     Library,
     Rows,
     Spec,
-    constant,
     fit,
-    fits,
+    levelled,
 )
 from mtu_cli.analyses.thermal_fit.result import CycleRms, HeldOut, PositionTest
 from mtu_cli.stats.compressed import effective_number
@@ -67,7 +66,7 @@ def _best(lib: Library, blocks: Blocks, kind: str, spec: Spec) -> Scored:
     penalties = np.zeros(1) if kind == "stepwise" else PENALTIES
     total, squares = np.zeros(len(penalties)), 0.0
     for rows, held in _folds(lib, blocks):
-        total = total + fits(lib, rows, spec, penalties).sum_of_squares(held)
+        total = total + fit(lib, rows, spec, penalties).sum_of_squares(held)
         squares += sum(float(x.factor[:, -1] @ x.factor[:, -1]) for x in held.by_position.values())
     if len(blocks) < 2:
         return Scored(kind, spec, float("nan"))
@@ -183,7 +182,8 @@ def held_out(lib: Library, method: str) -> HeldOut | None:
     for block, (rows, held) in zip(lib.blocks, _folds(lib, lib.blocks), strict=True):
         best = choose(lib, [other for other in lib.blocks if other != block], method)
         least += float(fit(lib, rows, ordinary).sum_of_squares(held))
-        both = constant(lib, rows, best), fit(lib, rows, best)
+        still = levelled(lib, rows, best, np.zeros((best.degree + 1) * len(lib.groups)))
+        both = still, fit(lib, rows, best)
         for cycle in block:
             own = lib.rows([cycle])
             losses = np.array([float(fitted.sum_of_squares(own)) for fitted in both])

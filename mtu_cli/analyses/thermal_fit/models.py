@@ -18,7 +18,7 @@ from mtu_cli.analyses.thermal_fit.series import Series, about_means
 from mtu_cli.stats.compressed import Compressed, compress, effective_number, mean_products, together
 from mtu_cli.stats.lag import lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray, LeastSquares, least_squares, polynomial
-from mtu_cli.stats.ridge import RidgePath, ridge
+from mtu_cli.stats.ridge import ridge
 from mtu_cli.stats.stepwise import stepwise
 
 ALIKE = 0.999
@@ -32,6 +32,8 @@ OFFSET_P, OFFSET_SHARE = 0.001, 0.7
 """Level of the test of cycles' offsets, and their least share of what is left without them."""
 ROUNDING = 1e-12
 """Share of a sum's terms, or of the readings, that is rounding."""
+
+EMPTY = np.zeros((0, 0))
 
 Pieces = dict[tuple[int, int], Compressed]
 """Compressed rows by (position index, cycle index)."""
@@ -99,20 +101,18 @@ class Library:
         return len(self.series.positions) - 1
 
     @cached_property
-    def places(self) -> FloatArray:
-        """Observed positions (positions,), mm; 0 for a component without any."""
-        return np.array([position or 0.0 for position in self.series.positions])
-
-    @cached_property
-    def frame(self) -> tuple[float, float]:
-        """Middle c and half range h: polynomials are in (p - c)/h, which conditions well."""
-        half = float(np.ptp(self.places)) / 2
-        return float(self.places.max() + self.places.min()) / 2, half if half > 0 else 1.0
+    def frame(self) -> tuple[FloatArray, float, float]:
+        """Observed positions (positions,), mm (0 without an axis), their middle c and half range h:
+        polynomials are in (p - c)/h, which conditions well.
+        """
+        places = np.array([position or 0.0 for position in self.series.positions])
+        half = float(np.ptp(places)) / 2
+        return places, float(places.max() + places.min()) / 2, half if half > 0 else 1.0
 
     @cached_property
     def _powers(self) -> FloatArray:
-        middle, half = self.frame
-        return polynomial((self.places - middle) / half, self.most_degree)
+        places, middle, half = self.frame
+        return polynomial((places - middle) / half, self.most_degree)
 
     def powers(self, degree: int) -> FloatArray:
         """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
@@ -388,36 +388,38 @@ def centred(rows: Compressed, columns: Sequence[int] | np.ndarray) -> FloatArray
     return found
 
 
-def fit(lib: Library, rows: Rows, spec: Spec) -> Fitted:
-    """The fit of a spec to some rows; a coefficient that is nothing but rounding is 0."""
+def fit(lib: Library, rows: Rows, spec: Spec, penalties: FloatArray | None = None) -> Fitted:
+    """The fit of a spec to some rows; a coefficient that is nothing but rounding is 0. With
+    `penalties` a fit for each of these (stepwise: one), to predict by.
+    """
     if spec.kind == "stepwise":
         return _stepwise(lib, rows, spec)
-    path, X, y = _ridge(lib, rows, spec, np.array([spec.penalty]))
+    columns, P = lib.columns(spec.lags), lib.powers(spec.degree)
+    levels, blocks, target = [], [], []
+    for i, (position, item) in enumerate(rows.by_position.items()):
+        factor = item.factor[:, columns]
+        ones = np.zeros((len(factor), len(rows.by_position)))
+        ones[:, i] = factor[:, 0]
+        levels.append(ones)
+        blocks.append(np.kron(P[position], factor[:, 1:-1]))
+        target.append(factor[:, -1])
+    X, y = np.vstack(blocks), np.concatenate(target)
+    tried = np.array([spec.penalty]) if penalties is None else penalties
+    path = ridge(np.vstack(levels), X, y, rows.n, tried)
+    if penalties is not None:
+        return levelled(lib, rows, spec, path.coefficients)
     b = path.coefficients[0]
     b = np.where(np.abs(b) * np.linalg.norm(X, axis=0) > ROUNDING * np.linalg.norm(y), b, 0.0)
     parameters = float(path.effective[0]) + rows.levels
-    return _levelled(lib, rows, spec, b, path.unit_covariance(0), parameters)
+    return levelled(lib, rows, spec, b, path.unit_covariance(0), parameters)
 
 
-def fits(lib: Library, rows: Rows, spec: Spec, penalties: FloatArray) -> Fitted:
-    """The fits of a spec with each of some penalties (stepwise: there is one), to predict by."""
-    if spec.kind == "stepwise":
-        return _stepwise(lib, rows, spec)
-    path, _, _ = _ridge(lib, rows, spec, penalties)
-    return _levelled(lib, rows, spec, path.coefficients)
-
-
-def constant(lib: Library, rows: Rows, spec: Spec) -> Fitted:
-    """No temperature: the mean reading at every position."""
-    return _levelled(lib, rows, spec, np.zeros((spec.degree + 1) * len(lib.groups)))
-
-
-def _levelled(
+def levelled(
     lib: Library,
     rows: Rows,
     spec: Spec,
     b: FloatArray,
-    unit_covariance: FloatArray | None = None,
+    unit_covariance: FloatArray = EMPTY,
     parameters: float = np.nan,
 ) -> Fitted:
     """Coefficients b (..., m*g) with the level that fits the readings best at every position."""
@@ -433,26 +435,9 @@ def _levelled(
         spec=spec,
         coefficients=B,
         levels=levels,
-        unit_covariance=np.zeros((0, 0)) if unit_covariance is None else unit_covariance,
+        unit_covariance=unit_covariance,
         parameters=parameters,
     )
-
-
-def _ridge(
-    lib: Library, rows: Rows, spec: Spec, penalties: FloatArray
-) -> tuple[RidgePath, FloatArray, FloatArray]:
-    """Ridge fits with a level a position, for every penalty, and the rows X and y behind them."""
-    columns, P = lib.columns(spec.lags), lib.powers(spec.degree)
-    free, X, y = [], [], []
-    for i, (position, item) in enumerate(rows.by_position.items()):
-        factor = item.factor[:, columns]
-        ones = np.zeros((len(factor), len(rows.by_position)))
-        ones[:, i] = factor[:, 0]
-        free.append(ones)
-        X.append(np.kron(P[position], factor[:, 1:-1]))
-        y.append(factor[:, -1])
-    joined, target = np.vstack(X), np.concatenate(y)
-    return ridge(np.vstack(free), joined, target, rows.n, penalties), joined, target
 
 
 def _stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
@@ -474,7 +459,7 @@ def _stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
         unit += np.einsum("a,b,jk->ajbk", W[:, i], W[:, i], covariance)
         parameters += len(chosen) * m / len(places)
     b = np.concatenate([_gradient(row, gradients) for row in W])
-    return _levelled(lib, rows, spec, b, unit.reshape(m * g, m * g), parameters)
+    return levelled(lib, rows, spec, b, unit.reshape(m * g, m * g), parameters)
 
 
 def through_places(V: FloatArray) -> FloatArray:

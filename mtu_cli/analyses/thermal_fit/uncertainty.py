@@ -75,7 +75,7 @@ def time_constants(found: Fitted) -> FloatArray:
 
 def _unscaled(lib: Library, degree: int) -> FloatArray:
     """T (m, m) from powers of (p - c)/h to powers of p."""
-    c, h = lib.frame
+    _, c, h = lib.frame
     T = np.zeros((degree + 1, degree + 1))
     for m in range(degree + 1):
         for j in range(m + 1):

@@ -187,7 +187,7 @@ def test_each_quantity_that_is_not_estimable_is_one_note(paper: Example) -> None
     assert [item.code for item in noted] == ["not-estimable"] * 2
     assert [item.facts["quantity"] for item in noted] == [
         "repeatability of one visit",
-        "correlation of its drift with that of other components",
+        "correlation of drift with other components",
     ]
     two = ["no axis", "one run"]
     several = [NotDetermined(name, "it", "so", name) for name in two]
