@@ -64,7 +64,7 @@ SIZE = """
     id | | its name | id, text
     part | | name of the part | part, text
     operation | stated(operation) | its operation | operation, text
-    n_repeats | len(repeats) | number of repeats
+    n_repeats | | number of repeats
     *temperature
     *size
     *reference
@@ -80,16 +80,6 @@ SIZE = """
     s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
     *form
     *calibration
-    repeats[] | | *repeat
-"""
-REPEAT = """
-    repeat | | number of the repeat
-    *temperature
-    *size
-    *of_ring
-    *error
-    u_um | u | standard uncertainty of the corrected size
-    *form
 """
 TEMPERATURE = "temperature_degC | temperature | of the ring | T, fix1, names"
 BEFORE_AFTER = """
@@ -132,7 +122,6 @@ def size(kind: Kind) -> Fields:
         **shared,
         reference=known,
         calibration=declare(calibration) if ring else [],
-        repeat=declare(REPEAT, **shared, of_ring=known if ring else []),
     )
 
 

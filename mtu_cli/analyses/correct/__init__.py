@@ -106,12 +106,12 @@ def _sizes(
     for item in wanted:
         own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
         if own and item.kind != "length":
-            warned += _calibration_warnings(item, [each for size in own for each in size.repeats])
+            warned += _calibration_warnings(item, own)
     return sizes, rings, warned
 
 
 def _calibration_warnings(known: Wanted, sizes: Sequence[Size]) -> Iterator[Finding]:
-    """Of a missing calibration, or one of other temperatures than the `sizes` of single visits."""
+    """Of a missing calibration, or one of other temperatures than the `sizes`."""
     if not len(known.calibrated):
         reason, quantity = "no calibrated_mm", "errors and their reduction"
         yield finding("not-estimable", quantity=quantity, names=[known.name], reason=reason)

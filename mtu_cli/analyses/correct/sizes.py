@@ -31,16 +31,16 @@ class Size:
 
     `reference` is the calibrated diameter or nominal length (nan: none) with expanded
     uncertainty `U_reference` (k = 2, nan: not given), `form` the range of the radial residuals
-    (nan for lengths). `u`, `dof` are those of the corrected size. `repeat` is None in a mean
-    over repeats, whose scatter `s_repeats` (after, nan for one) has. `sensitivity` is the sum of
-    the squared gradients of the size in the coordinates; `k` the coverage factor of `U`.
+    (nan for lengths). `u`, `dof` are those of the corrected size. Of a part that was measured
+    `n_repeats` times all are means, of which `s_repeats` (after, nan for one) is the scatter.
+    `sensitivity` is the sum of the squared gradients of the size in the coordinates; `k` the
+    coverage factor of `U`.
     """
 
     kind: Kind
     id: str
     part: str
     operation: str
-    repeat: int | None
     temperature: float
     size: Sides
     form: Sides
@@ -49,9 +49,9 @@ class Size:
     u: float
     dof: float
     sensitivity: float
+    n_repeats: int = 1
     s_repeats: float = nan
     k: float = 2.0
-    repeats: tuple[Size, ...] = ()
 
     @property
     def error(self) -> Sides:
@@ -114,12 +114,11 @@ def mean_size(repeats: Sequence[Size]) -> Size:
     return replace(
         repeats[0],
         **means,
-        repeat=None,
         size=(before, after),
         form=(was, left),
         dof=min(item.dof for item in repeats),
         s_repeats=float(size[:, 1].std(ddof=1)) if len(size) > 1 else nan,
-        repeats=tuple(repeats),
+        n_repeats=len(repeats),
     )
 
 
@@ -129,10 +128,9 @@ def with_scatter(size: Size, scatter: PointScatter | None) -> Size:
     """
     if scatter is None:
         return size
-    n = max(len(size.repeats), 1) if scatter.origin == "repeats" else 1
+    n = size.n_repeats if scatter.origin == "repeats" else 1
     u, dof = scatter.added(np.array([size.u]), np.array([size.dof]), size.sensitivity, n)
-    repeats = tuple(with_scatter(item, scatter) for item in size.repeats)
-    return replace(size, u=float(u[0]), dof=float(dof[0]), repeats=repeats)
+    return replace(size, u=float(u[0]), dof=float(dof[0]))
 
 
 class Measure(NamedTuple):
@@ -190,7 +188,6 @@ def sizes_of(
                     id=task.wanted.id,
                     part=task.part,
                     operation=task.operation,
-                    repeat=task.repeat if task.repeat >= 0 else None,
                     temperature=found.temperature,
                     size=found.size,
                     form=found.form,

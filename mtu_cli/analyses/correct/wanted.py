@@ -64,7 +64,6 @@ class Task(NamedTuple):
     order: int
     part: str
     operation: str
-    repeat: int
     visit: int
     rows: IntArray
 
@@ -160,9 +159,7 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
         for order, item in enumerate(wanted):
             rows, part = row[visit, places[order]], used.parts[code]
             if (rows >= 0).all():
-                repeat = int(points.repeat[rows[0]])
-                place = operations[operation], repeat, visit
-                tasks.append(Task(item, order, part, *place, rows))
+                tasks.append(Task(item, order, part, operations[operation], visit, rows))
             elif (rows >= 0).any():
                 partial.setdefault(item.name, []).append(part)
     problems = []
