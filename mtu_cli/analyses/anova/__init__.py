@@ -130,7 +130,7 @@ def analyse_variance(
         unusual=unusual,
         sequence=sequence,
         trends=trends(kinds, sequence),
-        capabilities=tuple(filter(None, capabilities(kinds, part, sequence))),
+        capabilities=capabilities(kinds, part, sequence),
         totals=totals(features),
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
         maps=planes,

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -127,24 +127,37 @@ def _centred(values: FloatArray, there: np.ndarray) -> FloatArray:
 
 def capabilities(
     kinds: Sequence[Analysed], part: LoadedPart | None, sequence: dict[str, FloatArray]
-) -> Iterator[Capability | None]:
-    """Of everything in the part file that has a tolerance; None where one part was measured."""
-    limits = {} if part is None else _limits(part)
+) -> tuple[Capability, ...]:
+    """Of everything in the part file that has a tolerance, and was measured on two parts."""
+    limits, found = {} if part is None else _limits(part), []
     for kind in kinds:
         rows = {label: i for i, label in enumerate(kind.labels)}
+        of: Of = "position" if kind.kind == "feature" else kind.kind
         for (operation, name, axis), i in rows.items():
-            of: Of = "position" if kind.kind == "feature" else kind.kind
-            if (of, name) not in limits:
+            if (of, name) not in limits or (of == "position" and axis != "x"):
+                continue
+            chosen = [i, rows.get((operation, name, "y"), -1)] if of == "position" else [i]
+            if chosen[-1] < 0:
+                continue
+            values = np.column_stack([kind.part_means(j)[0] for j in chosen])
+            order = np.argsort(sequence[operation], kind="stable")
+            order = order[np.isfinite(values[order]).all(axis=1)]
+            if len(order) < 2:
                 continue
             (low, high), r = limits[of, name], float(kind.rounding[i])
-            values, _ = kind.part_means(i)
-            if of != "position":
-                label = (of, operation, name)
-                yield _capability(label, low, high, values, sequence[operation], r)
-            elif axis == "x" and (operation, name, "y") in rows:
-                y, _ = kind.part_means(rows[operation, name, "y"])
-                errors = np.column_stack([values, y])
-                yield _position((operation, name), high, errors, sequence[operation], r)
+            indices = _of_one if len(chosen) == 1 else _of_position
+            found.append(
+                Capability(
+                    kind=of,
+                    operation=operation,
+                    id=name,
+                    low=low,
+                    high=high,
+                    sequence=sequence[operation][order],
+                    **indices(values[order], low, high, r),
+                )
+            )
+    return tuple(found)
 
 
 def _limits(part: LoadedPart) -> dict[tuple[Of, str], Interval]:
@@ -163,22 +176,11 @@ def _limits(part: LoadedPart) -> dict[tuple[Of, str], Interval]:
     return found
 
 
-def _capability(
-    label: tuple[Of, str, str],
-    low: float,
-    high: float,
-    values: FloatArray,
-    sequence: FloatArray,
-    r: float,
-) -> Capability | None:
-    """Of a length or angle; `r` is the variance of a value that its last digit hides."""
+def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:
+    """Of a length or angle (parts, 1); `r` is the variance of a value that its last digit hides."""
     from scipy.special import chdtri, nctdtrinc
 
-    order = _order(values, sequence)
-    values, sequence = values[order], sequence[order]
-    n = len(values)
-    if n < 2:
-        return None
+    values, n = values[:, 0], len(values)
     mean, s = float(values.mean()), float(np.sqrt(values.var(ddof=1) + r))
     ranges = np.abs(np.diff(values))
     s_moving = float(np.sqrt((ranges.mean() / MOVING_RANGE) ** 2 + r))
@@ -187,58 +189,30 @@ def _capability(
     pp, ppk = _ratio(high - low, 6 * s), _ratio(nearer, 3 * s)
     factors = [float(np.sqrt(chdtri(n - 1, p) / (n - 1))) for p in (1 - tail, tail)]
     ends = [float(nctdtrinc(n - 1, p, scale * ppk) / scale) for p in (1 - tail, tail)]
-    return Capability(
-        kind=label[0],
-        operation=label[1],
-        id=label[2],
-        low=low,
-        high=high,
-        sequence=sequence,
-        values=values,
-        mean=mean,
-        s=s,
-        s_moving=s_moving,
-        pp=pp,
-        pp_interval=(pp * factors[0], pp * factors[1]),
-        ppk=ppk,
-        ppk_interval=(ends[0], ends[1]),
-        cp=_ratio(high - low, 6 * s_moving),
-        cpk=_ratio(nearer, 3 * s_moving),
-    )
+    return {
+        "values": values,
+        "mean": mean,
+        "s": s,
+        "s_moving": s_moving,
+        "pp": pp,
+        "pp_interval": (pp * factors[0], pp * factors[1]),
+        "ppk": ppk,
+        "ppk_interval": (ends[0], ends[1]),
+        "cp": _ratio(high - low, 6 * s_moving),
+        "cpk": _ratio(nearer, 3 * s_moving),
+    }
 
 
-def _position(
-    label: tuple[str, str], high: float, errors: FloatArray, sequence: FloatArray, r: float
-) -> Capability | None:
-    """Of the position of a feature, from its `errors` (parts, 2)."""
-    order = _order(errors.sum(axis=1), sequence)
-    errors, sequence = errors[order], sequence[order]
-    if len(errors) < 2:
-        return None
-    C = np.cov(errors.T) + r * np.eye(2)
-    radial = np.hypot(*errors.T)
-    return Capability(
-        kind="position",
-        operation=label[0],
-        id=label[1],
-        low=0.0,
-        high=high,
-        sequence=sequence,
-        values=radial,
-        mean=float(radial.mean()),
-        ppk=_ratio(high, radial_quantile(errors.mean(axis=0), C, WITHIN)) if C.any() else nan,
-    )
+def _of_position(errors: FloatArray, _: float, high: float, r: float) -> dict[str, Any]:
+    """Of the position of a feature, from its errors (parts, 2)."""
+    C, radial = np.cov(errors.T) + r * np.eye(2), np.hypot(*errors.T)
+    ppk = _ratio(high, radial_quantile(errors.mean(axis=0), C, WITHIN)) if C.any() else nan
+    return {"values": radial, "mean": float(radial.mean()), "ppk": ppk}
 
 
 def _ratio(part: float, whole: float) -> float:
     """Of a process that does not scatter there is none: nan."""
     return part / whole if whole > 0 else nan
-
-
-def _order(values: FloatArray, sequence: FloatArray) -> np.ndarray:
-    """The parts that have a value, in the order of the sequence."""
-    order = np.argsort(sequence, kind="stable")
-    return np.asarray(order[np.isfinite(values[order])])
 
 
 def radial_quantile(mean: FloatArray, C: FloatArray, probability: float) -> float:

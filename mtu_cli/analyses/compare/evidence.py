@@ -400,7 +400,8 @@ def _judged(kind: Compared, p: FloatArray) -> Compared:
     off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
 
     def answers(met: BoolArray, q: FloatArray) -> Answers:
-        return tuple(np.where(np.isfinite(q), met.astype(object), None).tolist())
+        pairs = zip(met.tolist(), np.isfinite(q).tolist(), strict=True)
+        return tuple(yes if tested else None for yes, tested in pairs)
 
     return replace(
         kind,

@@ -139,8 +139,8 @@ def sweep_graph(
     if swept.chance:
         return swept
     u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
-    at = {name: np.array([item.at[name] for item in grid]) for name in values}
-    formula = fit_formula(at, u, se_u, linear_u, output.unit)
+    settled = {name: np.array([item.at[name] for item in grid]) for name in values}
+    formula = fit_formula(settled, u, se_u, linear_u, output.unit)
     if isinstance(formula, str):
         return replace(swept, no_formula=formula)
     both = zip(grid, formula.u, formula.error_percent, strict=True)
