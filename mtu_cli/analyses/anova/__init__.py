@@ -15,21 +15,22 @@ from mtu_cli.analyses.anova.capability import (
     sequences,
     trends,
 )
-from mtu_cli.analyses.anova.operations import (
-    FeatureMap,
-    Total,
-    maps,
-    set_up_warnings,
-    totals,
-)
 from mtu_cli.analyses.anova.outliers import (
     PartsTable,
     UnusualPart,
     parts_table,
     unusual_parts,
 )
+from mtu_cli.analyses.anova.summary import (
+    FeatureMap,
+    Total,
+    anova_warnings,
+    maps,
+    missing_entries,
+    set_up_warnings,
+    totals,
+)
 from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Label, Method, analysed
-from mtu_cli.analyses.anova.warnings import anova_warnings, missing_entries
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding

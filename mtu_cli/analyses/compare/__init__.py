@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.anova.warnings import missing_cells, missing_entries, some
+from mtu_cli.analyses.anova.summary import missing_cells, missing_entries, some
 from mtu_cli.analyses.compare.evidence import (
     FEWEST_PARTS,
     Compared,

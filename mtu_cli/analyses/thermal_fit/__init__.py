@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import choose, held_out, position_test
+from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out, position_test
 from mtu_cli.analyses.thermal_fit.gradients import gradients
 from mtu_cli.analyses.thermal_fit.models import Fitted, Library, Spec, centred, fit, library
 from mtu_cli.analyses.thermal_fit.result import (
@@ -19,17 +20,23 @@ from mtu_cli.analyses.thermal_fit.result import (
 )
 from mtu_cli.analyses.thermal_fit.series import Series, about_means, read_series, sensors_of
 from mtu_cli.analyses.thermal_fit.uncertainty import estimate, noise_share, sensor_noise
-from mtu_cli.analyses.thermal_fit.warnings import thermal_warnings
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
-from mtu_cli.findings import Finding, InputError, counted, error
+from mtu_cli.findings import Finding, InputError, counted, error, finding
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
+from mtu_cli.stats.residuals import (
+    FEWEST_FOR_NORMALITY,
+    condition_number,
+    normality_p,
+    variance_inflation,
+)
 from mtu_cli.units import LENGTH, UNITS
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 _ROUNDING_OF_COUNT = 1e-6
+OVER_FIT = 2.0
+"""Held-out over fitted rms from which on a model counts as over-fitted."""
 MOST_POINTS = 400
 """Points of one curve of a picture."""
 
@@ -65,7 +72,7 @@ def thermal_fit(
         drift = _component(fitted, test, method, of, unit)
         found[series.name] = drift
         share = min(share, noise_share(fitted, sensor_noise(series)))
-        warnings += thermal_warnings(lib, drift, method)
+        warnings += _warnings(lib, drift, method)
     # Sensors are the same for all components: the one that shows least noise bounds it.
     for name, drift in found.items():
         bounded = replace(drift.estimate, sensor_u=drift.estimate.sensor_u * share)
@@ -184,3 +191,81 @@ def _curves(series: Series, modelled: FloatArray) -> tuple[Curve, ...]:
         of = series.positions[p], series.cycles[c]
         found.append(Curve(*of, time, series.y[shown], modelled[shown]))
     return tuple(found)
+
+
+def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
+    """Of one component's model: held-out evidence, sensors, cycles, lags, readings."""
+    name, series, held, of = drift.name, lib.series, drift.held_out, drift.estimate.of
+    if (count := len(drift.cycles)) < FEWEST_NESTED:
+        cycles = "the readings have no cycles" if count < 2 else "there are two cycles"
+        expected = "three cycles or more, column 'cycle'"
+        yield finding("not-held-out", component=name, cycles=cycles, expected=expected)
+    if held is not None and held.after > OVER_FIT * drift.rms_after > 0:
+        fitted, held_out = drift.shown(drift.rms_after), drift.shown(held.after)
+        yield finding("over-fit", component=name, fitted=fitted, held_out=held_out)
+    if held is not None and held.after > held.before:
+        yield finding("no-better", component=name, effect="increase the rms")
+    yield from _inseparable(drift)
+    if lib.zeroed.offsets and lib.zeroed.by != "setting":
+        p = lib.zeroed.p
+        why = "the first reading of each is 0" if p is None else f"p = {p:.1g}"
+        reason = f"the probe was zeroed in every cycle ({why}): each has an offset of its own"
+        yield finding("order-of-cycles", component=name, reason=reason)
+    if (shared := series.shared) is not None:
+        cycle = f"cycle {shared!r}" if shared else "one cycle without a name"
+        files = " and ".join(series.files)
+        reason = f"{cycle} is in {files} and counts as one warm-up or cool-down"
+        expected = "another name for each warm-up in the column 'cycle'"
+        facts = {"files": files, "expected": expected}
+        yield finding("order-of-cycles", component=name, reason=reason, **facts)
+    unlagged = ""
+    if method in ("auto", "lagged") and len(lib.time_constants) < 2:
+        untimed = bool(np.isnan(series.time).any())
+        unlagged = "no times are given" if untimed else "the times do not run on within the cycles"
+    elif method == "lagged" and count < 2:
+        unlagged = "lags are chosen on held-out cycles, and there is one; the model is ridge"
+    elif method == "lagged" and lib.groups and drift.model != "lagged":
+        unlagged = "no time constant lowers the held-out error enough; the model is ridge"
+    if unlagged:
+        yield finding("no-effect-of-temperature", component=name, what="lags", reason=unlagged)
+    if not drift.estimate.sensors:
+        reason = "none explains the drift"
+        reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""
+        yield finding("no-effect-of-temperature", component=name, what="sensor", reason=reason)
+    untested = {}
+    if len(drift.positions) == 1 and of is not None:
+        only = f"it was read at {drift.positions[0]:g} mm only, and is taken as the same"
+        untested[f"the drift along {of}"] = only
+    if drift.residuals.normality_p is None:
+        number = drift.residuals.effective
+        few = f"{number:.3g} of them count as independent"
+        reason = few if number < FEWEST_FOR_NORMALITY else "they are 0"
+        untested["the normality of the residuals"] = reason
+    for what, reason in untested.items():
+        yield finding("not-tested", what=what, items=name, component=name, reason=reason)
+    if series.every > 1:
+        reason = f"of {series.total} readings every {series.every}th of a cycle is fitted"
+        yield finding("not-used", what="readings", names=[name], reason=reason)
+    for sensor, (low, high) in zip(lib.sensors, series.range.tolist(), strict=True):
+        if low == high:
+            where = f" at {low:g} degC"
+            yield finding("sensor-still", sensor=sensor, where=where, consequence="left out")
+
+
+def _inseparable(drift: ComponentDrift) -> Iterator[Finding]:
+    """Sensors whose gradients are reliable together only, of the position with the most."""
+    for group in max((at.inseparable for at in drift.at_positions), key=len, default=()):
+        first, *others = group.sensors
+        value, u = group.value / drift.size, (group.u or 0.0) / drift.size
+        # Both to the second digit of u.
+        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else 3
+        error = f" ± {u:.{places}f}" if u > 0 else ""
+        shown = f"{value:.{places}f}{error} {drift.unit.name} per degC"
+        where = "" if group.position is None else f" at {group.position:g} mm"
+        yield finding(
+            "not-separable",
+            component=drift.name,
+            what=f"{drift.name}: {first}",
+            others=others,
+            consequence=f"reliable together only, {shown} of {first}{where}",
+        )
