@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
@@ -15,7 +14,7 @@ from mtu_cli.analyses.budget.inputs import inputs_of
 from mtu_cli.analyses.budget.result import BudgetResult, OutputBudget
 from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import InputError, error
+from mtu_cli.findings import InputError
 from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.blocks import is_one_block
 from mtu_cli.stats.coverage import coverage_factor as quantile_factor
@@ -44,7 +43,11 @@ def evaluate_budget(
     inputs = inputs_of(loaded)
     first = first_order(loaded, inputs)
     k = loaded.budget.coverage.k if coverage_factor is None else coverage_factor
-    probability = _probability(loaded, k, coverage_factor is not None)
+    stated = loaded.budget.coverage.probability
+    probability = PROBABILITY if stated is None else stated
+    if k is not None:
+        # Of a normal distribution; what a short t covers at k is another matter.
+        probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
     controlled = not is_one_block(settings.trials, probability)
     trials = BudgetTrials(loaded.trees, inputs, first, controlled)
     factors = [
@@ -84,22 +87,6 @@ def evaluate_budget(
         converged=converged,
         of_file=loaded.warnings,
     )
-
-
-def _probability(loaded: LoadedBudget, k: float | None, called: bool) -> float:
-    """Of the intervals; `called`: whether k is the call's and not the file's."""
-    if k is None:
-        stated = loaded.budget.coverage.probability
-        return PROBABILITY if stated is None else stated
-    # Of a normal distribution; what a short t covers at k is another matter.
-    probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
-    if 0.5 * (1.0 + probability) == 0.5:
-        place: dict[str, Any] = {"path": "--k"}
-        if not called:
-            line = loaded.line_of("coverage", "k")
-            place = {"file": loaded.source.shown, "line": line, "path": "coverage.k"}
-        raise error("out-of-range", value=f"{k:g}", expected="a factor such as 2", **place)
-    return probability
 
 
 def _run(

@@ -171,20 +171,19 @@ class BudgetResult:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """All warnings, those of the file first."""
-        found, run, heavy = [*self.of_file, *_of_inputs(self.given)], self.run, []
+        found, run = [*self.of_file, *_of_inputs(self.given)], self.run
         for item in self.outputs:
             found += [*_of_first_order(item, self.given.u), *_of_validation(item)]
-            u = item.of_run("u")
-            if run.trials >= MANY and not (math.isnan(u) or item.of_run("se_u") <= FEW * u):
-                heavy.append(item.first.name)
         beyond = [item.k for item in self.outputs if item.k > item.k_probability]
         if beyond and run.probability >= LARGEST_PROBABILITY:
             percent = 100 * run.probability
             found.append(finding("coverage-beyond-check", k=max(beyond), percent=percent))
-        if heavy:
+        heavy = ~(np.isnan(run.u) | (run.se_u <= FEW * run.u)) & (run.trials >= MANY)
+        if heavy.any():
+            names = [self.outputs[i].first.name for i in np.flatnonzero(heavy)]
             reason = "a few trials far out make it, as of a ratio whose divisor may be 0"
             given = {"reason": reason, "remedy": "use the interval"}
-            found.append(finding("heavy-tails", outputs=heavy, **given))
+            found.append(finding("heavy-tails", outputs=names, **given))
         if not self.converged:
             goal = "the digits of u asked for (JCGM 101, 7.9.4)"
             found.append(finding("not-converged", trials=run.trials, goal=goal))
