@@ -127,7 +127,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "no-formula": _warning("no formula: {reason}"),
     "unrelated": _warning("{output} does not depend on {names}"),
-    "errors-left": _warning("after the correction {what}: {cause}"),
     "form-left": _warning(
         "the form of {names} after the correction is more than the model's uncertainty and the "
         "points' scatter explain ({worst}: rms {rms_um:.3g} um against {explained_um:.3g} um): the "

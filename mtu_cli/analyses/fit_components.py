@@ -103,15 +103,10 @@ class Component(Line):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SharedPasses:
-    """Components that share passes; `units` (K, K) are products of their units' sizes,
-    `correlation` is that of the passes' levels and slopes (`correlation_of`), repeatability
-    included: nan of passes without any scatter.
-    """
+    """Components that share passes; `units` (K, K) are products of their units' sizes."""
 
     group: JointPasses
     units: FloatArray
-    correlation_of: tuple[str, ...]
-    correlation: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,7 +149,7 @@ def fit_result(
             name: _component(estimate, fit.components.get(name), (says or {}).get(name), flags)
             for name, estimate in estimates.components.items()
         },
-        joint=tuple(_shared(fit, estimates, group) for group in estimates.joint),
+        joint=tuple(_shared(estimates, group) for group in estimates.joint),
         observability=undetermined,
         coverage_factor=coverage_factor,
         warnings=(*not_estimable(undetermined), *_warnings(fit)),
@@ -285,21 +280,7 @@ def _r2(item: InstrumentFit) -> float | None:
     return float(1.0 - item.fit.plain.rss / about_mean)
 
 
-def _shared(fit: MachineFit, estimates: Estimates, group: JointPasses) -> SharedPasses:
+def _shared(estimates: Estimates, group: JointPasses) -> SharedPasses:
     units = [estimates.components[name].unit.to_internal for name in group.components]
     sizes = np.repeat(units, group.widths)
-    # Of the passes' lines from their mean by direction.
-    lines = {name: fit.components[name].instruments[0].fit.deviations for name in group.components}
-    joined = np.column_stack([*lines.values()])
-    norms = np.linalg.norm(joined, axis=0)
-    norms[norms == 0] = np.nan
-    return SharedPasses(
-        group=group,
-        units=np.outer(sizes, sizes),
-        correlation_of=tuple(
-            f"{name} {what}"
-            for name, own in lines.items()
-            for what in ("level", "slope")[: own.shape[1]]
-        ),
-        correlation=(joined / norms).T @ (joined / norms),
-    )
+    return SharedPasses(group=group, units=np.outer(sizes, sizes))

@@ -125,22 +125,6 @@ def size(kind: Kind) -> Fields:
     )
 
 
-SUMMARY = declare(
-    """
-    kind | | circle, sphere or length
-    id | | its name | id, text
-    n_parts | parts | number of parts | parts, count
-    mean_error_um.before | mean.0 | mean error before the correction \
-        | mean before, u=least(rms), unit=um
-    mean_error_um.after | mean.1 | mean error after the correction \
-        | mean after, u=least(rms), unit=um
-    rms_error_um.before | rms.0 | root mean square error before the correction \
-        | rms before, u=least(rms), unit=um
-    rms_error_um.after | rms.1 | root mean square error after the correction \
-        | rms after, u=least(rms), unit=um
-    """,
-    least=min,
-)
 FORM_LEFT = declare("""
     kind | | circle or sphere
     id | | its name | id, text
@@ -168,13 +152,10 @@ RESULTS = declare(
     circles[] | circle() | *circles
     spheres[] | sphere() | *spheres
     lengths[] | length() | *lengths
-    summary[] | by_size() | *sizes
     form_left[] | forms | *form_left
     """,
     points=_points,
     point=ROW,
-    by_size=CorrectResult.by_size,
-    sizes=SUMMARY,
     form_left=FORM_LEFT,
     **{name: SIZES[kind] for kind, name in KINDS.items()},
     **{str(kind): partial(CorrectResult.of_kind, kind=kind) for kind in KINDS},
@@ -183,19 +164,17 @@ RESULTS = declare(
 
 def document(result: CorrectResult, digits: int = 2) -> Document:
     """One row a measured point; before them the sizes, over all parts and one by one."""
-    points, summary = _points(result), result.by_size()
-    several, many = any(item.parts > 1 for item in summary), len(points) > SHOWN
+    points = _points(result)
+    many = len(points) > SHOWN
     footer = "corrected = measured + correction, minus the modelled error; "
     footer += KIND[result.independent]
-    means = "errors (measured minus reference): mean and root mean square"
     tables = [
         Table("Points", ROW, points, f"{footer}; ± u", detail=many),
-        Table("Before and after, all parts", SUMMARY, summary if several else [], means),
     ]
     errors = "error: measured minus reference, ± u with that of the calibration"
     for kind, name in KINDS.items():
         sizes = result.of_kind(kind)
-        title, detail = f"{name.capitalize()} before and after", several and len(sizes) > SHOWN
+        title, detail = f"{name.capitalize()} before and after", len(sizes) > SHOWN
         notes = list(_notes(result))
         tables.append(Table(title, SIZES[kind], sizes, errors, notes, detail=detail))
     form = "mean form over the visits; explained: u of the model and scatter of the points"
@@ -224,14 +203,12 @@ def _notes(result: CorrectResult) -> Iterator[str]:
 
 
 def _verdict(result: CorrectResult) -> str:
-    off = [item.id for item in result.by_size() if item.off]
-    left = f"; the mean error of {listed(off)} exceeds its uncertainty" if off else ""
     kinds: dict[str, tuple[Kind, ...]] = {"diameters": ("circle", "sphere"), "lengths": ("length",)}
     for name, each in kinds.items():
         if rms := result.rms(each):
             before, after = (significant(value / UM) for value in rms)
             changes = "reduces" if rms[1] <= rms[0] else "increases"
             of = f"the rms error of {name} from {before} to {after} um"
-            return f"Correction {changes} {of}{left}."
+            return f"Correction {changes} {of}."
     largest, axis = result.largest
     return f"The largest correction is {significant(largest / UM, 3)} um, along {axis}."

@@ -185,8 +185,6 @@ JOINT = declare("""
     pass_covariance | group.pass_covariance | of all between passes | -, size=units
     half_difference_mean_square | group.half_differences | part of it of runs there and back \
         | -, size=units
-    correlation_of | | rows of the correlation
-    correlation | | of levels and slopes of the passes, repeatability included
     pass_dof | group.pass_dof | degrees of freedom between passes
     n_passes | group.n_passes | number of passes
 """)

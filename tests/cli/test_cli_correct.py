@@ -132,16 +132,7 @@ def test_the_csv_holds_every_point(outputs: Listing, document: dict[str, Any]) -
 def test_table_and_picture(outputs: Listing, document: dict[str, Any]) -> None:
     table = (outputs[""] or b"").decode()
     assert table.startswith("Correction reduces the rms error of diameters from ")
-    assert "\nBefore and after, all parts\n" in table
     assert "\nCircles before and after\n" in table
-    over, length = document["results"]["summary"]
-    assert (length["kind"], length["id"], length["n_parts"]) == ("length", "A-D", over["n_parts"])
-    errors = [ring["error_um"] for ring in document["results"]["circles"]]
-    assert (over["id"], over["n_parts"]) == ("ring", len(errors))
-    for side in ("before", "after"):
-        own = [error[side] for error in errors]
-        assert over["mean_error_um"][side] == pytest.approx(sum(own) / len(own))
-        assert over["rms_error_um"][side] == pytest.approx(hypot(*own) / len(own) ** 0.5)
     assert max(map(len, table.splitlines())) <= 100
     for ring in document["results"]["circles"]:
         start = f"ring {ring['part']} "
@@ -194,7 +185,6 @@ def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) 
     codes = [item["code"] for item in found["warnings"]]
     assert codes == [
         "option-not-used", "not-used", "outside-measured-range",
-        "errors-left",  # The ring never was that warm.
     ]  # fmt: skip
     assert "load" in found["warnings"][0]["message"]
     assert found["results"]["circles"][0]["calibrated_mm"] == pytest.approx(180.01435)

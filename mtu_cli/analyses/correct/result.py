@@ -13,14 +13,10 @@ from mtu_cli.analyses.correct.scatter import FormLeft, PointScatter, unexplained
 from mtu_cli.analyses.correct.sizes import Sides, Size
 from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.files.points import Points
-from mtu_cli.findings import Finding, finding, listed
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.machine_model import AXES
-from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
-
-CAUSE = "the model does not describe these points, or calibrated_mm is wrong"
 
 
 class FeatureErrors(NamedTuple):
@@ -32,27 +28,6 @@ class FeatureErrors(NamedTuple):
     places: FloatArray
     before: FloatArray
     after: FloatArray
-
-
-class SizeErrors(NamedTuple):
-    """The errors of one circle, sphere or length over all `parts` (of operations: each counts),
-    before and after the correction, mm; `half` is the median half-width of intervals that the
-    errors after of all circles and spheres are in together, in 95 % of all cases (Bonferroni).
-    """
-
-    kind: Kind
-    id: str
-    parts: int
-    mean: Sides
-    rms: Sides
-    half: float
-
-    @property
-    def off(self) -> bool:
-        """Whether the mean error after is beyond its uncertainty. Not of a length: what a part
-        was made to be off its nominal length is no error of the machine.
-        """
-        return abs(self.mean[1]) > self.half and self.kind != "length"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,23 +76,6 @@ class CorrectResult:
         """The circles, spheres or lengths."""
         return tuple(item for item in self.sizes if item.kind == kind)
 
-    def by_size(self) -> tuple[SizeErrors, ...]:
-        """The errors of every circle, sphere and length that has a reference, over the parts."""
-        groups: dict[tuple[Kind, str], list[Size]] = {}
-        for item in self.sizes:
-            if isfinite(item.reference):
-                groups.setdefault((item.kind, item.id), []).append(item)
-        judged = sum(kind != "length" for kind, _ in groups)
-        probability = 1 - (1 - PROBABILITY) / max(judged, 1)
-        found = []
-        for (kind, name), items in groups.items():
-            errors = np.array([item.error for item in items])
-            mean, rms = errors.mean(axis=0).tolist(), np.sqrt((errors**2).mean(axis=0)).tolist()
-            half = [coverage_factor(probability, item.dof_error) * item.u_error for item in items]
-            sides = (mean[0], mean[1]), (rms[0], rms[1])
-            found.append(SizeErrors(kind, name, len(items), *sides, float(np.median(half))))
-        return tuple(found)
-
     def rms(self, kinds: Collection[Kind]) -> Sides | None:
         """Root mean square of the errors of all sizes of some kinds before and after; None where
         none has a reference.
@@ -149,22 +107,11 @@ class CorrectResult:
 
 
 def _left(result: CorrectResult) -> Iterator[Finding]:
-    """Figures that are not estimable, and errors and forms that the correction makes or leaves."""
+    """Figures that are not estimable, and forms that the correction leaves."""
     exact = [item for item in result.sizes if item.error[0] == 0]
     if names := [f"{item.id} of {item.part}" for item in exact]:
         reason = "no error before the correction"
         yield finding("not-estimable", quantity="reduction_percent", names=names, reason=reason)
-    left = [item for item in result.by_size() if item.off]
-    if left:
-        worst = max(left, key=lambda item: abs(item.mean[1]) - item.half)
-        mean, half = worst.mean[1] / UM, worst.half / UM
-        before, after = (rms / UM for rms in worst.rms)
-        what = f"the mean errors of {listed([x.id for x in left])} exceed their uncertainty ("
-        what += f"{worst.id}: {mean:.3g} um, 95 % within {half:.3g} um; rms {before:.3g} um before "
-        what += f"and {after:.3g} um after)"
-        facts = {"mean_um": mean, "half_width_um": half, "cause": CAUSE}
-        facts |= {"rms_before_um": before, "rms_after_um": after}
-        yield finding("errors-left", what=what, worst=worst.id, **facts)
     if forms := unexplained(result.forms):
         most = max(forms, key=lambda form: form.F)
         yield finding(

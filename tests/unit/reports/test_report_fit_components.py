@@ -131,30 +131,6 @@ def test_figures_against_plain_formulas(paper: Example) -> None:
     assert item["drift"]["df"] == [16, 60]
 
 
-def test_correlation_is_of_the_passes_levels_and_slopes(paper: Example) -> None:
-    """Against a line through every pass by numpy, less the mean by direction."""
-    (group,) = report(paper)["results"]["joint_pass_covariance"]
-    assert group["components"] == list(LINES)
-    assert group["correlation_of"][:2] == ["dx_x level", "dx_x slope"]
-    columns = []
-    for name in ("dx_x", "dy_x"):
-        item = paper.fit.components[name].instruments[0]
-        lines = np.array(
-            [
-                np.polyfit(item.position[item.group == g] - 75, item.error[item.group == g], 1)[
-                    ::-1
-                ]
-                for g in range(10)
-            ]
-        )
-        forward = np.array([sign > 0 for *_, sign in item.keys_read])
-        lines[forward] -= lines[forward].mean(axis=0)
-        lines[~forward] -= lines[~forward].mean(axis=0)
-        columns.append(lines)
-    wanted = np.corrcoef(np.column_stack(columns).T)
-    np.testing.assert_allclose(np.array(group["correlation"])[:4, :4], wanted, atol=1e-9)
-
-
 def test_pass_covariance_for_people_has_no_negative_part(tmp_path: Path) -> None:
     given = example(tmp_path, passes=3, roles=("lbb", "laser"))
     for item in report(given)["results"]["components"].values():
