@@ -39,9 +39,9 @@ def length_gradient(prediction: Prediction, pairs: IntArray, delta: FloatArray) 
     """dL/dE (lengths, rows): minus and plus the nominal unit vector, eq. (22)."""
     unit = _along(prediction, delta / np.linalg.norm(delta, axis=1)[:, None])
     gradient = np.zeros((len(pairs), len(prediction.points), len(prediction.axes)))
-    for row, (start, end), direction in zip(gradient, pairs, unit, strict=True):
-        row[start] -= direction
-        row[end] += direction
+    each = np.arange(len(pairs))
+    gradient[each, pairs[:, 0]] -= unit
+    gradient[each, pairs[:, 1]] += unit
     return gradient.reshape(len(pairs), -1)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -116,17 +116,10 @@ def only_features(points: Points, names: Iterable[str]) -> Points:
 
 def only_rows(points: Points, rows: NDArray[Any]) -> Points:
     """Some of the points, by index (k,) or mask (n,); all parts and features keep their codes."""
-    return replace(
-        points,
-        covariates={name: column[rows] for name, column in points.covariates.items()},
-        **{name: getattr(points, name)[rows] for name in _BY_POINT},
-    )
-
-
-_BY_POINT = (
-    "part", "feature", "operation", "measured", "nominal", "repeat", "time_min", "sequence",
-    "direction", "file_index", "row",
-)  # fmt: skip
+    own = {field.name: getattr(points, field.name) for field in fields(points)}
+    arrays = {name: value[rows] for name, value in own.items() if isinstance(value, np.ndarray)}
+    covariates = {name: column[rows] for name, column in points.covariates.items()}
+    return replace(points, covariates=covariates, **arrays)
 
 
 def occurrence(codes: IntArray) -> IntArray:

@@ -109,6 +109,11 @@ class BlockPlan:
         size = least_block(probability, smooth=smooth)
         return cls(probability, size if smooth else max(ADAPTIVE_BLOCK, size), None)
 
+    @property
+    def total(self) -> int | None:
+        """All trials; None where the count adapts."""
+        return None if self.blocks is None else self.size * self.blocks + self.longer
+
     def trials_in(self, block: int) -> int:
         return self.size + (block < self.longer)
 

@@ -161,11 +161,31 @@ class _Runner:
         self._summariser = None if plan.blocks == 1 else BlockSummariser(model, plan)
 
     def run_to(self, goal: int, pool: Pool) -> None:
-        """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order."""
+        """Runs blocks up to number `goal`, exclusive, and adds them to `pool` in order.
+
+        Raises InputError for values that are not finite.
+        """
         for count, not_finite, summary in self._each(self._block, range(self.blocks, goal)):
-            self._count(count, not_finite)
+            self.blocks += 1
+            self.trials += count
+            if np.any(not_finite):
+                where = f"of the first {self.trials} Monte Carlo trials"
+                expected = "a model that is defined for all values its inputs may take"
+                raise InputError(
+                    finding(
+                        "no-finite-value",
+                        output=name,
+                        what=repr(name),
+                        where=f" in {bad} {where}",
+                        expected=expected,
+                    )
+                    for name, bad in zip(self.model.names, not_finite, strict=True)
+                    if bad
+                )
             if summary is not None:
                 pool.add(summary)
+            if self._progress is not None:
+                self._progress(self.trials, self.plan.total)
 
     def samples(self) -> FloatArray:
         """The first trials (outputs, kept), in order."""
@@ -180,26 +200,6 @@ class _Runner:
         if self._summariser is None or np.any(not_finite):
             return m, not_finite, None
         return m, not_finite, self._summariser.summarise(draws)
-
-    def _count(self, trials: int, not_finite: IntArray) -> None:
-        self.blocks += 1
-        self.trials += trials
-        if np.any(not_finite):
-            raise InputError(
-                finding(
-                    "no-finite-value",
-                    output=name,
-                    what=repr(name),
-                    where=f" in {bad} of the first {self.trials} Monte Carlo trials",
-                    expected="a model that is defined for all values its inputs may take",
-                )
-                for name, bad in zip(self.model.names, not_finite, strict=True)
-                if bad
-            )
-        if self._progress is not None:
-            plan = self.plan
-            total = None if plan.blocks is None else plan.size * plan.blocks + plan.longer
-            self._progress(self.trials, total)
 
 
 def _not_finite(draws: Draws) -> IntArray:
