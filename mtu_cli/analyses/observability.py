@@ -11,7 +11,7 @@ from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.stats.pass_tests import FEWEST_PASSES, MAX_POSITIONS, by_runs
+from mtu_cli.stats.pass_tests import MAX_POSITIONS, by_runs
 
 FEWEST_OF_TREND = 3
 """Runs there and back from which on a straight line leaves a degree of freedom."""
@@ -40,10 +40,8 @@ def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
     for name in estimates.components:
         component = fit.components.get(name)
         if component is None:
-            what, because = (
-                "drift, reversal and lack of fit",
-                "it is known from the machine file only",
-            )
+            what = "drift, reversal and lack of fit"
+            because = "it is known from the machine file only"
             would = "readings of it, given with --lbb or --laser"
             found.append(NotDetermined(name, what, because, would))
             continue
@@ -91,37 +89,27 @@ def _of_scatter(item: InstrumentFit, *, without_axis: bool) -> Checks:
         would = "read every pass at two positions or more"
         yield "pass-to-pass change of slope", because, would
     if item.trend is None:
-        enough, few = fit.pass_dof >= 2, f"{counted(fit.n_passes, 'pass', 'passes')} only"
+        read = counted(fit.n_passes, "pass", "passes")
         would = "at least 4 passes, in each direction where both are read"
         if by_runs(fit):
-            enough = len(fit.pairs) >= FEWEST_OF_TREND
-            few = f"{counted(len(fit.pairs), 'run')} there and back only"
+            read = f"{counted(len(fit.pairs), 'run')} there and back"
             would = f"at least {FEWEST_OF_TREND} runs there and back"
-        because = "the levels of its passes do not differ" if enough else few
-        yield "steady drift from pass to pass", because, would
+        yield "steady drift from pass to pass", f"{read}, too few or of equal levels", would
     if not fit.within_dof > 0:
-        because = (
-            "nothing is repeated within a pass (a move from the other side is no repeat): all "
-        )
-        because += "its scatter counts as pass-to-pass"
+        because = "nothing is repeated within a pass from the same side: all its scatter counts as "
+        because += "pass-to-pass"
         would = "read it at least twice in a pass from the same side, in the same set-up"
         yield "repeatability of one visit", because, would
 
 
 def _of_shape(item: InstrumentFit) -> Checks:
     """What directions and positions are too few for."""
-    forward, reverse = (bool((item.direction * sign > 0).any()) for sign in (1, -1))
     if item.reversal is None:
-        would = "run each pass in both directions, given in `direction`"
-        if not (forward or reverse):
-            because = "no `direction` is given"
-        elif not (forward and reverse):
-            because = f"read {'forward' if forward else 'in reverse'} only"
-        elif item.fit.separated and item.fit.n_passes >= FEWEST_PASSES:
-            because, would = "its passes do not differ", "readings that scatter"
-        else:
-            because = "too few passes to judge it by their scatter"
-            would = "at least 3 passes there and back"
+        ways = {int(np.sign(way)) for way in np.unique(item.direction)} - {0}
+        because = {0: "no `direction` is given", 1: "read in one direction only"}.get(
+            len(ways), "its passes are too few or do not differ"
+        )
+        would = "at least 3 passes, each in both directions, given in `direction`"
         yield "reversal", because, would
     if item.lack_of_fit is None and item.profile is None:
         positions, k = len(np.unique(item.position)), item.powers
