@@ -201,7 +201,9 @@ class AngleTrials(PointTrials):
         rng.standard_normal(out=z[:rank])
         rng.standard_normal(out=z[-1])
         if np.isfinite(self.linear_dof[0]):
-            z *= t_scales(float(self.linear_dof[0]), rng, self.work.array("scale", (m,)))
+            scale = t_scales(float(self.linear_dof[0]), rng, self.work.array("scale", (m,)))
+            z[:rank] *= scale
+            z[-1] *= scale
         z[rank] = 1.0
         rows = np.matmul(self.product, z[:-1], out=self.work.array("rows", (2 * n + 1, m)))
         w, v, linear = rows[:n], rows[n : 2 * n], rows[2 * n :]

@@ -1,4 +1,4 @@
-"""Simulated drift tests: climate, profiles of drift, and readings of them."""
+"""Simulated drift tests: climate, and readings of drift."""
 
 from __future__ import annotations
 
@@ -112,49 +112,6 @@ def as_read(
         * stream(seed, _CLIMATE_STREAM, 5, part, c).standard_normal(len(true[place]))
         for c, (name, place) in enumerate(places.items())
     }
-
-
-STEPS = (0.0, 3.0, 6.0)
-"""Uniform temperatures in K above the reference where the sensors' range is not known."""
-PLACES = 101
-"""Places of a profile along the axis."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriftProfile:
-    """Drift in mm or rad at places (g,) mm, (3, g), and where it was observed, (3, p), in three
-    states `temperatures` (3, s) degC: the lowest, middle and highest that each sensor read, or,
-    where these are not known (not `ranged`), STEPS above the reference. A drift that is the same
-    everywhere has one place.
-    """
-
-    temperatures: FloatArray
-    ranged: bool
-    places: FloatArray
-    drift: FloatArray
-    at_observed: FloatArray
-
-
-def drift_profile(estimate: ThermalEstimate, observed: Sequence[float]) -> DriftProfile:
-    """The model's drift in its three states; `observed` are the positions of the readings, mm."""
-    ranged = estimate.temperature_range is not None and len(estimate.sensors) > 0
-    states = np.repeat(estimate.reference + np.array(STEPS)[:, None], len(estimate.sensors), axis=1)
-    if estimate.temperature_range is not None and ranged:
-        low, high = estimate.temperature_range.T
-        states = np.array([low, (low + high) / 2, high])
-    positions = np.array(observed, float)
-    places = np.zeros(1)
-    if estimate.degree > 0 and len(positions) > 1:
-        low, high = estimate.position_range or (positions.min(), positions.max())
-        places = np.linspace(low, high, PLACES)
-    known = [dict(zip(estimate.sensors, state[:, None], strict=True)) for state in states]
-    return DriftProfile(
-        temperatures=states,
-        ranged=ranged,
-        places=places,
-        drift=np.array([estimate.drift(places, each) for each in known]),
-        at_observed=np.array([estimate.drift(positions, each) for each in known]),
-    )
 
 
 _DRIFT_STREAM = 6

@@ -23,7 +23,7 @@ from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.findings import listed
 from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, RowOf, declare, read, record, rows_of
+from mtu_cli.reports.fields import Field, Fields, RowOf, declare, read, rows_of
 from mtu_cli.reports.numbers import MISSING
 
 SHOWN = 24
@@ -68,7 +68,6 @@ ENTRY = """
     var_both_UNIT2 | both | variance of parts and CMM, without repeats
     interval95_future_UNIT | interval_future | interval that holds the error of 95 of 100 future \
         parts (Student's t) | 95 % future, interval, u=u_future, csv=future_{}95_UNIT
-    dof_mean | | degrees of freedom of u_mean
     dof_future | | degrees of freedom of u_future
     var_part_limits_below_zero | below_zero() | whether both limits of var_part were below 0: its \
         interval is then [0, 0]
@@ -104,7 +103,7 @@ def _of_unit(field: Field, unit: str) -> Field:
     if not field.unit_name:
         return field
     return replace(
-        field, value=lambda item: read(item, field.source) if _unit(item) == unit else None
+        field, value=lambda item: read(item, field.value) if _unit(item) == unit else None
     )
 
 
@@ -162,7 +161,6 @@ TOTAL = declare(
     - | root(repeat) | | s_repeat, unit=um
     repeat_share | | share of the CMM in the variance of one measured point (REML) \
         | CMM / % of s^2, percent, detail
-    F_tested | tested | features with an F
     parts_differ | differ | features in which parts differ, 5 % over all (Holm) \
         | parts / differ, of_tested(), u=tested
     """,
@@ -205,8 +203,9 @@ CAPABILITY = declare(
 )
 
 
-def unusual_part(*units: str) -> Fields:
-    """The figures of an outlying part, with its largest deviation in these units."""
+def unusual_part(item: Any = None) -> Fields:
+    """The figures of an outlying part, with its largest deviation in its unit."""
+    units = ("um", "arcsec") if item is None else (_unit(item),)
     text = """
         part | | its name | part, text
         where. | where | *place | json
@@ -216,12 +215,6 @@ def unusual_part(*units: str) -> Fields:
         singles[] | singles | *place
     """
     return declare(text, place=place(""), deviation=_in_units(DEVIATION, *units))
-
-
-def _unusual(result: AnovaResult) -> list[dict[str, Any]] | None:
-    if result.unusual is None:
-        return None
-    return [record(unusual_part(_unit(item)), item) for item in result.unusual]
 
 
 def _rows(kind: Kind) -> Callable[[AnovaResult], list[RowOf]]:
@@ -241,11 +234,7 @@ RESULTS = declare(
     lengths[] | lengths() | *length
     orthogonality[] | angles() | *angle
     totals[] | totals | *total
-    unusual_parts | unusual() | outlying parts: part, where, deviation and typical (rms of the \
-        others) in um or arcsec, p_familywise, why (mean or distance of a group, or a single \
-        table), singles; null: too few
-    family_wise_rate | rate() | false alarm rate of outlying parts and trends \
-        together
+    unusual_parts[] | unusual | *unusual
     trends[] | trends | *trend
     capability[] | capabilities | *capability
     """,
@@ -256,8 +245,7 @@ RESULTS = declare(
     length=entry("length"),
     angle=entry("angle"),
     total=TOTAL,
-    unusual=_unusual,
-    rate=lambda _: FAMILY_RATE,
+    unusual=unusual_part,
     trend=TREND,
     capability=CAPABILITY,
 )
@@ -280,9 +268,10 @@ def _tables(result: AnovaResult) -> Iterator[Table]:
         "measurement (CMM); parts differ: F test, 5 % over all (Holm)"
     )
     yield Table(f"Features by operation and axis{datum}", TOTAL, result.totals, footer)
-    parts = unusual_part("um", "arcsec")
     footer = f"mean of the other parts; false alarms in {100 * FAMILY_RATE:g} % of studies"
-    yield Table("Outlying parts", parts, result.unusual or (), f"deviation from the {footer}")
+    yield Table(
+        "Outlying parts", unusual_part(), result.unusual or (), f"deviation from the {footer}"
+    )
     footer = "change from part to part, p over all tables (Holm)"
     yield Table("Trends over the sequence", TREND, _significant(result), footer)
     footer = "pp, ppk: overall s of the parts; cp, cpk: s of neighbours in the sequence"

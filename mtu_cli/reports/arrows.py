@@ -8,7 +8,6 @@ thicker, with ellipses of k standard uncertainties about the tips where a covari
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -72,22 +71,6 @@ class Maps:
     k: float = 0.0
 
 
-class Level(NamedTuple):
-    """The features `rows` at one height, in words `at`; empty where it is not known."""
-
-    at: str
-    rows: IntArray
-
-
-class Cut(NamedTuple):
-    """The axes of the plane and its `normal`; the levels drawn of `total`."""
-
-    plane: tuple[int, int]
-    normal: int
-    levels: list[Level]
-    total: int
-
-
 class Arrows(NamedTuple):
     """Of a side in a panel: places (m, 2) mm, errors (m, 2) um and k times the root of the
     covariances, as matrices (m, 2, 2) um^2, of the features whose errors are known.
@@ -101,32 +84,40 @@ class Arrows(NamedTuple):
     @property
     def radius(self) -> FloatArray:
         """The longest half axis (m,) of every ellipse, um."""
-        largest = np.linalg.eigvalsh(self.squares)[:, -1]
-        half: FloatArray = np.sqrt(np.clip(largest, 0.0, None))
+        half: FloatArray = np.sqrt(np.clip(np.linalg.eigvalsh(self.squares)[:, -1], 0.0, None))
         return half
 
 
 class Panel(NamedTuple):
-    """The arrows of a group at a level, in the plane or `across` it."""
+    """The arrows of a group at the features `rows`, of errors along these `axes`: those of the
+    plane, or the one across it.
+    """
 
     title: str
-    level: Level
-    across: bool
+    rows: IntArray
+    axes: list[int]
     arrows: list[Arrows]
+
+    @property
+    def across(self) -> bool:
+        """Whether errors across the plane are drawn, upwards."""
+        return len(self.axes) == 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """How maps lie on paper: the panels row by row, in `room` inches of which they take `width`,
-    `panel` inches high, limits (2,) in mm, `inch` mm in an inch, `scales` mm of the figure a um in
-    the plane and across it, `spacing` of neighbours in mm, and room for names of so many `letters`.
+    """How maps lie on paper: the panels row by row, in a `plane` of two axes, of so many levels in
+    `total`; `width` and `height` of the page and `panel` height in inches, limits (2,) in mm,
+    `inch` mm in an inch, `scales` mm of the figure a um in the plane and across it, `spacing` of
+    neighbours in mm, and room for names of so many `letters`.
     """
 
     maps: Maps
-    cut: Cut
+    plane: list[int]
     rows: list[list[Panel]]
     columns: int
-    room: float
+    shown: int
+    total: int
     width: float
     panel: float
     low: FloatArray
@@ -142,61 +133,36 @@ class Sheet:
         return len(self.rows) * (self.panel + ABOVE) + 0.45
 
 
-def cut_of(places: FloatArray, axes: Collection[str]) -> Cut:
-    """From above, level by level, unless all features lie in a plane that is seen from the side.
-
-    A feature without a height, or errors without one along z, can be seen from above alone.
-    """
-    sideways = set(AXES) <= set(axes) and not np.isnan(places[:, 2]).any()
-    cuts = [_levels(places, normal) for normal in ((2, 1, 0) if sideways else (2,))]
-    return next((item for item in cuts if item.total == 1), cuts[0])
-
-
-def _levels(places: FloatArray, normal: int) -> Cut:
-    heights, n = places[:, normal], len(places)
-    extent = max(float(np.ptp(c[np.isfinite(c)])) for c in places.T if np.isfinite(c).any())
-    order = np.argsort(heights, kind="stable")
-    # Unknown heights come last and are one level.
-    steps = ~(np.diff(heights[order]) <= APART * extent) & ~np.isnan(heights[order][:-1])
-    level = np.zeros(n, dtype=np.int64)
-    level[order] = np.concatenate([[0], np.cumsum(steps)])
-    total = int(level.max()) + 1
-    if total > FEW and 3 * total > n:
-        level[:] = 0
-    rows = [np.flatnonzero(level == i) for i in spread(int(level.max()) + 1, MOST)]
-    levels = [Level(_height(heights[at], normal), at) for at in rows]
-    return Cut([(1, 2), (0, 2), (0, 1)][normal], normal, levels, total)
-
-
-def _height(heights: FloatArray, normal: int) -> str:
-    """A level in words."""
-    known = heights[np.isfinite(heights)] + 0.0
-    if not len(known):
-        return ""
-    if np.ptp(known) <= 1e-3 * max(1.0, abs(float(known.max()))):
-        return f"{AXES[normal]} = {float(np.median(known)):.6g} mm"
-    return f"{AXES[normal]} {known.min():.6g} to {known.max():.6g} mm"
-
-
 def sheet(maps: Maps, width: float | None = None) -> Sheet:
     """The layout of maps on a page, 12 inches wide, or 8 where one panel is all.
 
-    The longest arrow is about as long as features are apart, and the ellipses of neighbours about
-    touch at the largest u.
+    From above, level by level, unless all features lie in a plane that is seen from the side: a
+    feature without a height, or errors without one along z, can be seen from above alone. The
+    longest arrow is about as long as features are apart, and the ellipses of neighbours about touch
+    at the largest u.
     """
-    seen = cut_of(maps.places, maps.axes)
-    sides = [side for _, group in maps.groups for side in group]
+    sideways = set(AXES) <= set(maps.axes) and not np.isnan(maps.places[:, 2]).any()
+    cuts = [(normal, *_levels(maps.places, normal)) for normal in ((2, 1, 0) if sideways else (2,))]
+    normal, levels, total = next((each for each in cuts if each[2] == 1), cuts[0])
+    plane = [axis for axis in range(3) if axis != normal]
+    flat = maps.places[:, plane]
     # Exact zeros along an axis are of a machine without an error there.
     both = set(AXES) <= set(maps.axes) and any(
-        side.covariance is not None or np.nansum(np.abs(side.errors[:, seen.normal]))
+        side.covariance is not None or np.nansum(np.abs(side.errors[:, normal]))
+        for _, sides in maps.groups
         for side in sides
     )
-    rows, columns = _rows(maps, seen, (False, True) if both else (False,))
+    kinds = [plane, [normal]] if both else [plane]
+    strips = [
+        [_panel(maps, group, plane, axes, rows) for rows in levels]
+        for group in maps.groups
+        for axes in kinds
+    ]
+    rows, columns = _rows(strips, flat, of_one_level=len(levels) == 1, both=both)
     room = width or (8.0 if columns == 1 else 12.0)
     tallest = ALONE if columns == 1 else TALLEST
     paper = np.array([(room - 0.9) / columns - 0.2, tallest])
-    flat = maps.places[:, seen.plane]
-    spacing, extent = _spacing(flat, seen), float(np.ptp(flat, axis=0).max())
+    spacing, extent = _spacing(flat, levels), float(np.ptp(flat, axis=0).max())
     step = min(spacing, 0.3 * extent) if extent > 0 else spacing
     panels = [panel for row in rows for panel in row]
     scales = _scales(panels, step)
@@ -207,7 +173,7 @@ def sheet(maps: Maps, width: float | None = None) -> Sheet:
             corners += [item.places + scale * (item.errors + sign * beyond) for sign in (-1, 1)]
     ends = np.vstack(corners)
     low, high = ends.min(axis=0) - 0.25 * step, ends.max(axis=0) + 0.25 * step
-    letters = _letters(maps, seen, float(((high - low) / paper).max()))
+    letters = _letters(maps.ids, flat / float(((high - low) / paper).max()), levels)
     beside = np.array([2 * GAP + LETTER * letters, 2 * GAP + LINE]) * bool(letters)
     # Names need room beside the features, not beside the tips.
     inch = float((np.ptp(flat, axis=0) / np.maximum(paper - 2 * beside, 0.4 * paper)).max())
@@ -216,13 +182,78 @@ def sheet(maps: Maps, width: float | None = None) -> Sheet:
     inch = float(((high - low) / paper).max())
     wide, tall = ((high - low) / inch).tolist()
     return Sheet(
-        maps=maps, cut=seen, rows=rows, columns=columns, room=room, low=low, high=high, inch=inch,
-        width=max(8.0, min(room, columns * (wide + 0.2) + 0.9)), scales=scales, spacing=spacing,
-        panel=min(max(tall, LOWEST), tallest), letters=letters,
+        maps=maps, plane=plane, rows=rows, columns=columns, shown=len(levels), total=total,
+        width=max(8.0, min(room, columns * (wide + 0.2) + 0.9)), low=low, high=high, inch=inch,
+        panel=min(max(tall, LOWEST), tallest), scales=scales, spacing=spacing, letters=letters,
     )  # fmt: skip
 
 
-def _scales(panels: Sequence[Panel], step: float) -> dict[bool, float]:
+def _levels(places: FloatArray, normal: int) -> tuple[list[IntArray], int]:
+    """The features of each level that is drawn, and how many levels there are."""
+    heights, n = places[:, normal], len(places)
+    extent = max(float(np.ptp(c[np.isfinite(c)])) for c in places.T if np.isfinite(c).any())
+    order = np.argsort(heights, kind="stable")
+    # Unknown heights come last and are one level.
+    steps = ~(np.diff(heights[order]) <= APART * extent) & ~np.isnan(heights[order][:-1])
+    levels = np.split(order, np.flatnonzero(steps) + 1)
+    total = len(levels)
+    if total > FEW and 3 * total > n:
+        levels = [order]
+    return [np.sort(levels[i]) for i in spread(len(levels), MOST)], total
+
+
+def _panel(
+    maps: Maps, group: tuple[str, tuple[Side, ...]], plane: list[int], axes: list[int],
+    rows: IntArray,
+) -> Panel:  # fmt: skip
+    """Errors in the plane; those across it upwards."""
+    arrows = []
+    for side in group[1]:
+        known = rows[np.isfinite(side.errors[rows][:, axes]).all(axis=1)]
+        errors, squares = np.zeros((len(known), 2)), np.zeros((len(known), 2, 2))
+        errors[:, -len(axes) :] = side.errors[known][:, axes]
+        if side.covariance is not None:
+            C = side.covariance[known][:, axes][:, :, axes]
+            squares[:, -len(axes) :, -len(axes) :] = maps.k**2 * C
+        arrows.append(Arrows(side, maps.places[known][:, plane], errors, squares))
+    kind = " and ".join(f"E{AXES[axis]}" for axis in axes) + " (up is +)" * (len(axes) == 1)
+    (normal,) = {0, 1, 2} - {*plane}
+    heights, at = maps.places[rows, normal] + 0.0, ""
+    if np.isfinite(heights).any():
+        low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
+        level = high - low <= 1e-3 * max(1.0, abs(high))
+        at = f" = {np.nanmedian(heights):.6g} mm" if level else f" {low:.6g} to {high:.6g} mm"
+        at = AXES[normal] + at
+    return Panel(", ".join(filter(None, (cut(group[0], 20), kind, at))), rows, axes, arrows)
+
+
+def _rows(
+    strips: list[list[Panel]], flat: FloatArray, *, of_one_level: bool, both: bool
+) -> tuple[list[list[Panel]], int]:
+    """A row a group and direction, a column a level; of one level all in rows one after another."""
+    if of_one_level:
+        strips = [[panel for strip in strips for panel in strip]]
+    width, height = np.ptp(flat, axis=0)
+    most = 1 if width > 5 * height > 0 else 2 if width > 2.2 * height > 0 else 3
+    most = min(most, 2) if of_one_level and both else most
+    columns = figures.columns_of(len(strips[0]), most)
+    rows = [strip[i : i + columns] for strip in strips for i in range(0, len(strip), columns)]
+    return rows, columns
+
+
+def _spacing(flat: FloatArray, levels: list[IntArray]) -> float:
+    """About the distance of neighbours at a level, as if features were spread evenly."""
+    apart = []
+    for rows in levels:
+        spots = np.unique(np.round(flat[rows], 6), axis=0)
+        if len(spots) > 1:
+            width, height = np.ptp(spots, axis=0)
+            even = math.sqrt(width * height) / max(math.sqrt(len(spots)) - 1, 1)
+            apart.append(CLOSER * max(even, max(width, height) / (len(spots) - 1)))
+    return min(apart, default=10.0)
+
+
+def _scales(panels: list[Panel], step: float) -> dict[bool, float]:
     """mm of the figure a um, in the plane and across it."""
     scales = dict.fromkeys([panel.across for panel in panels], math.inf)
     for panel in panels:
@@ -238,67 +269,19 @@ def _scales(panels: Sequence[Panel], step: float) -> dict[bool, float]:
     return {across: value if math.isfinite(value) else 1.0 for across, value in scales.items()}
 
 
-def _rows(maps: Maps, seen: Cut, kinds: tuple[bool, ...]) -> tuple[list[list[Panel]], int]:
-    """A row a group and direction, a column a level; of one level all in rows one after another."""
-    strips = [
-        [_panel(maps, seen, group, level, across) for level in seen.levels]
-        for group in maps.groups
-        for across in kinds
-    ]
-    alone = len(seen.levels) == 1
-    if alone:
-        strips = [[panel for strip in strips for panel in strip]]
-    width, height = np.ptp(maps.places[:, seen.plane], axis=0)
-    most = 1 if width > 5 * height > 0 else 2 if width > 2.2 * height > 0 else 3
-    most = min(most, 2) if alone and len(kinds) == 2 else most
-    columns = figures.columns_of(len(strips[0]), most)
-    rows = [strip[i : i + columns] for strip in strips for i in range(0, len(strip), columns)]
-    return rows, columns
-
-
-def _panel(
-    maps: Maps, seen: Cut, group: tuple[str, tuple[Side, ...]], level: Level, across: bool
-) -> Panel:
-    """Errors in the plane; those across it upwards."""
-    chosen = [seen.normal] if across else list(seen.plane)
-    arrows = []
-    for side in group[1]:
-        rows = level.rows[np.isfinite(side.errors[level.rows][:, chosen]).all(axis=1)]
-        errors, squares = np.zeros((len(rows), 2)), np.zeros((len(rows), 2, 2))
-        errors[:, -len(chosen) :] = side.errors[rows][:, chosen]
-        if side.covariance is not None:
-            C = side.covariance[rows][:, chosen][:, :, chosen]
-            squares[:, -len(chosen) :, -len(chosen) :] = maps.k**2 * C
-        arrows.append(Arrows(side, maps.places[rows][:, seen.plane], errors, squares))
-    plane = " and ".join(f"E{AXES[axis]}" for axis in seen.plane)
-    kind = f"E{AXES[seen.normal]} (up is +)" if across else plane
-    title = ", ".join(filter(None, (cut(group[0], 20), kind, level.at)))
-    return Panel(title, level, across, arrows)
-
-
-def _spacing(flat: FloatArray, seen: Cut) -> float:
-    """About the distance of neighbours at a level, as if features were spread evenly."""
-    apart = []
-    for level in seen.levels:
-        spots = np.unique(np.round(flat[level.rows], 6), axis=0)
-        if len(spots) > 1:
-            width, height = np.ptp(spots, axis=0)
-            even = math.sqrt(width * height) / max(math.sqrt(len(spots)) - 1, 1)
-            apart.append(CLOSER * max(even, max(width, height) / (len(spots) - 1)))
-    return min(apart, default=10.0)
-
-
-def _letters(maps: Maps, seen: Cut, inch: float) -> int:
-    """Letters of a name that have room between features in one line; 0 for no names."""
-    longest, room = max(map(len, maps.ids)), float(LONGEST)
-    for level in seen.levels:
-        places = maps.places[level.rows][:, seen.plane] / inch
-        if len(places) > NAMED:
-            return 0
-        dx, dy = np.abs(places[:, None] - places[None])[np.triu_indices(len(places), 1)].T
+def _letters(ids: tuple[str, ...], inches: FloatArray, levels: list[IntArray]) -> int:
+    """Letters of a name that have room between features at `inches` (n, 2) in one line; 0 for no
+    names.
+    """
+    longest, room = max(map(len, ids)), float(LONGEST)
+    if max(map(len, levels)) > NAMED:
+        return 0
+    for rows in levels:
+        apart = np.abs(inches[rows][:, None] - inches[rows][None])
+        dx, dy = apart[np.triu_indices(len(rows), 1)].T
         room = min(room, float(dx[dy < LINE].min(initial=np.inf)) / LETTER - 1.0)
     letters = min(longest, int(room))
-    alike = len({cut(name, letters) for name in maps.ids}) < len(maps.ids)
+    alike = len({cut(name, letters) for name in ids}) < len(ids)
     return 0 if alike or letters < min(longest, SHORTEST) else letters
 
 
@@ -314,13 +297,13 @@ def draw(page: Figure | SubFigure, drawn: Sheet, title: str) -> None:
     """The panels, a scale at the beginning of each row and direction; title and sides above."""
     from matplotlib.lines import Line2D
 
-    shown, total = len(drawn.cut.levels), drawn.cut.total
-    figures.title(page, title + (f" ({shown} of {total} levels)" if 1 < shown < total else ""))
+    some = f" ({drawn.shown} of {drawn.total} levels)"
+    figures.title(page, title + some * (1 < drawn.shown < drawn.total))
     sides = {side.name: side.colour for _, group in drawn.maps.groups for side in group}
     handles = [Line2D([], [], color=c, lw=2.2, label=name) for name, c in sides.items() if name]
     if handles:
         page.legend(handles=handles, loc="outside upper right", ncols=len(handles))
-    across, up = (AXES[axis] for axis in drawn.cut.plane)
+    across, up = (AXES[axis] for axis in drawn.plane)
     panels = page.subplots(len(drawn.rows), drawn.columns, squeeze=False)
     for row, blank in zip(drawn.rows, panels, strict=True):
         for panel in blank[len(row) :]:
@@ -349,7 +332,7 @@ def _draw_panel(panel: Axes, drawn: Sheet, what: Panel) -> None:
             headwidth=4.5 / thick**0.5, headlength=5.5 / thick**0.5, headaxislength=5 / thick**0.5,
             minlength=0.1, zorder=4,
         )  # fmt: skip
-    dots = drawn.maps.places[what.level.rows][:, drawn.cut.plane]
+    dots = drawn.maps.places[what.rows][:, drawn.plane]
     panel.plot(*dots.T, "o", color=figures.INK, markersize=2.6 * fine, zorder=5)
     panel.set_aspect("equal")
     panel.set_xlim(drawn.low[0], drawn.high[0])
@@ -382,15 +365,13 @@ def _write_names(panel: Axes, drawn: Sheet, what: Panel) -> None:
     from matplotlib.patheffects import withStroke
 
     halo = [withStroke(linewidth=2.2, foreground="white")]
-    chosen = [drawn.cut.normal] if what.across else list(drawn.cut.plane)
     total = np.nansum([item.side.errors for item in what.arrows], axis=0)
-    for row in what.level.rows:
-        across, up = (0.0, *total[row, chosen])[-2:]
+    for row in what.rows:
+        across, up = (0.0, *total[row, what.axes])[-2:]
         upright, below = abs(up) >= abs(across), up >= 0.0
-        x, y = drawn.maps.places[row, drawn.cut.plane].tolist()
         panel.annotate(
             cut(drawn.maps.ids[row], drawn.letters),
-            (x, y), textcoords="offset points",
+            drawn.maps.places[row, drawn.plane].tolist(), textcoords="offset points",
             xytext=(-72 * GAP, 0) if upright else (0, 72 * GAP * (-1) ** below),
             ha="right" if upright else "center",
             va="center" if upright else ("top" if below else "bottom"),
@@ -399,13 +380,15 @@ def _write_names(panel: Axes, drawn: Sheet, what: Panel) -> None:
 
 
 def _scale_arrow(panel: Axes, drawn: Sheet, scale: float) -> None:
-    """An arrow of a round number of um above the panel."""
+    """An arrow of a round number of um above the panel: 1, 2 or 5 times a power of ten."""
     from matplotlib.transforms import ScaledTranslation
 
     inches = panel.figure.dpi_scale_trans
     lifted = panel.transAxes + ScaledTranslation(0, 11 / 72, inches)
     width = float(drawn.high[0] - drawn.low[0])
-    length = nice(max(1.1 * min(drawn.spacing, 0.3 * width), 0.15 * width) / scale)
+    most = max(1.1 * min(drawn.spacing, 0.3 * width), 0.15 * width) / scale
+    power = 10.0 ** math.floor(math.log10(most))
+    length = max(step * power for step in (1.0, 2.0, 5.0) if step * power <= most * (1 + 1e-9))
     share = length * scale / width
     style = {"arrowstyle": "-|>", "color": figures.INK, "linewidth": 1.6, "shrinkA": 0}
     panel.annotate(
@@ -414,9 +397,3 @@ def _scale_arrow(panel: Axes, drawn: Sheet, scale: float) -> None:
     )  # fmt: skip
     beside = lifted + ScaledTranslation(5 / 72, 0, inches)
     panel.text(share, 1.0, f"{length:g} um", transform=beside, va="center", fontsize=8)
-
-
-def nice(value: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is at most `value`."""
-    power = 10.0 ** math.floor(math.log10(value)) if value > 0 else 1.0
-    return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value * (1 + 1e-9))

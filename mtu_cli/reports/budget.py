@@ -89,7 +89,6 @@ OUTPUT = """
         se_u | se_u() | standard error of u
         se_low | se_low() | standard error of the lower end
         se_high | se_high() | standard error of the upper end
-        gain | gain() | how many times fewer trials the control variate needs, by statistic
 """
 
 
@@ -107,7 +106,6 @@ ONE = declare(
     row=ROW,
     lines=_lines,
     **OF_RUN,
-    gain=lambda item: {name: x[item.index] for name, x in item.run.gain._asdict().items()},
 )
 INPUTS = declare(
     """

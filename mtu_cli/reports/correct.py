@@ -66,9 +66,14 @@ SIZE = """
     operation | stated(operation) | its operation | operation, text
     n_repeats | | number of repeats
     *temperature
-    *size
-    *reference
-    *error
+    MEASURE_mm.before | size.0 | mean over the repeats before the correction | -, unit=mm
+    MEASURE_mm.after | size.1 | mean over the repeats after the correction \
+        | corrected, plus-minus, u=u, unit=mm
+    REFERENCE_mm | reference | reference | REFERENCE, fix4
+    error_um.before | error.0 | measured minus reference before the correction \
+        | error before, u=u_error, unit=um
+    error_um.after | error.1 | measured minus reference after the correction \
+        | after, plus-minus, u=u_error, unit=um
     reduction_percent | | 100 (1 - |after|/|before|) | reduction / %, fix1
     u_um | u | standard uncertainty of the corrected size
     U_um | U | expanded uncertainty k u
@@ -78,27 +83,16 @@ SIZE = """
     interval95_um | error_interval95 | 95 % interval of the error after \
         | 95 % interval, interval, u=u_error
     s_repeats_um | s_repeats | standard deviation of the repeats | s repeats, detail
-    *form
-    *calibration
+    *ring
 """
-TEMPERATURE = "temperature_degC | temperature | of the ring | T, fix1, names"
-BEFORE_AFTER = """
-    NAME.before | size.0 | mean over the repeats before the correction | -, unit=mm
-    NAME.after | size.1 | mean over the repeats after the correction \
-        | corrected, plus-minus, u=u, unit=mm
-"""
-ERROR = """
-    error_um.before | error.0 | measured minus reference before the correction \
-        | error before, u=u_error, unit=um
-    error_um.after | error.1 | measured minus reference after the correction \
-        | after, plus-minus, u=u_error, unit=um
-"""
-FORM = """
+RING = """
     form_um.before | form.0 | range of radial residuals before the correction \
         | form before, form(), detail, unit=um
     form_um.after | form.1 | range of radial residuals after the correction \
         | form after, form(), detail, unit=um
+    U_calibrated_um | U_reference | of the calibration (k = 2)
 """
+TEMPERATURE = "temperature_degC | temperature | of the ring | T, fix1, names"
 
 
 def _form(value: float, u: None, digits: int) -> str:
@@ -107,21 +101,12 @@ def _form(value: float, u: None, digits: int) -> str:
 
 def size(kind: Kind) -> Fields:
     """The figures of a diameter or length of a part."""
-    ring = kind != "length"
-    reference = "calibrated" if ring else "nominal"
-    calibration = "U_calibrated_um | U_reference | of the calibration (k = 2)"
-    known = declare(f"{reference}_mm | reference | reference | {reference}, fix4")
-    shared = {
-        "temperature": declare(TEMPERATURE) if ring else [],
-        "size": declare(BEFORE_AFTER.replace("NAME", "diameter_mm" if ring else "length_mm")),
-        "error": declare(ERROR),
-        "form": declare(FORM, form=_form) if ring else [],
-    }
+    length = kind == "length"
+    measure, reference = ("length", "nominal") if length else ("diameter", "calibrated")
     return declare(
-        SIZE,
-        **shared,
-        reference=known,
-        calibration=declare(calibration) if ring else [],
+        SIZE.replace("MEASURE", measure).replace("REFERENCE", reference),
+        temperature=[] if length else declare(TEMPERATURE),
+        ring=[] if length else declare(RING, form=_form),
     )
 
 

@@ -8,7 +8,6 @@ infinite, `settings.trials` null means that the Monte Carlo chose the count itse
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from importlib import import_module
@@ -18,7 +17,7 @@ from mtu_cli import __version__
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports.fields import Fields, Group, csv_rows, fields_of, leaves, record
+from mtu_cli.reports.fields import Fields, Group, csv_rows, fields_of, leaves, plain, record
 from mtu_cli.reports.numbers import MISSING
 
 if TYPE_CHECKING:
@@ -76,10 +75,9 @@ class Table:
             if field.show == "mm" and all(text.endswith((".000", MISSING)) for text in column):
                 column = [text.removesuffix(".000") for text in column]
             cells.append(column)
-            text = field.show == "text"
             columns.append(
                 Column(
-                    title=field.title, text=text, folds=text, names=field.names,
+                    title=field.title, text=field.show == "text", names=field.names,
                     begins=field.begins, meaning=field.meaning,
                 )
             )  # fmt: skip
@@ -152,7 +150,7 @@ def envelope(
             for item in inputs
         ],
         "settings": {
-            "coverage_factor": finite(settings.coverage_factor),
+            "coverage_factor": plain(settings.coverage_factor),
             "seed": settings.seed,
             "correlation": settings.correlation,
             "digits": settings.digits,
@@ -162,13 +160,6 @@ def envelope(
         "results": dict(results),
         "warnings": [item.to_dict() for item in distinct.values()],
     }
-
-
-def finite(value: float | None) -> float | None:
-    """`value` as a Python float; None where it is None, infinite or not a number."""
-    if value is None or not math.isfinite(value):
-        return None
-    return float(value)
 
 
 REPORTS = {

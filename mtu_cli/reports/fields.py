@@ -92,8 +92,8 @@ OF_ATTRIBUTE: dict[str, Callable[[Any], Any]] = {
 class Field:
     """A figure of a report; see above."""
 
-    path: str = ""
-    value: Value | None = None
+    path: str
+    value: Value
     meaning: str = ""
     _: KW_ONLY
     csv: str | None = None
@@ -118,38 +118,30 @@ class Field:
         """As a heading has it: `unit`, or the ending of the name."""
         return UNITS.get(self.path.rpartition("_")[2], "") if self.unit is None else self.unit
 
-    def of(self, part: Any, value: Value | None) -> Any:
-        """A quantity of a part of the item in the unit of the field."""
-        size = SIZES.get(self.unit_name, 1.0) if self.size is None else read(part, self.size)
-        return _divided(read(part, value), size)
-
-    def part(self, item: Any) -> Any:
-        """What the figure is of: the item, or the part of it that the groups around it name."""
+    def of(self, item: Any, *values: Value | None) -> list[Any]:
+        """Quantities in the unit of the field; of the item, or the part of it that the groups
+        around the field name.
+        """
         for within in self.within:
             item = None if item is None else within(item)
-        return item
+        if item is None:
+            return [None] * len(values)
+        size = SIZES.get(self.unit_name, 1.0) if self.size is None else read(item, self.size)
+        return [_divided(read(item, value), size) for value in values]
 
     def json(self, item: Any) -> Any:
         """The value as JSON holds it; an interval without one of its ends is none."""
-        part = self.part(item)
-        value = None if part is None else plain(self.of(part, self.source))
+        value = plain(self.of(item, self.value)[0])
         return None if self.show == "interval" and value and None in value else value
-
-    @property
-    def source(self) -> Value:
-        """Where the value is read."""
-        return self.path if self.value is None else self.value
 
     def cell(self, item: Any, digits: int) -> str:
         """The value as a table shows it."""
-        part = self.part(item)
-        if part is None:
-            return numbers.MISSING
-        value, text = self.of(part, self.source), numbers.MISSING
+        value, u, mark = self.of(item, self.value, self.u, self.mark)
+        text = numbers.MISSING
         if value is not None:
             show = SHOWN[self.show] if isinstance(self.show, str) else self.show
-            text = show(value, self.of(part, self.u), digits)
-        return f"{text}{read(part, self.mark) or ''}"
+            text = show(value, u, digits)
+        return f"{text}{mark or ''}"
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -199,7 +191,7 @@ class Group:
         for field in () if self.many else leaves(fields_of(self.fields)):
             path = f"{self.path}.{field.path}" if field.path else ""
             csv, within = field.csv if self.csv else "", (self.part, *field.within)
-            yield replace(field, path=path, value=field.source, csv=csv, within=within)
+            yield replace(field, path=path, csv=csv, within=within)
 
 
 Fields = Sequence[Field | Group]
@@ -226,11 +218,10 @@ def _declared(lines: list[str], known: Mapping[str, Any]) -> Iterator[Field | Gr
             continue
         cells = [" ".join(each.split()) for each in COLUMN.split(first)]
         path, value, meaning, cell = [*cells, "", "", ""][:4]
-        of = _value(value, known) if value else None
         name = path.rstrip(".[]{}")
+        of = _value(value or name, known)
         if name == path:
-            path = "" if path == "-" else path
-            yield Field(path, of, meaning, **dict(_cell(cell, known)))
+            yield Field(path.removeprefix("-"), of, meaning, **dict(_cell(cell, known)))
             continue
         named = path.count("{}")
         fields = known[meaning[1:]] if meaning else list(_declared(inner, known))

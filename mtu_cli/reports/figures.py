@@ -10,7 +10,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
@@ -166,13 +166,45 @@ def intervals(
     panel.grid(axis="y", visible=False)
 
 
-def over_length(
-    panel: Axes, shown: Sequence[Intervals], nominal: FloatArray, label: str
-) -> FloatArray:
-    """Intervals over nominal lengths (n,), mm: many rows would hide how errors grow with them.
+def listing(
+    text: str,
+    names: Sequence[str],
+    shown: Sequence[Intervals],
+    label: str,
+    *,
+    nominal: FloatArray | None = None,
+    limits: Sequence[FloatArray] = (),
+    beside: Sequence[str] = (),
+) -> Figure:
+    """A page of intervals row by row; those of more than a few `nominal` lengths (n,), mm, over
+    these, as many rows would hide how errors grow with them. `limits` (n,) in red, nan where there
+    are none.
+    """
+    many = nominal is not None and len(names) > FEW_ROWS
+    page = blank(8.0, 5.0 if many else rows_height(len(names)) + 0.8)
+    title(page, text)
+    panel = page.subplots()
+    mark: Any = panel.hlines if many else panel.vlines
+    ends: tuple[Any, Any] = (np.arange(len(names)) - 0.3, np.arange(len(names)) + 0.4)
+    if nominal is not None and many:
+        at = _over_length(panel, shown, nominal)
+        panel.set_ylabel(label)
+        reach = 0.006 * (float(np.ptp(at)) or 1.0)
+        ends = (at - reach, at + reach)
+    else:
+        intervals(panel, names, shown, beside)
+        panel.set_xlabel(label)
+    for limit in limits:
+        known = np.isfinite(limit)
+        if known.any():
+            low, high = (end[known] for end in ends)
+            mark(limit[known], low, high, color=RED, linewidth=2.0, label="tolerance")
+    return page
 
-    Where most lengths are equal to others these stand side by side in a group. Returns the places
-    (n,) on the axis.
+
+def _over_length(panel: Axes, shown: Sequence[Intervals], nominal: FloatArray) -> FloatArray:
+    """Places (n,) on the axis: the lengths, or where most are equal to others these side by side
+    in a group.
     """
     groups, of, counts = np.unique(np.round(nominal, 3), return_inverse=True, return_counts=True)
     place, equal = nominal, 2 * len(groups) <= len(nominal)
@@ -189,50 +221,8 @@ def over_length(
             elinewidth=0.7 * item.width, capsize=2.0, markersize=3.5, label=item.label,
         )  # fmt: skip
     panel.set_xlabel("nominal length, mm" + ", equal ones side by side" * equal)
-    panel.set_ylabel(label)
     panel.grid(axis="x", visible=False)
     return place
-
-
-def listing(
-    text: str,
-    names: Sequence[str],
-    shown: Sequence[Intervals],
-    label: str,
-    *,
-    nominal: FloatArray | None = None,
-    limits: Sequence[FloatArray] = (),
-    beside: Sequence[str] = (),
-    most: int = 10**6,
-) -> Figure:
-    """A page of intervals row by row, of many the first; those of more than a few `nominal` lengths
-    over these. `limits` (n,) in red, nan where there are none.
-    """
-    many = nominal is not None and len(names) > FEW_ROWS
-    count = len(names) if many else min(len(names), most)
-    page = blank(8.0, 5.0 if many else rows_height(count) + 0.8)
-    title(page, text + (f" (first {count} of {len(names)})" if count < len(names) else ""))
-    panel = page.subplots()
-    mark: Any = panel.vlines
-    ends: tuple[Any, Any]
-    if nominal is not None and many:
-        at = over_length(panel, shown, nominal, label)
-        reach = 0.006 * (float(np.ptp(at)) or 1.0)
-        mark, ends = panel.hlines, (at - reach, at + reach)
-    else:
-        cut = [
-            replace(x, value=x.value[:count], half=None if x.half is None else x.half[:count])
-            for x in shown
-        ]
-        intervals(panel, names[:count], cut, beside)
-        panel.set_xlabel(label)
-        ends = (np.arange(count) - 0.3, np.arange(count) + 0.4)
-    for limit in limits:
-        known = np.isfinite(limit)
-        if known.any():
-            low, high = (end[known] for end in ends)
-            mark(limit[known], low, high, color=RED, linewidth=2.0, label="tolerance")
-    return page
 
 
 def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:

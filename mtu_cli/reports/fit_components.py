@@ -19,7 +19,7 @@ from mtu_cli.analyses.observability import NotDetermined
 from mtu_cli.findings import listed
 from mtu_cli.reports import machine_figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, declare
+from mtu_cli.reports.fields import Field, Fields, Group, declare
 from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.units import ARCSEC, LENGTH, UM
 
@@ -126,18 +126,37 @@ COMPONENT = """
 """
 
 
+TERM = """
+    - | value() | | HEAD, plus-minus, u=u(), size=size()
+"""
+"""As people read it, per m^N."""
+TERM_IN_CSV = """
+    - | value() | coefficient of mm^N | -, csv=coefficient_N, size=size()
+    - | u() | standard uncertainty of the coefficient of mm^N | -, csv=u_coefficient_N, size=size()
+"""
+
+
 def component(powers: int) -> Fields:
     """The figures of a component; in tables and CSV those of `powers` coefficients."""
     return declare(
         COMPONENT,
         **SIZES,
-        in_tables=[_in_tables(power) for power in range(powers)],
-        in_csv=[field for power in range(powers) for field in _in_csv(power)],
+        in_tables=[*_terms(powers, TERM, MM_PER_M)],
+        in_csv=[*_terms(powers, TERM_IN_CSV, 1.0)],
         tested=TESTED,
         shape=lambda x: "polynomial" if x.estimate.table is None else "table",
         # To the last bit the root of pass_covariance as the report states it.
         s_pass=lambda x: math.sqrt(x.pass_covariance[0, 0] / _size(x) ** 2),
     )
+
+
+def _terms(powers: int, text: str, scale: float) -> Iterator[Field | Group]:
+    heads = ["at 0 / unit", "slope / unit/m"]
+    heads += [f"x^{n} / unit/m^{n}, begins" for n in range(2, powers)]
+    for n, head in enumerate(heads[:powers]):
+        value, u = (partial(each, n, scale**n) for each in (_value, _u))
+        each = text.replace("N", str(n)).replace("HEAD", head)
+        yield from declare(each, value=value, u=u, size=_size)
 
 
 def _powers(item: Any) -> int:
@@ -154,28 +173,6 @@ def _u(power: int, scale: float, item: Any) -> float | None:
     """Its standard uncertainty, 0 where the machine file states none."""
     known = power < min(_powers(item), len(item.covariance))
     return float(np.sqrt(item.covariance[power, power])) * scale if known else None
-
-
-def _in_tables(power: int) -> Field:
-    """As people read it, per m^power."""
-    scale = MM_PER_M**power
-    title = ("at 0\nunit", "slope\nunit/m")[power] if power < 2 else f"x^{power}\nunit/m^{power}"
-    return Field(
-        "",
-        partial(_value, power, scale),
-        head=title,
-        size=_size,
-        u=lambda item: _u(power, scale, item) or None,
-        show="plus-minus",
-        begins=power > 1,
-    )
-
-
-def _in_csv(power: int) -> Iterator[Field]:
-    name, meaning = f"coefficient_{power}", f"coefficient of mm^{power}"
-    yield Field("", partial(_value, power, 1.0), meaning, csv=name, size=_size)
-    meaning = f"standard uncertainty of the {meaning}"
-    yield Field("", partial(_u, power, 1.0), meaning, csv=f"u_{name}", size=_size)
 
 
 JOINT = declare("""

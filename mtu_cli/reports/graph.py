@@ -6,9 +6,8 @@ millionths, chances in percent.
 
 from __future__ import annotations
 
-import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
@@ -18,7 +17,7 @@ from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, declare, validation
+from mtu_cli.reports.fields import Field, Fields, declare, record, validation
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.monte_carlo_figures import simulated, swept
 from mtu_cli.reports.numbers import chance, plus_minus, significant, with_u
@@ -29,27 +28,6 @@ DIGITS = 6
 """Of a nominal."""
 EXACT_PERCENT = 1e-9
 """Of doubles that went through a fit: a smaller error of the formula is none."""
-Fired = Sequence[tuple[int, Step]]
-
-
-def _fires(fired: Fired) -> str:
-    counts = Counter(step.do for _, step in fired)
-    return ", ".join(f"{count} x {do}" if count > 1 else do for do, count in counts.items())
-
-
-def _numbered(result: MeasurementGraph) -> list[Fired]:
-    """The transitions of every round, each with the number of its round."""
-    return [[(i, step) for step in fired] for i, fired in enumerate(result.rounds, 1)]
-
-
-def _kinds(result: MeasurementGraph) -> dict[str, int]:
-    return dict(Counter(place.kind for place in result.graph.places.values()))
-
-
-def _probings(result: MeasurementGraph) -> int:
-    measured = (item for item in result.graph.transitions if item.do == "meas")
-    return sum(item.repeats or result.graph.repeats for item in measured)
-
 
 STEP = declare("""
     - | 0 | round in which the transition fires, from 1 | -, csv=round
@@ -63,9 +41,19 @@ ROUND = declare(
     - | fires() | | fires, text
     - | makes() | | makes, text
     """,
-    fires=_fires,
+    fires=lambda fired: ", ".join(
+        f"{count} x {do}" if count > 1 else do
+        for do, count in Counter(step.do for _, step in fired).items()
+    ),
     makes=lambda fired: listed((name for _, step in fired for name in step.outputs), MOST),
 )
+
+
+def _numbered(result: MeasurementGraph) -> list[list[tuple[int, Step]]]:
+    """The transitions of every round, each with the number of its round."""
+    return [[(i, step) for step in fired] for i, fired in enumerate(result.rounds, 1)]
+
+
 CHECK = declare(
     """
     name | graph.name | name of the graph
@@ -76,8 +64,12 @@ CHECK = declare(
     firing_order[][] | numbered() | *step
     """,
     count=lambda result: sum(map(len, result.rounds)),
-    kinds=_kinds,
-    probings=_probings,
+    kinds=lambda result: dict(Counter(place.kind for place in result.graph.places.values())),
+    probings=lambda result: sum(
+        item.repeats or result.graph.repeats
+        for item in result.graph.transitions
+        if item.do == "meas"
+    ),
     numbered=_numbered,
     step=STEP,
 )
@@ -85,14 +77,15 @@ CHECK = declare(
 
 def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
     """One row a round of transitions; in CSV one a transition."""
-    kinds = ", ".join(f"{count} {kind}" for kind, count in _kinds(result).items())
     rounds = _numbered(result)
     items = [item for fired in rounds for item in fired]
     title, footer = f"Graph: {result.graph.name}", f"reported: {listed(result.reported, MOST)}"
     order = Table(title, STEP, items, footer, shown=rounds, shown_fields=ROUND)
+    counts = record(CHECK, result)
+    kinds = ", ".join(f"{count} {kind}" for kind, count in counts["places"].items())
     places = f"{len(result.graph.places)} places ({kinds})"
-    counts = f"{len(items)} transitions, {_probings(result)} probings"
-    verdict = f"The graph is sound: {places}, {counts}."
+    steps = f"{counts['transitions']} transitions, {counts['probings']} probings"
+    verdict = f"The graph is sound: {places}, {steps}."
     return Document(result.graph.name, (CHECK, result), [order], figure, verdict)
 
 
@@ -103,58 +96,25 @@ def chance_text(item: SimulatedCoordinate) -> str:
     return chance(item.mean, max(item.se_mean, 1.0 / (item.trials + 2)))
 
 
-def _size(item: SimulatedCoordinate) -> float:
-    return 1.0 / small_unit(item.output.unit)[0]
-
-
-def _nominal(item: SimulatedCoordinate, u: None, digits: int) -> str:
-    text = significant(item.nominal, DIGITS)
-    return text if item.output.unit == "1" else f"{text} {item.output.unit}"
-
-
-STANDARD_ERRORS = declare("""
-    monte_carlo.se_mean | se_mean | standard error of the mean | -, csv=se_mean
-    monte_carlo.se_u | se_u | standard error of u | -, csv=se_u
-""")
-MOMENTS = declare("""
+MOMENTS = """
     mean | | mean of the trials; of a chance the share of 1
     u | | standard uncertainty, by the trials
-""")
-
-
-def coordinate(sources: tuple[str, ...] = ()) -> Fields:
-    """The figures of one coordinate; in CSV with the shares of all sources of variance."""
-    text = """
-        - | output.place | name of the place | -, csv=place
-        - | output.coordinate | coordinate of the place | -, csv=coordinate
-        unit | output.unit | unit of its figures: mm, rad or 1
-        nominal | | value without any deviation
-        *moments
-        U | | expanded uncertainty k u
-        k | | coverage factor | -, json
-        interval95 | interval | 95 % interval of the trials | -, interval
-        shortest95 | shortest | shortest 95 % interval | -, interval
-        first_order_u | | standard uncertainty of first order
-        *validation
-        chance | | whether all trials are 0 or 1 | -, json
-        trials | | number of trials; 0: the place is fixed
-        converged | | whether they reached the digits asked for
-        *errors
-    """
-    known = {"moments": MOMENTS, "errors": STANDARD_ERRORS}
-    fields = declare(text, validation=[validation("", csv="validation_passed")], **known)
-    return (*fields, *(_share(name) for name in sources))
-
-
-def _share(source: str) -> Field:
-    def share(item: SimulatedCoordinate) -> float | None:
-        return item.shares.get(source)
-
-    return Field("", share, f"share of {source} in u^2", csv=f"share_{source}")
-
-
-COORDINATE = declare(
-    """
+"""
+STANDARD_ERRORS = """
+    monte_carlo.se_mean | se_mean | standard error of the mean | -, csv=se_mean
+    monte_carlo.se_u | se_u | standard error of u | -, csv=se_u
+"""
+COORDINATE = """
+    - | output.place | name of the place | -, csv=place
+    - | output.coordinate | coordinate of the place | -, csv=coordinate
+    unit | output.unit | unit of its figures: mm, rad or 1
+    nominal | | value without any deviation
+    *moments
+    U | | expanded uncertainty k u
+    k | | coverage factor | -, json
+    interval95 | interval | 95 % interval of the trials | -, interval
+    shortest95 | shortest | shortest 95 % interval | -, interval
+    first_order_u | | standard uncertainty of first order
     - | place() | | place, text
     - | . | | nominal, nominal()
     - | deviation | | mean less / nominal, u=u, size=size()
@@ -165,15 +125,42 @@ COORDINATE = declare(
     - | shares() | | variance from / % of u^2, text
     - | first_order_u | | first- / order u, size=size(), detail
     *validation
-    """,
-    place=lambda item: str(item.output),
-    nominal=_nominal,
-    size=_size,
-    deviations=lambda item: None if item.fixed else item.deviations,
-    unit=lambda item: small_unit(item.output.unit)[1],
-    shares=lambda item: shares_text(item.shares),
-    validation=[validation("")],
-)
+    chance | | whether all trials are 0 or 1 | -, json
+    trials | | number of trials; 0: the place is fixed
+    converged | | whether they reached the digits asked for
+    *errors
+"""
+
+
+def _nominal(item: SimulatedCoordinate, u: None, digits: int) -> str:
+    text = significant(item.nominal, DIGITS)
+    return text if item.output.unit == "1" else f"{text} {item.output.unit}"
+
+
+def coordinate(sources: tuple[str, ...] = ()) -> Fields:
+    """The figures of one coordinate; in CSV with the shares of all sources of variance."""
+    fields = declare(
+        COORDINATE,
+        moments=declare(MOMENTS),
+        place=lambda item: str(item.output),
+        nominal=_nominal,
+        size=lambda item: 1.0 / small_unit(item.output.unit)[0],
+        deviations=lambda item: None if item.fixed else item.deviations,
+        unit=lambda item: small_unit(item.output.unit)[1],
+        shares=lambda item: shares_text(item.shares),
+        validation=[validation("", csv="validation_passed")],
+        errors=declare(STANDARD_ERRORS),
+    )
+    for source in sources:
+        share = partial(_share, source)
+        fields.append(Field("", share, f"share of {source} in u^2", csv=f"share_{source}"))
+    return fields
+
+
+def _share(source: str, item: SimulatedCoordinate) -> float | None:
+    return item.shares.get(source)
+
+
 CHANCE = declare(
     """
     - | place() | | place, text
@@ -212,7 +199,7 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     )
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places = Table(title, fields, every, footer, [note], shown=others, shown_fields=COORDINATE)
+    places = Table(title, fields, every, footer, [note], shown=others)
     tables, figure = [places, Table("Chances", CHANCE, chances)], partial(simulated, result)
     verdict = _simulated(result, digits)
     return Document(name, (SIMULATION, result), tables, figure, verdict, digits)
@@ -235,59 +222,59 @@ def _simulated(result: GraphSimulation, digits: int) -> str:
     return "First order is valid (JCGM 101, clause 8)." if passed else ""
 
 
-def grid_point(varied: Iterable[str], unit: str = "", shown: Fields = ()) -> Fields:
-    """The figures of one setting of an output in `unit`; `shown` are those of the table alone."""
+GRID_POINT = """
+    *varied
+    - | unit() | unit of mean and u | -, csv=unit
+    *moments
+    interval95 | interval | 95 % interval of the trials | -, interval
+    first_order_u | | standard uncertainty of first order
+    formula_u | | standard uncertainty by the formula
+    error_percent | | formula less Monte Carlo, of u
+    *shown
+    *errors
+    trials | | number of trials | trials, count
+    converged | | whether they reached the digits asked for
+"""
+DEVIATION = """
+    - | deviation | | mean less nominal / UNIT, u=u, size=size()
+    - | u | | u / UNIT, sig4, size=size()
+    - | first_order_u | | first-order u / UNIT, sig4, size=size()
+    - | formula_u | | formula / UNIT, sig4, size=size()
+    - | error_percent | | error / %, error()
+"""
+
+
+def grid_point(varied: Iterable[str], result: Sweep | None = None) -> Fields:
+    """The figures of one setting; of a `result` also what its table has of it."""
     at = "NAME | at.NAME | NAME of this point | HEAD, plain, names, size=as_stated()"
-    text = """
-        *varied
-        - | unit() | unit of mean and u | -, csv=unit
-        *moments
-        interval95 | interval | 95 % interval of the trials | -, interval
-        first_order_u | | standard uncertainty of first order
-        formula_u | | standard uncertainty by the formula
-        error_percent | | formula less Monte Carlo, of u
-        *shown
-        *errors
-        trials | | number of trials | trials, count
-        converged | | whether they reached the digits asked for
-    """
     texts = (at.replace("NAME", x).replace("HEAD", x.removesuffix("_um")) for x in varied)
+    unit, shown = "", []
+    if result is not None:
+        unit = result.output.unit
+        factor, small = small_unit(unit)
+        chance = "- | chance() | | chance of 1 / %, count"
+        shown = declare(
+            chance if result.chance else DEVIATION.replace("UNIT", small),
+            chance=chance_text,
+            size=lambda item: 1.0 / factor,
+            error=lambda value, u, digits: _error(value, result),
+        )
     return declare(
-        text,
+        GRID_POINT,
         varied=[field for each in texts for field in declare(each)],
         unit=lambda item: unit,
-        moments=MOMENTS,
+        moments=declare(MOMENTS),
         shown=shown,
-        errors=STANDARD_ERRORS,
+        errors=declare(STANDARD_ERRORS),
     )
 
 
-def _shown(result: Sweep) -> Fields:
-    """What the table has of a point: the chance; or deviations, in um for a length."""
-    if result.chance:
-        return declare("- | chance() | | chance of 1 / %, count", chance=chance_text)
-    unit, size = ("um", 1e-3) if result.output.unit == "mm" else (result.output.unit, 1.0)
-    scatter = math.nan if result.formula is None else result.formula.monte_carlo_percent
-    text = """
-        - | deviation | | mean less nominal / UNIT, u=u, size=size()
-        - | u | | u / UNIT, sig4, size=size()
-        - | first_order_u | | first-order u / UNIT, sig4, size=size()
-        - | formula_u | | formula / UNIT, sig4, size=size()
-        - | error_percent | | error / %, error()
-    """
-    return declare(
-        text.replace("UNIT", unit),
-        size=lambda item: size,
-        error=lambda value, u, digits: _error(value, scatter),
-    )
-
-
-def _error(error: float, scatter: float) -> str:
+def _error(error: float, result: Sweep) -> str:
     """An error of the formula in percent, to the first digit of how well the Monte Carlo knows u
     (in percent of it): digits beyond are noise.
     """
-    if scatter > EXACT_PERCENT:
-        return with_u(error, scatter, 1)[0]
+    if result.formula is not None and result.formula.monte_carlo_percent > EXACT_PERCENT:
+        return with_u(error, result.formula.monte_carlo_percent, 1)[0]
     return significant(0.0 if abs(error) < EXACT_PERCENT else error)
 
 
@@ -321,28 +308,23 @@ SWEEP: Fields = (*PLACES, *grid(GRID_ROW), *ALL_CONVERGED)
 
 def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     """One row a point of the grid; `base` is the output as the file has it."""
-    fields = grid_point(result.varied, result.output.unit, _shown(result))
+    fields, formula = grid_point(result.varied, result), result.formula
     title, footer = f"{'chance' if result.chance else 'u'} of {result.output}", ""
-    if formula := result.formula:
+    notes = [f"nominal {significant(result.nominal, DIGITS)} {result.output.unit}"]
+    if formula is not None:
         pairs = formula.coefficients.items()
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
         footer = f"{formula.form}; {values}"
-    table = Table(title, fields, result.grid, footer, _notes(result))
+        if formula.monte_carlo_percent > EXACT_PERCENT:
+            notes.append(
+                f"standard error of each u: {significant(formula.monte_carlo_percent, 1)} %; by "
+                f"chance alone the largest of {len(result.grid)} differences is about "
+                f"{significant(formula.expected_max_percent, 1)} %"
+            )
+    table = Table(title, fields, result.grid, footer, notes)
     also: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
     figure = partial(swept, result)
     return Document(title, (PLACES, base), [table], figure, _swept(result), digits, also)
-
-
-def _notes(result: Sweep) -> list[str]:
-    found = result.formula
-    notes = [f"nominal {significant(result.nominal, DIGITS)} {result.output.unit}"]
-    if found is not None and found.monte_carlo_percent > EXACT_PERCENT:
-        notes.append(
-            f"standard error of each u: {significant(found.monte_carlo_percent, 1)} %; by "
-            f"chance alone the largest of {len(result.grid)} differences is about "
-            f"{significant(found.expected_max_percent, 1)} %"
-        )
-    return notes
 
 
 def _swept(result: Sweep) -> str:
@@ -355,5 +337,5 @@ def _swept(result: Sweep) -> str:
         return f"No formula: {result.no_formula}."
     if len(result.grid) == len(found.terms):
         return "The formula has as many terms as the grid has points: nothing checks it."
-    error = _error(found.max_error_percent, found.monte_carlo_percent)
+    error = _error(found.max_error_percent, result)
     return f"Formula and Monte Carlo differ by {error} % at most."

@@ -60,22 +60,25 @@ SOURCES = {"u1_axis": "axis", "u2_probe": "probe", "u3_perpendicular": "perpendi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Node:
-    """A place (circle) or a transition (bar). `kind`: of the place, or what the transition does.
+    """A place (circle) of a `kind` by its name, or a transition (bar, no kind) by what it does.
 
     `marked`: holds a marker from the start (a constant, a known point).
     """
 
-    name: str
     label: str
-    kind: str
-    place: bool
+    kind: str = ""
     marked: bool = False
     reported: bool = False
 
     @property
+    def place(self) -> bool:
+        """Whether it is a place."""
+        return bool(self.kind)
+
+    @property
     def measures(self) -> bool:
         """Whether it is a transition without inputs, a measurement: its label is to the left."""
-        return not self.place and self.kind == "meas"
+        return not self.kind and self.label == "meas"
 
     @property
     def inside(self) -> bool:
@@ -153,18 +156,15 @@ def net_of(
     """The net of a graph; `shares` by place are those of the variance of `of`."""
     at = {name: i for i, name in enumerate(graph.places)}
     nodes = [
-        Node(
-            name=name, label=name, kind=item.kind, place=True, marked=item.marked,
-            reported=name in reported,
-        )
+        Node(label=name, kind=item.kind, marked=item.marked, reported=name in reported)
         for name, item in graph.places.items()
-    ]  # fmt: skip
+    ]
     arcs = []
-    for number, item in enumerate(graph.transitions, 1):
+    for item in graph.transitions:
         # A place that is an input twice has one arc.
         arcs += [(at[name], len(nodes)) for name in dict.fromkeys(item.in_)]
         arcs += [(len(nodes), at[name]) for name in item.out]
-        nodes.append(Node(name=f"t{number}", label=item.do, kind=item.do, place=False))
+        nodes.append(Node(label=item.do))
     known = {at[name]: share for name, share in (shares or {}).items()}
     return Net(title=graph.name, nodes=tuple(nodes), arcs=tuple(arcs), of=of, shares=known)
 
@@ -288,7 +288,7 @@ def drawing(net: Net) -> Figure:
     halves = np.array([(1.15 if x.reported else 1.0) * x.width / 2 + 0.1 for x in net.nodes])
     middles = layout.places[:, 0]
     reach = max(MARGIN, *(halves - middles), *(halves + middles - layout.width))
-    kinds = [kind for kind in COLOURS if any(n.place and n.kind == kind for n in net.nodes)]
+    kinds = [kind for kind in COLOURS if any(node.kind == kind for node in net.nodes)]
     width = max(layout.width + 2 * reach, KEY * (len(kinds) + 3))
     page = Figure(figsize=(width, layout.height + HEAD + FOOT + 2 * MARGIN))
     FigureCanvasAgg(page)
@@ -371,13 +371,13 @@ def _key(page: Figure, net: Net, kinds: list[str]) -> None:
     """What is drawn, each kind once."""
     from matplotlib.lines import Line2D
 
-    signs = [("o", kind, COLOURS[kind], 0.8, 11.0) for kind in kinds]
-    for sign, drawn in (
-        (("|", "transition", figures.INK, 3.5, 13.0), not all(node.place for node in net.nodes)),
-        (("o", "marker", figures.INK, 0.0, 4.0), any(node.marked for node in net.nodes)),
-        (("o", "reported", "white", 2.0, 11.0), any(node.reported for node in net.nodes)),
-    ):
-        signs += [sign] * drawn
+    nodes = net.nodes
+    signs = [
+        *(("o", kind, COLOURS[kind], 0.8, 11.0) for kind in kinds),
+        *[("|", "transition", figures.INK, 3.5, 13.0)] * any(not node.place for node in nodes),
+        *[("o", "marker", figures.INK, 0.0, 4.0)] * any(node.marked for node in nodes),
+        *[("o", "reported", "white", 2.0, 11.0)] * any(node.reported for node in nodes),
+    ]
     handles = [
         Line2D(
             [], [], linestyle="none", marker=marker, label=name, markersize=size,

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from mtu_cli.files.graph_contract import Graph, Place
+from mtu_cli.files.graph_contract import Graph
 from mtu_cli.model.graph.transitions import Values
 from mtu_cli.reports.graph_drawing import COLOURS, Net, Node, lay_out, share_percent
 
@@ -45,7 +45,7 @@ def mermaid(net: Net) -> str:
     lines += [
         f"  classDef {kind} fill:{colour},stroke:#1b1f24,color:#1b1f24"
         for kind, colour in COLOURS.items()
-        if any(node.kind == kind for node in net.nodes if node.place)
+        if any(node.kind == kind for node in net.nodes)
     ]
     return "\n".join([*lines, "  classDef bar fill:#1b1f24,stroke:#1b1f24,color:#ffffff"]) + "\n"
 
@@ -80,11 +80,12 @@ def assertions(net: Net, graph: Graph, nominal: Values) -> str:
     lines = [f"% {_plain(net.title)}"]
     for number, (node, (x, y)) in enumerate(zip(net.nodes, spots, strict=True)):
         if node.place:
-            kind = _letter(graph.places[node.name])
+            place = graph.places[node.label]
+            kind = place.axis or "x" if place.kind == "coordinate" else _KIND[place.kind]
             values = ", ".join(f"{value:.9g}" for value in _triple(node, nominal))
-            lines.append(f'p({number + 1}, {x}, {y}, "{kind}", {values}). % {_plain(node.name)}')
+            lines.append(f'p({number + 1}, {x}, {y}, "{kind}", {values}). % {_plain(node.label)}')
         else:
-            lines.append(f"t({number - count + 1}, {x}, {y}, {node.kind}).")
+            lines.append(f"t({number - count + 1}, {x}, {y}, {node.label}).")
     for a, b in net.arcs:
         if a < count:
             lines.append(f"pt({a + 1}, {b - count + 1}).")
@@ -94,15 +95,9 @@ def assertions(net: Net, graph: Graph, nominal: Values) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _letter(place: Place) -> str:
-    return place.axis or "x" if place.kind == "coordinate" else _KIND[place.kind]
-
-
 def _triple(node: Node, nominal: Values) -> list[float]:
-    value = nominal[node.name][..., 0]
+    value = nominal[node.label][..., 0]
     if value.ndim == 0:
         return [float(value), 0.0, 0.0]
-    if value.ndim == 1:
-        return [float(item) + 0.0 for item in value]
-    row = value[0] if node.kind == "frame" else value[1]
+    row = value if value.ndim == 1 else value[0] if node.kind == "frame" else value[1]
     return [float(item) + 0.0 for item in row]

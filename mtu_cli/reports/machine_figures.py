@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.findings import listed
-from mtu_cli.model.simulate_drift import STEPS, DriftProfile, drift_profile
 from mtu_cli.reports import figures
 from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.numbers import significant, span
+from mtu_cli.reports.numbers import significant
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     from mtu_cli.model.estimation import ComponentFit, InstrumentFit
     from mtu_cli.model.fit import MachineFit
 
-Ranges = dict[str, tuple[float, float]]
-
 TITLE, NAME = 36, 26
 """Characters of a line above a panel, and of a sensor's name beside its bar."""
 MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
@@ -31,7 +28,6 @@ MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
 WORDS = {1: "forward", -1: "reverse", 0: "reading"}
 COMPONENTS, SENSORS, POSITIONS, CYCLES = 6, 8, 6, 12
 """Drifting components, their sensors and positions drawn, and cycles named."""
-STATES = (figures.BLUE, figures.GREY, figures.RED)
 
 
 @figures.styled
@@ -47,59 +43,53 @@ def components(
 
     The band is k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
-    shown = estimates.components
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    shown, k = estimates.components, coverage_factor
     columns = figures.columns_of(len(shown))
     titles = [_title(name, (says or {}).get(name, "")) for name in shown]
     tall = 0.16 * any("\n" in title for title in titles)
     page = figures.blank(3.4 * max(columns, 2), (2.15 + tall) * -(-len(shown) // columns) + 0.6)
-    figures.title(page, f"Components: readings, fit and one future reading ± {coverage_factor:g} u")
+    figures.title(page, f"Components: readings, fit and one future reading ± {k:g} u")
     instruments = [item for x in fit.components.values() for item in x.instruments]
     numbers = sorted({1, *(number for item in instruments for number in _passes(item))})
     colours = dict(zip(numbers, _shades(len(numbers)), strict=True))
     # By role, whatever it read: one instrument has the same marks in every panel.
     roles = list(dict.fromkeys(item.role for item in instruments))
     markers = {role: MARKERS[min(i, 1)] for i, role in enumerate(roles)}
-    ranges = _ranges(estimates)
     panels = figures.panels_of(page, len(shown), columns)
     for panel, title, (name, estimate) in zip(panels, titles, shown.items(), strict=False):
         found = fit.components.get(name)
         for item in found.instruments if found else ():
             _readings(panel, item, estimate, markers[item.role], colours)
-        _band(panel, estimate, found, ranges, coverage_factor)
+        # Where a component states no range, that of another along the axis stands in.
+        alike = (x.position_range for x in (estimate, *shown.values()) if x.of == estimate.of)
+        _band(panel, estimate, found, next(filter(None, alike), (0.0, 100.0)), k)
         panel.set_title(title if found else f"{title} (machine file)")
         panel.set_ylabel(estimate.unit.name)
     drawn = {(item.role, key[-1]) for item in instruments for key in item.keys_read or ((0, 1, 0),)}
-    marks = [
-        (marker, WORDS[sign] if len(roles) == 1 else f"{role}, {WORDS[sign]}", figures.GREY)
+    handles: list[Any] = [
+        Line2D(
+            [], [], marker=marker, linestyle="", color=figures.GREY,
+            label=WORDS[sign] if len(roles) == 1 else f"{role}, {WORDS[sign]}",
+        )
         for role, by_direction in markers.items()
         for sign, marker in by_direction.items()
         if (role, sign) in drawn
-    ]
-    if len(colours) > 1:
-        marks += [("o", f"pass {n}", colours[n]) for n in (numbers[0], numbers[-1])]
-    _key(page, marks, f"one future reading, ± {coverage_factor:g} u", 8 if columns == 3 else 4)
-    return page
-
-
-def _key(page: Figure, marks: list[tuple[str, str, Any]], band: str, columns: int) -> None:
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles: list[Any] = [
-        Line2D([], [], marker=marker, linestyle="", color=colour, label=label)
-        for marker, label, colour in marks
-    ]
+    ]  # fmt: skip
+    ends = (numbers[0], numbers[-1]) if len(numbers) > 1 else ()
+    handles += [Line2D([], [], marker="o", ls="", c=colours[n], label=f"pass {n}") for n in ends]
     handles.append(Line2D([], [], color=figures.INK, label="fit"))
-    handles.append(Patch(color=figures.PALE, label=band))
-    page.legend(handles=handles, loc="outside lower center", ncols=columns)
+    handles.append(Patch(color=figures.PALE, label=f"one future reading, ± {k:g} u"))
+    page.legend(handles=handles, loc="outside lower center", ncols=8 if columns == 3 else 4)
+    return page
 
 
 def _title(name: str, says: str) -> str:
     """A component with its meaning, on a line of its own where one line is too short for both."""
-    title = f"{name}  {says}".rstrip()
-    if len(title) <= TITLE or not says:
-        return cut(title, TITLE)
-    return f"{cut(name, TITLE)}\n{cut(says, TITLE)}"
+    between = "  " if len(f"{name}  {says}") <= TITLE else "\n"
+    return f"{cut(name, TITLE)}{between}{cut(says, TITLE)}".rstrip()
 
 
 def _passes(item: InstrumentFit) -> list[int]:
@@ -113,23 +103,10 @@ def _shades(count: int) -> list[Any]:
     return [colormaps["viridis"](0.05 + 0.8 * i / max(count - 1, 1)) for i in range(count)]
 
 
-def _ranges(estimates: Estimates) -> Ranges:
-    """Positions read along each axis, which stand in where a component states none."""
-    found: Ranges = {}
-    for item in estimates.components.values():
-        if item.of is not None and item.position_range is not None:
-            low, high = found.get(item.of, item.position_range)
-            found[item.of] = (min(low, item.position_range[0]), max(high, item.position_range[1]))
-    return found
-
-
 def _readings(
-    panel: Axes,
-    item: InstrumentFit,
-    estimate: ComponentEstimate,
-    markers: dict[int, str],
+    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, markers: dict[int, str],
     colours: dict[int, Any],
-) -> None:
+) -> None:  # fmt: skip
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
     numbers = _passes(item)
@@ -147,9 +124,10 @@ def _readings(
 
 
 def _band(
-    panel: Axes, estimate: ComponentEstimate, found: ComponentFit | None, ranges: Ranges, k: float
-) -> None:
-    """The fitted line over the positions read, or over the passes, and what is to be expected."""
+    panel: Axes, estimate: ComponentEstimate, found: ComponentFit | None,
+    ends: tuple[float, float], k: float,
+) -> None:  # fmt: skip
+    """The fitted line between the `ends`, or over the passes, and what is to be expected."""
     f = estimate.unit.to_internal
     if estimate.of is None:
         last = max(len(_passes(item)) for item in found.instruments) if found else 1
@@ -157,7 +135,7 @@ def _band(
         panel.set_xlabel("pass" if found else "")
         panel.set_xticks(range(1, last + 1, max(1, last // 8)) if found else [])
     else:
-        low, high = estimate.position_range or ranges.get(estimate.of, (0.0, 100.0))
+        low, high = ends
         place = np.linspace(low, high, 101) if high > low else np.array([low - 1.0, high + 1.0])
         X = estimate.shape.columns(place)
         panel.set_xlabel(f"{estimate.of}, mm")
@@ -173,22 +151,24 @@ def _band(
 
 @figures.styled
 def drift(fit: ThermalFit) -> Figure:
-    """A row a component: measured and modelled drift, the sensors' parts, drift by position."""
+    """A row a component: measured and modelled drift, and the rms contribution of its sensors."""
     shown = list(fit.components.values())[:COMPONENTS]
-    page = figures.blank(13.0, 1.1 + 2.75 * max(1, len(shown)))
-    panels = page.subplots(max(1, len(shown)), 3, squeeze=False, width_ratios=[2.3, 1.0, 1.15])
-    for row, item in zip(panels, shown, strict=False):
-        profile = drift_profile(item.estimate, item.positions)
-        along = len(profile.places) > 1
-        _curves(row[0], item, along=along)
-        _shares(row[1], item)
-        words = _states(profile, item.estimate.reference)
-        if along:
-            _along(row[2], item, profile, words)
-            continue
-        values = (profile.drift[:, 0] / item.rms_size).tolist()
-        figures.bars(row[2], words, values, [significant(value, 3) for value in values])
-        row[2].set_xlabel(f"modelled drift at all positions, {item.rms_unit}")
+    page = figures.blank(10.5, 1.1 + 2.75 * max(1, len(shown)))
+    panels = page.subplots(max(1, len(shown)), 2, squeeze=False, width_ratios=[2.3, 1.0])
+    for (curves, sensors), item in zip(panels, shown, strict=False):
+        _curves(curves, item)
+        names = item.by_share
+        drawn = names[:SENSORS]
+        parts = [item.shares.get(name, 0.0) / item.rms_size for name in drawn]
+        alike = [f"\nand {len(item.twins(name))} alike" * bool(item.twins(name)) for name in drawn]
+        labels = [cut(name, NAME) + more for name, more in zip(drawn, alike, strict=True)]
+        figures.bars(sensors, labels, parts, [significant(part, 3) for part in parts])
+        if not drawn:
+            sensors.text(0.5, 0.5, "no sensor", transform=sensors.transAxes, ha="center")
+        sensors.set_xlim(left=0.0)
+        sensors.set_xlabel(f"rms contribution, {item.rms_unit}")
+        some = f" ({SENSORS} of {len(names)})" if len(names) > SENSORS else ""
+        sensors.set_title(f"sensors{some}")
     rest = list(fit.components)[COMPONENTS:]
     some = f" of {len(shown)} of {len(fit.components)} components" if rest else ""
     without = f" (not drawn: {listed(rest, 12)})" if rest else ""
@@ -196,17 +176,19 @@ def drift(fit: ThermalFit) -> Figure:
     return page
 
 
-def _curves(panel: Axes, item: ComponentDrift, *, along: bool) -> None:
-    """Cycles one after the other, whatever lies between them; where the drift differs `along` an
+def _curves(panel: Axes, item: ComponentDrift) -> None:
+    """Cycles one after the other, whatever lies between them; where the drift differs along an
     axis a colour a position.
     """
+    from matplotlib.lines import Line2D
+
     unit, size = item.rms_unit, item.rms_size
-    positions = sorted({x.position for x in item.curves if x.position is not None})
-    drawn = [positions[i] for i in spread(len(positions), POSITIONS)] if along else []
-    colours: dict[float | None, Any] = dict.fromkeys(
-        [None] if along else [None, *positions], figures.BLUE
-    )
-    colours |= zip(drawn, _shades(len(drawn)), strict=True)
+    every = sorted({x.position for x in item.curves if x.position is not None})
+    along = item.estimate.degree > 0 and len(item.positions) > 1
+    drawn = [every[i] for i in spread(len(every), POSITIONS)] if along else []
+    colours: dict[float | None, Any] = {None: figures.BLUE}
+    shades = _shades(len(drawn)) if along else [figures.BLUE] * len(every)
+    colours |= zip(drawn if along else every, shades, strict=True)
     lengths: dict[str, float] = {}
     for curve in item.curves:
         length = float(np.ptp(curve.time)) if len(curve.time) else 0.0
@@ -215,10 +197,8 @@ def _curves(panel: Axes, item: ComponentDrift, *, along: bool) -> None:
     starts = dict(zip(lengths, [0.0, *ends], strict=False))
     for curve in item.curves:
         if curve.position in colours and len(curve.time):
-            time, colour = (
-                curve.time - curve.time.min() + starts[curve.cycle],
-                colours[curve.position],
-            )
+            time = curve.time - curve.time.min() + starts[curve.cycle]
+            colour = colours[curve.position]
             panel.plot(time, curve.measured / size, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
             panel.plot(time, curve.modelled / size, color=colour, linewidth=1.0)
     for end in ends[:-1]:
@@ -239,54 +219,9 @@ def _curves(panel: Axes, item: ComponentDrift, *, along: bool) -> None:
     change = " → ".join(significant(x / size, 3) for x in rms)
     panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {unit}")
     if drawn:
-        some = f"{len(drawn)} of {len(positions)}\npositions" if len(drawn) < len(positions) else ""
-        _beside(panel, [(colours[x], f"{x:g} mm") for x in reversed(drawn)], some)
-
-
-def _beside(panel: Axes, entries: list[tuple[Any, str]], title: str = "") -> None:
-    """A legend to the right of the panel, where it hides nothing."""
-    from matplotlib.lines import Line2D
-
-    panel.legend(
-        handles=[Line2D([], [], color=c, linewidth=2.2, label=label) for c, label in entries],
-        loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.5, handlelength=1.0,
-        borderaxespad=0.4, labelspacing=0.8, title=title, title_fontsize=7.5, alignment="left",
-    )  # fmt: skip
-
-
-def _shares(panel: Axes, item: ComponentDrift) -> None:
-    """The rms contribution of every sensor."""
-    unit, size = item.rms_unit, item.rms_size
-    names = item.by_share
-    drawn = names[:SENSORS]
-    parts = [item.shares.get(name, 0.0) / size for name in drawn]
-    alike = [f"\nand {len(item.twins(name))} alike" * bool(item.twins(name)) for name in drawn]
-    labels = [cut(name, NAME) + more for name, more in zip(drawn, alike, strict=True)]
-    figures.bars(panel, labels, parts, [significant(part, 3) for part in parts])
-    if not drawn:
-        panel.text(0.5, 0.5, "no sensor", transform=panel.transAxes, ha="center")
-    panel.set_xlim(left=0.0)
-    panel.set_xlabel(f"rms contribution, {unit}")
-    panel.set_title("sensors" + (f" ({SENSORS} of {len(names)})" if len(names) > SENSORS else ""))
-
-
-def _along(panel: Axes, item: ComponentDrift, profile: DriftProfile, words: list[str]) -> None:
-    """The modelled drift along an axis with all sensors cold, half-way and warm."""
-    size, of = item.rms_size, item.estimate.of
-    for line, dots, colour in zip(profile.drift, profile.at_observed, STATES, strict=True):
-        panel.plot(profile.places, line / size, color=colour)
-        panel.plot(item.positions, dots / size, "o", color=colour, markersize=3.5)
-    panel.set_xlabel(f"{of}, mm (dots: observed positions)")
-    panel.set_ylabel(f"modelled drift, {item.rms_unit}")
-    _beside(panel, list(zip(STATES, words, strict=True))[::-1])
-
-
-def _states(profile: DriftProfile, reference: float) -> list[str]:
-    """What to call the three states."""
-    if not profile.ranged:
-        return [f"all sensors\nat {reference + step:g} °C" for step in STEPS]
-    names = ("coldest", "half-way", "warmest")
-    return [
-        f"{name}\n{span(f'{T.min():.1f}', f'{T.max():.1f}')} °C"
-        for name, T in zip(names, profile.temperatures, strict=True)
-    ]
+        lines = [Line2D([], [], color=colours[x], label=f"{x:g} mm") for x in reversed(drawn)]
+        some = f"{len(drawn)} of {len(every)}\npositions" if len(drawn) < len(every) else ""
+        panel.legend(
+            handles=lines, loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.5, title=some,
+            title_fontsize=7.5, handlelength=1.0, labelspacing=0.8, alignment="left",
+        )  # fmt: skip

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mtu_cli.analyses.budget import BudgetResult
-    from mtu_cli.analyses.budget.result import OutputBudget
     from mtu_cli.analyses.graph.simulate import GraphSimulation
     from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
     from mtu_cli.analyses.orthogonality import OrthogonalityResult
@@ -89,9 +88,8 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
         run, first, scale = item.run, item.first_order, item.scale / ARCSEC
         ends = float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)
         curve = first.mean / ARCSEC, first.u / ARCSEC, first.dof
-        histogram(
-            panel, run.samples[0] / ARCSEC, ends, curve, [x / ARCSEC for x in first.interval95]
-        )
+        first_ends = [x / ARCSEC for x in first.interval95]
+        histogram(panel, run.samples[0] / ARCSEC, ends, curve, first_ends)
         mean, u = with_u(run.mean[0] / ARCSEC, scale)[0], significant(run.u[0] / ARCSEC)
         text = f"mean {mean}, u {u} arcsec, 95 % {interval(*ends, scale)}"
         gap = "\n" if len(item.id) + len(text) > TITLE else " "
@@ -104,18 +102,18 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
 @figures.styled
 def budget(result: BudgetResult) -> Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
-    shown, percent = result.outputs[:OUTPUTS], f"{100 * result.probability:.4g} %"
+    shown, percent, run = result.outputs[:OUTPUTS], f"{100 * result.probability:.4g} %", result.run
     seen = [int(np.sum(np.abs(100.0 * output.first.share) >= LEAST)) for output in shown]
-    height = 0.26 * (1 + min(SHARES, max(seen))) + 1.2
-    page = figures.blank(10.0, 0.9 + len(shown) * max(2.4, height))
-    for (left, right), output in zip(
-        page.subplots(len(shown), 2, squeeze=False), shown, strict=True
-    ):
-        _shares(left, result, output)
-        run, first, i = result.run, output.first, output.index
+    height = max(2.4, 0.26 * (1 + min(SHARES, max(seen))) + 1.2)
+    page = figures.blank(10.0, 0.9 + len(shown) * height)
+    panels = page.subplots(len(shown), 2, squeeze=False)
+    for (left, right), output in zip(panels, shown, strict=True):
+        first, i, unit = output.first, output.index, f" {output.unit}" if output.unit else ""
+        name = cut(first.name, NAME)
+        _shares(left, result, 100.0 * first.share)
+        left.set_title(f"{name}: shares of the variance")
         ends, curve = (float(run.low[i]), float(run.high[i])), (first.value, first.u, first.dof)
         histogram(right, run.samples[i], ends, curve, [float(x) for x in output.interval], percent)
-        unit, name = f" {output.unit}" if output.unit else "", cut(first.name, NAME)
         right.set_xlabel(name + unit.replace(" ", ", ", 1))
         text = f"{name} = {with_u(first.value, first.u or None)[0]}{unit}"
         text += f", u = {significant(first.u)}{unit}" if math.isfinite(first.u) else ""
@@ -126,10 +124,8 @@ def budget(result: BudgetResult) -> Figure:
     return page
 
 
-def _shares(panel: Axes, result: BudgetResult, output: OutputBudget) -> None:
+def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
     """The largest shares of the variance; the others in one bar where that is more than nothing."""
-    shares = 100.0 * output.first.share
-    panel.set_title(f"{cut(output.first.name, NAME)}: shares of the variance")
     if not np.all(np.isfinite(shares)):
         panel.set_axis_off()
         panel.text(0.5, 0.5, "no first-order variance", ha="center", transform=panel.transAxes)
@@ -154,11 +150,9 @@ def simulated(result: GraphSimulation) -> Figure:
     for item in varying:
         largest[item.output.unit] = max(largest.get(item.output.unit, 0.0), item.u)
     seen = [x for x in varying if x.chance or x.u >= SEEN * largest[x.output.unit]][:COORDINATES]
-    columns = figures.columns_of(len(seen))
-    rows = max(1, math.ceil(len(seen) / columns))
-    page = figures.blank(max(6.0, 3.6 * columns), 1.1 + 2.6 * rows)
-    panels = figures.panels_of(page, max(1, len(seen)), columns)
-    for panel, item in zip(panels, seen, strict=False):
+    columns, count = figures.columns_of(len(seen)), max(1, len(seen))
+    page = figures.blank(max(6.0, 3.6 * columns), 1.1 + 2.6 * math.ceil(count / columns))
+    for panel, item in zip(figures.panels_of(page, count, columns), seen, strict=False):
         name = cut(str(item.output), NAME)
         if item.chance:
             shares = [1 - item.mean, item.mean]
@@ -168,10 +162,7 @@ def simulated(result: GraphSimulation) -> Figure:
             panel.set_title(f"{name}: chance of 1 {chance(item.mean, item.se_mean)} %")
             continue
         factor, unit = small_unit(item.output.unit)
-        ends, u = (
-            [(end - item.nominal) * factor for end in item.interval],
-            item.first_order_u * factor,
-        )
+        ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
         half = coverage_factor(0.95) * u
         samples = (item.samples - item.nominal) * factor
         histogram(panel, samples, ends, (0.0, u, math.inf), (-half, half))
@@ -198,25 +189,31 @@ def swept(result: Sweep) -> Figure:
     for item in result.grid:
         lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
-    panel = page.subplots()
+    panel, formula, short = page.subplots(), result.formula, cut(str(result.output), NAME)
+    factor, unit = (1.0, "") if result.chance else small_unit(result.output.unit)
     shades = np.linspace(0.35, 0.95, len(lines))
     for shade, (label, points) in zip(shades, lines.items(), strict=True):
         colour = colormaps["Blues"](shade) if len(lines) > 1 else figures.BLUE
-        _line(panel, result, points, first, colour, label)
+        x = [item.at[first] for item in points]
+        pairs = [(y.mean, y.se_mean) if result.chance else (y.u, y.se_u) for y in points]
+        y, se = np.array(pairs).T * factor
+        form: Any = "o-" if result.chance else "o"
+        panel.errorbar(x, y, 2 * se, fmt=form, ms=4, color=colour, label=label or None)
+        if formula is not None:
+            at = {name: np.full(CURVE, value) for name, value in points[0].at.items()}
+            at[first] = np.linspace(min(x), max(x), CURVE)
+            panel.plot(at[first], formula.u_at(at, CURVE) * factor, color=colour)
     panel.set_xlabel(first)
-    short = cut(str(result.output), NAME)
-    what, label = f"Chance that {short} is 1", f"chance that {short} is 1"
+    panel.set_ylabel(f"chance that {short} is 1" if result.chance else f"u of {short}, {unit}")
     if not result.chance:
-        factor, unit = small_unit(result.output.unit)
-        what, label = f"Uncertainty of {short}", f"u of {short}, {unit}"
         # A jump that no trial saw has u 0 and no standard error.
         reached = [item.u + 2 * item.se_u for item in result.grid if math.isfinite(item.se_u)]
         panel.set_ylim(0.0, HEADROOM * factor * max(reached, default=0.0) or None)
-    panel.set_ylabel(label)
-    if result.formula is not None:
-        pairs = result.formula.coefficients.items()
-        numbers = ", ".join(f"{name} = {with_u(value, None)[0]}" for name, value in pairs)
-        panel.set_title(f"{result.formula.form}\n{numbers}", fontweight="normal")
+    if formula is not None:
+        of = formula.coefficients.items()
+        numbers = ", ".join(f"{name} = {with_u(value, None)[0]}" for name, value in of)
+        panel.set_title(f"{formula.form}\n{numbers}", fontweight="normal")
+    what = f"Chance that {short} is 1" if result.chance else f"Uncertainty of {short}"
     figures.title(page, f"{what} over {first}")
     if rest:
         handles, texts = panel.get_legend_handles_labels()
@@ -225,19 +222,3 @@ def swept(result: Sweep) -> Figure:
         chosen = [handles[i] for i in kept], [texts[i] for i in kept]
         panel.legend(*chosen, title=some, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return page
-
-
-def _line(
-    panel: Axes, result: Sweep, points: Sequence[GridPoint], first: str, colour: object, label: str
-) -> None:
-    """Points of the grid that differ in `first` alone, and what joins them."""
-    factor = 1.0 if result.chance else small_unit(result.output.unit)[0]
-    pairs = [(x.mean, x.se_mean) if result.chance else (x.u, x.se_u) for x in points]
-    x, (y, se) = [item.at[first] for item in points], np.array(pairs).T * factor
-    form: dict[str, Any] = {"color": colour, "label": label or None}
-    panel.errorbar(x, y, 2 * se, fmt="o-" if result.chance else "o", ms=4, **form)
-    if result.formula is not None:
-        fine = np.linspace(min(x), max(x), CURVE)
-        at = {name: np.full(CURVE, value) for name, value in points[0].at.items()}
-        curve = result.formula.u_at({**at, first: fine}, CURVE)
-        panel.plot(fine, curve * factor, color=form["color"])

@@ -25,7 +25,6 @@ ANGLE = """
     converged | run.converged | whether they reached the digits asked for
     interval95_arcsec | ends() | interval that holds 95 of 100 trials, as many beyond either end \
         | 95 % interval, interval, u=scale
-    shortest95_arcsec | shortest() | shortest interval that holds 95 of 100 trials | -, interval
     first_order.mean_arcsec | first_order.mean | the angle of the mean errors of the features
     first_order.u_arcsec | first_order.u | standard uncertainty of first order \
         | first order u, detail
@@ -37,29 +36,13 @@ ANGLE = """
     independent.mean_arcsec | independent.mean.0 | mean with all features independent
     independent.u_arcsec | independent.u.0 | standard uncertainty with all features independent \
         (Gilsinn & Ling 2004) | u indep., detail
-    independent.interval95_arcsec | independent_ends() | interval with all features independent \
-        | -, json
     *shares
-    independent.trials | | trials of the independent features | -, json
-    independent.first_order_u_arcsec | independent_u | standard uncertainty of first order with \
-        all features independent | -, json
-    monte_carlo.se_mean_arcsec | run.se_mean.0 | standard error of the mean | -, json
-    monte_carlo.se_u_arcsec | run.se_u.0 | standard error of u | -, json
-    monte_carlo.se_low_arcsec | run.se_low.0 | standard error of the lower end of the interval \
-        | -, json
-    monte_carlo.se_high_arcsec | run.se_high.0 | standard error of the upper end of the interval \
-        | -, json
-    monte_carlo.gain | gain() | how many times fewer trials the control variate needs, by \
-        statistic | -, json
 """
 ROW = declare(
     ANGLE,
     outside=MARK,
     U=lambda x: x.k * x.run.u[0],
     ends=lambda x: (x.run.low[0], x.run.high[0]),
-    shortest=lambda x: (x.run.shortest_low[0], x.run.shortest_high[0]),
-    independent_ends=lambda x: (x.independent.low[0], x.independent.high[0]),
-    gain=lambda x: {name: values[0] for name, values in x.run.gain._asdict().items()},
     conformance=[conformance("arcsec")],
     validation=[validation("arcsec", csv="validation_passed")],
     shares=[shares("first_order.shares", "shares")],

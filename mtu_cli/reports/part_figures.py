@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Side, draw, page_of, sheet
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.labels import cut, words
-from mtu_cli.reports.numbers import percent
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 
@@ -29,8 +28,8 @@ if TYPE_CHECKING:
 
 FEATURES, PANELS, RUNS = 3, 6, 2
 """Features whose parts are drawn, an operation and in all; rows of run charts."""
-OPERATIONS, SCATTERS = 5, 16
-"""Operations drawn as arrows; operations by axes whose scatter is drawn."""
+OPERATIONS = 5
+"""Operations drawn as arrows."""
 WIDTH, ROW = 8.0, 1.45
 """Of a page and of a row of panels, inches."""
 PART, MANY = 14, 300
@@ -47,18 +46,15 @@ CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 @figures.styled
 def anova(result: AnovaResult) -> Figure:
-    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above the scatter by its source and run
-    charts; of a single part a map of its errors.
+    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above run charts; of a single part a map of
+    its errors.
     """
     if len(result.features.tables.parts) == 1 and result.maps:
         return _single(result)
     rows = _rows(result)
     axes = sorted({axis for row in rows for axis in row})
-    known = [item for item in result.totals[:SCATTERS] if np.isfinite(item.repeat_share)]
     runs = list(_runs(result))[: RUNS * len(axes)]
-    heights = [ROW] * len(rows) + [figures.rows_height(len(known))] * bool(known)
-    charts = len(heights)
-    heights += [1.4 * ROW] * math.ceil(len(runs) / len(axes))
+    heights = [ROW] * len(rows) + [1.4 * ROW] * math.ceil(len(runs) / len(axes))
     page = figures.blank(WIDTH, sum(heights) + 1.2)
     grid = page.add_gridspec(len(heights), len(axes), height_ratios=heights)
     for r, row in enumerate(rows):
@@ -69,10 +65,8 @@ def anova(result: AnovaResult) -> Figure:
                 panel.set_ylabel("actual minus\nnominal, um", fontsize=7.5)
             panel.tick_params(labelbottom=r == len(rows) - 1)
             panel.set_xlabel("part" if r == len(rows) - 1 else "")
-    if known:
-        _scatter(page.add_subplot(grid[len(rows), :]), result, known)
     for k, (title, unit, sequence, values, limits) in enumerate(runs):
-        panel = page.add_subplot(grid[charts + k // len(axes), k % len(axes)])
+        panel = page.add_subplot(grid[len(rows) + k // len(axes), k % len(axes)])
         order = np.argsort(sequence, kind="stable")
         panel.plot(sequence[order], values[order], "o-", color=figures.INK, ms=3.0, lw=0.7)
         panel.axhline(float(np.nanmean(values)), color=figures.BLUE, linewidth=1.0)
@@ -98,21 +92,6 @@ def _rows(result: AnovaResult) -> list[dict[str, int]]:
     share = max(1, min(FEATURES, PANELS // len(operations)))
     chosen = ([key for key in result.shown if key[0] == one][:share] for one in operations)
     return [rows[key] for keys in chosen for key in keys]
-
-
-def _scatter(panel: Axes, result: AnovaResult, known: Sequence[Any]) -> None:
-    """Standard deviations by their source, an operation and axis a row."""
-    shown = [
-        Intervals("", colour, np.sqrt([getattr(x, name) for x in known]) / UM)
-        for name, colour in (("part", figures.BLUE), ("repeat", figures.ORANGE))
-    ]
-    names = [words(x.operation, x.axis) for x in known]
-    figures.intervals(panel, names, shown, [f"{percent(x.repeat_share)} %" for x in known])
-    panel.set_xlim(left=0.0)
-    panel.set_xlabel("standard deviation of one point, um; right: share of repeats in variance")
-    more = f" (first {SCATTERS} of {len(result.totals)})"
-    some = more if len(result.totals) > SCATTERS else ""
-    panel.set_title(f"Scatter{some}: s_part (blue), s_repeat (orange)")
 
 
 def _runs(result: AnovaResult) -> Iterator[tuple[str, str, FloatArray, FloatArray, list[float]]]:
@@ -299,12 +278,12 @@ def correct(result: CorrectResult) -> Figure:
         axes = tuple(a for a in result.axes if np.isfinite(pair[1][:, AXES.index(a)]).any())
         return page_of(Maps(found.features, found.places, axes, (("", sides),)), title)
     at = [AXES.index(axis) for axis in result.axes]
-    names = [f"{name} {axis}" for name in found.features for axis in result.axes]
+    names = [f"{name} {axis}" for name in found.features for axis in result.axes][:SIZES]
     shown = [
-        Intervals(*names, errors[:, at].ravel())
-        for names, errors in zip(CORRECTED, pair, strict=True)
+        Intervals(*label, errors[:, at].ravel()[:SIZES])
+        for label, errors in zip(CORRECTED, pair, strict=True)
     ]
-    page = figures.listing(title, names, shown, "measured minus nominal, um", most=SIZES)
+    page = figures.listing(title, names, shown, "measured minus nominal, um")
     figures.legend(page)
     return page
 
@@ -316,21 +295,28 @@ def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
     pooled = len(items) > APART
     rows: dict[str, list[Size]] = {}
     for item in items:
-        rows.setdefault(_size_name(item, pooled), []).append(item)
-    grouped = list(rows.values())
-    half = np.array([np.ptp(same[0].error_interval95) for same in grouped]) / (2 * UM)
-    by_row = kind == "diameters" or len(rows) <= figures.FEW_ROWS
+        parts = (item.operation, "" if pooled else f"part {item.part}")
+        warm = "" if pooled or np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
+        name = ", ".join(filter(None, (item.id, words(*parts), warm)))
+        rows.setdefault(name, []).append(item)
+    by_row, count = kind == "diameters" or len(rows) <= figures.FEW_ROWS, len(rows)
+    most = SIZES if by_row else count
+    names, grouped = list(rows)[:most], list(rows.values())[:most]
     of = ", mean of the parts" * pooled + " (dots: each)" * (pooled and by_row)
+    half = np.array([np.ptp(same[0].error_interval95) for same in grouped]) / (2 * UM)
     means = []
     for i, (side, colour) in enumerate(CORRECTED):
-        label, shift = side + of + " ± 95 %" * i, (2 * i - 1) * 0.12 * pooled
         errors = np.array([np.mean([x.error[i] for x in same]) for same in grouped]) / UM
-        means.append(Intervals(label, colour, errors, half if i else None, shift))
+        shift = (2 * i - 1) * 0.12 * pooled
+        means.append(
+            Intervals(side + of + " ± 95 %" * i, colour, errors, half if i else None, shift)
+        )
     nominal = np.array([same[0].reference for same in grouped]) if kind == "lengths" else None
     title = f"Errors of the {kind} before and after the correction"
-    page = figures.listing(title, list(rows), means, label, nominal=nominal, most=SIZES)
+    title += f" (first {len(names)} of {count})" if len(names) < count else ""
+    page = figures.listing(title, names, means, label, nominal=nominal)
     panel = page.axes[0]
-    for row, same in enumerate(grouped[:SIZES] if by_row else ()):
+    for row, same in enumerate(grouped if by_row else ()):
         if not pooled:
             panel.plot(np.array(same[0].error) / UM, [row, row], color=figures.GREY, lw=0.8)
         for i, mean in enumerate(means if pooled else ()):
@@ -344,9 +330,3 @@ def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
             )  # fmt: skip
     figures.legend(page)
     return page
-
-
-def _size_name(item: Size, pooled: bool) -> str:
-    made = item.operation if pooled else words(item.operation, f"part {item.part}")
-    warm = "" if pooled or np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
-    return ", ".join(filter(None, (item.id, made, warm)))

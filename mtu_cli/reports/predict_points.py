@@ -42,15 +42,6 @@ OF_AXIS = """
     independent.u_AXIS_um | root(prediction.independent_variance) | standard uncertainty with \
         components and points independent (Gilsinn & Ling 2004) | u indep., detail
     independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
-    independent.U_AXIS_um | independent_U() | k times it | -, json
-"""
-NATURES = """
-    variance_AXIS_um2.coefficients | split.coefficients | variance of what the readings leave \
-        open | -, json, unit=um2
-    variance_AXIS_um2.passes | split.passes | variance of the drift between passes \
-        | -, json, unit=um2
-    variance_AXIS_um2.repeatability | split.repeatability | variance of each visit \
-        | -, json, unit=um2
 """
 
 
@@ -86,17 +77,15 @@ def _of_axis(axis: str, j: int, count: int, independent: bool) -> Iterator[Field
 
     yield from _within(row, OF_AXIS.replace("AXIS", axis))
     yield shares(f"shares.{axis}", split)
-    yield from () if independent else _within(row, NATURES.replace("AXIS", axis))
 
 
 def _within(row: Any, text: str) -> Iterator[Field]:
     factors = {
         "U": lambda x: x.coverage_factor * np.sqrt(x.variance),
-        "independent_U": lambda x: x.coverage_factor * np.sqrt(x.prediction.independent_variance),
     }
     for field in declare(text, **factors):
         if isinstance(field, Field):
-            yield replace(field, value=field.source, within=(row,))
+            yield replace(field, within=(row,))
 
 
 def _rows(result: PointsResult) -> list[RowOf]:

@@ -104,7 +104,11 @@ def volume(result: PointsResult) -> Figure:
 
     Raises InputError for a grid that is no plane.
     """
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
     across, up, level = roles(result.points)
+    light = ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))
     places = np.unique(result.points[:, level])
     levels = [float(places[i]) for i in spread(len(places), LEVELS)]
     axes, k = result.prediction.axes, result.coverage_factor
@@ -113,11 +117,22 @@ def volume(result: PointsResult) -> Figure:
     for row, axis in zip(panels, axes, strict=True):
         U = k * np.sqrt(result.of_axis(result.variance, axis)) / UM
         E = result.of_axis(result.prediction.mean, axis) / UM
-        limits = float(U.min()), max(float(U.max()), float(U.min()) + 1e-9)
+        low, high = float(U.min()), max(float(U.max()), float(U.min()) + 1e-9)
         for panel, value in zip(row, levels, strict=True):
-            inside = np.isclose(result.points[:, level], value, equal_nan=True)
-            at = result.points[inside][:, [across, up]]
-            colours = _map(panel, at, U[inside], E[inside], limits)
+            inside = np.flatnonzero(np.isclose(result.points[:, level], value, equal_nan=True))
+            x, y = (np.unique(result.points[inside, a]) for a in (across, up))
+            at = inside[np.lexsort(result.points[inside][:, [across, up]].T)]
+            # As an image also in SVG and PDF: every cell would be dozens of triangles.
+            colours = panel.pcolormesh(
+                x, y, U[at].reshape(len(y), len(x)), shading="gouraud", cmap=light, vmin=low,
+                vmax=high, rasterized=True,
+            )  # fmt: skip
+            if np.ptp(lines := E[at].reshape(len(y), len(x))) > 0:
+                style: dict[str, Any] = {"linewidths": 0.7, "linestyles": "solid"}
+                contours = panel.contour(x, y, lines, levels=6, colors=figures.INK, **style)
+                panel.clabel(contours, fontsize=7, fmt="%g")
+            panel.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+            panel.grid(visible=False)
             where = "" if np.isnan(value) else f" at {AXES[level]} = {value:g} mm"
             panel.set_title(f"E{axis}{where}")
         page.colorbar(colours, ax=list(row), label=f"U of E{axis}, um", shrink=0.9)
@@ -142,29 +157,3 @@ def roles(points: FloatArray) -> tuple[int, int, int]:
     level = 2 - int(np.argmin(counts[::-1]))
     across, up = (a for a in range(3) if a != level)
     return across, up, level
-
-
-def _map(
-    panel: Any, places: FloatArray, U: FloatArray, E: FloatArray, limits: tuple[float, float]
-) -> Any:
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
-    x, y = np.unique(places[:, 0]), np.unique(places[:, 1])
-    order = np.lexsort((places[:, 0], places[:, 1]))
-    grid, lines = U[order].reshape(len(y), len(x)), E[order].reshape(len(y), len(x))
-    light = ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))
-    low, high = limits
-    # As an image also in SVG and PDF: every cell would be dozens of triangles.
-    drawn = panel.pcolormesh(
-        x, y, grid, shading="gouraud", cmap=light, vmin=low, vmax=high, rasterized=True
-    )
-    if np.ptp(lines) > 0:
-        contours = panel.contour(
-            x, y, lines, levels=6, colors=figures.INK, linewidths=0.7, linestyles="solid"
-        )
-        panel.clabel(contours, fontsize=7, fmt="%g")
-    panel.set_xlim(x[0], x[-1])
-    panel.set_ylim(y[0], y[-1])
-    panel.grid(visible=False)
-    return drawn

@@ -20,23 +20,23 @@ from rich.text import Text
 WIDTH = 100
 """Columns that a table may take."""
 FOLDED = 12
-"""Of these a column that folds can do with."""
+"""Of these a column of text can do with."""
 JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
 """Pieces of a name, each with the sign that a line may end with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column: its heading (a second line for the unit), and whether it holds text.
+    """A column: its heading (a second line for the unit), and whether it holds text, which may
+    break over lines.
 
-    A `folds` column may break its cells over lines. Where the table is too wide even then, the
-    columns of text in front and what else `names` the row begin every group of columns; a group
-    rather `begins` here than elsewhere. `meaning` is for HTML.
+    Where the table is too wide even then, the columns of text in front and what else `names` the
+    row begin every group of columns; a group rather `begins` here than elsewhere. `meaning` is for
+    HTML.
     """
 
     title: str
     text: bool = False
-    folds: bool = False
     names: bool = False
     begins: bool = False
     meaning: str = ""
@@ -54,32 +54,30 @@ class Sheet:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield Text(self.title, style="bold")
         most = min(WIDTH, options.max_width)
-        for i, group in enumerate(self._groups(most)):
-            if i > 0:
+        wanted, least = [], []
+        for i, column in enumerate(self.columns):
+            lines = [*column.title.split("\n"), *(row[i] for row in self.rows)]
+            wanted.append(max(map(cell_len, lines)))
+            # A heading breaks between its words only.
+            words = max(map(cell_len, column.title.split()), default=0)
+            least.append(min(wanted[-1], max(FOLDED, words)) if column.text else wanted[-1])
+        for n, group in enumerate(self._groups(least, most)):
+            if n > 0:
                 yield Text("")
             # A terminal too narrow for a name and a number breaks the line itself.
-            yield from self._lines(group, most, ruled=console.is_terminal)
+            widths, gap = _widths([wanted[i] for i in group], [least[i] for i in group], most)
+            yield from self._lines(group, widths, gap, ruled=console.is_terminal)
         for note in self.notes:
             yield Text(note, style="dim", overflow="fold")
 
-    def _wanted(self, i: int) -> int:
-        cells = max((cell_len(row[i]) for row in self.rows), default=0)
-        return max(cells, *map(cell_len, self.columns[i].title.split("\n")))
-
-    def _least(self, i: int) -> int:
-        """A heading breaks between its words only."""
-        words = max(map(cell_len, self.columns[i].title.split()), default=0)
-        wanted = self._wanted(i)
-        return min(wanted, max(FOLDED, words)) if self.columns[i].folds else wanted
-
-    def _groups(self, width: int) -> list[list[int]]:
+    def _groups(self, least: Sequence[int], width: int) -> list[list[int]]:
         """The columns that stand side by side, by their places in the table."""
         every = range(len(self.columns))
         front = max(1, next((i for i in every if not self.columns[i].text), 1))
         names = [i for i in every if i < front or self.columns[i].names]
         groups, group = [], [*names]
         for i in (i for i in every if i not in names):
-            while len(group) > len(names) and self._narrowest([*group, i]) > width:
+            while len(group) > len(names) and sum(least[j] + 1 for j in [*group, i]) - 1 > width:
                 both = enumerate([*group, i])
                 starts = [n for n, j in both if n > len(names) and self.columns[j].begins]
                 end = starts[-1] if starts else len(group)
@@ -88,25 +86,9 @@ class Sheet:
             group.append(i)
         return [*groups, group]
 
-    def _narrowest(self, group: Sequence[int]) -> int:
-        return sum(self._least(i) + 1 for i in group) - 1
-
-    def _widths(self, group: Sequence[int], width: int) -> tuple[list[int], int]:
-        """Columns as wide as they want where that has room, else the narrow rather than the wide;
-        and the gap between them.
-        """
-        wanted = [self._wanted(i) for i in group]
-        gaps = len(group) - 1
-        if sum(wanted) + gaps <= width:
-            return wanted, 2 if sum(wanted) + 2 * gaps <= width else 1
-        widths = [self._least(i) for i in group]
-        for _ in range(width - gaps - sum(widths)):
-            narrow = [i for i, most in enumerate(wanted) if widths[i] < most]
-            widths[min(narrow, key=widths.__getitem__)] += 1
-        return widths, 1
-
-    def _lines(self, group: Sequence[int], width: int, *, ruled: bool) -> Iterator[Text]:
-        widths, gap = self._widths(group, width)
+    def _lines(
+        self, group: Sequence[int], widths: Sequence[int], gap: int, *, ruled: bool
+    ) -> Iterator[Text]:
         columns = [self.columns[i] for i in group]
 
         def aligned(cells: Sequence[Sequence[str]], styles: Sequence[str]) -> Iterator[Text]:
@@ -126,13 +108,27 @@ class Sheet:
         ]
         yield from aligned(heads, ["bold"] * len(group))
         if ruled:
-            yield Text("\N{BOX DRAWINGS LIGHT HORIZONTAL}" * (sum(widths) + gap * len(group) - gap))
+            yield Text("\N{BOX DRAWINGS LIGHT HORIZONTAL}" * (sum(widths) + gap * (len(group) - 1)))
         for row in self.rows:
             cells = [
-                broken(row[i], room) if self.columns[i].folds else [row[i]]
+                broken(row[i], room) if self.columns[i].text else [row[i]]
                 for i, room in zip(group, widths, strict=True)
             ]
             yield from aligned(cells, ["bold" if row[i].endswith("*") else "" for i in group])
+
+
+def _widths(wanted: list[int], least: list[int], width: int) -> tuple[list[int], int]:
+    """Columns as wide as they want where that has room, else the narrow rather than the wide; and
+    the gap between them.
+    """
+    gaps = len(wanted) - 1
+    if sum(wanted) + gaps <= width:
+        return wanted, 2 if sum(wanted) + 2 * gaps <= width else 1
+    widths = [*least]
+    for _ in range(width - gaps - sum(widths)):
+        narrow = [i for i, most in enumerate(wanted) if widths[i] < most]
+        widths[min(narrow, key=widths.__getitem__)] += 1
+    return widths, 1
 
 
 def broken(name: str, width: int) -> list[str]:

@@ -2,9 +2,9 @@
 
 `coefficients` and what belongs to them are in the component's `unit`, mm and degC; all other
 figures are in um for lengths and arcsec for angles, as their names say. `positions_mm` is empty
-and `position_mm` null where the drift does not depend on position. Null degrees of freedom are
-infinite, a null variance inflation factor too. Shares of sensors that move alike may cancel, so
-they need not add up to the drift.
+where the drift does not depend on position. Null degrees of freedom are infinite, a null variance
+inflation factor too. Shares of sensors that move alike may cancel, so they need not add up to the
+drift. Gradients at each observed position are in the CSV.
 """
 
 from __future__ import annotations
@@ -55,10 +55,6 @@ COMPONENT = """
         rms_after_UNIT | after | rms of the residuals
         ordinary_UNIT | ordinary | the same of ordinary least squares on all sensors
         r2 | | share of the variance that the model predicts
-        cycles[]
-            cycle | | its name
-            rms_before_UNIT | before | rms of the drift
-            rms_after_UNIT | after | rms of the residuals
     position_test.
         F | | variance ratio of the dependence on position
         p | | p that there is none
@@ -66,7 +62,6 @@ COMPONENT = """
     collinearity.vif | vif | variance inflation factor by sensor; null: infinite
     residuals.normality_p | | p that they are normal (D'Agostino & Pearson)
     residuals.lag1_autocorrelation | residuals.lag1 | from reading to reading
-    residuals.n_effective | residuals.effective | independent readings
     at_positions[]
         position_mm | position | observed position; null: the same at all
         gradients_UNIT_per_degC | gradients | of the model, by sensor | -, unit=UNIT

@@ -52,7 +52,6 @@ class Analysed:
     both: FloatArray
     u_mean: FloatArray
     u_future: FloatArray
-    dof_mean: FloatArray
     dof_future: FloatArray
     interval_future: FloatArray
     p_parts: FloatArray
@@ -78,7 +77,7 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
     # Without repeats MS_between is the scatter of the readings.
     scatter = np.where(np.isfinite(by_reml.part), by_reml.part + by_reml.repeat, table.ms_between)
     rounding = hidden(scatter, tables.rounding)
-    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(
+    (u_mean, _), (u_future, dof_future) = _uncertainties(
         table, tables.cells, rounding, components, method
     )
     half = _half_width(table, tables.cells, rounding, u_future, dof_future, method)
@@ -99,7 +98,6 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         both=both,
         u_mean=u_mean,
         u_future=u_future,
-        dof_mean=dof_mean,
         dof_future=dof_future,
         interval_future=np.column_stack([table.mean - half, table.mean + half]),
         p_parts=holm(table.p),

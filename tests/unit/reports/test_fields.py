@@ -31,15 +31,15 @@ from mtu_cli.reports.fields import (
 )
 from mtu_cli.reports.tables import plain_text
 
-INNER: Fields = (Field("value_um", "value", "so", head="inner"), Field("n", csv=""))
+INNER: Fields = (Field("value_um", "value", "so", head="inner"), Field("n", "n", csv=""))
 FIELDS: Fields = (
-    Field("id", head="name", show="text", mark=lambda item: "*" if item.flag else ""),
+    Field("id", "id", head="name", show="text", mark=lambda item: "*" if item.flag else ""),
     Field("error_um", "error", head="error", u="u"),
     Field("variance_um2", lambda item: item.u**2),
     Field("ends.interval_arcsec", "ends", csv="ends_arcsec", show="interval", head="95 %", u="u"),
     Group("part", INNER),
     Group("members", INNER, many=True),
-    Field("p", show="p", head="p", detail=True),
+    Field("p", "p", show="p", head="p", detail=True),
 )
 
 

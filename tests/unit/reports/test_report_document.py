@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from math import inf, nan
+from math import nan
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from mtu_cli.files.source import Source
 from mtu_cli.files.write import report_bytes
 from mtu_cli.findings import finding, listed
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports.document import envelope, finite
+from mtu_cli.reports.document import envelope
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import blank, figure_bytes, styled
 
@@ -54,11 +54,6 @@ def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
         "file": "a.csv", "row": 3,
     }  # fmt: skip
     assert b"secret" not in report_bytes(document)
-
-
-def test_what_is_not_finite_is_none() -> None:
-    assert [finite(value) for value in (None, nan, inf)] == [None] * 3
-    assert isinstance(finite(np.float64(1)), float)
 
 
 def test_names_are_listed_once_and_counted() -> None:

@@ -355,12 +355,10 @@ def test_variances_of_lengths_and_directions_are_not_added() -> None:
 def test_a_wide_net_is_laid_out_in_seconds() -> None:
     """A sum of 1500 probings: pairs of arcs are 1e6, and were counted one by one."""
     count = 1500
-    places = [
-        Node(name=f"x{i}", label=f"x{i}", kind="coordinate", place=True) for i in range(count)
-    ]
-    total = Node(name="s", label="s", kind="constant", place=True)
-    bars = [Node(name=f"t{i}", label="meas", kind="meas", place=False) for i in range(count)]
-    last = Node(name="t", label="compute", kind="compute", place=False)
+    places = [Node(label=f"x{i}", kind="coordinate") for i in range(count)]
+    total = Node(label="s", kind="constant")
+    bars = [Node(label="meas")] * count
+    last = Node(label="compute")
     arcs = [(count + 1 + i, i) for i in range(count)]
     arcs += [(i, 2 * count + 1) for i in range(count)] + [(2 * count + 1, count)]
     wide = Net(title="wide", nodes=(*places, total, *bars, last), arcs=tuple(arcs))

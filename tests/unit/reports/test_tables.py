@@ -60,7 +60,7 @@ def test_names_break_at_their_joints(name: str, width: int, lines: list[str]) ->
 
 
 def test_names_break_before_columns_stand_below_each_other() -> None:
-    columns = [Column(title="name", text=True, folds=True), Column(title="number")]
+    columns = [Column(title="name", text=True), Column(title="number")]
     for digits, lines in ((87, 3), (10, 1)):
         table = Sheet(title="t", columns=columns, rows=[["n" * 36, "1" * digits]])
         assert len(plain_text([table]).splitlines()) == 2 + lines
@@ -76,7 +76,7 @@ def test_no_column_is_lost(widths: list[int], width: int) -> None:
 SHEET = Sheet(
     title="Errors",
     columns=[
-        Column(title="feature\n", text=True, folds=True),
+        Column(title="feature\n", text=True),
         Column(title="of\n", text=True),
         *(Column(title=f"value {i}\num") for i in range(9)),
     ],
