@@ -130,56 +130,40 @@ def _unusual(
     do: a single table, if that has two thirds of its squared deviations, else the mean or the
     distance of a group.
     """
-    others = np.delete(table.raw, i, axis=0)
-    known = np.isfinite(others)
-    mean = np.where(known, others, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    off = table.raw - mean
-    scale2 = _squares(np.delete(off, i, axis=0)) + table.rounding
+    others = np.arange(len(table.parts)) != i
+    off = table.raw - _mean(table.raw[others])
+    scale2 = _mean(off[others] ** 2) + table.rounding
     each = np.nan_to_num(off[i]) / np.sqrt(np.where(scale2 > 0, scale2, 1.0))
     p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
     j = int(np.argmax(np.abs(each)))
     of_one = found.by_cell[i, j] <= PARTS_RATE and 3 * each[j] ** 2 > 2 * each @ each
     if p_single < p_row or of_one:
         j = j if of_one else int(np.argmin(found.by_cell[i]))
-        why: Why = "single"
-        where, deviation, typical = table.labels[j], float(off[i, j]), _rms(np.delete(off[:, j], i))
-    else:
-        rounding = [float(table.rounding[groups == code].mean()) for code in range(len(names))]
-        sizes = [
-            (*_of_group(off[:, groups == code], i, kind, r), kind, names[code])
-            for code, r in enumerate(rounding)
-            for kind in KINDS
+        sizes: list[tuple[float, Why, Label, FloatArray]] = [
+            (0.0, "single", table.labels[j], off[:, j])
         ]
-        _, deviation, typical, why, where = max(sizes, key=lambda size: size[0])
+    else:
+        sizes = []
+        for code, name in enumerate(names):
+            own, r = off[:, groups == code], table.rounding[groups == code].mean()
+            values = {"mean": _mean(own, 1), "distance": np.sqrt(_mean(own**2, 1))}
+            for kind in KINDS:
+                scale = np.sqrt(_mean(values[kind][others] ** 2) + r)
+                size = abs(float(values[kind][i])) / scale if scale > 0 else 0.0
+                sizes.append((size, kind, name, values[kind]))
+    _, why, where, by_part = max(sizes, key=lambda size: size[0])
     return UnusualPart(
         part=table.parts[i],
         p=min(min(p_row, p_single) / PARTS, 1.0),
         why=why,
         where=where,
-        deviation=deviation,
-        typical=typical,
+        deviation=float(by_part[i]),
+        typical=float(np.sqrt(_mean(by_part[others] ** 2))),
         singles=tuple(table.labels[j] for j in np.flatnonzero(found.by_cell[i] <= PARTS_RATE)),
     )
 
 
-def _of_group(off: FloatArray, i: int, why: Why, r: float) -> tuple[float, float, float]:
-    """Of the tables of a group: part `i`'s deviation over the others', of which the last digit
-    makes the variance `r`, its own, the others'.
-    """
-    count = np.maximum(np.isfinite(off).sum(axis=1), 1)
-    mean = np.nan_to_num(off).sum(axis=1) / count
-    value = mean if why == "mean" else np.sqrt((np.nan_to_num(off) ** 2).sum(axis=1) / count)
-    typical, deviation = _rms(np.delete(value, i)), float(value[i])
-    scale = np.sqrt(typical**2 + r)
-    return abs(deviation) / scale if scale > 0 else 0.0, deviation, typical
-
-
-def _squares(values: FloatArray) -> FloatArray:
-    """Mean squares of the columns of values (rows, columns), 0 where all are nan."""
-    count = np.isfinite(values).sum(axis=0)
-    return np.asarray((np.nan_to_num(values) ** 2).sum(axis=0) / np.maximum(count, 1))
-
-
-def _rms(values: FloatArray) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.sqrt((known**2).mean())) if len(known) else float("nan")
+def _mean(values: FloatArray, axis: int = 0) -> FloatArray:
+    """Along an axis, of what is known; 0 where nothing is."""
+    count = np.maximum(np.isfinite(values).sum(axis=axis), 1)
+    return np.asarray(np.nan_to_num(values).sum(axis=axis) / count)

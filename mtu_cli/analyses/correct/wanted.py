@@ -81,9 +81,8 @@ def wanted_of(
         for index, item in enumerate(items):
             if set(item.features).isdisjoint(points.features):
                 absent.append(f"{kind} {item.id!r}")
-                continue
-            known = _calibration(part, kind, index, item, points, at)
-            wanted.append(Wanted(kind=kind, id=item.id, features=tuple(item.features), **known))
+            else:
+                wanted.append(_calibrated(part, kind, index, item, points, at))
     for length in part.part.lengths:
         ends = (length.from_, length.to)
         if set(ends).isdisjoint(points.features):
@@ -94,18 +93,18 @@ def wanted_of(
     return wanted, [finding("not-measured", names=absent, reason=reason)] if absent else []
 
 
-def _calibration(
+def _calibrated(
     part: LoadedPart,
     kind: Kind,
     index: int,
     item: Circle | Sphere,
     points: Points,
     at: Mapping[str, float],
-) -> dict[str, Any]:
-    """The calibration of a circle or sphere at `index` of its list in the part file.
+) -> Wanted:
+    """The circle or sphere at `index` of its list in the part file, with its calibration.
 
-    Raises InputError where diameters at several temperatures lack the temperature, or cells of
-    it among the item's features are empty.
+    Raises InputError where the calibration needs a temperature that nobody gives, or cells of it
+    among the item's features are empty.
     """
     table = sorted((item.calibrated_mm or {}).items())
     columns, name = point_columns(points), item.temperature or ""
@@ -131,12 +130,15 @@ def _calibration(
             value=name,
             expected=f"a column of this name{there}, or --at {name}=VALUE",
         )
-    return {
-        "U_reference": nan if item.U_um is None else item.U_um * UM,
-        "calibrated": np.array(table, np.float64).reshape(-1, 2),
-        "temperature": temperature,
-        "ranged": isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
-    }
+    return Wanted(
+        kind=kind,
+        id=item.id,
+        features=tuple(item.features),
+        U_reference=nan if item.U_um is None else item.U_um * UM,
+        calibrated=np.array(table, np.float64).reshape(-1, 2),
+        temperature=temperature,
+        ranged=isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
+    )
 
 
 def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Finding]]:
