@@ -284,7 +284,7 @@ CATALOGUE: dict[str, Kind] = {
     "no-scatter-known": _warning("the scatter of the {what} is unknown ({names}): {consequence}"),
     "reversal": _warning(
         "{component} reverses by {size:.2g} {unit} (p = {p:.1g}): predictions are for the mean of "
-        "both directions{leaning}; a feature approached from one side is off by half of it"
+        "both directions; a feature approached from one side is off by half of it"
     ),
     "passes-drift": _warning(
         "{component} drifts by {size:.2g} {unit} {each} (p = {p:.1g}): its passes are not "

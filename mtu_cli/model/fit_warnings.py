@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable
+from collections.abc import Container, Iterable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mtu_cli.findings import Finding, finding, listed
-from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
-from mtu_cli.stats.family import FAMILY_RATE, significant
-from mtu_cli.stats.pass_tests import FTest, Shift
+from mtu_cli.stats.family import significant
+from mtu_cli.stats.pass_tests import Shift
 
 SCATTERS = 1e-12
 """Less, in mm or rad, is rounding: the readings do not scatter."""
@@ -75,8 +74,13 @@ def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Findin
 
 def limit_warnings(fit: MachineFit) -> list[Finding]:
     """What limits the truth of u of a part (LIMITS), of all components that were read."""
-    drifts = [*_significant(fit, "reversal"), *_significant(fit, "passes-drift")]
-    return [*drifts, *_disagreeing(fit)]
+    p_values = {name: x.agreement_p for name, x in fit.components.items()}
+    apart = significant({name: p for name, p in p_values.items() if p is not None})
+    return [
+        *_significant(fit, "reversal"),
+        *_significant(fit, "passes-drift"),
+        *(finding("instruments-disagree", component=name, p=p) for name, p in apart.items()),
+    ]
 
 
 def limits_of(warnings: Iterable[Finding], used: Container[str]) -> list[Finding]:
@@ -88,48 +92,27 @@ def limits_of(warnings: Iterable[Finding], used: Container[str]) -> list[Finding
     ]
 
 
+TESTS = {"reversal": "reversal", "passes-drift": "trend", "lack-of-fit": "lack_of_fit"}
+"""By code: the test of an instrument's readings."""
+
+
 def _significant(fit: MachineFit, code: str) -> list[Finding]:
     """The tests of one kind on the passes that hold out among all of it."""
-    test, facts_of = TESTS[code]
     tested = {
-        f"{name} ({instrument.role})": (found, name, component.unit, instrument)
+        (name, instrument.role): (getattr(instrument, TESTS[code]), component.unit, instrument)
         for name, component in fit.components.items()
         for instrument in component.instruments
-        if (found := test(instrument)) is not None
     }
+    made = {key: item[0].p for key, item in tested.items() if item[0] is not None}
     warnings = []
-    for key, p in significant({key: item[0].p for key, item in tested.items()}).items():
-        found, name, unit, instrument = tested[key]
-        facts = {"component": name, "p": p, "unit": unit.name}
+    for key, p in significant(made).items():
+        found, unit, instrument = tested[key]
+        facts: dict[str, Any] = {"component": key[0], "p": p, "unit": unit.name}
         if isinstance(found, Shift):
             facts["size"] = found.value / unit.to_internal
-        warnings.append(finding(code, **facts, **facts_of(instrument)))
+        if code == "passes-drift":
+            facts["each"] = "a pass there and back" if len(instrument.fit.pairs) else "a pass"
+        if code == "lack-of-fit":
+            facts["advice"] = RAISE
+        warnings.append(finding(code, **facts))
     return warnings
-
-
-def _disagreeing(fit: MachineFit) -> list[Finding]:
-    p_values = {name: x.agreement_p for name, x in fit.components.items()}
-    return [
-        finding("instruments-disagree", component=name, p=p)
-        for name, p in p_values.items()
-        if p is not None and p * len(p_values) <= FAMILY_RATE
-    ]
-
-
-def _leaning(found: InstrumentFit) -> dict[str, Any]:
-    forward, reverse = int((found.direction > 0).sum()), int((found.direction < 0).sum())
-    uneven = f", weighted by their readings ({forward} and {reverse})"
-    return {"leaning": uneven if forward != reverse else ""}
-
-
-def _each(found: InstrumentFit) -> dict[str, Any]:
-    return {"each": "a pass there and back" if len(found.fit.pairs) else "a pass"}
-
-
-Test = Callable[[InstrumentFit], FTest | Shift | None]
-TESTS: dict[str, tuple[Test, Callable[[InstrumentFit], dict[str, Any]]]] = {
-    "reversal": (lambda item: item.reversal, _leaning),
-    "passes-drift": (lambda item: item.trend, _each),
-    "lack-of-fit": (lambda item: item.lack_of_fit, lambda item: {"advice": RAISE}),
-}
-"""By code: the test of an instrument's readings (None: not tested), the facts of its warning."""

@@ -14,7 +14,6 @@ from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.labels import cut, folded, spread
 from mtu_cli.reports.numbers import MISSING, chance, interval, significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
-from mtu_cli.stats.distributions import log_density
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC
 
@@ -62,8 +61,10 @@ def histogram(
     density = np.histogram(samples, bins)[0] / (len(samples) * np.diff(bins))
     panel.stairs(density, bins, fill=True, color=figures.PALE, label="Monte Carlo trials")
     if u > 0.0:
+        from scipy.stats import t
+
         grid = np.linspace(left, right, 400)
-        curve = np.exp(log_density((grid - value) / u, dof)) / u
+        curve = t.pdf(grid, dof, loc=value, scale=u)
         panel.plot(grid, curve, color=figures.INK, label="first order")
         style: dict[str, Any] = {"color": figures.INK, "lw": 1.0, "linestyle": (0, (4, 3))}
         for end in first_ends:

@@ -163,17 +163,6 @@ def dof_of_inexact(inexact: float) -> float:
     return math.inf if inexact == 0.0 else 0.5 / inexact**2
 
 
-def log_density(t: FloatArray, dof: float) -> FloatArray:
-    """Logarithm of the density (n,) of Student's t at `t` (n,); of the normal for infinite `dof`.
-
-    f = Gamma((nu + 1)/2)/(sqrt(nu pi) Gamma(nu/2)) (1 + t^2/nu)^(-(nu + 1)/2).
-    """
-    if math.isinf(dof):
-        return -0.5 * t * t - 0.5 * math.log(2.0 * math.pi)
-    top = math.lgamma(0.5 * (dof + 1.0)) - math.lgamma(0.5 * dof) - 0.5 * math.log(dof * math.pi)
-    return top - 0.5 * (dof + 1.0) * np.log1p(t * t / dof)
-
-
 def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
     """Q(p) (n,) of a bounded distribution about 0, at its stated half-width where it is inexact.
 
