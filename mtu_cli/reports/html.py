@@ -46,7 +46,12 @@ def report_bytes(page: Page, suffix: str) -> bytes:
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
-    figure = None if page.figure is None else Markup(_svg(page.figure))
+    figure = None
+    if page.figure is not None:
+        # The picture without the head of a file of its own; nothing in it leaves the page.
+        svg = figure_bytes(page.figure, ".svg").decode()
+        svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+        figure = Markup(svg)
     text = environment.from_string(source).render(
         title=page.title,
         subject=page.subject,
@@ -54,7 +59,11 @@ def report_bytes(page: Page, suffix: str) -> bytes:
         figure=figure,
         warnings=list({each.message: each for each in page.warnings}.values()),
         inputs=page.inputs,
-        settings={key: _short(value) for key, value in page.settings.items()},
+        # Without the digits of a setting that nobody chose.
+        settings={
+            key: f"{value:.6g}" if isinstance(value, float) else value
+            for key, value in page.settings.items()
+        },
         version=__version__,
         date=page.date,
     )
@@ -66,18 +75,6 @@ def _block(item: object) -> Sheet | str:
     if isinstance(item, Sheet):
         return item
     return (item.plain if isinstance(item, Text) else plain_text([item])).strip()
-
-
-def _short(value: object) -> object:
-    """A setting without the digits that nobody chose."""
-    return f"{value:.6g}" if isinstance(value, float) else value
-
-
-def _svg(figure: Figure) -> str:
-    """The picture without the head of a file of its own; nothing in it leaves the page."""
-    text = figure_bytes(figure, ".svg").decode()
-    text = text[text.index("<svg") :]
-    return re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
 
 
 def _pdf(text: str) -> bytes:
