@@ -7,6 +7,7 @@ OUT := out
 GL := configs/gilsinn-ling
 VR := configs/valdes-ring
 UN := configs/undeclared
+LM := configs/laser-mill
 
 .PHONY: demo test lint type fuzz bench peers-bench loop-bench data pictures clean
 
@@ -54,8 +55,10 @@ demo: $(VENV)/.base
 	@echo "== 3: they are not: what does the machine file of this mill not know?"
 	$(MTU) close-loop $(UN) -o $(OUT)/loop.json --plot $(OUT)/loop.png \
 	  --write-machine $(OUT)/machine-extended.yaml --write-components $(OUT)/components-extended.json
-	@echo "== 3: the same parts by this mill with the effect added; pictures are in $(OUT)/"
+	@echo "== 3: the same parts by this mill with the effect added"
 	$(MTU) compare $(UN) -m $(OUT)/machine-extended.yaml --plot $(OUT)/compare.png
+	@echo "== 4: a laser's own file of X ($(LM)) -> the table of a control; pictures are in $(OUT)/"
+	$(MTU) compensate $(LM) --component dx_x --for linuxcnc --to-file $(OUT)/x.comp
 
 # Many tests start the command: its modules are compiled once before. Those of tests are by pytest.
 test: lint type
@@ -121,6 +124,13 @@ data: $(VENV)/.base
 	  --covariate 'T_spindle_degC: 22 + 9*(1 - exp(-time_min/45)) + 0.4*sin(time_min/7)' \
 	  --covariate 'T_part_degC: 20.4 + 0.6*sin(2*pi*time_min/310) + 0.1*sin(time_min/11)' \
 	  --write-lbb data/undeclared/lbb.csv --write-cmm data/undeclared/cmm.csv
+	$(MTU) simulate -m $(LM)/truth.yaml -p $(LM)/part.yaml --seed 20041129 \
+	  --positions x=0:500:11,y=0:300:7 --parts 12 --cmm-u-um 0.6 --reverse-every 2 \
+	  --laser-component dx_x --write-laser data/laser-mill/x.rtl --write-cmm data/laser-mill/cmm.csv
+	$(MTU) simulate -m $(LM)/truth.yaml -p $(LM)/part.yaml --seed 20041129 \
+	  --positions x=0:500:11,y=0:300:7 --laser-component dy_y --write-laser data/laser-mill/y.rtl
+	$(MTU) simulate -m $(LM)/truth-after.yaml --seed 20041130 --positions 0:500:11 \
+	  --laser-component dx_x --write-laser data/laser-mill/x-after.rtl
 
 # The pictures of the README, as they were made.
 PICTURES := data/pictures

@@ -158,6 +158,16 @@ Zeit;T spindle [\u00b0C];T bed [\u00b0C];Probe Z [\u00b5m]
 13.08.2024 10:01:00;20,25;20,06;0,4
 13.08.2024 10:02:00;20,40;20,08;0,9
 """
+MAP = """schema: mtu/import/1
+skip_rows: 1
+columns: {position_mm: Ziel}
+unpivot: {into: error, columns: [M1, M2], directions: alternate}
+subtract: {error: position_mm}
+units: {error: mm}
+constants: {component: dx_x}
+cycles: {from: S}
+"""
+MAPPED = "Titel\nZiel;M1;M2;Note;S\n0;0,001;0,002;a;1\n100;100,001;;b;2\n50;50,5;50,25;c;1\n"
 
 
 def rtx(samples: tuple[float, ...] = (0.5, -0.25, 1e-3)) -> bytes:

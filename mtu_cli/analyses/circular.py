@@ -8,9 +8,10 @@ delta = ex cos t + ey sin t.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import NamedTuple
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,9 @@ TERMS = (
     *("scale-mismatch", "squareness", "servo-mismatch", "backlash-a", "backlash-b"),
     *("straightness-a", "straightness-b"),
 )
+CYCLIC = ("cyclic-a-forward", "cyclic-a-reverse", "cyclic-b-forward", "cyclic-b-reverse")
+FEWEST_CYCLES = 4.0
+"""Cycles of a pitch over the diameter."""
 MEANING = {
     "scale-mismatch": "scale error of the first axis minus that of the second",
     "squareness": "lean of the second axis towards the first: the angle is 90 degrees minus it",
@@ -42,12 +46,22 @@ MEANING = {
     "reversal-spike-a": "height of the spike after reversals of the first axis",
     "reversal-spike-b": "height of the spike after reversals of the second axis",
     "centre-offset": "distance of the circle's centre from the given one: of the set-up",
+    "circularity": "mean G of all traces",
+} | {
+    name: f"amplitude of the wave of a pitch, {axis} axis moving {way}"
+    for name, (axis, way) in zip(
+        CYCLIC, [(a, w) for a in ("first", "second") for w in ("forward", "reverse")], strict=True
+    )
 }
+STATED_AS = (("reversal-spikes", "reversal-spike"), ("cyclic-error", "cyclic"),
+             ("-fwd", "-forward"), ("-rev", "-reverse"))  # fmt: skip
+"""Words of an instrument's features that are others here."""
+SAME_UNITS = {"ppm": "um/m"}
 
 
 class Cause(NamedTuple):
     """A term of the diagnosis in mm, rad or s with its u, nan where it is not estimable; `size` of
-    its unit; `share` of the sum of all terms' ranges, nan of the set-up.
+    its unit; `range` peak to peak, `share` of the sum of all terms' ranges, nan of the set-up.
     """
 
     name: str
@@ -56,7 +70,7 @@ class Cause(NamedTuple):
     unit: str
     size: float
     range: float
-    share: float
+    share: float = math.nan
 
     @property
     def meaning(self) -> str:
@@ -77,23 +91,38 @@ class TraceFigures(NamedTuple):
     centre_b: float
 
 
+class Stated(NamedTuple):
+    """A feature that a ballbar states itself, in its own unit and with its own sign; `cause` is
+    what it is here (None: nothing), `ours` that figure with its u in the same unit, nan without.
+    """
+
+    file: str
+    feature: str
+    cause: str | None
+    value: float
+    unit: str
+    ours: float
+    u: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircularResult:
     """Figures of all traces, the causes, and the remainder of the joint fit, mm; `fitted` is what
-    it says of each trace.
+    it says of each trace; `instrument` what the instrument states. Without traces that is all.
     """
 
     traces: Traces
-    figures: tuple[TraceFigures, ...]
-    G_bidirectional: float
-    D: float
-    causes: tuple[Cause, ...]
-    remainder_rms: float
-    remainder_range: float
-    effective: float
-    samples: int
-    fitted: tuple[FloatArray, ...]
-    warnings: tuple[Finding, ...]
+    figures: tuple[TraceFigures, ...] = ()
+    G_bidirectional: float = math.nan
+    D: float = math.nan
+    causes: tuple[Cause, ...] = ()
+    remainder_rms: float = math.nan
+    remainder_range: float = math.nan
+    effective: float = math.nan
+    samples: int = 0
+    fitted: tuple[FloatArray, ...] = ()
+    instrument: tuple[Stated, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def cause(self, name: str) -> Cause:
         """A cause by its name."""
@@ -143,23 +172,30 @@ class Fit(NamedTuple):
     effective: float
 
 
+def _designs(traces: Traces) -> list[FloatArray]:
+    """Of each trace (n, p): TERMS in common, a circle of each trace's own."""
+    count, found = len(traces.traces), []
+    feeds = np.array([trace.feed for trace in traces.traces])
+    speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
+    for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
+        t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
+        circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
+        found.append(np.column_stack([terms(t, trace.sign, speed), circle]))
+    return found
+
+
 def joint_fit(traces: Traces) -> Fit:
-    """One least-squares fit of all traces: TERMS in common, a circle of each trace's own.
+    """One least-squares fit of all traces.
 
     Samples that follow each other are correlated: generalised least squares by restricted
     likelihood (`stats.serial`), of many traces by the scatter between these. Long traces go in as
     means of neighbours, of samples and design alike, which leaves the equations exact.
     """
-    each, count = traces.traces, len(traces.traces)
-    feeds = np.array([trace.feed for trace in each])
-    speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
-    designs, blocks, used = [], [], [~_in_window(trace) for trace in each]
-    for k, (trace, speed, own) in enumerate(zip(each, speeds, used, strict=True)):
-        t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
-        circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
-        designs.append(np.column_stack([terms(t, trace.sign, float(speed)), circle]))
+    designs, blocks = _designs(traces), []
+    used = [~_in_window(trace) for trace in traces.traces]
+    for k, (trace, design, own) in enumerate(zip(traces.traces, designs, used, strict=True)):
         group = np.arange(own.sum()) // (int(own.sum()) // MOST_SAMPLES + 1)
-        rows = np.column_stack([designs[-1][own], trace.deviation[own]])
+        rows = np.column_stack([design[own], trace.deviation[own]])
         means = [np.bincount(group, x) / np.bincount(group) for x in rows.T]
         if len(group):
             X = np.column_stack(means[:-1])
@@ -174,7 +210,7 @@ def joint_fit(traces: Traces) -> Fit:
     beta, covariance = fit.transform @ fit.beta, fit.transform @ fit.covariance @ fit.transform.T
     left = [
         np.where(own, trace.deviation - design @ beta, np.nan)
-        for trace, design, own in zip(each, designs, used, strict=True)
+        for trace, design, own in zip(traces.traces, designs, used, strict=True)
     ]
     most = min(map(len, left)) // 4
     lagged = np.array([_lagged(left, k) for k in range(most)])
@@ -185,6 +221,60 @@ def joint_fit(traces: Traces) -> Fit:
     ratio = float(np.median(plain[now > 0] / now[now > 0])) if (now > 0).any() else 1.0
     u = np.where(np.isfinite(stated.u), stated.u, np.nan)
     return Fit(beta, covariance, u, left, designs, lagged, len(X) * min(ratio, 1.0))
+
+
+def waves(traces: Traces, axis: int, pitch: float) -> list[FloatArray]:
+    """Of each trace (n, 4): sin and cos of 2 pi x/pitch of an axis, x = R cos t or R sin t, as
+    radial deviations, where the axis moves forward and where in reverse.
+    """
+    found = []
+    for trace in traces.traces:
+        along = np.cos(trace.angle - axis * math.pi / 2)
+        forward = (-trace.sign * np.sin(trace.angle - axis * math.pi / 2) > 0)[:, None]
+        phase = 2 * math.pi * traces.radius * along / pitch
+        wave = np.column_stack([np.sin(phase), np.cos(phase)]) * along[:, None]
+        found.append(np.hstack([wave * forward, wave * ~forward]))
+    return found
+
+
+def _cyclic(traces: Traces, pitches: tuple[float, float]) -> tuple[Traces, list[Cause]]:
+    """The traces without the waves of the pitches, and these: amplitudes in each direction.
+
+    All terms and waves by one least-squares fit, b = A X'y with A = (X'X)^-1; its covariance is
+    A X'G X A with the autocovariance G of the remainder, up to where that first falls to 0. Waves
+    of fewer than FEWEST_CYCLES over the diameter, or of fewer than four samples, are not estimable.
+    """
+    step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
+    there = [2 * traces.radius / p >= FEWEST_CYCLES and traces.radius * step <= p / 4
+             for p in pitches]  # fmt: skip
+    own = [
+        np.hstack([wave * here for wave, here in zip(each, there, strict=True)])
+        for each in zip(*(waves(traces, i, p) for i, p in enumerate(pitches)), strict=True)
+    ]
+    used = [~_in_window(trace) for trace in traces.traces]
+    X = [np.hstack([wave, design]) * u[:, None]
+         for wave, design, u in zip(own, _designs(traces), used, strict=True)]  # fmt: skip
+    y = [trace.deviation * u for trace, u in zip(traces.traces, used, strict=True)]
+    A = np.linalg.pinv(sum(each.T @ each for each in X))
+    beta = A @ sum(each.T @ value for each, value in zip(X, y, strict=True))
+    left = [np.where(u, value - each @ beta, np.nan)
+            for each, value, u in zip(X, y, used, strict=True)]  # fmt: skip
+    S = np.zeros_like(A)
+    for k in range(min(map(len, left)) // 4):
+        if (lagged := _lagged(left, k)) <= 0:
+            break
+        products = sum(each[k:].T @ each[: len(each) - k] for each in X)
+        S += lagged * (products + products.T * (k > 0))
+    C, causes = A @ S @ A, []
+    for i, name in enumerate(CYCLIC):
+        at = slice(2 * i, 2 * i + 2)
+        value = float(np.hypot(*beta[at]))
+        g = beta[at] / value if value else np.full(2, math.sqrt(0.5))
+        value, u = (value, math.sqrt(g @ C[at, at] @ g)) if there[i // 2] else (math.nan, math.nan)
+        causes.append(Cause(name, value, u, "um", UM, 2 * value))
+    without = tuple(replace(trace, deviation=trace.deviation - wave @ beta[:8])
+                    for trace, wave in zip(traces.traces, own, strict=True))  # fmt: skip
+    return replace(traces, traces=without), causes
 
 
 def _in_window(trace: Trace) -> np.ndarray:
@@ -198,9 +288,19 @@ def _lagged(left: list[FloatArray], k: int) -> float:
     return float(np.nanmean(products)) if np.isfinite(products).any() else 0.0
 
 
-def diagnose(traces: Traces) -> CircularResult:
-    """The figures of ISO 230-4 and the causes of the deviations."""
-    fit, R = joint_fit(traces), traces.radius
+def diagnose(
+    traces: Traces,
+    pitches: tuple[float, float] | None = None,
+    features: Mapping[str, Mapping[str, Any]] | None = None,
+) -> CircularResult:
+    """The figures of ISO 230-4 and the causes of the deviations; with the `pitches` (mm) of the
+    axes' ball screws or scales their cyclic errors, too; `features` by file, feature: those that
+    the instrument states with `value` and `unit`.
+    """
+    if not traces.traces:
+        return CircularResult(traces=traces, instrument=_instrument(features or {}, ()))
+    plain, cyclic = (traces, list[Cause]()) if pitches is None else _cyclic(traces, pitches)
+    fit, R = joint_fit(plain), traces.radius
     speed = float(np.mean([trace.feed for trace in traces.traces])) / 60.0
     timed = math.isfinite(speed) and speed > 0
     units = {
@@ -208,20 +308,20 @@ def diagnose(traces: Traces) -> CircularResult:
         "squareness": ("um/m", 2.0 / R, 1e-6),
         "servo-mismatch": ("ms", 2.0 / speed if timed else math.nan, 1e-3),
     }
-    grid = np.linspace(0, 2 * math.pi, 1441)
-    ranges = np.ptp(terms(grid, 1.0), axis=0)
-    found: list[tuple[str, float, float, str, float, float]] = []
+    ranges = np.ptp(terms(np.linspace(0, 2 * math.pi, 1441), 1.0), axis=0)
+    found = []
     for i, name in enumerate(TERMS):
         unit, factor, size = units.get(name, ("um", 1.0, UM))
         u = float(fit.u[i])
         value = float(fit.beta[i]) if u == u else math.nan
         span = abs(value) * float(ranges[i])
-        found.append((name, value * factor, u * factor, unit, size, span))
+        found.append(Cause(name, value * factor, u * factor, unit, size, span))
     for name in REVERSALS:
-        value, u = _spike(traces, fit, name)
-        found.append((name, value, u, "um", UM, abs(value)))
-    total = float(np.nansum([each[-1] for each in found]))
-    causes = [Cause(*each, each[-1] / total if total > 0 else math.nan) for each in found]
+        value, u = _spike(plain, fit, name)
+        found.append(Cause(name, value, u, "um", UM, abs(value)))
+    found += cyclic
+    total = float(np.nansum([each.range for each in found]))
+    causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in found]
     causes.append(_centre(fit, len(traces.traces)))
     figures = tuple(_figures(trace) for trace in traces.traces)
     both = len({trace.direction for trace in traces.traces}) > 1
@@ -232,6 +332,8 @@ def diagnose(traces: Traces) -> CircularResult:
         for way in dict.fromkeys(trace.direction for trace in traces.traces)
     ]
     left = np.concatenate(fit.left)
+    roundness = float(np.mean([each.G_lsc for each in figures]))
+    known = [*causes, Cause("circularity", roundness, math.nan, "um", UM, roundness)]
     return CircularResult(
         traces=traces,
         figures=figures,
@@ -242,9 +344,31 @@ def diagnose(traces: Traces) -> CircularResult:
         remainder_range=float(np.nanmax(left) - np.nanmin(left)),
         effective=fit.effective,
         samples=len(deviation),
-        fitted=tuple(design @ fit.beta for design in fit.designs),
+        fitted=tuple(
+            design @ fit.beta + whole.deviation - own.deviation
+            for design, whole, own in zip(fit.designs, traces.traces, plain.traces, strict=True)
+        ),
+        instrument=_instrument(features or {}, known),
         warnings=tuple(_warnings(causes, both, timed)),
     )
+
+
+def _instrument(
+    features: Mapping[str, Mapping[str, Any]], causes: list[Cause] | tuple[()]
+) -> tuple[Stated, ...]:
+    """What the instrument states, each beside our figure of the same name and unit."""
+    own, found = {each.name: each for each in causes}, []
+    for file, stated in features.items():
+        for feature, each in stated.items():
+            name = re.sub(r"-(pos|neg)$", "", feature.removeprefix("AF_").lower().replace("_", "-"))
+            for old, new in STATED_AS:
+                name = name.replace(old, new)
+            unit, ours = each["unit"], own.get(name)
+            size = ours.size if ours and SAME_UNITS.get(unit, unit) == ours.unit else math.nan
+            value, u = (ours.value / size, ours.u / size) if ours else (math.nan, math.nan)
+            known = name if name in MEANING else None
+            found.append(Stated(file, feature, known, each["value"], unit, value, u))
+    return tuple(found)
 
 
 def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
@@ -280,7 +404,7 @@ def _centre(fit: Fit, count: int) -> Cause:
     value = float(np.hypot(*centre))
     g = centre / value if value > 0 else np.full(2, math.sqrt(0.5))
     u = math.sqrt(max(float(g @ C @ g), 0.0))
-    return Cause("centre-offset", value, u, "um", UM, 2 * value, math.nan)
+    return Cause("centre-offset", value, u, "um", UM, 2 * value)
 
 
 def _figures(trace: Trace) -> TraceFigures:

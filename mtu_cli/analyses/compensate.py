@@ -7,7 +7,6 @@ runs scatters about that by what the means of the first one do not know, and by 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -28,7 +27,8 @@ VARIES_SHARE, VARIES_P = 0.25, 0.01
 """Backlash varies where its range is a larger share of its mean, and chance is so improbable."""
 VERDICTS = {0.0: "worked", 1.0: "no-effect", 2.0: "wrong-sign"}
 SAME_PLACE = 1e-3
-"""mm: a verification reading this near a target is of that target."""
+"""mm or deg: a verification reading this near a target is of that target."""
+WAYS = ("forward", "reverse")
 
 
 class Block(NamedTuple):
@@ -40,11 +40,12 @@ class Block(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisErrors:
-    """Errors of one axis at `targets` (T,), mm, in the frame of the readings.
+    """Errors of one axis at `targets` (T,), mm (of a `rotary` axis deg), in the readings' frame.
 
     `means` (2, T) forward and reverse, mm or rad; `ways` 1 or 2 directions were measured. `runs`
-    tests stand behind them; `blocks` are lines of passes and scatter about them, `known` (2T, 2T)
-    the covariance of what was not read but stated. `varies`: the F test of backlash over targets.
+    tests stand behind them, none where they are stated and not `read`; `blocks` are lines of passes
+    and scatter about them, `known` (2T, 2T) the covariance of what was stated. `varies`: the F test
+    of backlash over targets. `angle`: the errors are angles.
     """
 
     targets: FloatArray
@@ -55,6 +56,7 @@ class AxisErrors:
     known: FloatArray | None = None
     varies: FTest | None = None
     angle: bool = False
+    rotary: bool = False
     read: bool = True
 
     @property
@@ -95,46 +97,51 @@ def root_of(C: FloatArray) -> FloatArray:
 
 
 def axis_errors(
-    position: FloatArray, way: IntArray, value: FloatArray, run: IntArray, *, angle: bool = False
-) -> AxisErrors:
+    position: FloatArray, way: IntArray, value: FloatArray, run: IntArray, *, angle: bool = False,
+    rotary: bool = False,
+) -> AxisErrors:  # fmt: skip
     """Means by target and direction (`way` +1, -1, 0 unknown) of readings (n,) in runs (n,), and
     their scatter: a line of each pass, jointly in a run, and what is left about the lines.
     """
     targets, at = np.unique(np.round(position, 6), return_inverse=True)
     T, back = len(targets), (way < 0).astype(int)
     ways = len(np.unique(back))
-    back = back if ways == 2 else np.zeros_like(back)
-    cell = back * T + at.reshape(-1)
+    cell = (back * T if ways == 2 else 0) + at.reshape(-1)
     counts = np.bincount(cell, minlength=2 * T)[: ways * T]
     if (counts == 0).any():
         where = float(targets[int(np.argmin(counts)) % T])
-        reason = f"target {where:g} mm was read in one direction only, others in both"
+        reason = f"target {where:g} was read in one direction only, others in both"
         raise error("not-applicable", reason=reason, expected="every target in both directions")
     means = np.bincount(cell, value, minlength=ways * T) / counts
     blocks, runs = _scatter(targets, cell, value - means[cell], run, ways, counts)
     both = means.reshape(ways, T)
     return AxisErrors(
         targets=targets,
-        means=np.vstack([both[0], both[-1]]),
+        means=both[[0, -1]],
         ways=ways,
         runs=runs,
         blocks=blocks,
         varies=_varies(cell, value, run, T) if ways == 2 else None,
         angle=angle,
+        rotary=rotary,
     )
 
 
 def _scatter(
-    targets: FloatArray,
-    cell: IntArray,
-    residual: FloatArray,
-    run: IntArray,
-    ways: int,
+    targets: FloatArray, cell: IntArray, residual: FloatArray, run: IntArray, ways: int,
     counts: IntArray,
-) -> tuple[tuple[Block, ...], int]:
+) -> tuple[tuple[Block, ...], int]:  # fmt: skip
     """The blocks of one run, and the runs behind a mean; none where nothing was repeated."""
     T, numbers = len(targets), np.unique(run)
-    R = len(numbers)
+    R, rest = len(numbers), len(residual) - ways * T
+    # Of one direction reverse is forward.
+    spread = np.kron(np.eye(2) if ways == 2 else np.ones((2, 1)), np.eye(T))
+    if R < 2:
+        # Repeats without pass numbers: nothing is known to be shared.
+        s = np.sqrt(float(residual @ residual) / rest) if rest > 0 else 0.0
+        return ((Block(np.asarray(s * spread), float(rest)),) if s else ()), max(
+            int(counts.min()), 1
+        )
     middle, half = targets.mean(), float(np.ptp(targets)) / 2 or 1.0
     line = np.column_stack([np.ones(T), (targets - middle) / half])[:, : min(2, T - 1) or 1]
     X = np.kron(np.eye(ways), line)
@@ -143,25 +150,12 @@ def _scatter(
         rows = run == number
         lines[i] = np.linalg.lstsq(X[cell[rows]], residual[rows], rcond=None)[0]
         left[rows] -= X[cell[rows]] @ lines[i]
-    if R < 2:
-        # Repeats without pass numbers: nothing is known to be shared.
-        dof = len(residual) - ways * T
-        s = np.sqrt(float(residual @ residual) / dof) if dof > 0 else 0.0
-        plain = (Block(_doubled(s * np.eye(ways * T), ways), float(dof)),) if s else ()
-        return plain, max(int(counts.min()), 1)
-    S = lines.T @ lines / (R - 1)
-    dof = len(residual) - ways * T - X.shape[1] * (R - 1)
-    blocks = [Block(_doubled(X @ root_of(S), ways), float(R - 1))]
+    blocks = [Block(spread @ X @ root_of(lines.T @ lines / (R - 1)), float(R - 1))]
+    dof = rest - X.shape[1] * (R - 1)
     if dof > 0:
         s = np.sqrt(float(left @ left) / dof)
-        apart = s * (np.eye(ways * T) - X @ np.linalg.pinv(X))
-        blocks.append(Block(_doubled(apart, ways), float(dof)))
+        blocks.append(Block(s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X)), float(dof)))
     return tuple(blocks), R
-
-
-def _doubled(root: FloatArray, ways: int) -> FloatArray:
-    """Of one direction: reverse is forward."""
-    return root if ways == 2 else np.vstack([root, root])
 
 
 def _varies(cell: IntArray, value: FloatArray, run: IntArray, T: int) -> FTest | None:
@@ -181,7 +175,7 @@ def _varies(cell: IntArray, value: FloatArray, run: IntArray, T: int) -> FTest |
 
 
 class Figures(NamedTuple):
-    """E, M and rms of the mean errors of both directions, and B, in mm or rad; B is nan of one."""
+    """E, B, M and rms of the mean errors, in mm or rad; B is nan of one direction."""
 
     E: FloatArray
     B: FloatArray
@@ -215,21 +209,16 @@ class Frame:
             f"Positions are machine coordinates: zero of the readings at {self.zero:g}, axis {way}."
         )
 
-    def table(self, errors: AxisErrors, both: bool) -> ErrorTable:
-        """The errors in machine coordinates."""
-        forward, reverse = errors.means
-        table = ErrorTable(
-            at=errors.targets + self.zero, forward=forward, reverse=reverse, both=both,
-            angle=errors.angle,
+    def table(self, errors: AxisErrors, means: FloatArray) -> ErrorTable:
+        """The errors `means` (2, T) in machine coordinates."""
+        at, values = errors.targets + self.zero, means
+        if self.reverse:
+            at, values = self.zero - errors.targets[::-1], -means[::-1, ::-1]
+        both = not np.array_equal(*means)
+        return ErrorTable(
+            at=at, forward=values[0], reverse=values[1], both=both, angle=errors.angle,
+            rotary=errors.rotary,
         )  # fmt: skip
-        if not self.reverse:
-            return table
-        return replace(
-            table,
-            at=self.zero - errors.targets[::-1],
-            forward=-reverse[::-1],
-            reverse=-forward[::-1],
-        )
 
     def applied(self, table: ErrorTable, targets: FloatArray) -> FloatArray:
         """What a table applies (2, T) at targets of the readings."""
@@ -252,7 +241,9 @@ class Wanted:
 
 
 class Move(NamedTuple):
-    """A verification move and the errors that are expected there, mm."""
+    """A verification move to `command` (mm; deg of a rotary axis) and the errors expected there, mm
+    or rad: without the table, with it, and with the wrong sign.
+    """
 
     command: float
     direction: str
@@ -272,31 +263,23 @@ class Verified(NamedTuple):
     p: float
 
 
-class Point(NamedTuple):
-    """A point of the table: errors asked for and held, mm or rad."""
-
-    position: float
-    forward: float
-    reverse: float
-    held_forward: float
-    held_reverse: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompensateResult:
     """The table of a control. `asked` is its errors before the quantum, `held` as read back from
-    `text`; `after` (trials,) each; None where no scatter is known.
+    `text`; `applied` (2, T) what it changes at the targets of `errors`. `after` (trials,) each;
+    None where no scatter is known. Of a table that was only read there is no `errors`.
     """
 
     component: str
-    controller: Controller | None
+    controller: Controller
     direction: str
     asked: ErrorTable
     held: ErrorTable
-    text: str
-    quantum: float
-    reference: float | None
+    text: str = ""
+    quantum: float = 0.0
+    reference: float | None = None
     errors: AxisErrors | None = None
+    applied: FloatArray | None = None
     before: Figures | None = None
     after: Figures | None = None
     moves: tuple[Move, ...] = ()
@@ -313,23 +296,11 @@ class CompensateResult:
         """Of that unit."""
         return ARCSEC if self.asked.angle else UM
 
-    @property
-    def points(self) -> list[Point]:
-        """The points of the table."""
-        columns = (self.asked.at, *self.asked.errors, *self.held.errors)
-        return [Point(*map(float, row)) for row in zip(*columns, strict=True)]
-
 
 def compensate(
-    errors: AxisErrors,
-    control: Controller,
-    parameters: Parameters,
-    wanted: Wanted,
-    *,
-    component: str = "",
-    seed: int = 1,
-    trials: int | None = None,
-) -> CompensateResult:
+    errors: AxisErrors, control: Controller, parameters: Parameters, wanted: Wanted, *,
+    component: str = "", seed: int = 1, trials: int | None = None,
+) -> CompensateResult:  # fmt: skip
     """The table of a control for the errors of an axis, read back, with what it will leave.
 
     Raises InputError for a table that the format cannot hold, or that comes back otherwise.
@@ -339,20 +310,26 @@ def compensate(
     if direction == "both" and not two:
         reason = f"{control.name} has one column for both directions"
         raise error("not-applicable", reason=reason, expected="--direction mean or forward")
-    table = _as_asked(_one_way(errors, direction), errors, wanted)
+    table = _asked(errors, direction, wanted)
     reference = wanted.reference
     if reference is None:
         reference = 0.0 if np.any(np.abs(table.at) < SAME_PLACE) else float(table.at[0])
     table = control.zero(table, reference)
     text = control.text(table, parameters, wanted.frame.says)
-    held = _read_back(control, parameters, text, table)
+    held = control.read_back(text, parameters)
+    quantum = control.resolution(table, parameters)
+    far = np.abs(held.at - table.at).max() if len(held.at) == len(table.at) else np.inf
+    off = np.abs(held.errors - table.errors).max() if np.isfinite(far) else np.inf
+    if far > max(quantum, 1e-6) or off > quantum * (0.5 + 1e-6):
+        reason = f"read back it is {off:.3g} off what was asked for, more than half of {quantum:g}"
+        raise error("not-writable", reason=reason)
     applied = wanted.frame.applied(held, errors.targets)
     if wanted.current is not None:
         applied = applied - wanted.frame.applied(wanted.current, errors.targets)
-    left = errors.means - applied
     after = None
     if errors.blocks or errors.known is not None:
-        after = figures(left + errors.draw(trials or TRIALS, seed), errors.ways)
+        drawn = errors.draw(trials or TRIALS, seed)
+        after = figures(errors.means - applied + drawn, errors.ways)
     return CompensateResult(
         component=component,
         controller=control,
@@ -360,32 +337,26 @@ def compensate(
         asked=table,
         held=held,
         text=text,
-        quantum=control.resolution(table, parameters),
+        quantum=quantum,
         reference=control.zero_at(table, reference),
         errors=errors,
+        applied=applied,
         before=figures(errors.means, errors.ways),
         after=after,
-        moves=() if errors.angle else _moves(errors, applied),
+        moves=_moves(errors, applied),
         warnings=tuple(_warnings(errors, component, after)),
     )
 
 
-def _one_way(errors: AxisErrors, direction: str) -> AxisErrors:
-    forward, reverse = errors.means
-    if direction == "both":
-        return errors
-    one = forward if direction == "forward" else (forward + reverse) / 2
-    return replace(errors, means=np.vstack([one, one]))
-
-
-def _as_asked(chosen: AxisErrors, errors: AxisErrors, wanted: Wanted) -> ErrorTable:
+def _asked(errors: AxisErrors, direction: str, wanted: Wanted) -> ErrorTable:
     """The table in machine coordinates, at its targets or at equal steps, with the current one."""
-    both = not np.array_equal(*chosen.means)
-    frame = wanted.frame
-    if frame.reverse and wanted.direction == "forward":
-        # Forward of the machine is reverse of the readings.
-        chosen = replace(chosen, means=np.vstack([errors.means[1], errors.means[1]]))
-    table, current = frame.table(chosen, both), wanted.current
+    frame, current, means = wanted.frame, wanted.current, errors.means
+    if direction == "forward":
+        # Forward of a reversed machine is reverse of the readings.
+        means = means[[1, 1] if frame.reverse else [0, 0]]
+    elif direction == "mean":
+        means = np.tile(means.mean(0), (2, 1))
+    table = frame.table(errors, means)
     at = table.at
     if current is not None:
         inside = (current.at > at[0]) & (current.at < at[-1])
@@ -397,25 +368,10 @@ def _as_asked(chosen: AxisErrors, errors: AxisErrors, wanted: Wanted) -> ErrorTa
             place = {"path": "--from, --to", "value": f"{at[0]:g} to {at[-1]:g} mm"}
             expected = f"within the targets, {table.at[0]:g} to {table.at[-1]:g} mm of the machine"
             raise error("out-of-range", **place, expected=expected)
-    values = table.at_places(at)
+    values, both = table.at_places(at), table.both
     if current is not None:
-        values = values + current.at_places(at)
-        both = both or current.both
+        values, both = values + current.at_places(at), both or current.both
     return replace(table, at=at, forward=values[0], reverse=values[1], both=both)
-
-
-def _read_back(
-    control: Controller, parameters: Parameters, text: str, table: ErrorTable
-) -> ErrorTable:
-    """What the control will hold; raises InputError where it is not what was asked for."""
-    held = control.read_back(text, parameters)
-    quantum = control.resolution(table, parameters)
-    far = np.abs(held.at - table.at).max() if len(held.at) == len(table.at) else np.inf
-    off = np.abs(held.errors - table.errors).max() if np.isfinite(far) else np.inf
-    if far > max(quantum, 1e-6) or off > quantum * (0.5 + 1e-6):
-        reason = f"read back it is {off:.3g} off what was asked for, more than half of {quantum:g}"
-        raise error("not-writable", reason=reason)
-    return held
 
 
 def _moves(errors: AxisErrors, applied: FloatArray) -> tuple[Move, ...]:
@@ -424,9 +380,8 @@ def _moves(errors: AxisErrors, applied: FloatArray) -> tuple[Move, ...]:
     chosen = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
     chosen |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
-    names = ("forward", "reverse")[: errors.ways]
     found = []
-    for way, name in enumerate(names):
+    for way, name in enumerate(WAYS[: errors.ways]):
         for t in sorted(chosen, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
             place = float(errors.targets[t])
@@ -437,7 +392,7 @@ def _moves(errors: AxisErrors, applied: FloatArray) -> tuple[Move, ...]:
 def _warnings(errors: AxisErrors, component: str, after: Figures | None) -> list[Finding]:
     found = []
     B, test = errors.backlash, errors.varies
-    if B is not None and test is not None:
+    if B is not None and test is not None and not errors.angle:
         spread = float(np.ptp(B))
         if spread > VARIES_SHARE * abs(float(B.mean())) and test.p < VARIES_P:
             facts = {"component": component, "p": test.p, "range_um": spread / UM}
@@ -449,61 +404,56 @@ def _warnings(errors: AxisErrors, component: str, after: Figures | None) -> list
 
 
 def verify(
-    result: CompensateResult,
-    applied: FloatArray,
-    position: FloatArray,
-    way: IntArray,
-    value: FloatArray,
-    run: IntArray,
+    result: CompensateResult, position: FloatArray, way: IntArray, value: FloatArray, run: IntArray
 ) -> Verified:
     """The verdict of readings (n,) of the verification moves: reading = e - t + k t + offset.
 
-    k by generalised least squares; 0: the table worked, 1: no effect, 2: wrong sign. The covariance
-    is that of the first means and of the new runs. `applied` (2, T): t at the targets. Of a table
-    that is noise itself k shrinks by the share of noise in its variance, which is added to u.
+    k by generalised least squares, b = (X' V^-1 X)^-1 X' V^-1 y with covariance (X' V^-1 X)^-1
+    (Aitken 1935; Seber and Lee 2003, Linear Regression Analysis, 3.10). 0: the table worked, 1: no
+    effect, 2: wrong sign. V is that of the first means and of the new runs. Of a table that is
+    noise itself k shrinks, as a slope on a regressor with errors does, by the share of noise in
+    the table's variance (Fuller 1987, Measurement Error Models, 1.1: one minus the reliability
+    ratio); that share, at most 1, is added to u.
 
     Raises InputError for readings away from the targets, or too few.
     """
-    errors = result.errors
+    errors, applied = result.errors, result.applied
     assert errors is not None
+    assert applied is not None
     at = np.abs(position[:, None] - errors.targets).argmin(1)
     away = np.abs(position - errors.targets[at]) > SAME_PLACE
     if away.any():
         expected = "readings at the targets of the first test"
-        where = f"{position[int(np.argmax(away))]:g} mm is no target"
+        where = f"{position[int(np.argmax(away))]:g} is no target"
         raise error("not-applicable", reason=where, expected=expected)
     index = ((way < 0).astype(int) if errors.ways == 2 else 0) * len(errors.targets) + at
     t, e = applied.reshape(-1)[index], errors.means.reshape(-1)[index]
     if len(np.unique(index)) < 3 or len(t) < 4 or np.ptp(t) == 0:
         what = "a verdict needs four readings, at three places where the table differs"
         raise error("too-little-data", what=what)
+    n, y, X = len(t), value - e + t, np.column_stack([t, np.ones(len(t))])
     cells = np.ix_(index, index)
-    V = errors.of_means()[cells] + np.eye(len(t)) * (result.quantum**2 / 12)
-    X = np.column_stack([t, np.ones(len(t))])
-    dof = min((b.dof for b in errors.blocks), default=float(len(t) - 2))
+    V = errors.of_means()[cells] + np.eye(n) * (result.quantum**2 / 12)
     for i, block in enumerate(errors.blocks):
         # Lines are shared by a run, what scatters about them is each reading's own.
         C = block.root @ block.root.T
-        V = V + (np.eye(len(t)) * C.diagonal().mean() if i else C[cells] * (run[:, None] == run))
+        V = V + (np.eye(n) * C.diagonal().mean() if i else C[cells] * (run[:, None] == run))
     if not errors.blocks:
-        left = value - e + t - X @ np.linalg.lstsq(X, value - e + t, rcond=None)[0]
-        V = V + np.eye(len(t)) * (left @ left) / (len(t) - 2)
+        left = y - X @ np.linalg.lstsq(X, y, rcond=None)[0]
+        V = V + np.eye(n) * (left @ left) / (n - 2)
     weighted = np.linalg.solve(V, X)
     C = np.linalg.inv(X.T @ weighted)
-    k = float((C @ (weighted.T @ (value - e + t)))[0])
-    u = float(np.hypot(np.sqrt(C[0, 0]), _noise_share(errors, index, applied.reshape(-1))))
+    # Level aside: an offset is free.
+    own = np.unique(index)
+    M = np.eye(len(own)) - 1.0 / len(own)
+    noise = float(np.trace(M @ errors.of_means()[np.ix_(own, own)] @ M))
+    share = min(1.0, noise / float(applied.reshape(-1)[own] @ M @ applied.reshape(-1)[own]))
+    k, u = float((C @ (weighted.T @ y))[0]), float(np.hypot(np.sqrt(C[0, 0]), share))
+    dof = min((b.dof for b in errors.blocks), default=float(n - 2))
     half = coverage_factor(0.95, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
     return Verified(verdict, k, u, (k - half, k + half), _p(k, u, dof))
-
-
-def _noise_share(errors: AxisErrors, index: IntArray, applied: FloatArray) -> float:
-    """The share of the first test's noise in the variance of a table, level aside: at most 1."""
-    cells = np.unique(index)
-    M = np.eye(len(cells)) - 1.0 / len(cells)
-    noise = float(np.trace(M @ errors.of_means()[np.ix_(cells, cells)] @ M))
-    return min(1.0, noise / float(applied[cells] @ M @ applied[cells]))
 
 
 def _p(k: float, u: float, dof: float) -> float:
@@ -516,28 +466,21 @@ def _p(k: float, u: float, dof: float) -> float:
 
 def moves_program(result: CompensateResult, feed: float, dwell_s: float, axis: str) -> str:
     """G-code of the verification moves: every target approached from its own side, with an overrun
-    at the reversals.
+    at the reversals; `feed` in mm/min or deg/min.
     """
     assert result.errors is not None
     targets = result.errors.targets
+    place = "deg" if result.errors.rotary else "mm"
     overrun = max(1.0, 0.02 * float(np.ptp(targets)))
-    low, high = targets[0] - overrun, targets[-1] + overrun
-
-    def lines(moves: Sequence[Move], begin: float) -> list[str]:
-        stops = [f"G1 {axis}{move.command:.4f} F{feed:g}\nG4 P{dwell_s:g}" for move in moves]
-        return [f"G1 {axis}{begin:.4f} F{feed:g}", *stops] if moves else []
-
-    ways = {
-        name: [m for m in result.moves if m.direction == name] for name in ("forward", "reverse")
-    }
-    return "\n".join(
-        [
-            f"(verification of the compensation of {result.component}: read at every dwell)",
-            f"(overrun {overrun:g} mm beyond the end targets: check the limits of the axis)",
-            "(coordinates of the readings: set the work offset of that test)",
-            *("G21", "G90", "G94"),
-            *lines(ways["forward"], low),
-            *lines(ways["reverse"], high),
-            *("M30", ""),
-        ]
-    )
+    lines = [
+        f"(verification of the compensation of {result.component}: read at every dwell)",
+        f"(feed {feed:g} {place}/min: it has to be that of the first test; dwell {dwell_s:g} s)",
+        f"(overrun {overrun:g} {place} beyond the end targets: check the limits of the axis)",
+        "(coordinates of the readings: set the work offset of that test)",
+        *("G21", "G90", "G94"),
+    ]
+    for way, start in zip(WAYS, (targets[0] - overrun, targets[-1] + overrun), strict=True):
+        if stops := [move.command for move in result.moves if move.direction == way]:
+            lines.append(f"G1 {axis}{start:.4f} F{feed:g}")
+            lines += [f"G1 {axis}{at:.4f} F{feed:g}\nG4 P{dwell_s:g}" for at in stops]
+    return "\n".join([*lines, "M30", ""])

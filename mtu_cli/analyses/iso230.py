@@ -340,7 +340,10 @@ def instrument_u(
         _, mean, s = statistics(test.readings + off + drift)
         for name, values in figures_of(mean, np.where(zeroed, np.nan, s)).items():
             found.setdefault(name, []).append(values)
-    return {name: float(np.std(np.concatenate(parts))) for name, parts in found.items()}
+    # What changes the readings of a target alike leaves R and B but for round-off.
+    round_off = 8 * np.finfo(float).eps * float(np.nanmax(np.abs(test.readings)))
+    stds = {name: float(np.std(np.concatenate(parts))) for name, parts in found.items()}
+    return {name: 0.0 if u < round_off else u for name, u in stds.items()}
 
 
 def evaluate(test: Test, budget: InstrumentBudget | None, k: float, seed: int, index: int) -> Axis:

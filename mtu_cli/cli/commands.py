@@ -72,7 +72,8 @@ COMMANDS = {
     ),
     "circular": Command(
         "cli.standards",
-        f"file:traces direction:traces radius feed plane k digits write_components {OUT}",
+        "file:traces direction:traces radius feed pitch:circle plane k digits "
+        f"write_components {OUT}",
         "A circular test (ISO 230-4): figures, and its causes by one joint fit.",
         MACHINE,
     ),
@@ -129,7 +130,8 @@ COMMANDS = {
     "compensate": Command(
         "cli.compensate",
         "study machine lbb laser component:table for_ direction:table from_ to:end step reference "
-        f"machine_zero reverse_axis current set read verify to_file to_nc seed trials digits {OUT}",
+        f"machine_zero reverse_axis current set read verify to_file to_nc feed:moves "
+        f"seed trials digits {OUT}",
         "Errors of an axis to the table of a control, read back, with moves that prove it.",
         MACHINE,
         (),
@@ -143,12 +145,13 @@ COMMANDS = {
     "simulate": Command(
         "cli.simulate",
         # The files say in this order how they were made.
-        "study machine part components seed passes one_way positions parts repeats cmm_u_um "
-        "part_offset_um reverse_every minutes first_repeats operation scatter effect covariate "
-        "write_lbb write_cmm write_drift cycles cycle_minutes soak_minutes interval_min room "
-        "room_lag_min room_wobble_degc sensor_lag_min sensor_spread sensor_wobble_degc "
-        "sensor_noise_degc reading_noise_um reading_noise_arcsec drift_positions settled_drift "
-        "most_drift_um most_drift_arcsec twin cmm_room cmm_wobble_degc quiet",
+        "study machine part components seed passes one_way positions laser_component parts "
+        "repeats cmm_u_um part_offset_um reverse_every minutes first_repeats operation scatter "
+        "effect covariate write_lbb write_laser write_cmm write_drift cycles cycle_minutes "
+        "soak_minutes interval_min room room_lag_min room_wobble_degc sensor_lag_min "
+        "sensor_spread sensor_wobble_degc sensor_noise_degc reading_noise_um reading_noise_arcsec "
+        "drift_positions settled_drift most_drift_um most_drift_arcsec twin cmm_room "
+        "cmm_wobble_degc quiet",
         "A virtual machine: synthetic readings and points, with any effect, seeded.",
         MACHINE,
     ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +22,12 @@ from mtu_cli.analyses.compensate import (
 )
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import option_name
+from mtu_cli.cli.options import BESIDE, option_name
 from mtu_cli.cli.values import assigned, known_name
+from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import check_text, read_source
 from mtu_cli.findings import InputError, error
-from mtu_cli.formats.control import CONTROLLERS, KLIPPER, NAMES
+from mtu_cli.formats.control import CONTROLLERS, NAMES
 from mtu_cli.formats.control.errors import Controller, ErrorTable
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.model.passes import passes_read
@@ -38,15 +39,15 @@ from mtu_cli.model.stated_errors import (
     output_of,
     stated_errors,
 )
+from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
-
-if TYPE_CHECKING:
-    from mtu_cli.files.readings import Readings
 
 DIRECTIONS = ("both", "mean", "forward")
 PLACES = ("from_", "to", "step", "reference", "machine_zero")
 """Options that are positions."""
 FEED, DWELL_S = 1000.0, 3.0
+ROTARY = "c"
+"""The axis of readings with position_deg, where --set axis does not name it."""
 
 
 def compensate(inputs: Inputs, settings: Settings) -> Outcome:
@@ -58,74 +59,92 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         if not np.isfinite(options.values.get(name) or 0.0):
             place = {"path": option_name(name), "value": str(options.values[name])}
             raise error("out-of-range", **place, expected="a finite position, mm")
+    if options.feed is not None and not 0 < options.feed < np.inf:
+        place = {"path": "--feed", "value": f"{options.feed:g}"}
+        raise error("out-of-range", **place, expected="mm/min above 0")
     if options.for_ is None:
         raise error("missing-input", what="the control", expected="--for CONTROLLER")
     known_name("--for", "controller", options.for_, NAMES)
-    defaults = DEFAULTS if options.for_ == KLIPPER else CONTROLLERS[options.for_].parameters
+    control = CONTROLLERS.get(options.for_)
+    defaults = DEFAULTS if control is None else control.parameters
     given = assigned(
         "--set", options.set, "=", "NAME=VALUE", "axis=X", lambda _, x: x, defaults, "parameter"
     )
-    if options.for_ == KLIPPER:
-        return _skew(inputs, {**defaults, **given})
-    control, parameters = CONTROLLERS[options.for_], {**defaults, **given}
+    parameters = {**defaults, **given}
+    if control is None:
+        return _skew(inputs, parameters)
     if options.read:
         table = _read(inputs, options.read, control, parameters)
-        result = report.listing(control, table, str(options.read.name))
-        return Outcome.of(report.document(result, settings.digits))
+        direction = "both" if table.both else "mean"
+        known = CompensateResult(component=options.read.name, controller=control,
+                                 direction=direction, asked=table, held=table)  # fmt: skip
+        return Outcome.of(report.document(known, settings.digits))
     if options.direction is not None:
         known_name("--direction", "direction", options.direction, DIRECTIONS)
     # Type 0 is written where nothing is said; a file does not show which it is.
     current = _read(inputs, options.current, control, parameters) if options.current else None
-    parameters = {**parameters, "type": parameters.get("type") or "0"}
-    frame = Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis))
+    parameters["type"] = parameters.get("type") or "0"
     wanted = Wanted(
         direction=options.direction,
         positions=_positions(inputs),
         reference=options.reference,
-        frame=frame,
+        frame=Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis)),
         current=current,
     )
     names = options.component or []
     if not names:
         raise error("missing-input", what="the component", expected="--component NAME")
-    errors, axis = _errors(inputs, names, wanted)
-    parameters = _named_axis(inputs, names[0], axis, control, parameters, given)
-    label = " + ".join(names)
+    errors, axis = _errors(inputs, names, wanted, given.get("axis", ROTARY).lower())
+    _name_axis(inputs, names[0], axis, control, parameters, given)
     result = analysis(
-        errors, control, parameters, wanted, component=label, seed=settings.seed,
+        errors, control, parameters, wanted, component=" + ".join(names), seed=settings.seed,
         trials=settings.trials,
     )  # fmt: skip
     if options.verify:
-        result = _verified(inputs, result, wanted, names[0], axis)
+        readings = inputs.verify
+        assert readings is not None
+        if names[0] not in readings.components:
+            held = ", ".join(readings.components)
+            reason = f"--verify holds readings of {held}, not of {names[0]}"
+            raise error("not-applicable", reason=reason)
+        moves = _columns(readings, _rows(readings, names[0]), axis)
+        result = replace(result, verified=verify(result, *moves))
+
+    def files() -> dict[Path, bytes]:
+        made, table = dict[Path, bytes](), options.to_file
+        if table:
+            made[table] = result.text.encode()
+        if table and not control.comment:
+            beside = table.with_name(f"{table.name}{BESIDE['to_file']}")
+            written = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
+            notes = (control.says, wanted.frame.says, f"This table: {written}.")
+            made[beside] = "".join(f"{note}\n" for note in notes).encode()
+        if options.to_nc:
+            program = moves_program(result, options.feed or FEED, DWELL_S, axis.upper())
+            made[options.to_nc] = program.encode()
+        return made
+
     return Outcome.of(
-        report.document(result, settings.digits),
-        warnings=result.warnings,
-        files=lambda: _files(inputs, result, control, axis, frame),
+        report.document(result, settings.digits), warnings=result.warnings, files=files
     )
 
 
-def _named_axis(
-    inputs: Inputs,
-    name: str,
-    axis: str,
-    control: Controller,
-    parameters: dict[str, str],
+def _name_axis(
+    inputs: Inputs, name: str, axis: str, control: Controller, parameters: dict[str, str],
     given: dict[str, str],
-) -> dict[str, str]:
+) -> None:  # fmt: skip
     """The axis letter and the ISO 230-1 name of the component, where the control wants them."""
-    found = dict(parameters)
     component = inputs.machine.machine.components.get(name)
     if "axis" not in given and parameters.get("axis") == "X":
-        found["axis"] = axis.upper()
-    output = output_of(inputs.machine, name, axis)
+        parameters["axis"] = axis.upper()
+    output = axis if axis not in "xyz" else output_of(inputs.machine, name, axis)
     if "error" in parameters and not parameters["error"]:
-        length = component is None or UNITS[component.unit].dimension == LENGTH
-        own = f"E{output}{axis}".upper() if length else ""
-        found["error"] = (component and component.iso) or own
+        linear = component is None or UNITS[component.unit].dimension == LENGTH
+        own = f"E{output}{axis}".upper() if linear or axis not in "xyz" else ""
+        parameters["error"] = (component and component.iso) or own
     elif output != axis and not control.listing:
         reason = f"{name} is an error in {output} along {axis}: no table of one axis"
         raise error("not-applicable", reason=reason, expected="--for isg-csv, etalon or table")
-    return found
 
 
 def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
@@ -144,38 +163,38 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
     return given
 
 
-def _errors(inputs: Inputs, names: list[str], wanted: Wanted) -> tuple[AxisErrors, str]:
+def _errors(
+    inputs: Inputs, names: list[str], wanted: Wanted, rotary: str
+) -> tuple[AxisErrors, str]:
     """Of the first name readings where there are any, else what the machine file states; of the
-    others what it states, added.
+    others what it states, added. The axis is that of the component, or `rotary`.
     """
-    machine = inputs.machine
-    for name in names:
-        axis_of(machine, name)
-    axes = {axis_of(machine, name) for name in names}
-    if len(axes) > 1:
-        raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
-    axis, first = axes.pop(), names[0]
+    machine, first = inputs.machine, names[0]
+    component = machine.machine.components.get(first)
+    angle = component is not None and UNITS[component.unit].dimension != LENGTH
     readings = inputs.readings if inputs.files("lbb") or inputs.files("laser") else None
-    errors = None if readings is None else _of_readings(readings, first, axis, inputs)
-    if errors is None:
-        positions = default_positions(machine, first, axis)
+    rows = np.zeros(0, int) if readings is None else _rows(readings, first)
+    if readings is not None and np.isfinite(_degrees(readings)[rows]).any():
+        if names[1:]:
+            reason = f"{first} is of a rotary axis: nothing is added to its readings"
+            raise error("not-applicable", reason=reason)
+        errors = axis_errors(*_columns(readings, rows, rotary), angle=angle, rotary=True)
+        return errors, rotary
+    axes = [axis_of(machine, name) for name in names]
+    if len(set(axes)) > 1:
+        raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
+    axis = axes[0]
+    if readings is not None and len(rows):
+        errors, rest = axis_errors(*_columns(readings, rows, axis), angle=angle), names[1:]
+    else:
+        positions, rest = default_positions(machine, first, axis), names
         if wanted.positions is not None:
             low, high, step = wanted.positions
             at = low + step * np.arange(round((high - low) / step) + 1) - wanted.frame.zero
             positions = np.asarray(-at[::-1] if wanted.frame.reverse else at)
-        rest, T = names, len(positions)
-        angle = machine.machine.components.get(first)
-        errors = AxisErrors(
-            targets=positions,
-            means=np.zeros((2, T)),
-            ways=1,
-            runs=1,
-            known=np.zeros((2 * T, 2 * T)),
-            angle=angle is not None and UNITS[angle.unit].dimension != LENGTH,
-            read=False,
-        )
-    else:
-        rest = names[1:]
+        T = len(positions)
+        errors = AxisErrors(targets=positions, means=np.zeros((2, T)), ways=1, runs=1,
+                            known=np.zeros((2 * T, 2 * T)), angle=angle, read=False)  # fmt: skip
     for name in rest:
         own = stated_errors(machine, name, errors.targets)
         known = own.covariance if errors.known is None else errors.known + own.covariance
@@ -184,110 +203,82 @@ def _errors(inputs: Inputs, names: list[str], wanted: Wanted) -> tuple[AxisError
     return errors, axis
 
 
-def _of_readings(readings: Readings, name: str, axis: str, inputs: Inputs) -> AxisErrors | None:
+def _rows(readings: Readings, name: str) -> IntArray:
+    """The readings of a component."""
     if name not in readings.components:
-        return None
-    rows = np.flatnonzero(readings.code == readings.components.index(name))
-    if not len(rows):
-        return None
+        return np.zeros(0, int)
+    return np.flatnonzero(readings.code == readings.components.index(name))
+
+
+def _degrees(readings: Readings) -> FloatArray:
+    """Positions of rotary axes, nan of others."""
+    found = readings.covariates.get("position_deg")
+    known = found is not None and found.dtype == np.float64
+    return found.astype(np.float64) if known else np.full(len(readings), np.nan)  # type: ignore[union-attr]  # known
+
+
+def _columns(
+    readings: Readings, rows: IntArray, axis: str
+) -> tuple[FloatArray, IntArray, FloatArray, IntArray]:
+    """Position (mm, of a rotary axis deg), direction, error and run of some readings."""
+    position, degrees = readings.position_mm[rows], _degrees(readings)[rows]
+    position = np.where(np.isnan(position), degrees, position)
+    if np.isnan(position).any():
+        i = rows[np.flatnonzero(np.isnan(position))[0]]
+        place = {
+            "file": readings.sources[readings.file_index[i]].shown,
+            "row": int(readings.row[i]),
+        }
+        raise error("empty-cell", column="position_mm", expected="a position", **place)
     group, passes = passes_read(readings, rows, axis)
-    angle = UNITS[inputs.machine.machine.components[name].unit].dimension != LENGTH
-    return axis_errors(
-        readings.position_mm[rows],
-        readings.direction[rows].astype(np.int64),
-        readings.error[rows],
-        passes.runs[group],
-        angle=angle,
-    )
+    direction = readings.direction[rows].astype(np.int64)
+    return position, direction, readings.error[rows], passes.runs[group]
 
 
 def _read(inputs: Inputs, path: Path, control: Controller, parameters: Any) -> ErrorTable:
     """A table that exists; raises InputError with the file's name."""
+    text, shown = _text(inputs, path)
+    try:
+        return control.read_back(text, parameters)
+    except InputError as fault:
+        raise InputError([each.at(file=shown) for each in fault.findings]) from None
+
+
+def _text(inputs: Inputs, path: Path) -> tuple[str, str]:
+    """The text of a control's file, and its name."""
     source, content = read_source(path, "table")
     inputs.sources.append(source)
     check_text(content, source.shown)
-    try:
-        return control.read_back(content.decode("utf-8-sig"), parameters)
-    except InputError as fault:
-        raise InputError([each.at(file=source.shown) for each in fault.findings]) from None
-
-
-def _verified(
-    inputs: Inputs, result: CompensateResult, wanted: Wanted, name: str, axis: str
-) -> CompensateResult:
-    from mtu_cli.files.readings import read_readings
-
-    known = inputs.machine.machine.components
-    readings = read_readings([(inputs.options.verify, "laser")], known, for_fit=False)
-    inputs.sources.extend(readings.sources)
-    rows = np.arange(len(readings))
-    if name in readings.components:
-        rows = np.flatnonzero(readings.code == readings.components.index(name))
-    group, passes = passes_read(readings, rows, axis)
-    assert result.errors is not None
-    applied = wanted.frame.applied(result.held, result.errors.targets)
-    if wanted.current is not None:
-        applied = applied - wanted.frame.applied(wanted.current, result.errors.targets)
-    verified = verify(
-        result,
-        applied,
-        readings.position_mm[rows],
-        readings.direction[rows].astype(np.int64),
-        readings.error[rows],
-        passes.runs[group],
-    )
-    return replace(result, verified=verified)
-
-
-def _files(
-    inputs: Inputs, result: CompensateResult, control: Controller, axis: str, frame: Frame
-) -> dict[Path, bytes]:
-    """The table, beside it what cannot stand in it, and the program of the moves."""
-    options, found = inputs.options, {}
-    if options.to_file:
-        found[options.to_file] = result.text.encode()
-        if not control.comment:
-            beside = options.to_file.with_name(f"{options.to_file.name}.txt")
-            found[beside] = f"{control.says}\n{frame.says}\n".encode()
-    if options.to_nc:
-        program = moves_program(result, FEED, DWELL_S, axis.upper())
-        found[options.to_nc] = program.encode()
-    return found
+    return content.decode("utf-8-sig"), source.shown
 
 
 def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     """The three lengths of Klipper from an angle between two axes, read back."""
-    from mtu_cli.reports import compensate as report
+    from mtu_cli.reports.compensate import Skew, skew_document
 
     options, quantum = inputs.options, skew_quantum(parameters)
     if options.read:
-        source, content = read_source(options.read, "table")
-        inputs.sources.append(source)
-        check_text(content, source.shown)
-        return Outcome.of(report.skew_document(source.shown, read_skew(content.decode()), quantum))
+        text, shown = _text(inputs, options.read)
+        return Outcome.of(skew_document(Skew(shown, read_skew(text), quantum)))
     name = (options.component or [""])[0]
-    machine = inputs.machine
-    known_name("--component", "component", name, known_names(machine))
-    entry = machine.machine.components.get(name)
+    known_name("--component", "component", name, known_names(inputs.machine))
+    entry = inputs.machine.machine.components.get(name)
     if entry is None or entry.of is not None or UNITS[entry.unit].dimension == LENGTH:
+        expected = "a component without `of`, such as axy"
         reason = f"{name} is no angle between two axes"
-        raise error(
-            "not-applicable", reason=reason, expected="a component without `of`, such as axy"
-        )
+        raise error("not-applicable", reason=reason, expected=expected)
     if entry.coefficients is not None:
         angle = entry.coefficients[0] * UNITS[entry.unit].to_internal
     else:
         readings = inputs.readings
-        if readings is None or name not in readings.components:
+        rows = np.zeros(0, int) if readings is None else _rows(readings, name)
+        if readings is None or not len(rows):
             expected = "readings of it, or coefficients in the machine file"
             raise error("missing-input", what=f"an estimate of {name}", expected=expected)
-        rows = readings.code == readings.components.index(name)
         angle = float(readings.error[rows].mean())
     text = write_skew(angle, parameters)
     held = read_skew(text)
     if abs(held - angle) > quantum / 2:
         raise error("not-writable", reason=f"read back it is {held:.9g} rad, not {angle:.9g}")
-    return Outcome.of(
-        report.skew_document(name, held, quantum),
-        files=lambda: {options.to_file: text.encode()} if options.to_file else {},
-    )
+    files = {options.to_file: text.encode()} if options.to_file else {}
+    return Outcome.of(skew_document(Skew(name, held, quantum)), files=lambda: files)

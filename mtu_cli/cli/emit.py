@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import MADE, SUSPICIOUS, WRITTEN, Options, option_name
+from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options, option_name
 from mtu_cli.files.csv_table import number
 from mtu_cli.files.source import SYNTHETIC, begins_with, given_path, same
 from mtu_cli.files.write import check_targets, made_ready
@@ -313,6 +313,8 @@ def check_outputs(inputs: Inputs) -> None:
     options = inputs.options
     written = written_files(options)
     files = {name: path for name, path in written.items() if path != STANDARD_OUTPUT}
+    files |= {f"beside {name}": files[name].with_name(f"{files[name].name}{ending}")
+              for name, ending in BESIDE.items() if name in files}  # fmt: skip
     named = [(role, path) for role, path in inputs.named() if os.path.exists(path)]
     problems: list[Finding] = []
     for name, target in files.items():

@@ -77,7 +77,9 @@ def paragraphs() -> dict[str, str]:
 def paragraph(code: str) -> str:
     """What is known of a finding: severity, sentence, and its paragraph."""
     kind = CATALOGUE.get(code)
-    severity = "warning" if kind is None else kind.severity
+    severity: str = "warning" if kind is None else kind.severity
+    if kind is not None and kind.suspicious:
+        severity += ", meets --fail-if suspicious"
     sentence = "" if kind is None else re.sub(r"\{(\w+)[^}]*\}", r"<\1>", kind.template)
     shown = f"    {sentence}\n\n" if sentence else ""
     return f"# {code} ({severity})\n\n{shown}{paragraphs().get(code, '')}\n"

@@ -85,7 +85,7 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
         if isinstance(value, list):
             some = [f"{x:g}" if isinstance(x, float) else str(x) for x in value]
             shown = ", ".join(some[:12]) + (f" and {len(some) - 12} more" if some[12:] else "")
-        yield f"  {name}: {shown}"
+        yield f"  {name}: {'not stated' if shown == '' else shown}"
     yield from (f"  {text}" for text in results["says"])
     yield from (f"  left out: {count} {what}" for what, count in results["left_out"].items())
     yield from (f"  fault: {text}" for text in results["faults"])

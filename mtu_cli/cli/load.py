@@ -42,10 +42,11 @@ KINDS = {
     "readings": ("lbb", "laser"),
     "drift": ("drift",),
     "before": ("before",),
+    "verify": ("verify",),
     "points": ("cmm",),
 }
 """What is read, by attributes of `Inputs`, and the roles of its files."""
-MEASURED = ("lbb", "laser", "drift", "cmm", "before")
+MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify")
 """Roles whose files may be an instrument's own."""
 OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""
@@ -108,13 +109,15 @@ class Inputs:
         from mtu_cli.formats.base import Ask
         from mtu_cli.formats.instruments import KIND_OF
 
-        component = None
-        for each in self.options.values.get(role) or ():
+        component, value = None, self.options.values.get(role) or ()
+        for each in value if isinstance(value, (list, tuple)) else (value,):
             name, of = named_file(each)
             component = name if of == path else component
         study = self.__dict__.get("study")
         stated = study.instruments.get(path) if study else None
-        component = component or (stated.component if stated else None)
+        # Where neither says so, the component that the call is about.
+        asked = self.options.values.get("component") or (None,)
+        component = component or (stated.component if stated else None) or asked[0]
         known = self.machine.machine.components if self.files("machine") and component else {}
         of_machine = known[component].unit if component in known else None
         unit, profile = stated.unit if stated else None, None
@@ -226,6 +229,11 @@ class Inputs:
         """The readings of an earlier test; None where there are none."""
         return self._readings("before")
 
+    @cached_property
+    def verify(self) -> Readings | None:
+        """The readings of the verification moves; None where there are none."""
+        return self._readings("verify")
+
     def _readings(self, kind: str) -> Readings | None:
         files = [(path, role) for role in KINDS[kind] for path in self.files(role)]
         if not files:
@@ -257,7 +265,7 @@ class Inputs:
         self.__dict__[kind] = item
         known: Any = item
         self.sources.extend(known.sources if hasattr(known, "sources") else (known.source,))
-        if kind in ("reports", "before"):
+        if kind in ("reports", "before", "verify"):
             return item
         from mtu_cli import checks
 

@@ -151,12 +151,15 @@ FILES = {
     "cmm": _file("Measured points: CSV, or a file of a CMM", metavar="FILE..."),
     "current": _file("The table that was active while measuring; the new one adds to it"),
     "read": _file("A control's table to print as errors, in place of making one"),
-    "verify": _file("Readings CSV of the verification moves: did the table work"),
+    "verify": _file("Readings of the verification moves: CSV, or a file of an instrument"),
     "effects": _file("Your own effects (YAML), added to the built-in ones", metavar="FILE..."),
     "before": _file("Readings CSV of an earlier test of the same axes", metavar="FILE..."),
     "budget": _file("YAML with the instrument's `budget`, else the study's"),
     "file:traces": _file(
-        "Traces CSV: angle_deg, deviation_um", metavar="FILE...", argument=True, default=REQUIRED
+        "Traces CSV: angle_deg, deviation_um; features of a .b5r",
+        metavar="FILE...",
+        argument=True,
+        default=REQUIRED,
     ),
     "file:budget": _file("Budget YAML", argument=True, default=REQUIRED),
     "file:instrument": _file("A file of an instrument", argument=True, default=REQUIRED),
@@ -189,6 +192,7 @@ WRITTEN = {
         "Components report (-c) with the effects' joint covariance", ".json"
     ),
     "write_lbb": _output("Readings CSV to write", ".csv"),
+    "write_laser": _output("Run of a laser to write, of --laser-component", ".rtl .rta"),
     "write_cmm": _output("Points CSV to write", ".csv"),
     "write_drift": _output("Drift readings CSV to write, of the thermal models", ".csv"),
 }
@@ -258,6 +262,12 @@ CHOICES = {
     "direction:traces": _text("cw|ccw", "Direction of the traces; of several files with commas"),
     "radius": Option(float, "MM", "Nominal radius of the traces, where no column radius_mm has it"),
     "feed": _text("MM/MIN", "Feed along the circle; of several files with commas"),
+    "feed:moves": Option(
+        float, "MM/MIN", "Feed of the moves of --to-nc: that of the test", shown="1000"
+    ),
+    "pitch:circle": _text(
+        "MM", "Pitch of ball screws or scales for the cyclic error; of each axis with a comma"
+    ),
     "plane": _text("PLANE", "XY, YZ or ZX, first to second axis counter-clockwise"),
     "component:table": _text(
         "NAME...", "A component or an effect of the machine; of several along one axis the sum"
@@ -299,6 +309,7 @@ SIMULATED = {
             "Positions along every axis, mm, or x=0:500:8,y=0:300:8,...",
             shown="the part's extent, 8 of them",
         ),
+        "laser_component": _text("NAME", "The component of --write-laser"),
     },
     POINTS: {
         "parts": _count(21, "Parts to make"),
@@ -362,12 +373,15 @@ OPTIONS: dict[str, Option] = {
     },
 }
 """By the name of the parameter; behind a colon which of several of that name it is."""
+BESIDE = {"to_file": ".txt"}
+"""Ending of a file that may be written beside that of an option."""
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "before",
          "budget", "file", "current", "read", "verify")  # fmt: skip
 """Options that name files to read."""
 MADE: dict[str, dict[str, tuple[str, ...]]] = {
     "simulate": {
         "write_lbb": ("lbb", "laser"),
+        "write_laser": ("laser",),
         "write_cmm": ("cmm",),
         "write_drift": ("drift",),
     },

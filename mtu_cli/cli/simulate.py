@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -27,6 +28,9 @@ from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import SYNTHETIC
 from mtu_cli.findings import Finding, error, finding
+from mtu_cli.formats.base import FORWARD, REVERSE, Imported
+from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
+from mtu_cli.formats.renishaw import run_file
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.features import feature_points
@@ -35,6 +39,7 @@ from mtu_cli.model.settings import Settings
 from mtu_cli.model.simulate import (
     PartsPlan,
     ReadingsPlan,
+    SimulatedReadings,
     covariate_equations,
     errors_by_axis,
     growth,
@@ -58,6 +63,7 @@ MAX_MOMENTS = 1_000_000
 DEFAULT_POSITIONS = 8
 MATTER = {
     "write_lbb": {READINGS},
+    "write_laser": {READINGS},
     "write_cmm": {POINTS, PARTS_ROOM},
     "write_drift": {DRIFT, CLIMATE},
 }
@@ -72,7 +78,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     options = inputs.options
     paths = written_files(options)
     if not paths:
-        expected = "--write-lbb FILE, --write-cmm FILE or --write-drift FILE"
+        expected = "--write-lbb, --write-laser, --write-cmm or --write-drift FILE"
         raise error("usage", reason="simulate has no output", expected=expected)
     if options.operation is not None and not is_name(options.operation.strip()):
         place = {"path": "--operation", "value": options.operation, "expected": A_NAME}
@@ -132,6 +138,34 @@ def _heading(options: Options, seed: int, name: str) -> str:
 
 
 def _readings(inputs: Inputs, model: MachineModel, seed: int) -> Made:
+    return readings_file(_simulated(inputs, model, seed)), []
+
+
+def _laser(inputs: Inputs, model: MachineModel, seed: int) -> Made:
+    """The readings of one component as a run file in the instrument's unit."""
+    made, name = _simulated(inputs, model, seed), inputs.options.laser_component
+    if name is None:
+        raise error("missing-input", what="what the laser reads", expected="--laser-component NAME")
+    known_name("--laser-component", "component", name, sorted(set(made.component)))
+    made, kind = made.of(name), inputs.options.write_laser.suffix.lower()[1:]
+    unit, written = UNITS[made.unit[0]], UNITS[RUN_UNITS[kind]]
+    if unit.dimension != written.dimension:
+        reason = f"{name} is read in {unit.name}, and a .{kind} file holds {written.name}"
+        raise error(
+            "not-applicable", reason=reason, expected="a file .rtl of lengths, .rta of angles"
+        )
+    synthetic = readings_file(made)
+    columns: dict[str, list[Any]] = {
+        "position_mm": made.position.tolist(),
+        "pass": made.pass_number.tolist(),
+        "direction": [FORWARD if sign > 0 else REVERSE for sign in made.direction],
+        "error": (made.error * (unit.to_internal / written.to_internal)).tolist(),
+    }
+    content = run_file(Imported(format=kind, columns=columns))
+    return replace(synthetic, body=content.decode("cp1252")), []
+
+
+def _simulated(inputs: Inputs, model: MachineModel, seed: int) -> SimulatedReadings:
     read = [term.estimate for term in model.terms if EFFECT_MARK not in term.estimate.name]
     needed = {estimate.of for estimate in read if estimate.of is not None}
     plan = ReadingsPlan(
@@ -139,7 +173,7 @@ def _readings(inputs: Inputs, model: MachineModel, seed: int) -> Made:
         directions=(1,) if inputs.options.one_way else (1, -1),
         positions=_positions(inputs, model, needed),
     )
-    return readings_file(simulate_readings(model, plan, seed)), []
+    return simulate_readings(model, plan, seed)
 
 
 def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[str, FloatArray]:
@@ -223,6 +257,7 @@ def _drifts(inputs: Inputs, model: MachineModel, seed: int) -> Made:
 
 MAKERS: dict[str, Callable[[Inputs, MachineModel, int], Made]] = {
     "write_lbb": _readings,
+    "write_laser": _laser,
     "write_cmm": _points,
     "write_drift": _drifts,
 }

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.values import assigned, known_name, number_of
+from mtu_cli.files.source import begins_with
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
 
@@ -95,9 +97,9 @@ def _nonconforming(result: Iso230Result) -> str | None:
 
 
 def circular(inputs: Inputs, settings: Settings) -> Outcome:
-    """A circular test: figures of its traces, and their causes."""
+    """A circular test: figures of its traces and their causes, beside what a ballbar states."""
     from mtu_cli.analyses.circular import diagnose
-    from mtu_cli.files.traces import PLANES, WAYS, read_traces, words
+    from mtu_cli.files.traces import PLANES, WAYS, Traces, read_traces, words
     from mtu_cli.reports import circular as report
 
     options = inputs.options
@@ -107,17 +109,28 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         known_name("--direction", "direction", way, WAYS)
     if plane is not None:
         known_name("--plane", "plane", plane, PLANES)
-    feeds = words(options.feed, lambda text: number_of("--feed", text))
-    for value in feeds:
-        if value <= 0:
-            place = {"path": "--feed", "value": f"{value:g}", "expected": "mm/min above 0"}
-            raise error("out-of-range", **place)
+    feeds, pitches = _above_zero("--feed", options.feed), _above_zero("--pitch", options.pitch)
+    if len(pitches) > 2:
+        found = f"{len(pitches)} values"
+        raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
     files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    radius = options.radius
-    traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=plane)
-    inputs.sources.extend(traces.sources)
-    result = diagnose(traces)
+    features, stated = _ballbar(inputs, [path for path in files if _is_xml(path)])
+    files = [path for path in files if not _is_xml(path)]
+    if plane and stated and plane != stated:
+        place = {"path": "--plane", "value": plane, "expected": stated}
+        raise error("contradicts", other="the ballbar's file", **place)
+    traces = Traces(traces=(), plane=plane or stated, radius=math.nan, sources=())
+    if files:
+        traces = read_traces(files, direction=ways, feed=feeds, radius=options.radius,
+                             plane=plane or stated)  # fmt: skip
+        inputs.sources.extend(traces.sources)
     target = options.write_components
+    if target is not None and not (files and traces.plane):
+        what, expected = "the plane", "--plane XY, YZ or ZX, or a column 'plane'"
+        if not files:
+            what, expected = "a trace", "a CSV of traces: the sign of stated features is not known"
+        raise error("missing-input", what=what, expected=expected)
+    result = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None, features)
 
     def components() -> dict[Path, bytes]:
         from mtu_cli.files.write import report_bytes
@@ -134,8 +147,41 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         )
         return {target: report_bytes(found)}
 
-    if target is not None and traces.plane is None:
-        expected = "--plane XY, YZ or ZX, or a column 'plane'"
-        raise error("missing-input", what="the plane", expected=expected)
     document = report.document(result, settings.digits)
     return Outcome.of(document, warnings=result.warnings, files=components)
+
+
+def _above_zero(option: str, text: str | None) -> list[float]:
+    """The numbers of an option with commas, above 0."""
+    from mtu_cli.files.traces import words
+
+    found = words(text, lambda each: number_of(option, each))
+    for value in found:
+        if value <= 0:
+            raise error("out-of-range", path=option, value=f"{value:g}", expected="above 0")
+    return found
+
+
+def _is_xml(path: Path) -> bool:
+    return path.is_file() and path.stat().st_size > 0 and begins_with(path, "<")
+
+
+def _ballbar(
+    inputs: Inputs, paths: list[Path]
+) -> tuple[dict[str, dict[str, dict[str, Any]]], str | None]:
+    """The features that a ballbar states, by file and feature, and their plane."""
+    from mtu_cli.formats.base import raw_file
+    from mtu_cli.formats.renishaw import features_of
+
+    found, planes = {}, dict[str, str]()
+    for path in paths:
+        file = raw_file(path, "traces")
+        inputs.sources.append(file.source)
+        known = features_of(file)
+        found[file.source.shown] = known["features"]
+        if "test_plane" in known:
+            planes.setdefault(known["test_plane"].upper(), file.source.shown)
+    if len(planes) > 1:
+        (one, _), (other, file_) = [*planes.items()][:2]
+        raise error("contradicts", file=file_, other="another file", value=other, expected=one)
+    return found, next(iter(planes), None)

@@ -118,7 +118,8 @@ class Imported:
         """How the file was understood, and what was left out."""
         parts = [f"{len(self.rows)} {self.kind if self.kind != DRIFT else 'drift readings'}"]
         left = [f"{count} {what}" for what, count in self.left_out.items()]
-        parts += [*self.says, f"left out: {', '.join(left) if left else 'nothing'}"]
+        # First what must not be lost where a message is cut.
+        parts += [f"left out: {', '.join(left) if left else 'nothing'}", *self.says]
         return f"{self.format}: {'; '.join(parts)}"
 
     def csv(self, order: Sequence[str] = ()) -> str:
@@ -135,14 +136,13 @@ class Imported:
 
 
 class Format(NamedTuple):
-    """One entry of the registry: what recognises a file, reads it, and writes it if documented."""
+    """One entry of the registry: what recognises a file, and reads it."""
 
     name: str
     title: str
     gives: tuple[str, ...]
     sniff: Callable[[RawFile], bool]
     read: Callable[[RawFile, Ask], Imported]
-    write: Callable[[Imported], bytes] | None = None
 
 
 def _cell(value: Any) -> str:
@@ -209,7 +209,7 @@ def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str
         found.says.append("no unit in the file")
         return ""
     if unit is None:
-        expected = "--unit um, or a machine that has the component"
+        expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)
     if stated:
         found.says.append(f"readings in {unit}, as the file says")

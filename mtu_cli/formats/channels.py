@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
+from mtu_cli.files.csv_table import Decimal
 from mtu_cli.formats.base import DRIFT, Ask, Format, Imported, RawFile, unit_in, unit_of
-from mtu_cli.formats.grid import Faults, Row, decimals, grid_of, number, said
+from mtu_cli.formats.grid import Faults, Grid, Row, decimals, grid_of, number, said
 from mtu_cli.units import UNITS, plain_unit
 
 TIME = re.compile(r"\s*(time|zeit|date|datum|timestamp|date.?time|elapsed)\b", re.I)
@@ -19,13 +21,12 @@ _DATE = re.compile(
 )
 
 
-def _header(file: RawFile) -> tuple[list[Row], int, str] | None:
+def _header(file: RawFile) -> tuple[Grid, int] | None:
     """All rows, and where the header stands: the first row that begins with a word for time."""
     grid = grid_of(file.lines)
-    for i, row in enumerate(grid.rows[:20]):
-        if len(row.cells) > 1 and TIME.match(row.cells[0]):
-            return grid.rows, i, grid.separator
-    return None
+    at = next((i for i, row in enumerate(grid.rows[:20])
+               if len(row.cells) > 1 and TIME.match(row.cells[0])), None)  # fmt: skip
+    return None if at is None else (grid, at)
 
 
 def sniff(file: RawFile) -> bool:
@@ -33,7 +34,7 @@ def sniff(file: RawFile) -> bool:
     if not file.text or file.text.lstrip().startswith("<"):
         return False
     found = _header(file)
-    return found is not None and len(found[0]) > found[1] + 1
+    return found is not None and len(found[0].rows) > found[1] + 1
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
@@ -41,42 +42,47 @@ def read(file: RawFile, ask: Ask) -> Imported:
     header = _header(file)
     if header is None:
         raise file.error("missing-input", what="a header that begins with time")
-    all_rows, at, separator = header
-    names, rows = all_rows[at].cells, all_rows[at + 1 :]
+    grid, at = header
+    names, rows = grid.rows[at].cells, grid.rows[at + 1 :]
     found, faults = Imported(format="logger", kind=DRIFT), Faults(file)
     units = [_unit(name) for name in names]
     if rows and not rows[0].cells[0].strip("-[]() ").replace("s", ""):
-        units = [_unit(f"x [{cell.strip('[]()')}]") or unit
-                 for cell, unit in zip(rows[0].cells, units, strict=False)]  # fmt: skip
-        rows = rows[1:]
+        stated = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
+        units = [own or unit for own, unit in zip(stated, units, strict=False)]
         found.says.append("one row of units")
-    for row in rows:
-        if len(row.cells) != len(names):
-            facts = {"cells": f"{len(row.cells)} cells", "expected": f"{len(names)} cells"}
-            faults.found.append(file.finding("row-length", row=row.line, **facts))
-    faults.raise_if_any()
+    faults.widths(rows, len(names))
     found.drop("lines above the header", at)
-    columns = ([row.cells[i] for row in rows] for i in range(len(names)))
-    signs = decimals(file, columns, ask.decimal, separator)
-    key, times = _times(file, names[0], rows, signs[0], faults)
-    values: list[list[float | None]] = []
-    for i in range(1, len(names)):
-        values.append([number(row.cells[i], signs[i]) for row in rows])
-        for row, value in zip(rows, values[-1], strict=True):
+    columns = [[row.cells[i] for row in rows] for i in range(len(names))]
+    signs = decimals(file, columns, ask.decimal, grid.separator)
+    times = _times(file, names[0], rows, signs[0], faults)
+    values = [[number(cell, sign) for cell in column]
+              for column, sign in zip(columns[1:], signs[1:], strict=True)]  # fmt: skip
+    for i, column in enumerate(values, 1):
+        for row, value in zip(rows, column, strict=True):
             if value is None:
                 faults.cell(row.line, names[i], row.cells[i])
     faults.raise_if_any()
     lines = [row.line for row in rows]
-    _assemble(file, ask, found, names[1:], units[1:], (key, times), values, lines)
-    found.says[:0] = [said(grid_of(file.lines[:50], separator=separator), signs)]
+    _assemble(file, ask, found, names[1:], units[1:], times, values, lines)
+    found.says[:0] = [said(grid, signs)]
     return found
 
 
 def _unit(name: str) -> str | None:
-    plain = plain_unit(name)
-    if re.search(r"degC\b|[\[( _]C[\])]?$", plain):
+    if re.search(r"degC\b|[\[( _]C[\])]?$", plain_unit(name)):
         return "degC"
     return unit_in(name)
+
+
+def _plain(name: str) -> str:
+    """A channel's name as that of a component: without its unit."""
+    return re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", name)).strip("_")
+
+
+def _sensor(name: str) -> str:
+    plain = re.sub(r"[\[(].*|_?degC$", "", plain_unit(name))
+    plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
+    return f"T_{plain}_degC"
 
 
 def _assemble(
@@ -99,54 +105,44 @@ def _assemble(
     other = len(names) - len(sensors) - len(probes)
     found.drop("channels without a unit of temperature, length or angle", other)
     for i in probes:
-        unit = unit_of(file, ask, found, units[i])
-        component = ask.component or re.sub(r"\W+", "_", re.sub(r"[\[(].*", "", names[i])).strip(
-            "_"
-        )
+        unit, component = unit_of(file, ask, found, units[i]), ask.component or _plain(names[i])
         for n, line in enumerate(lines):
-            heat = {name: values[j][n] for j, name in sensors.items()}
             found.add(line, component=component, error=values[i][n], unit=unit, cycle="1",
-                      **{times[0]: times[1][n]}, **heat)  # fmt: skip
+                      **{times[0]: times[1][n]},
+                      **{name: values[j][n] for j, name in sensors.items()})  # fmt: skip
     found.says.append("one cycle: split it by a --map profile with cycles")
 
 
-def _sensor(name: str) -> str:
-    plain = re.sub(r"[\[(].*|_?degC$", "", plain_unit(name))
-    plain = re.sub(r"[^A-Za-z0-9]+", "_", re.sub(r"^T[ _-]+", "", plain)).strip("_")
-    return f"T_{plain}_degC"
-
-
 def _times(
-    file: RawFile, name: str, rows: Sequence[Row], sign: Any, faults: Faults
+    file: RawFile, name: str, rows: Sequence[Row], sign: Decimal, faults: Faults
 ) -> tuple[str, list[Any]]:
     """The column's name in the contract, and its cells: minutes, or ISO 8601 times."""
-    texts = [row.cells[0] for row in rows]
-    matches = [_DATE.fullmatch(text) for text in texts]
-    if not any(matches):
-        unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
-        if unit is None:
-            facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
-            raise file.error("undecided", **facts)
-        values = [number(text, sign) for text in texts]
-        for row, value in zip(rows, values, strict=True):
-            if value is None:
-                faults.cell(row.line, name, row.cells[0])
-        return "time_min", [value and value * PER_MINUTE[unit[1]] for value in values]
-    known = [match for match in matches if match]
+    matches = [_DATE.fullmatch(row.cells[0]) for row in rows]
+    known, found = [match for match in matches if match], list[Any]()
+    unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
+    if not known and unit is None:
+        facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
+        raise file.error("undecided", **facts)
     slashed = [match for match in known if match[2] == "/" and len(match[1]) < 3]
     day_first = any(int(match[1]) > 12 for match in slashed)
     if slashed and not day_first and not any(int(match[3]) > 12 for match in slashed):
         what = "day or month first in the times"
         raise file.error("undecided", what=what, expected="a day after the 12th, or ISO 8601")
-    found = list[Any]()
     for row, match in zip(rows, matches, strict=True):
+        text = row.cells[0]
+        if not known and unit:
+            value = number(text, sign)
+            found.append(value and value * PER_MINUTE[unit[1]])
+            if value is None:
+                faults.cell(row.line, name, text)
+            continue
         try:
             if match is None:
                 raise ValueError
             found.append(_iso(match, day_first or match[2] != "/"))
         except ValueError:
-            faults.cell(row.line, name, row.cells[0], "a date and time")
-    return "time", found
+            faults.cell(row.line, name, text, "a date and time")
+    return ("time" if known else "time_min"), found
 
 
 def _iso(match: re.Match[str], day_first: bool) -> str:
@@ -158,13 +154,11 @@ def _iso(match: re.Match[str], day_first: bool) -> str:
 
 
 def read_tdms(file: RawFile, ask: Ask) -> Imported:
-    """Channels of equal length of the first group that has a probe; needs nptdms."""
+    """Channels of the first group, as long as the shortest; needs nptdms."""
     try:
         from nptdms import TdmsFile
     except ImportError:
         raise file.error("missing-input", what="nptdms", expected="mtu-cli[tdms]") from None
-    import io
-
     try:
         groups = TdmsFile.read(io.BytesIO(file.content)).groups()
     except Exception as fault:

@@ -164,6 +164,14 @@ class Faults:
         place = {"row": row, "column": column, "expected": expected}
         self.found.append(self.file.finding(code, **place, **facts))
 
+    def widths(self, rows: Iterable[Row], wanted: int, fewest: int | None = None) -> None:
+        """Raises InputError with every row that has not as many cells as the header."""
+        for row in rows:
+            if len(row.cells) < fewest if fewest else len(row.cells) != wanted:
+                facts = {"cells": f"{len(row.cells)} cells", "expected": f"{wanted} cells"}
+                self.found.append(self.file.finding("row-length", row=row.line, **facts))
+        self.raise_if_any()
+
     def raise_if_any(self) -> None:
         """Raises InputError with every fault."""
         if self.found:

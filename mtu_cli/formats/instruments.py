@@ -19,9 +19,12 @@ from mtu_cli.findings import InputError, listed, nearest, shorten
 from mtu_cli.formats.base import DRIFT, POINTS, READINGS, Ask, Format, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
 
-MODULES = ("renishaw", "xml_files", "ecmc", "text_blocks", "coordinates", "dfq", "channels", "wide")
+MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
-KIND_OF = dict.fromkeys(("lbb", "laser", "before"), READINGS) | {DRIFT_ROLE: DRIFT, "cmm": POINTS}
+KIND_OF = dict.fromkeys(("lbb", "laser", "before", "verify"), READINGS) | {
+    DRIFT_ROLE: DRIFT,
+    "cmm": POINTS,
+}
 SPECS: dict[str, TableSpec] = {READINGS: READINGS_SPEC, DRIFT: READINGS_SPEC, POINTS: POINTS_SPEC}
 CONTRACT = "contract-csv"
 HEAD = 1 << 16

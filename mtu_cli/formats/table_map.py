@@ -10,11 +10,19 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from mtu_cli.files.contract import Contract, Faults, check_contract, optional
-from mtu_cli.files.csv_table import Decimal
 from mtu_cli.files.headers import TIMES, TableSpec
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.findings import suggestion
-from mtu_cli.formats.base import FORWARD, READINGS, REVERSE, Ask, Imported, RawFile, unit_of
+from mtu_cli.formats.base import (
+    FORWARD,
+    POINTS,
+    READINGS,
+    REVERSE,
+    Ask,
+    Imported,
+    RawFile,
+    unit_of,
+)
 from mtu_cli.formats.grid import Faults as Cells
 from mtu_cli.formats.grid import Row, decimals, grid_of, number, said
 from mtu_cli.formats.wide import way_of
@@ -76,167 +84,137 @@ def read_with(
     file: RawFile, ask: Ask, profile: Profile, specs: Mapping[str, TableSpec]
 ) -> Imported:
     """The table of a file as its profile says; every bad cell at once."""
-    kind = ask.kind if ask.kind in specs else READINGS
+    kind = str(ask.kind if ask.kind in specs else READINGS)
+    skip, unpivot = profile.skip_rows, profile.unpivot
     sign = WORDS.get(profile.separator or "", profile.separator)
-    skip = profile.skip_rows
     grid = grid_of(file.lines[skip:], skip + 1, sign)
     if len(grid.rows) < 2:
         raise file.error("empty-file", what="rows", expected="a header and rows below it")
-    header, rows = grid.rows[0], grid.rows[1:]
-    found, cells = Imported(format="table", kind=str(kind)), Cells(file)
-    for row in rows:
-        if len(row.cells) != len(header.cells):
-            facts = {"cells": f"{len(row.cells)} cells", "expected": f"{len(header.cells)} cells"}
-            cells.found.append(file.finding("row-length", row=row.line, **facts))
-    place = _places(file, header, profile, cells)
-    cells.raise_if_any()
-    signs = decimals(file, ([row.cells[i] for row in rows] for i in range(len(header.cells))),
-                     ask.decimal or profile.decimal, grid.separator)  # fmt: skip
-    table = _Table(file, profile, header.cells, place, signs, cells)
-    spec = specs[str(kind)]
-    ways = _ways(profile, ask)
-    cycle, start, left = 1, None, False
-    for row in rows:
-        base = table.cells_of(row, spec)
-        if profile.cycles:
-            level = row.cells[place[profile.cycles.from_]]
-            start = level if start is None else start
-            cycle += left and level == start
-            left = level != start
-            base["cycle"] = str(cycle)
-        for name, index, nth in table.unpivoted():
-            made = dict(base)
-            if name:
-                text = row.cells[index]
-                if not text:
-                    found.drop("empty cells")
-                    continue
-                made[name] = table.value(row, name, index)
-                made |= _named(profile, header.cells[index], nth, ways)
-            found.add(row.line, **table.worked(made, row))
-    cells.raise_if_any()
-    used = {*place.values(), *(i for name, i, _ in table.unpivoted() if name)}
-    unused = [cell for i, cell in enumerate(header.cells) if i not in used]
+    header, rows = grid.rows[0].cells, grid.rows[1:]
+    found, faults = Imported(format="table", kind=kind), Cells(file)
+    place = _places(file, grid.rows[0], profile, faults)
+    faults.widths(rows, len(header))
+    cells = [[row.cells[i] for row in rows] for i in range(len(header))]
+    signs = decimals(file, cells, ask.decimal or profile.decimal, grid.separator)
+
+    def numbers(index: int, *, may_be_empty: bool = False) -> list[Any]:
+        """The numbers of a column; what is none is a fault."""
+        values = [number(cell, signs[index]) for cell in cells[index]]
+        for row, cell, value in zip(rows, cells[index], values, strict=True):
+            if value is None and (cell or not may_be_empty):
+                faults.cell(row.line, header[index], cell)
+        return values
+
+    columns = dict[str, list[Any]]()
+    for name in {**profile.columns, **dict.fromkeys(profile.subtract.values())}:
+        index, known = place[name], specs[kind].columns.get(name)
+        if (
+            name in (*NUMBERS, *profile.scale, *profile.subtract.values())
+            or (known and known.kind == "number" and name not in TIMES)
+        ):  # fmt: skip
+            columns[name] = numbers(index)
+        elif known:
+            columns[name] = cells[index]
+        else:
+            values = [number(cell, signs[index]) for cell in cells[index]]
+            columns[name] = [cell if value is None else value
+                             for cell, value in zip(cells[index], values, strict=True)]  # fmt: skip
+    if profile.cycles:
+        columns["cycle"] = _cycles(cells[place[profile.cycles.from_]])
+    made_rows: list[dict[str, Any]] = [{}]
+    turned: list[list[Any]] = [[0.0] * len(rows)]
+    if unpivot:
+        turned = [numbers(place[name], may_be_empty=True) for name in unpivot.columns]
+        made_rows = _turned(unpivot, ask)
+    faults.raise_if_any()
+    for i, row in enumerate(rows):
+        base = {**profile.constants, **{name: values[i] for name, values in columns.items()}}
+        for named, values in zip(made_rows, turned, strict=True):
+            if unpivot and values[i] is None:
+                found.drop("empty cells")
+                continue
+            own = base | ({unpivot.into: values[i]} if unpivot else {}) | named
+            found.add(row.line, **_worked(profile, own))
+    unused = [cell for i, cell in enumerate(header) if i not in place.values()]
     found.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
     found.drop("lines above the header", skip)
-    _complete(file, ask, found, kind == READINGS or kind == "drift")
+    if kind != POINTS and found.rows:
+        _complete(file, ask, found)
     found.says[:0] = [said(grid, signs), *(f"{a} less {b}" for a, b in profile.subtract.items()),
                       *(f"{name} times {by:g}" for name, by in profile.scale.items())]  # fmt: skip
     return found
 
 
-def _places(file: RawFile, header: Row, profile: Profile, cells: Cells) -> dict[str, int]:
+def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict[str, int]:
     """The index of each column that the profile names; headings are compared without case."""
-    names = [re.sub(r"\s+", " ", cell).casefold() for cell in header.cells]
-    wanted = dict(profile.columns)
-    own = {*wanted, *profile.constants}
+
+    def plain(text: object) -> str:
+        return re.sub(r"\s+", " ", str(text)).casefold()
+
+    names, found = [plain(cell) for cell in header.cells], dict[str, int]()
     others = [*profile.subtract.values(), *([profile.cycles.from_] if profile.cycles else [])]
     others += profile.unpivot.columns if profile.unpivot else []
-    wanted |= {name: name for name in others if name not in own}
-    found = dict[str, int]()
+    wanted = {name: name for name in others if name not in profile.constants} | profile.columns
     for name, heading in wanted.items():
         if isinstance(heading, int) and 1 <= heading <= len(names):
             found[name] = heading - 1
-            continue
-        plain = re.sub(r"\s+", " ", str(heading)).casefold()
-        if names.count(plain) == 1:
-            found[name] = names.index(plain)
-            continue
-        code = "appears-twice" if plain in names else "missing-column"
-        facts = {"what": f"the column {heading!r}"} if plain in names else {}
-        hint = {"expected": f"one of: {', '.join(header.cells[:12])}"}
-        cells.found.append(
-            file.finding(code, row=header.line, column=str(heading), **facts, **hint)
-        )
+        elif names.count(plain(heading)) == 1:
+            found[name] = names.index(plain(heading))
+        else:
+            twice = plain(heading) in names
+            code = "appears-twice" if twice else "missing-column"
+            facts = {"what": f"the column {heading!r}"} if twice else {}
+            facts |= {"expected": f"one of: {', '.join(header.cells[:12])}"}
+            faults.found.append(file.finding(code, row=header.line, column=str(heading), **facts))
+    faults.raise_if_any()
     return found
 
 
-class _Table:
-    """The cells of a row under the names of the contract."""
-
-    def __init__(self, file: RawFile, profile: Profile, header: list[str], place: dict[str, int],
-                 signs: list[Decimal], cells: Cells) -> None:  # fmt: skip
-        self.profile, self.header, self.place = profile, header, place
-        self.signs, self.cells = signs, cells
-
-    def unpivoted(self) -> list[tuple[str, int, int]]:
-        """Target column, index and number of each column that becomes rows; one of "" without."""
-        unpivot = self.profile.unpivot
-        if unpivot is None:
-            return [("", 0, 0)]
-        return [(unpivot.into, self.place[name], n) for n, name in enumerate(unpivot.columns)]
-
-    def value(self, row: Row, name: str, index: int) -> float | None:
-        """A number of a row; what is none is a fault."""
-        cell = row.cells[index]
-        value = number(cell, self.signs[index])
-        if value is None:
-            self.cells.cell(row.line, self.header[index], cell)
-        return value
-
-    def cells_of(self, row: Row, spec: TableSpec) -> dict[str, Any]:
-        """Constants and columns of a row."""
-        found: dict[str, Any] = dict(self.profile.constants)
-        subtracted = {*self.profile.subtract.values()}
-        for name, index in self.place.items():
-            if name not in self.profile.columns and name not in subtracted:
-                continue
-            cell = row.cells[index]
-            column = spec.columns.get(name)
-            numeric = name in NUMBERS or name in self.profile.scale or name in subtracted
-            if not numeric and column is None:
-                found[name] = number(cell, self.signs[index])
-                found[name] = cell if found[name] is None else found[name]
-            elif numeric or (column and column.kind == "number" and name not in TIMES):
-                found[name] = self.value(row, name, index)
-            else:
-                found[name] = cell
-        return found
-
-    def worked(self, made: dict[str, Any], row: Row) -> dict[str, Any]:
-        """Scaled to the units of the contract, and less what is subtracted."""
-        for name, by in self.profile.scale.items():
-            if isinstance(made.get(name), float):
-                made[name] *= by
-        for name, text in self.profile.units.items():
-            unit = plain_unit(text)
-            if name == "error":
-                made["unit"] = unit
-            elif isinstance(made.get(name), float):
-                made[name] *= UNITS[unit].to_internal
-        for name, other in self.profile.subtract.items():
-            if isinstance(made.get(name), float) and isinstance(made.get(other), float):
-                made[name] -= made[other]
-        hidden = {*self.profile.subtract.values()} - {*self.profile.columns}
-        return {name: value for name, value in made.items() if name not in hidden}
+def _cycles(levels: list[str]) -> list[str]:
+    """Cycles are counted where the set-point returns to its first value."""
+    found, cycle, left = list[str](), 1, False
+    for level in levels:
+        cycle += left and level == levels[0]
+        left = level != levels[0]
+        found.append(str(cycle))
+    return found
 
 
-def _ways(profile: Profile, ask: Ask) -> list[str]:
-    """The direction of each column that becomes rows; "" where none is stated."""
-    unpivot = profile.unpivot
-    if unpivot is None:
-        return []
-    how = ask.directions or unpivot.directions
-    if how == "headings":
-        return [way_of(name) or "" for name in unpivot.columns]
-    if how == "alternate":
-        return [(FORWARD, REVERSE)[n % 2] for n in range(len(unpivot.columns))]
-    return [how or ""] * len(unpivot.columns)
-
-
-def _named(profile: Profile, heading: str, nth: int, ways: list[str]) -> dict[str, Any]:
-    """Name and direction of an unpivoted cell; passes are counted in each direction."""
-    unpivot = profile.unpivot
-    assert unpivot is not None
+def _turned(unpivot: Unpivot, ask: Ask) -> list[dict[str, Any]]:
+    """Name and direction of each column that becomes rows; passes are counted in each direction."""
+    how, ways = ask.directions or unpivot.directions, list[str]()
+    for n, name in enumerate(unpivot.columns):
+        alternating = (FORWARD, REVERSE)[n % 2]
+        ways.append({"headings": way_of(name), "alternate": alternating}.get(how or "", how) or "")
     numbered = unpivot.names == "pass"
-    made: dict[str, Any] = {unpivot.names: ways[:nth].count(ways[nth]) + 1 if numbered else heading}
-    return made | ({"direction": ways[nth]} if ways[nth] else {})
+    return [
+        {unpivot.names: ways[:n].count(ways[n]) + 1 if numbered else name}
+        | ({"direction": ways[n]} if ways[n] else {})
+        for n, name in enumerate(unpivot.columns)
+    ]
 
 
-def _complete(file: RawFile, ask: Ask, found: Imported, readings: bool) -> None:
+def _worked(profile: Profile, made: dict[str, Any]) -> dict[str, Any]:
+    """Scaled to the units of the contract, and less what is subtracted."""
+    factors = dict(profile.scale)
+    for name, text in profile.units.items():
+        unit = plain_unit(text)
+        if name == "error":
+            made["unit"] = unit
+        else:
+            factors[name] = factors.get(name, 1.0) * UNITS[unit].to_internal
+    for name, by in factors.items():
+        if isinstance(made.get(name), float):
+            made[name] *= by
+    for name, other in profile.subtract.items():
+        if isinstance(made.get(name), float) and isinstance(made.get(other), float):
+            made[name] -= made[other]
+    hidden = {*profile.subtract.values()} - {*profile.columns}
+    return {name: value for name, value in made.items() if name not in hidden}
+
+
+def _complete(file: RawFile, ask: Ask, found: Imported) -> None:
     """Component and unit of readings, from the caller where the profile has none."""
-    if not readings or not found.rows:
-        return
     if ask.component:
         found.columns["component"] = [ask.component] * len(found.rows)
     elif "component" not in found.columns:

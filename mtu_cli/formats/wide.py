@@ -1,5 +1,6 @@
 """A matrix of targets x runs, as spreadsheets and evaluation programs have it: the target first,
-then one column a run; directions from the headings.
+then one column a run; directions from the headings. Aerotech's laser text holds one below
+``Raw Data:``.
 """
 
 from __future__ import annotations
@@ -34,17 +35,17 @@ DIRECTIONS = ("alternate", FORWARD, REVERSE)
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """The numeric part of a text table: rows that begin with a number, and the rows above."""
+    """The numeric part of a text table: rows that begin with a number, and the rows about it."""
 
-    grid: Grid
     above: list[Row]
     rows: list[Row]
     below: list[Row]
+    separator: str
 
     @property
     def width(self) -> int:
         """Columns of most of its rows."""
-        return Grid(self.grid.separator, self.rows).width
+        return Grid(self.separator, self.rows).width
 
     @property
     def names(self) -> list[str]:
@@ -55,19 +56,18 @@ class Block:
         return [str(i) for i in range(1, self.width + 1)]
 
 
-def is_number(cell: str) -> bool:
-    """Whether a cell may be a number, with either decimal sign."""
-    return bool(evidence(cell)) or number(cell, ".") is not None or number(cell, ",") is not None
-
-
 def block_of(grid: Grid) -> Block | None:
     """The rows from the first to the last that begin with a number; None of fewer than two."""
-    numeric = [i for i, row in enumerate(grid.rows) if len(row.cells) > 1
-               and is_number(row.cells[0]) and any(map(is_number, row.cells[1:]))]  # fmt: skip
-    if len(numeric) < 2:
+
+    def numeric(cell: str) -> bool:
+        return bool(evidence(cell)) or any(number(cell, sign) is not None for sign in (".", ","))
+
+    found = [i for i, row in enumerate(grid.rows) if len(row.cells) > 1
+             and numeric(row.cells[0]) and any(map(numeric, row.cells[1:]))]  # fmt: skip
+    if len(found) < 2:
         return None
-    first, last = numeric[0], numeric[-1] + 1
-    return Block(grid, grid.rows[:first], grid.rows[first:last], grid.rows[last:])
+    first, last = found[0], found[-1] + 1
+    return Block(grid.rows[:first], grid.rows[first:last], grid.rows[last:], grid.separator)
 
 
 def way_of(heading: str) -> str | None:
@@ -85,40 +85,50 @@ def way_of(heading: str) -> str | None:
 
 
 def sniff(file: RawFile) -> bool:
-    """Whether most of it is a numeric table with strictly ordered targets in its first column."""
+    """Whether most of it is a numeric table with different targets in its first column."""
     if not file.text or file.text.lstrip().startswith(("<", "{")):
         return False
     block = block_of(grid_of(file.lines))
     if block is None or block.width < 2 or len(block.below) > len(block.rows):
         return False
     texts = [row.cells[0] for row in block.rows]
-    values = [number(text, "," if any(evidence(t) == "," for t in texts) else ".")
-              for text in texts]  # fmt: skip
-    known = [value for value in values if value is not None]
+    sign = "," if any(evidence(text) == "," for text in texts) else "."
+    known = [x for text in texts if (x := number(text, "," if sign == "," else ".")) is not None]
     return len(set(known)) == len(known) >= 2
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
     """Each cell below a run as a reading; an empty one is counted and left out."""
-    block = block_of(grid_of(file.lines))
+    return _read(file, ask, file.lines, Imported(format="wide"))
+
+
+def read_laser(file: RawFile, ask: Ask) -> Imported:
+    """The table below ``Raw Data:``, one column a run; the other blocks are counted."""
+    start = next(i for i, line in enumerate(file.lines) if line.startswith("Raw Data:"))
+    end = next((i for i in range(start + 1, len(file.lines))
+                if re.match(r"[A-Z][\w ]+:\s*$", file.lines[i])), len(file.lines))  # fmt: skip
+    found = Imported(format="laser-text")
+    others = sum(map(bool, map(str.strip, file.lines[:start] + file.lines[end:])))
+    found.drop("lines of the other blocks (comments, environment, statistics)", others)
+    # Blank lines keep the numbers of the file's own.
+    return _read(file, ask, [""] * (start + 1) + file.lines[start + 1 : end], found)
+
+
+def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Imported:
+    block, faults = block_of(grid_of(lines)), Faults(file)
     if block is None:
         raise file.error("empty-file", what="table of numbers", expected="targets and runs")
-    found, faults, names = Imported(format="wide"), Faults(file), block.names
-    rows = [row for row in block.rows if len(row.cells) == block.width]
-    for row in block.rows:
-        if len(row.cells) != block.width:
-            facts = {"cells": f"{len(row.cells)} cells", "expected": f"{block.width} cells"}
-            faults.found.append(file.finding("row-length", row=row.line, **facts))
-    runs = [i for i in range(1, block.width) if not SUMMARY.search(names[i])]
-    found.drop("calculated columns", block.width - 1 - len(runs))
+    names, rows, width = block.names, block.rows, block.width
+    runs = [i for i in range(1, width) if not SUMMARY.search(names[i])]
+    found.drop("calculated columns", width - 1 - len(runs))
     found.drop("lines above the table", max(0, len(block.above) - 1))
     found.drop("lines below the table", len(block.below))
-    faults.raise_if_any()
+    faults.widths(rows, width)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
-    ways, how = _ways(block, runs, ask)
-    signs = decimals(file, ([row.cells[i] for row in rows] for i in range(block.width)),
-                     ask.decimal, block.grid.separator)  # fmt: skip
+    ways, how = _ways(block, runs, ask, found)
+    columns = ([row.cells[i] for row in rows] for i in range(width))
+    signs = decimals(file, columns, ask.decimal, block.separator)
     component = need_component(file, ask)
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
     above = {unit for row in block.above for cell in row.cells if (unit := unit_in(cell))}
@@ -126,38 +136,33 @@ def read(file: RawFile, ask: Ask) -> Imported:
     if len(stated) > 1:
         raise file.error("undecided", what=f"the unit: {', '.join(sorted(stated))}")
     unit = unit_of(file, ask, found, next(iter(stated), None))
-    targets, values = list[float](), list[float]()
     for row in rows:
         target = number(row.cells[0], signs[0])
         if target is None:
             faults.cell(row.line, names[0], row.cells[0])
             continue
         for nth, i in enumerate(runs):
-            cell = row.cells[i]
-            value = number(cell, signs[i])
-            if not cell:
+            value = number(row.cells[i], signs[i])
+            if not row.cells[i]:
                 found.drop("empty cells")
             elif value is None:
-                faults.cell(row.line, names[i], cell)
+                faults.cell(row.line, names[i], row.cells[i])
             else:
-                before = ways[:nth].count(ways[nth])
                 found.add(row.line, component=component, position_mm=target,
-                          **{"pass": before + 1}, direction=ways[nth], error=value,
-                          unit=unit)  # fmt: skip
-                targets.append(target)
-                values.append(value)
+                          **{"pass": ways[:nth].count(ways[nth]) + 1}, direction=ways[nth],
+                          error=value, unit=unit)  # fmt: skip
     faults.raise_if_any()
-    if not values:
+    if not found.rows:
         raise file.error("empty-file", what="readings", expected="numbers below the runs")
-    refuse_positions(file, targets, values, rows[0].line)
-    found.says[:0] = [said(block.grid, signs), how, f"{len(rows)} targets x {len(runs)} runs"]
+    targets = found.columns["position_mm"]
+    refuse_positions(file, targets, found.columns["error"], rows[0].line)
+    grid = Grid(block.separator, rows)
+    found.says[:0] = [said(grid, signs), how, f"{len(rows)} targets x {len(runs)} runs"]
     found.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
-    if how.startswith("directions not"):
-        found.doubts.append("directions are not stated: taken as alternating")
     return found
 
 
-def _ways(block: Block, runs: list[int], ask: Ask) -> tuple[list[str], str]:
+def _ways(block: Block, runs: list[int], ask: Ask, found: Imported) -> tuple[list[str], str]:
     """The direction of each run, and where it was read."""
     if ask.directions in (FORWARD, REVERSE):
         return [ask.directions] * len(runs), f"all runs {ask.directions}, as given"
@@ -166,8 +171,16 @@ def _ways(block: Block, runs: list[int], ask: Ask) -> tuple[list[str], str]:
             ways = [way_of(row.cells[i]) for i in runs]
             if None not in ways:
                 return [way or "" for way in ways], "directions from the headings"
-    how = "alternating, as given" if ask.directions else "not stated, taken as alternating"
-    return [(FORWARD, REVERSE)[n % 2] for n in range(len(runs))], f"directions {how}"
+    alternating = [(FORWARD, REVERSE)[n % 2] for n in range(len(runs))]
+    if ask.directions:
+        return alternating, "directions alternating, as given"
+    found.doubts.append("directions are not stated: taken as alternating")
+    return alternating, "directions not stated, taken as alternating"
 
 
-FORMATS = (Format("wide", "a matrix of targets x runs", (READINGS,), sniff, read),)
+FORMATS = (
+    Format("laser-text", "Aerotech laser text", (READINGS,),
+           lambda file: "\nRaw Data:" in f"\n{file.text}" and "Target Position" in file.text,
+           read_laser),
+    Format("wide", "a matrix of targets x runs", (READINGS,), sniff, read),
+)  # fmt: skip

@@ -101,6 +101,18 @@ class SimulatedReadings:
     direction: np.ndarray
     error: FloatArray
 
+    def of(self, *names: str) -> SimulatedReadings:
+        """The readings of some components."""
+        rows = np.flatnonzero(np.isin(self.component, names))
+        return SimulatedReadings(
+            component=tuple(self.component[i] for i in rows),
+            unit=tuple(self.unit[i] for i in rows),
+            position=self.position[rows],
+            pass_number=self.pass_number[rows],
+            direction=self.direction[rows],
+            error=self.error[rows],
+        )
+
 
 def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
     """Readings of every component: its polynomial, a draw of D a pass, together for components read

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.circular import CircularResult, circle_fit
+from mtu_cli.findings import error
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, bars, blank, styled, title
@@ -53,6 +54,17 @@ TRACE = declare(
     samples=lambda item: len(item.trace.angle),
     **UNIT,
 )
+STATED = declare(
+    """
+    file | | file of the instrument | file, text
+    feature | | its feature | feature, text
+    cause | | what it is in the diagnosis; null: nothing of that kind | cause, text
+    value | | as the instrument states it, with its sign | stated, sig4
+    unit | | its unit | unit, text
+    ours | | the figure of the diagnosis; null without traces, or in another unit | ours, u=u
+    u | | standard uncertainty of that | u
+    """
+)
 RESULTS = declare(
     """
     plane | traces.plane | XY, YZ or ZX, first axis to second counter-clockwise; null: not stated
@@ -62,6 +74,7 @@ RESULTS = declare(
         null of one direction | -, size=size()
     D | | um: mean bidirectional radial deviation; null of one direction | -, size=size()
     diagnosis[] | causes | *row
+    instrument[] | instrument | *stated
     remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
         reversal
     remainder.range_um | remainder_range | its range
@@ -70,12 +83,22 @@ RESULTS = declare(
     """,
     trace=TRACE,
     row=ROW,
+    stated=STATED,
     **UNIT,
 )
 
 
 def document(result: CircularResult, digits: int = 2) -> Document:
-    """One row a cause; the traces below."""
+    """One row a cause; the traces below, and what the instrument states."""
+    stated_by = Table(
+        "Stated by the instrument",
+        STATED,
+        result.instrument,
+        "a, b: first and second axis of the plane; signs as the instrument has them",
+    )
+    if not result.figures:
+        verdict = f"{len(result.instrument)} features stated by the instrument; no traces."
+        return Document("Circular test", (RESULTS, result), [stated_by], undrawn, verdict, digits)
     plane = f"{result.traces.plane}, " if result.traces.plane else ""
     heading = f"Causes, {plane}radius {result.traces.radius:g} mm"
     footer = (
@@ -88,9 +111,14 @@ def document(result: CircularResult, digits: int = 2) -> Document:
         Table(heading, ROW, result.causes, footer, [note], shown=causes),
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
-    figure = partial(polar, result, digits)
-    return Document("Circular test", (RESULTS, result), tables, figure, _verdict(result, digits),
-                    digits)  # fmt: skip
+    tables += [stated_by] if result.instrument else []
+    figure, verdict = partial(polar, result, digits), _verdict(result, digits)
+    return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
+
+
+def undrawn() -> Page:
+    """There is nothing to draw without traces."""
+    raise error("not-applicable", reason="features without traces are not drawn", path="--plot")
 
 
 def stated(cause: Cause, digits: int) -> str:

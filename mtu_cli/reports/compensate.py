@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.compensate import CompensateResult
-from mtu_cli.formats.control.errors import Controller, ErrorTable
+from mtu_cli.analyses.compensate import CompensateResult, Figures
+from mtu_cli.findings import error
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, ORANGE, blank, styled
@@ -19,31 +19,56 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class _Sized:
-    """An item with the unit of its component's errors."""
+class Placed(NamedTuple):
+    """A point of the table or a move with its place: mm, or of a rotary axis deg; `um` or `arcsec`
+    is the item itself, by the unit of its errors, of that `size`.
+    """
 
-    def __init__(self, item: Any, unit: str, size: float, quantum: float) -> None:
-        self.item, self.unit, self.size, self.quantum = item, unit, size, quantum
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.item, name)
-
-
-def _points(result: CompensateResult) -> list[_Sized]:
-    own = (result.unit, result.size, result.quantum)
-    return [_Sized(point, *own) for point in result.points]
+    item: Any
+    mm: float | None
+    deg: float | None
+    um: Any
+    arcsec: Any
+    unit: str
+    size: float
+    quantum: float
 
 
-def _figures(name: str) -> Any:
-    def found(result: CompensateResult) -> Any:
-        each = getattr(result, name)
-        return None if each is None else _Sized(each, result.unit, result.size, 0.0)
+def _placed(result: CompensateResult, places: Any, items: Any) -> list[Placed]:
+    rotary, angle = result.asked.rotary, result.asked.angle
+    return [
+        Placed(
+            item=item,
+            mm=None if rotary else at,
+            deg=at if rotary else None,
+            um=None if angle else item,
+            arcsec=item if angle else None,
+            unit=result.unit,
+            size=result.size,
+            quantum=result.quantum,
+        )
+        for at, item in zip(places, items, strict=True)
+    ]
+
+
+def _points(result: CompensateResult) -> list[Placed]:
+    """Points of the table: errors asked for and held, forward and reverse."""
+    values = np.vstack([result.asked.errors, result.held.errors]).T
+    return _placed(result, result.asked.at.tolist(), values.tolist())
+
+
+def _moves(result: CompensateResult) -> list[Placed]:
+    return _placed(result, [move.command for move in result.moves], result.moves)
+
+
+def _scaled(name: str) -> Any:
+    """The figures of the result by that name in its unit."""
+
+    def found(result: CompensateResult) -> Figures | None:
+        own = getattr(result, name)
+        return None if own is None else Figures(*(each / result.size for each in own))
 
     return found
-
-
-def _median(values: Any) -> float:
-    return float(np.median(values))
 
 
 def _interval(values: Any) -> list[float]:
@@ -56,40 +81,44 @@ MEANS = {
     "M": "range of the mean of both directions",
     "rms": "root mean square of the mean errors",
 }
-BEFORE = declare(
-    "\n".join(f"{name} | {name} | {text} | -, size=size" for name, text in MEANS.items())
-)
+BEFORE = declare("\n".join(f"{name} | | {text} | -" for name, text in MEANS.items()))
 AFTER = declare(
     "\n".join(
-        f"{name}.median | median({name}) | of a new test with the table: {text} | -, size=size\n"
-        f"{name}.interval95 | interval({name}) | interval of 95 of 100 such tests "
-        f"| -, interval, size=size"
+        f"{name}.median | median({name}) | of a new test with the table: {text} | -\n"
+        f"{name}.interval95 | interval({name}) | interval of 95 of 100 such tests | -, interval"
         for name, text in MEANS.items()
     ),
-    median=_median,
+    median=np.median,
     interval=_interval,
 )
-POINT = declare(
-    """
-    position_mm | position | machine position | position, mm
-    unit | unit | unit of errors | -
-    forward | forward | error asked for, forward | forward, u=quantum, unit=, size=size
-    reverse | reverse | error asked for, reverse | reverse, u=quantum, unit=, size=size
-    held_forward | held_forward | as read back from the file, forward \
-        | forward held, u=quantum, unit=, size=size
-    held_reverse | held_reverse | as read back from the file, reverse \
-        | reverse held, u=quantum, unit=, size=size
+PLACE = """
+    {name}_mm | mm | {what}; null of a rotary axis | {name} / mm, mm
+    {name}_deg | deg | the same of a rotary axis | {name} / deg, mm
+"""
+SHARED = "u=quantum, unit=, size=size"
+ROW = POINT = declare(
+    PLACE.format(name="position", what="machine position")
+    + f"""
+    unit | | unit of errors | -
+    forward | item.0 | error asked for, forward | forward, {SHARED}
+    reverse | item.1 | error asked for, reverse | reverse, {SHARED}
+    held_forward | item.2 | as read back from the file, forward | forward held, {SHARED}
+    held_reverse | item.3 | as read back from the file, reverse | reverse held, {SHARED}
     """
 )
 MOVE = declare(
+    PLACE.format(name="command", what="position to move to, as the readings count it")
+    + "    direction | item.direction | from which side | direction, text\n"
+    + "".join(
+        f"""
+    expect_without_{unit} | {unit}.without | error expected without the table | without, u={unit}.u
+    expect_with_{unit} | {unit}.with_table | error expected with it | with, u={unit}.u
+    expect_wrong_sign_{unit} | {unit}.wrong_sign | error expected with the wrong sign \
+        | wrong sign, u={unit}.u
+    u_{unit} | {unit}.u | standard uncertainty of one such reading | u, u={unit}.u
     """
-    command_mm | command | position to move to, as the readings count it | command, mm
-    direction | direction | from which side | direction, text
-    expect_without_um | without | error expected without the table | without, u=u
-    expect_with_um | with_table | error expected with it | with, u=u
-    expect_wrong_sign_um | wrong_sign | error expected with the wrong sign | wrong sign, u=u
-    u_um | u | standard uncertainty of one such reading | u, u=u
-    """
+        for unit in ("um", "arcsec")
+    )
 )
 RESULTS = declare(
     """
@@ -109,7 +138,7 @@ RESULTS = declare(
         F | F | mean squares of forward - reverse over targets
         p | p | that chance makes it so large
     backlash_range_um | range() | range of forward - reverse over targets; null of one direction
-    verification.moves[] | moves | *move
+    verification.moves[] | moves() | *move
     verification.verdict | verified.verdict | worked, no-effect, wrong-sign, partly, \
         too-small-to-tell; null without --verify
     verification.k | verified.k | slope of the readings on the applied table: 0 worked, 1 no \
@@ -120,15 +149,15 @@ RESULTS = declare(
     """,
     points=_points,
     point=POINT,
-    figures_before=_figures("before"),
-    figures_after=_figures("after"),
+    figures_before=_scaled("before"),
+    figures_after=_scaled("after"),
     before=BEFORE,
     after=AFTER,
+    moves=_moves,
     move=MOVE,
     backlash=lambda result: _of_backlash(result, np.mean),
     range=lambda result: _of_backlash(result, np.ptp),
 )
-ROW = POINT
 
 
 def _of_backlash(result: CompensateResult, figure: Any) -> float | None:
@@ -138,57 +167,54 @@ def _of_backlash(result: CompensateResult, figure: Any) -> float | None:
 
 def document(result: CompensateResult, digits: int = 2) -> Document:
     """The points of the table, the figures before and after, and the moves."""
-    sign = result.controller.sign if result.controller else "error"
-    held = "held: as read back from the file"
+    control, unit = result.controller, result.unit
     footer = (
-        f"errors (actual minus nominal) in {result.unit}; {held}; the file's values are {sign}s"
+        f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
+        f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     )
-    if result.controller is not None and result.controller.listing:
-        footer += "; FOR HAND ENTRY, no file to load"
     tables = [Table(f"Table of {result.component}", ROW, _points(result), footer)]
     if result.before is not None:
-        tables.append(_summary(result))
+        what = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
+        tables.append(Table("Before and after", SUMMARY, _summary(result), f"{unit}; {what}"))
     if result.moves:
-        what = "errors in um; wrong sign: what a table with the other sign would leave"
-        tables.append(Table("Verification moves", MOVE, result.moves, what))
-    figure = partial(draw, result)
-    title = "Compensation"
-    return Document(title, (RESULTS, result), tables, figure, _verdict(result), digits)
+        what = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
+        tables.append(Table("Verification moves", MOVE, _moves(result), what))
+    figure, verdict = partial(draw, result), _verdict(result)
+    return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 
 
-class _Row:
-    """A figure before and after, in mm or rad."""
+class Summary(NamedTuple):
+    """A figure before and after, in the unit of the errors."""
 
-    def __init__(self, result: CompensateResult, name: str) -> None:
-        self.name, self.means, self.size = name, MEANS[name], result.size
-        self.before = float(getattr(result.before, name))
-        drawn = None if result.after is None else getattr(result.after, name)
-        self.median = None if drawn is None else _median(drawn)
-        self.interval95 = None if drawn is None else _interval(drawn)
-        self.u = None if drawn is None else float(np.std(drawn))
+    name: str
+    before: float
+    median: float | None
+    interval95: list[float] | None
+    u: float | None
 
 
 SUMMARY = declare(
     """
     name | name | the figure | figure, text
-    before | before | of the readings | before, sig3, size=size
-    median | median | of a new test | after (median), sig3, size=size
-    interval95 | interval95 | of 95 of 100 new tests | 95 % interval, interval, u=u, size=size
+    before | before | of the readings | before, sig3
+    median | median | of a new test | after (median), sig3
+    interval95 | interval95 | of 95 of 100 new tests | 95 % interval, interval, u=u
     """
 )
 
 
-def _summary(result: CompensateResult) -> Table:
-    names = [name for name in MEANS if np.isfinite(getattr(result.before, name))]
-    rows = [_Row(result, name) for name in names]
-    footer = (
-        f"{result.unit}; E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
-    )
-    return Table("Before and after", SUMMARY, rows, footer)
+def _summary(result: CompensateResult) -> list[Summary]:
+    before, after = _scaled("before")(result), _scaled("after")(result)
+    found = []
+    for name in MEANS:
+        own, drawn = getattr(before, name), None if after is None else getattr(after, name)
+        known = () if drawn is None else (np.median(drawn), _interval(drawn), float(np.std(drawn)))
+        if np.isfinite(own):
+            found.append(Summary(name, float(own), *(known or (None, None, None))))
+    return found
 
 
 def _verdict(result: CompensateResult) -> str:
-    unit, size = result.unit, result.size
     if result.verified is not None:
         k, (low, high) = result.verified.k, result.verified.interval95
         words = f"k = {k:.2f}, 95 % interval [{low:.2f}, {high:.2f}]"
@@ -196,14 +222,18 @@ def _verdict(result: CompensateResult) -> str:
         return f"Verification: {result.verified.verdict} ({words}; {slopes})."
     if result.before is None:
         return f"{result.component} holds {len(result.asked.at)} points."
-    E = significant(float(result.before.E) / size, 3)
-    if result.after is None:
-        return f"E of {result.component} is {E} {unit}; what the table will leave is not estimable."
-    least, most = (significant(x / size, 3) for x in _interval(result.after.E))
-    after = significant(_median(result.after.E) / size, 3)
+    E = _summary(result)[0]
+    stated = f"E of {result.component} is {significant(E.before, 3)} {result.unit}"
+    if E.interval95 is None:
+        return f"{stated}; what the table will leave is not estimable."
+    after, least, most = (significant(x, 3) for x in (E.median, *E.interval95))
+    left, B = "", _of_backlash(result, np.mean)
+    if B is not None and not result.asked.both:
+        mean = significant(B / result.size, 3)
+        left = f" A reversal of {mean} {result.unit} (forward less reverse) is left to the control."
     return (
-        f"E of {result.component} is {E} {unit}; with the table a new test gives {after} {unit} "
-        f"(95 % interval {least} to {most})."
+        f"{stated}; with the table a new test gives {after} {result.unit} "
+        f"(95 % interval {least} to {most}).{left}"
     )
 
 
@@ -219,56 +249,42 @@ def draw(result: CompensateResult) -> Figure:
     ):
         axes.plot(at, asked / size, "o", color=colour, label=f"{name}, asked for")
         axes.plot(at, held / size, "-", color=colour, label=f"{name}, held by the control")
-    axes.set_xlabel("machine position, mm")
+    axes.set_xlabel(f"machine position, {'deg' if result.asked.rotary else 'mm'}")
     axes.set_ylabel(f"error, {result.unit}")
     axes.set_title(f"Compensation of {result.component}")
     axes.legend(loc="best")
     return figure
 
 
-def listing(control: Controller, table: ErrorTable, name: str) -> CompensateResult:
-    """What a file says, as a result without figures."""
-    return CompensateResult(
-        component=name,
-        controller=control,
-        direction="both" if table.both else "mean",
-        asked=table,
-        held=table,
-        text="",
-        quantum=0.0,
-        reference=None,
-    )
+class Skew(NamedTuple):
+    """An angle between two axes less 90 degrees, rad, that Klipper takes out."""
+
+    component: str
+    angle: float
+    quantum: float
+    controller: str = "klipper"
+    sign: str = "error"
 
 
-def skew_document(name: str, angle: float, quantum: float) -> Document:
+SKEW = declare(
+    """
+    component | | what is compensated
+    controller | | format
+    sign | | what its values are
+    angle_arcsec | angle | angle between the axes minus 90 degrees | angle, u=quantum
+    quantum_arcsec | quantum | last place of the angle | -
+    """
+)
+
+
+def skew_document(item: Skew) -> Document:
     """The angle that Klipper will take out."""
-    fields = declare(
-        """
-        component | name | what is compensated
-        controller | controller | format
-        sign | sign | what its values are
-        angle_arcsec | angle | angle between the axes minus 90 degrees | angle, u=quantum
-        quantum_arcsec | quantum | last place of the angle | -
-        """
-    )
-    item = _Skew(name, angle, quantum)
     verdict = (
-        f"The axes are {significant(angle / ARCSEC, 4)} arcsec from a right angle; verify by the "
-        "diagonals of a square."
+        f"The axes are {significant(item.angle / ARCSEC, 4)} arcsec from a right angle; verify by "
+        "the diagonals of a square."
     )
-    figure = partial(_no_figure, name)
-    return Document("Skew", (fields, item), [Table("Skew", fields, [item])], figure, verdict)
+    return Document("Skew", (SKEW, item), [Table("Skew", SKEW, [item])], _undrawn, verdict)
 
 
-class _Skew:
-    controller, sign = "klipper", "error"
-
-    def __init__(self, name: str, angle: float, quantum: float) -> None:
-        self.name, self.angle, self.quantum = name, angle, quantum
-
-
-@styled
-def _no_figure(name: str) -> Figure:
-    figure = blank(4.0, 1.0)
-    figure.text(0.1, 0.5, f"{name}: one angle, nothing to draw")
-    return figure
+def _undrawn() -> Figure:
+    raise error("not-applicable", reason="one angle: there is nothing to draw", path="--plot")

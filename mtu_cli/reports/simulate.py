@@ -1,4 +1,4 @@
-"""Simulated readings, points and drift readings as CSV files of the contract.
+"""Simulated readings, points and drift readings as CSV files of the contract, or a laser's own.
 
 One entry a column: its name, and its cells as texts of the digits that an instrument would show.
 """
@@ -25,10 +25,13 @@ FINE = ("um", "nm", "arcsec", "urad", "um/m")
 
 @dataclass(frozen=True, slots=True)
 class Synthetic:
-    """A file: the cells of its columns, and comment lines on what they hold."""
+    """A file: the cells of its columns, comment lines on what they hold, and its `body` where it
+    is no CSV.
+    """
 
     columns: dict[str, list[str]]
     comment: str = ""
+    body: str | None = None
 
     @property
     def count(self) -> int:
@@ -38,7 +41,8 @@ class Synthetic:
     def text(self, heading: str) -> str:
         """The whole file below a `heading`."""
         rows = zip(*self.columns.values(), strict=True)
-        return heading + self.comment + csv_text(list(self.columns), rows)
+        body = csv_text(list(self.columns), rows) if self.body is None else self.body
+        return heading + self.comment + body
 
     def typed(self) -> dict[str, list[str | float | None]]:
         """Its columns as whoever reads the file has them: numbers, where all cells are such."""

@@ -133,3 +133,54 @@ def test_bad_cells_are_reported_at_once(tmp_path: Path) -> None:
     rows = [f"{i * 0.1:.1f},1,ccw,150" for i in range(40)]
     near.write_text("\n".join(["angle_deg,deviation_um,direction,radius_mm", *rows]), "utf-8")
     assert "away from the reversals" in done(mtu("circular", near), 2).stderr
+
+
+FEATURES = """<?xml version="1.0"?><BALLBAR><TEST_PLANE>XY</TEST_PLANE>
+<FEATURE NAME="AF_SQUARENESS" DT="UT_SQUARENESS">-12.5</FEATURE>
+<FEATURE NAME="AF_BACKLASH_A_POS" DT="UT_LENGTH_UM">4.1</FEATURE>
+<FEATURE NAME="AF_SERVO_MISMATCH" DT="UT_SERVO_MISMATCH">0.5</FEATURE>
+<FEATURE NAME="AF_CYCLIC_ERROR_A_FWD" DT="UT_LENGTH_UM">0.3</FEATURE>
+<FEATURE NAME="AF_LATERAL_PLAY_A_POS" DT="UT_LENGTH_UM">0.2</FEATURE>
+<FEATURE NAME="AF_CIRCULARITY" DT="UT_LENGTH_MM" VALUE="0.0084"/></BALLBAR>
+"""
+
+
+def test_what_a_ballbar_states_is_shown_beside_ours(tmp_path: Path) -> None:
+    """Features in the instrument's own unit and sign; ours where the unit is the same."""
+    stated = tmp_path / "ball.b5r"
+    stated.write_text(FEATURES, "utf-8")
+    both = report("circular", SHIPPED, stated)["results"]
+    ours = {row["name"]: row["value"] for row in both["diagnosis"]}
+    rows = {row["feature"]: row for row in both["instrument"]}
+    known = {"AF_SQUARENESS": "squareness", "AF_BACKLASH_A_POS": "backlash-a",
+             "AF_SERVO_MISMATCH": "servo-mismatch"}  # fmt: skip
+    for feature, cause in known.items():
+        assert (rows[feature]["cause"], rows[feature]["ours"]) == (cause, ours[cause])
+    assert rows["AF_LATERAL_PLAY_A_POS"]["cause"] is None
+    assert (rows["AF_CIRCULARITY"]["value"], rows["AF_CIRCULARITY"]["unit"]) == (0.0084, "mm")
+    assert rows["AF_CIRCULARITY"]["ours"] is None
+    # Without traces they stand alone.
+    alone = report("circular", stated)
+    assert alone["results"]["plane"] == "XY"
+    assert alone["results"]["diagnosis"] == []
+    assert [x["value"] for x in alone["results"]["instrument"]] == [
+        x["value"] for x in both["instrument"]
+    ]
+    said = done(mtu("circular", stated)).stdout
+    assert "6 features stated by the instrument" in said
+    refusals = {
+        "a trace is missing": ("--write-components", tmp_path / "c.json"),
+        "contradicts": ("--plane", "YZ"),
+        "not drawn": ("--plot", tmp_path / "a.png"),
+    }
+    for text, words in refusals.items():
+        assert text in done(mtu("circular", stated, *words), 2).stderr
+    (tmp_path / "cut.b5r").write_text(FEATURES[:90], "utf-8")
+    assert "FEATURE" in done(mtu("circular", tmp_path / "cut.b5r"), 2).stderr
+
+
+def test_cyclic_terms_need_a_pitch() -> None:
+    assert not any("cyclic" in name for name in found(SHIPPED))
+    known = found(SHIPPED, "--pitch", "40,50")
+    assert sum("cyclic" in name for name in known) == 4
+    assert "3 values" in done(mtu("circular", SHIPPED, "--pitch", "1,2,3"), 2).stderr

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from cli_runner import done, mtu, refused, report
 from support import CONFIGS
@@ -71,6 +72,31 @@ def test_verification_of_readings(tmp_path: Path) -> None:
     assert found["verification"]["k"] == pytest.approx(1, abs=0.05)
 
 
+def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> None:
+    study = ("compensate", CONFIGS / "laser-mill", "--component", "dx_x")
+    said = "A reversal of 0.590 um (forward less reverse) is left to the control."
+    assert said in " ".join(done(mtu(*study, "--for", "siemens-enc")).stdout.split())
+    assert "left to the control" not in done(mtu(*study, "--for", "heidenhain")).stdout
+
+
+def test_what_is_beside_a_table_says_how_it_was_written(tmp_path: Path) -> None:
+    done(mtu(*CALL, "--for", "linuxcnc", "--to-file", "x.comp", "-q", cwd=tmp_path))
+    assert "This table: type=0 unit=mm." in (tmp_path / "x.comp.txt").read_text("utf-8")
+    asked = mtu("compensate", "--read", "x.comp", "--for", "linuxcnc", cwd=tmp_path)
+    assert "expected --set type=0 or 1" in done(asked, 2).stderr
+
+
+def test_verification_by_the_instruments_own_file(tmp_path: Path) -> None:
+    """It reads the component of the call, unless a name says otherwise."""
+    runs = CONFIGS.parent / "data" / "laser-mill"
+    call = ("compensate", CONFIGS / "laser-mill", "--component", "dx_x", "--for", "linuxcnc")
+    for name, verdict in (("x-after.rtl", "worked"), ("x.rtl", "no-effect")):
+        found = report(*call, "--verify", runs / name, cwd=tmp_path)["results"]
+        assert found["verification"]["verdict"] == verdict
+    result = mtu(*call, "--verify", f"dy_y={runs / 'x.rtl'}", cwd=tmp_path)
+    assert "--verify holds readings of dy_y, not of dx_x" in done(result, 2).stderr
+
+
 def test_what_the_loop_found_is_compensated_from_the_machine_file(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(MACHINE, "utf-8")
     names = [x for name in ("dx", "backlash-x", "scale-x") for x in ("--component", name)]
@@ -119,3 +145,52 @@ def test_a_linuxcnc_file_with_a_comment_is_refused(tmp_path: Path) -> None:
     message = refused(tmp_path, *call)
     assert "x.comp:1" in message
     assert "LinuxCNC stops reading here" in message
+
+
+def test_what_stands_beside_a_table_overwrites_nothing(tmp_path: Path) -> None:
+    """LinuxCNC: the sign stands in FILE.txt, checked as the table itself."""
+    laser = RING.parent.parent / "data" / "valdes-ring" / "laser.csv"
+    (tmp_path / "t.comp.txt").write_bytes(laser.read_bytes())
+    call = ("compensate", "-m", RING / "machine.yaml", "--laser", "t.comp.txt", "--component",
+            "pos_x", "--for", "linuxcnc", "--to-file", "t.comp")  # fmt: skip
+    assert "t.comp.txt: not overwritten" in refused(tmp_path, *call)
+    assert not (tmp_path / "t.comp").exists()
+    twice = (*CALL, "--for", "linuxcnc", "--to-file", "a.nc", "--to-nc", "a.nc.txt")
+    assert "appears twice" in refused(tmp_path, *twice)
+
+
+def test_the_feed_of_the_moves(tmp_path: Path) -> None:
+    done(mtu(*CALL, "--for", "table", "--to-nc", "v.nc", "--feed", 250, "-q", cwd=tmp_path))
+    assert (tmp_path / "v.nc").read_text("utf-8").count("F250") == 12
+    assert "above 0" in refused(tmp_path, *CALL, "--for", "table", "--feed", "-1")
+
+
+ROTARY_MACHINE = """
+schema: mtu/machine/1
+name: table
+axes: {x: {travel_mm: [0, 400]}}
+components: {dx: {of: x, unit: um}, ccc: {unit: arcsec}}
+equations: {Ex: dx + y*ccc}
+"""
+
+
+def test_a_rotary_axis(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(ROTARY_MACHINE, "utf-8")
+    rows = ["component,position_deg,pass,direction,error,unit"]
+    for run in (1, 2, 3):
+        for way in (1, -1):
+            for at in range(0, 360, 45):
+                error = 5 * np.sin(np.radians(at)) + way + 0.1 * ((7 * run + at // 45) % 3)
+                rows.append(f"ccc,{at},{run},{way},{error:.4f},arcsec")
+    (tmp_path / "l.csv").write_text("\n".join([*rows, ""]), "utf-8")
+    call = ("compensate", "-m", "m.yaml", "--laser", "l.csv", "--component", "ccc", "--for")
+    found = report(*call, "isg-csv", "--to-file", "c.csv", "--to-nc", "v.nc", cwd=tmp_path)
+    assert "C ECC" in (tmp_path / "c.csv").read_text("utf-8")
+    program = (tmp_path / "v.nc").read_text("utf-8")
+    assert "G1 C315.0000 F1000" in program
+    assert "1000 deg/min" in program
+    (move, *_) = found["results"]["verification"]["moves"]
+    assert (move["command_deg"], move["command_mm"]) == (0.0, None)
+    assert move["expect_without_arcsec"] == pytest.approx(1.1, abs=0.2)
+    again = report(*call, "table", "--set", "axis=B", "--verify", "l.csv", cwd=tmp_path)
+    assert again["results"]["verification"]["verdict"] == "no-effect"

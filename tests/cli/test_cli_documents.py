@@ -88,6 +88,7 @@ def test_every_finding_has_a_paragraph() -> None:
     assert len(headings) == len(set(headings))
     assert "Look at the record of the instrument" in paragraph("outlying-value")
     assert "(warning)" in paragraph("datum-freed")
+    assert "(warning, meets --fail-if suspicious)" in paragraph("outlying-value")
     assert paragraph("too-little-data").startswith(
         "# too-little-data (error)\n\n    too little data: "
     )

@@ -32,7 +32,7 @@ def folder(tmp_path: Path) -> Path:
 def test_a_laser_run_is_fitted_as_it_came(folder: Path) -> None:
     out = folder / "direct.json"
     found = mtu("fit-components", "-m", "m.yaml", "--laser", "dx_x=x.rtl", "-o", out, cwd=folder)
-    assert "x.rtl: read as rtl: 14 readings; targets in mm" in done(found).stderr
+    assert "x.rtl: read as rtl: 14 readings; left out: 1 material sensor" in done(found).stderr
     made_csv = mtu("import", "dx_x=x.rtl", "--as", "readings", "-o", "x.csv", cwd=folder)
     assert done(made_csv).stdout.startswith("x.rtl: read as rtl: 14 readings")
     again = folder / "csv.json"

@@ -70,6 +70,48 @@ def test_shipped_ring_data_are_made_again_byte_for_byte(tmp_path: Path) -> None:
     assert set(listing(tmp_path)) == {"laser.csv", "drift.csv", "ring.csv"}
 
 
+def test_shipped_laser_runs_are_made_again_byte_for_byte(tmp_path: Path) -> None:
+    study = CONFIGS / "laser-mill"
+    makefile = (CONFIGS.parent / "Makefile").read_text().replace("\\\n", " ")
+    calls = [line for line in makefile.splitlines() if "simulate" in line and "laser-mill" in line]
+    for line in calls:
+        words = shlex.split(line.replace("$(LM)", str(study)).replace("data/laser-mill/", ""))
+        done(mtu(*words[1:], cwd=tmp_path))
+    for name, content in listing(tmp_path).items():
+        assert content == (DATA / "laser-mill" / name).read_bytes(), name
+    assert set(listing(tmp_path)) == {"x.rtl", "y.rtl", "cmm.csv", "x-after.rtl"}
+
+
+def test_a_run_file_holds_what_the_csv_does(tmp_path: Path) -> None:
+    call = ("simulate", "-m", TRUTH, "--positions", "0:140:8", "--seed", 3)
+    done(mtu(*call, "--write-lbb", "lbb.csv", cwd=tmp_path))
+    lbb = table(tmp_path / "lbb.csv")
+    for name, unit in (("dx_x", 1), ("ez_x", 1e3)):
+        file = "run.rtl" if name == "dx_x" else "run.rta"
+        done(mtu(*call, "--laser-component", name, "--write-laser", file, cwd=tmp_path))
+        done(mtu("import", file, "--as", "readings", "--component", name, "-o", "r.csv",
+                 cwd=tmp_path))  # fmt: skip
+        read, own = table(tmp_path / "r.csv"), lbb[lbb["component"] == name]
+        assert np.allclose(read["error"] * unit, own["error"], rtol=0, atol=1e-3)
+        for column in ("position_mm", "pass", "direction"):
+            assert (read[column].to_numpy() == own[column].to_numpy()).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--write-laser", "x.rtl"], "what the laser reads is missing"),
+        (["--write-laser", "x.rtl", "--laser-component", "dxx"], "did you mean"),
+        (["--write-laser", "x.rta", "--laser-component", "dx_x"], "a .rta file holds mrad"),
+        (["--write-laser", "x.csv", "--laser-component", "dx_x"], "ends in .rtl or .rta"),
+    ],
+)
+def test_a_run_file_that_cannot_be_made(words: list[str], message: str, tmp_path: Path) -> None:
+    call = ("simulate", "-m", TRUTH, "--positions", "0:140:8", *words)
+    assert message in mtu(*call, cwd=tmp_path).stderr
+    assert not list(tmp_path.iterdir())
+
+
 def test_shipped_drift_is_sensible() -> None:
     drift = table(DATA / "valdes-ring" / "drift.csv")
     assert drift["error"].abs().max() < 100

@@ -45,9 +45,9 @@ def test_steps_follow_from_what_a_study_names(tmp_path: Path) -> None:
     asked = ["lengths", "orthogonality"]
     parts = ["anova", "close-loop", "compare", "correct", *asked, "predict-points"]
     assert sorted(steps["gilsinn-ling-parts"]) == parts
-    assert sorted(steps["undeclared"]) == sorted([*parts, "fit-components"])
+    assert sorted(steps["undeclared"]) == sorted([*parts, "fit-components", "iso230"])
     assert sorted(steps["valdes-ring"]) == sorted(
-        [s for s in parts if s not in asked] + ["fit-components", "thermal-fit"]
+        [s for s in parts if s not in asked] + ["fit-components", "thermal-fit", "iso230"]
     )
 
 
@@ -122,19 +122,23 @@ def test_a_study_whose_file_is_gone_has_not_passed(tmp_path: Path) -> None:
         ran = make(out, "GATE=1", f"ROOT={study.parent}", quick(tmp_path))
         assert (ran.returncode == 0) == there, ran.stderr
         assert ("mill: passed" in ran.stdout) == there
-        left = "mill: not passed: fit-components predict-points lengths"
+        left = "mill: not passed: fit-components iso230 predict-points lengths"
         assert (left in ran.stdout) != there
         assert "No rule" not in ran.stderr
 
 
-def test_a_study_in_one_line_is_told(tmp_path: Path) -> None:
-    """What it names would be overlooked, and its steps with it."""
-    study = tmp_path / "shop" / "mill"
+def test_a_study_may_be_written_in_one_line_and_with_question_marks(tmp_path: Path) -> None:
+    """Its files are followed as those of any other."""
+    study, out, mtu = tmp_path / "shop" / "mill", tmp_path / "out", quick(tmp_path)
     placed(study)
-    (study / "mtu.yaml").write_text("{schema: mtu/study/1, machine: machine.yaml}\n", "utf-8")
-    ran = make(tmp_path / "out", "GATE=1", f"ROOT={study.parent}")
-    assert ran.returncode == 2
-    assert f"{study}/mtu.yaml: the pipeline reads one key a line" in ran.stderr
+    for text in ("{schema: mtu/study/1, machine: machine.yaml, part: part.yaml}\n",
+                 STUDY.replace("machine: machine.yaml", "? machine\n: machine.yaml")):  # fmt: skip
+        (study / "mtu.yaml").write_text(text, "utf-8")
+        assert make(out, f"ROOT={study.parent}", mtu).returncode == 0
+        assert (out / "mill" / "lengths.done").is_file()
+        assert make(out, "-q", f"ROOT={study.parent}", mtu).returncode == 0
+        os.utime(study / "machine.yaml")
+        assert make(out, "-q", f"ROOT={study.parent}", mtu).returncode == 1
 
 
 def test_clean_takes_away_what_the_pipeline_has_made_alone(tmp_path: Path) -> None:

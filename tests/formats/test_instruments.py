@@ -4,6 +4,7 @@ where they are damaged. The files are made (`made_files`).
 
 from __future__ import annotations
 
+import io
 import random
 from contextlib import suppress
 from pathlib import Path
@@ -16,11 +17,10 @@ import pytest
 from mtu_cli.files.readings import read_readings
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
-from mtu_cli.formats import renishaw
 from mtu_cli.formats.base import Ask, Imported, of_content
 from mtu_cli.formats.instruments import converter, identify, read
+from mtu_cli.formats.renishaw import features_of, run_file
 from mtu_cli.formats.table_map import read_profile
-from mtu_cli.formats.xml_files import features_of, samples_of
 
 ASK = Ask(component="dx_x", unit="um")
 
@@ -92,7 +92,7 @@ def test_a_one_way_rtl_padded_with_zeros_and_a_plain_one() -> None:
     [
         ("EOF::", "", "the section EOF:: is missing"),
         ("Target-count: 7", "Target-count: 8", "7 targets; expected 8"),
-        ("Run-count:2", "Run-count:3", "deviations of 2 runs; expected 3"),
+        ("Run-count:2", "Run-count:3", "2 runs with deviations; expected 3"),
         ("  1   2    0.250000", "  1   9    0.250000", "row 20, column 'Target'"),
         ("  1   2    0.250000", "  1   1    0.250000", "the same as row 19"),
         ("0.250000", "0.2x", "row 20"),
@@ -115,7 +115,7 @@ def test_what_is_written_is_read_within_half_a_quantum(kind: str) -> None:
             for way in ways:
                 for x in targets[:: 1 if way == "forward" else -1].tolist():
                     data.add(0, position_mm=x, **{"pass": p}, direction=way, error=rng.normal())
-        found = read(raw(renishaw.write(data), f"x.{kind}"), ASK)
+        found = read(raw(run_file(data), f"x.{kind}"), ASK)
         key = ("position_mm", "pass", "direction")
         assert rows(found, *key) == rows(data, *key)
         apart = np.subtract(found.columns["error"], data.columns["error"])
@@ -201,9 +201,54 @@ def test_a_ballbar_file_and_a_capture() -> None:
     assert found["test_plane"] == "XY"
     assert found["features"]["AF_SQUARENESS"] == {"value": -12.5, "unit": "um/m"}
     assert found["features"]["AF_CIRCULARITY"] == {"value": 8.4, "unit": "um"}
-    assert samples_of(raw(made.rtx(), "d.rtx"))[1] == [0.5, -0.25, 1e-3]
+    capture = read(raw(made.rtx(), "d.rtx"), ASK)
+    assert (len(capture.rows), capture.facts["least"], capture.facts["largest"]) == (3, -0.25, 0.5)
     with pytest.raises(InputError, match="bytes of samples"):
-        samples_of(raw(made.rtx()[:-12], "d.rtx"))
+        read(raw(made.rtx()[:-12], "d.rtx"), ASK)
+
+
+def tdms(seconds: float = 30.0) -> bytes:
+    """A made TDMS: temperature, probe, and a longer channel, 30 s apart."""
+    nptdms = pytest.importorskip("nptdms")
+    made_of = {"T spindle": ("degC", [20.0, 20.5, 21.0]), "Probe Z": ("um", [0.0, 0.4, 0.9]),
+               "Voltage": ("V", [1.0, 2.0, 3.0, 4.0])}  # fmt: skip
+    target = io.BytesIO()
+    with nptdms.TdmsWriter(target) as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("run", name, np.array(values),
+                                 {"wf_increment": seconds, "unit_string": unit})
+            for name, (unit, values) in made_of.items()
+        ])  # fmt: skip
+        writer.write_segment([nptdms.ChannelObject("other", "x", np.array([1.0]))])
+    return target.getvalue()
+
+
+def test_a_tdms_gives_drift_readings_with_temperatures() -> None:
+    file = raw(tdms(), "a.tdms")
+    known = identify(file)
+    assert known is not None
+    assert known.name == "tdms"
+    found = read(file, Ask(kind="drift", component="dz"))
+    assert found.columns["time_min"] == [0.0, 0.5, 1.0]
+    assert found.columns["T_spindle_degC"] == [20.0, 20.5, 21.0]
+    assert rows(found, "component", "error", "unit")[2] == ("dz", 0.9, "um")
+    assert found.left_out == {
+        "groups beyond the first": 1,
+        "samples beyond the shortest channel": 1,
+        "channels without a unit of temperature, length or angle": 1,
+    }
+
+
+def test_damaged_tdms_files_are_one_error_or_read() -> None:
+    content, rng = tdms(), random.Random(3)
+    with pytest.raises(InputError, match="wf_increment"):
+        read(raw(tdms(0.0), "a.tdms"), ASK)
+    for _ in range(150):
+        damaged = bytearray(content)
+        for _ in range(rng.randint(1, 4)):
+            damaged[rng.randrange(4, len(damaged))] = rng.randrange(256)
+        with suppress(InputError):
+            read(raw(bytes(damaged[: rng.randrange(40, len(content) + 1)]), "a.tdms"), ASK)
 
 
 def test_a_damaged_tdms_or_a_missing_extra_is_one_error() -> None:
@@ -221,14 +266,8 @@ def test_a_logger_gives_drift_readings_with_temperatures() -> None:
 
 
 def test_a_profile_reads_any_table(tmp_path: Path) -> None:
-    (tmp_path / "map.yaml").write_text(
-        "schema: mtu/import/1\nskip_rows: 1\ncolumns: {position_mm: Ziel}\n"
-        "unpivot: {into: error, columns: [M1, M2], directions: alternate}\n"
-        "subtract: {error: position_mm}\nunits: {error: mm}\nconstants: {component: dx_x}\n"
-        "cycles: {from: S}\n"
-    )
-    ask = Ask(kind="readings", profile=tmp_path / "map.yaml")
-    text = "Titel\nZiel;M1;M2;Note;S\n0;0,001;0,002;a;1\n100;100,001;;b;2\n50;50,5;50,25;c;1\n"
+    (tmp_path / "map.yaml").write_text(made.MAP)
+    ask, text = Ask(kind="readings", profile=tmp_path / "map.yaml"), made.MAPPED
     found = read(raw(text), ask)
     assert found.columns["component"] == ["dx_x"] * 5
     assert found.columns["cycle"] == ["1", "1", "1", "2", "2"]

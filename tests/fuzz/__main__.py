@@ -7,7 +7,7 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from support import ROOT
@@ -16,7 +16,7 @@ from fuzz.calls import PATTERNS, drawn_call, sound_call
 from fuzz.cases import drawn_case
 from fuzz.commands import judged_call
 from fuzz.readers import judged
-from fuzz.samples import prepared_folder, samples_of
+from fuzz.samples import KINDS, Kind, prepared_folder, samples_of
 from fuzz.tally import Tally
 
 KEPT = ROOT / "out" / "fuzz"
@@ -31,13 +31,14 @@ def main() -> None:
     parser.add_argument("--commands", type=int, default=0, metavar="M", help="commands called")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--first", type=int, default=0, help="the number of the first case")
+    parser.add_argument("--kinds", nargs="*", default=[], choices=KINDS, help="of files read")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="mtu-fuzz-") as name:
         prepared = prepared_folder(Path(name) / "sound")
         # Messages name files as a user in that folder would.
         os.chdir(prepared)
         numbers = range(given.first, given.first + given.readers)
-        found = [read_cases(prepared, given.seed, numbers)] if given.readers else []
+        found = [read_cases(prepared, given.seed, numbers, given.kinds)] if given.readers else []
         numbers = range(given.first, given.first + given.commands)
         if given.commands:
             found.append(call_cases(prepared, Path(name) / "calls" / "work", given.seed, numbers))
@@ -45,12 +46,12 @@ def main() -> None:
     sys.exit(1 if any(tally.failures for tally in found) else 0)
 
 
-def read_cases(prepared: Path, seed: int, numbers: range) -> Tally:
+def read_cases(prepared: Path, seed: int, numbers: range, kinds: Sequence[Kind]) -> Tally:
     """Damaged files through their readers."""
     samples = samples_of(prepared)
     tally = Tally("readers", seed, KEPT)
     for number in _told(numbers, EVERY, tally):
-        case = drawn_case(samples, seed, number)
+        case = drawn_case(samples, seed, number, kinds)
         name = f"damaged.{case.sample.form}"
         tally.add(number, case.sample.kind, case.content, name, judged(case))
     print("\n".join(tally.lines()), flush=True)

@@ -112,6 +112,9 @@ def pack(content: bytes, rng: Random) -> bytes:
     return whole
 
 
+MARKS = [b"\n", b"::", b",", b"nan", b"1e999", b"\t", b'"', b"<", b";", b"=", b"[", b"-", b"0"]
+"""Put between the bytes of a file of another program."""
+
 DAMAGES: tuple[Damage, ...] = (
     flip, flip, remove, remove, insert, insert, insert, overwrite, overwrite, double, truncate,
     behead, swap_lines, double_line, remove_line, indent_line, line_ends, encode_anew, pack,
@@ -121,3 +124,20 @@ DAMAGES: tuple[Damage, ...] = (
 def damaged_bytes(content: bytes, rng: Random) -> bytes:
     """One damage, drawn from all of them."""
     return rng.choice(DAMAGES)(content, rng)
+
+
+def nudged_bytes(content: bytes, rng: Random) -> bytes:
+    """A few places changed: a byte, a gap, a sign that files of programs are made of, a copy."""
+    found = bytearray(content)
+    for _ in range(rng.randint(1, 6)):
+        at = rng.randrange(len(found) or 1)
+        match rng.randrange(4):
+            case 0:
+                found[at : at + 1] = bytes([rng.randrange(256)])
+            case 1:
+                del found[at : at + rng.randint(1, 30)]
+            case 2:
+                found[at:at] = rng.choice(MARKS)
+            case _:
+                found[at:at] = found[at : at + rng.randint(1, 60)]
+    return bytes(found)

@@ -10,7 +10,8 @@ from pathlib import Path
 from random import Random
 
 from fuzz.cases import damaged, generator
-from fuzz.samples import MILL, RING, Kind, Sample
+from fuzz.samples import MILL, RING, Kind, Sample, parameters_of
+from mtu_cli.formats.control import CONTROLLERS
 
 OLD = b'{"old": true}\n'
 
@@ -172,11 +173,80 @@ def _loops() -> list[Pattern]:
     ]
 
 
+def _shop() -> list[Pattern]:
+    """Files of instruments and controls, as a shop has them."""
+    readings = [("x.rtl", 2), ("wide.csv", 2), ("e.dat", 1), ("laser.txt", 1)]
+    points = [("p_chr.txt", 1), ("c.dfq", 1), ("a.qif", 1), ("p.csv", 1)]
+    found = [
+        Pattern(
+            words=f"iso230 --laser dx_x={name}",
+            share=share,
+            files={name: ("instrument", f"instruments/{name}")},
+            options=("--standard vdi3441", "--limit A=5", "--before wide.csv"),
+        )
+        for name, share in readings
+        if name != "laser.txt"  # it states no unit
+    ]
+    found += [
+        Pattern(
+            words=f"import {name} --as {kind} --component dx_x --unit um",
+            share=share,
+            files={name: ("instrument", f"instruments/{name}")},
+            options=("--decimal ,", "--directions forward", "--component 1"),
+            outputs=("-o out.csv",),
+            pictures=False,
+        )
+        for kind, names in (("readings", readings), ("points", points))
+        for name, share in names
+    ]
+    found += [
+        Pattern(
+            words=f"inspect {name}",
+            share=1,
+            files={name: ("instrument", f"instruments/{name}")},
+            outputs=("-o out.json",),
+            pictures=False,
+        )
+        for name in ("b.b5r", "d.rtx", "t.csv")
+    ]
+    found.append(
+        Pattern(
+            words="import any.txt --as readings --map map.yaml",
+            share=3,
+            files={"map.yaml": ("map", "maps/any.yaml"), "any.txt": ("instrument", "maps/any.txt")},
+            outputs=("-o out.csv",),
+            pictures=False,
+        )
+    )
+    compensate = "compensate -m machine.yaml --laser laser.csv --component pos_x --trials 1000"
+    for name in CONTROLLERS:
+        more = "".join(
+            f" --set {key}={value}" for key, value in parameters_of(name).items() if value
+        )
+        table: Files = {"now.tab": ("control", f"controls/{name}.tab")}
+        found.append(
+            Pattern(words=f"compensate --for {name}{more} --read now.tab", share=1, files=table)
+        )
+        if name in ("linuxcnc", "beckhoff", "isg-csv"):
+            words = f"{compensate} --for {name}{more} --current now.tab --to-file out.tab"
+            found.append(Pattern(words=words, share=1, files=RING_MACHINE | LASER | table))
+    found.append(
+        Pattern(
+            words=f"{compensate} --for table --verify after.csv",
+            share=3,
+            files=RING_MACHINE | LASER | {"after.csv": ("readings", "data/valdes-ring/laser.csv")},
+            options=("--direction forward", "--reverse-axis"),
+        )
+    )
+    return found
+
+
 PATTERNS: list[Pattern] = [
     *_predictions(),
     *_loops(),
     *_budgets(),
     *_graphs(),
+    *_shop(),
     Pattern(words="fit-components", share=8, files=FLAT, options=("--fail-if drift", *COVERAGE)),
     Pattern(words="fit-components -m machine.yaml --laser laser.csv", share=5,
             files=RING_MACHINE | LASER, options=COVERAGE),
@@ -229,7 +299,7 @@ def _lay_out(pattern: Pattern, prepared: Path, folder: Path) -> None:
 
 
 def _writes(option: str) -> bool:
-    return option in ("-o", "--csv", "--plot", "--to") or option.startswith("--write-")
+    return option in ("-o", "--csv", "--plot", "--to", "--to-file") or option.startswith("--write-")
 
 
 def _words(pattern: Pattern) -> list[str]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from fuzz.bytes_damage import damaged_bytes
+from fuzz.bytes_damage import damaged_bytes, nudged_bytes
 from fuzz.samples import Kind, Sample
 from fuzz.table_damage import damaged_table, mildly_damaged_table
 from fuzz.tree_damage import damaged_tree, mildly_damaged_tree
@@ -18,8 +18,9 @@ from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml
 
 SHARES: Mapping[Kind, int] = {
-    "readings": 16, "drift": 12, "points": 18, "machine": 14, "part": 8, "study": 6, "effects": 8,
-    "budget": 10, "graph": 4, "components": 2, "thermal": 2,
+    "readings": 13, "drift": 8, "points": 14, "machine": 11, "part": 6, "study": 5, "effects": 7,
+    "budget": 8, "graph": 4, "components": 2, "thermal": 2, "instrument": 10,
+    "control": 7, "map": 3,
 }  # fmt: skip
 """Of a hundred cases; a graph takes longest."""
 
@@ -39,10 +40,13 @@ def generator(seed: int, task: str, number: int) -> Random:
     return Random(f"{seed} {task} {number}")
 
 
-def drawn_case(samples: Mapping[Kind, Sequence[Sample]], seed: int, number: int) -> Case:
-    """Case `number` of the readers."""
+def drawn_case(
+    samples: Mapping[Kind, Sequence[Sample]], seed: int, number: int, kinds: Sequence[Kind] = ()
+) -> Case:
+    """Case `number` of the readers, of some `kinds` alone where they are given."""
     rng = generator(seed, "readers", number)
-    kind = rng.choices([*SHARES], [*SHARES.values()])[0]
+    known = kinds or [*SHARES]
+    kind = rng.choices(known, [SHARES[each] for each in known])[0]
     sample = rng.choice(samples[kind])
     return Case(number=number, sample=sample, content=damaged(sample, rng), rng=rng)
 
@@ -53,6 +57,12 @@ def damaged(sample: Sample, rng: Random, mild: float = 0.2) -> bytes:
     `mild` is the share of those that are damaged but little.
     """
     content = sample.content
+    if not sample.structured:
+        if rng.random() < 0.6:
+            return nudged_bytes(content, rng)
+        for _ in range(rng.choice((1, 1, 2, 4))):
+            content = damaged_bytes(content, rng)
+        return content
     if rng.random() < mild:
         return damaged_structure(sample, rng, mild=True).encode("utf-8", "surrogatepass")
     draw = rng.random()

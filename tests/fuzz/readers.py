@@ -9,7 +9,7 @@ import traceback
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from random import Random
@@ -20,7 +20,7 @@ import numpy as np
 
 from fuzz.cases import Case
 from fuzz.messages import unclean
-from fuzz.samples import Kind, Sample
+from fuzz.samples import Kind, Sample, parameters_of
 from mtu_cli.files import csv_file
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.csv_file import _Body, read_table
@@ -33,8 +33,12 @@ from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points, read_points
 from mtu_cli.files.readings import Components, Readings, read_readings
 from mtu_cli.files.reports_read import read_report
+from mtu_cli.files.source import check_text
 from mtu_cli.files.study import load_study
 from mtu_cli.findings import InputError
+from mtu_cli.formats.base import Ask, Imported, raw_file
+from mtu_cli.formats.control import CONTROLLERS
+from mtu_cli.formats.instruments import read
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.graph.net import load_graph
 
@@ -245,8 +249,39 @@ def _cells(problems: CellFaults) -> set[tuple[int | None, str | int | None]]:
     return {(problem.row, problem.column) for problem in problems.listed}
 
 
+def _instrument(path: Path, sample: Sample, rng: Random) -> object:
+    found = read(raw_file(path, "file"), Ask(component="dx_x", unit="um"))
+    _check_imported(found)
+    return found
+
+
+def _check_imported(found: Imported) -> None:
+    assert {len(column) for column in found.columns.values()} <= {len(found.rows)}
+    errors = [x for x in found.columns.get("error", ()) if x is not None]
+    assert np.isfinite(errors).all(), "an error that is no number"
+
+
+def _map(path: Path, sample: Sample, rng: Random) -> object:
+    assert sample.context is not None
+    ask = Ask(kind=rng.choice(("readings", "points", "drift")), component="dx_x", unit="um")
+    found = read(raw_file(sample.context, "file"), replace(ask, profile=path))
+    _check_imported(found)
+    return found
+
+
+def _control(path: Path, sample: Sample, rng: Random) -> object:
+    name = sample.path.stem
+    content = path.read_bytes()
+    check_text(content, str(path))
+    held = CONTROLLERS[name].read_back(content.decode("utf-8-sig"), parameters_of(name))
+    assert (np.diff(held.at) > 0).all(), "positions that do not rise"
+    assert np.isfinite(held.errors).all(), "an error that is no number"
+    return held
+
+
 READERS: dict[Kind, Callable[[Path, Sample, Random], object]] = {
     "readings": _readings, "drift": _drift, "points": _points, "machine": _machine, "part": _part,
     "study": _study, "effects": _effects, "budget": _budget, "graph": _graph,
-    "components": _report, "thermal": _report,
+    "components": _report, "thermal": _report, "instrument": _instrument, "control": _control,
+    "map": _map,
 }  # fmt: skip

@@ -11,15 +11,20 @@ from pathlib import Path
 from textwrap import dedent
 from typing import Literal, get_args
 
+import numpy as np
+from made_files import FILES as INSTRUMENTS
+from made_files import MAP, MAPPED
 from support import CONFIGS, DATA
 from watched_process import MTU
 
 from fuzz.table_damage import sheet_of
+from mtu_cli.formats.control import CONTROLLERS
+from mtu_cli.formats.control.errors import ErrorTable
 from mtu_cli.model.effect_library import BUILT_IN
 
 Kind = Literal[
     "readings", "drift", "points", "machine", "part", "study", "effects", "budget", "graph",
-    "components", "thermal",
+    "components", "thermal", "instrument", "control", "map",
 ]  # fmt: skip
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
@@ -40,8 +45,13 @@ class Sample:
 
     @property
     def form(self) -> str:
-        """Csv, yaml or json."""
+        """Csv, yaml or json; of files of other programs as they are called."""
         return self.path.suffix.lstrip(".")
+
+    @property
+    def structured(self) -> bool:
+        """Whether it is a table or a tree of values of ours."""
+        return self.kind not in ("instrument", "control")
 
 
 def _first_passes(row: Row) -> bool:
@@ -110,6 +120,7 @@ def prepared_folder(folder: Path) -> Path:
     (effects / "few.yaml").write_text(dedent(few) + "\n", "utf-8")
     (folder / "flat").mkdir(exist_ok=True)
     (folder / "flat" / "mtu.yaml").write_text(FLAT_STUDY, "utf-8")
+    write_foreign(folder)
     for name, call in REPORTS.items():
         done = subprocess.run(
             [MTU, *call, "-q", "-o", name], cwd=folder, capture_output=True, text=True, check=False
@@ -117,6 +128,30 @@ def prepared_folder(folder: Path) -> Path:
         if done.returncode != 0:
             raise RuntimeError(f"mtu {' '.join(call)}: {done.stderr}")
     return folder
+
+
+def write_foreign(folder: Path) -> None:
+    """Made files of instruments, tables of controls, a mapping profile, and readings of the moves
+    that verify a table.
+    """
+    for name in ("instruments", "controls", "maps"):
+        (folder / name).mkdir(exist_ok=True)
+    for name, (_, content) in INSTRUMENTS.items():
+        (folder / "instruments" / name).write_bytes(content)
+    for name, control in CONTROLLERS.items():
+        at = 65.536 * np.arange(9)
+        table = ErrorTable.of(at, 1e-4 * at, 1e-4 * at - 2e-3)
+        text = control.text(control.zero(table, 0.0), parameters_of(name))
+        (folder / "controls" / f"{name}.tab").write_text(text, "utf-8", newline="")
+    (folder / "maps" / "any.yaml").write_text(MAP, "utf-8")
+    (folder / "maps" / "any.txt").write_text(MAPPED, "utf-8")
+
+
+def parameters_of(name: str) -> dict[str, str]:
+    """Parameters of a control with all that a table needs."""
+    known = CONTROLLERS[name].parameters
+    given = {"type": "0", "counts_per_mm": "1000"}
+    return {**known, **{key: value for key, value in given.items() if key in known}}
 
 
 def cut(text: str, keep: Callable[[Row], bool]) -> str:
@@ -196,6 +231,9 @@ FILES: dict[Kind, dict[str, str | None]] = {
     ),
     "components": dict.fromkeys(("mill.json", "ring.json")),
     "thermal": dict.fromkeys(("drift.json",)),
+    "instrument": dict.fromkeys(f"instruments/{name}" for name in INSTRUMENTS),
+    "control": dict.fromkeys(f"controls/{name}.tab" for name in CONTROLLERS),
+    "map": {"maps/any.yaml": "maps/any.txt"},
 }  # fmt: skip
 
 

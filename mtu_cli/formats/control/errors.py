@@ -7,7 +7,7 @@ quantum, zero rule and reading back belong to each format.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import NoReturn
 
@@ -32,7 +32,8 @@ EQUAL_STEP = 1e-6
 class ErrorTable:
     """Errors (n,) in mm or rad, forward and reverse, at rising machine positions `at` (n,), mm.
 
-    `both`: the two directions differ by intention; else reverse is forward. `angle`: in rad.
+    `both`: the two directions differ by intention; else reverse is forward. `angle`: in rad;
+    `rotary`: at positions in deg.
     """
 
     at: FloatArray
@@ -40,6 +41,7 @@ class ErrorTable:
     reverse: FloatArray
     both: bool = False
     angle: bool = False
+    rotary: bool = False
 
     @classmethod
     def of(cls, at: ArrayLike, forward: ArrayLike, reverse: ArrayLike | None = None) -> ErrorTable:
@@ -131,7 +133,8 @@ class Controller:
         """Raises InputError with all that the format cannot hold of a table."""
         faults: list[Finding] = []
         if table.angle and not self.angles:
-            faults.append(_cannot(f"{self.name} holds lengths, the component is an angle"))
+            reason = f"{self.name} holds lengths, the component is an angle"
+            faults.append(finding("not-applicable", reason=reason))
         if table.step is None and self.equidistant(parameters):
             expected = "--from MM --to MM --step MM for equidistant points"
             reason = f"{self.name} holds equidistant points, and the targets are not"
@@ -150,10 +153,6 @@ class Controller:
         return self.read(text.replace("\r\n", "\n"), parameters)
 
 
-def _cannot(reason: str) -> Finding:
-    return finding("not-applicable", reason=reason)
-
-
 def decimals(value: float, places: int = 6) -> str:
     """A number to so many places, without zeros at its end.
 
@@ -170,11 +169,6 @@ def real(value: float, places: int = 6) -> str:
     return text if "." in text else f"{text}.0"
 
 
-def places_of(table: ErrorTable) -> int:
-    """Decimal places of a table's values."""
-    return 9 if table.angle else 6
-
-
 def whole(value: float, name: str, low: float = -np.inf, high: float = np.inf) -> int:
     """A rounded count; raises InputError beyond what the control holds."""
     found = round(value)
@@ -184,10 +178,10 @@ def whole(value: float, name: str, low: float = -np.inf, high: float = np.inf) -
     return found
 
 
-def parameter(parameters: Parameters, name: str, kind: str = "text") -> str:
-    """A parameter that has to be there."""
+def parameter(parameters: Parameters, name: str, form: str = "VALUE") -> str:
+    """A parameter that has to be there, of this form."""
     if not parameters[name]:
-        raise error("missing-input", what=f"the parameter {name}", expected=f"--set {name}=VALUE")
+        raise error("missing-input", what=f"the parameter {name}", expected=f"--set {name}={form}")
     return parameters[name]
 
 
@@ -202,7 +196,7 @@ def number_parameter(parameters: Parameters, name: str) -> float:
 
 def choice(parameters: Parameters, name: str, known: tuple[str, ...]) -> str:
     """A parameter that is one of those `known`."""
-    value = parameter(parameters, name)
+    value = parameter(parameters, name, " or ".join(known))
     if value not in known:
         near = suggestion(value, known)
         raise error("unknown-name", path=f"--set {name}", what=name, value=value, **near)
@@ -222,9 +216,34 @@ def numeric(text: str, line: int | None = None) -> float:
     return value
 
 
-def rising(at: list[float], line: int | None = None) -> FloatArray:
+def rows_of(
+    lines: Iterable[tuple[int, str]], count: int, expected: str = "", separator: str | None = None
+) -> FloatArray:
+    """Numbers (n, count) of numbered lines; raises InputError for a line of others, or for none."""
+    rows = []
+    for line, text in lines:
+        cells = text.split(separator)
+        if len(cells) != count:
+            refuse(f"{len(cells)} values", line, expected or f"{count}")
+        rows.append([numeric(cell, line) for cell in cells])
+    if not rows:
+        refuse("it has no rows of numbers", expected=expected or None)
+    return np.array(rows)
+
+
+def in_order(values: Mapping[int, float], what: str, count: int | None = None) -> FloatArray:
+    """Values by their numbers; raises InputError where these do not run from 0, or are fewer than
+    two, or not `count`.
+    """
+    count = max(len(values), 2) if count is None else count
+    if sorted(values) != list(range(count)):
+        refuse(f"the numbers of {what} do not run from 0 to {count - 1}")
+    return np.array([values[k] for k in range(count)])
+
+
+def rising(at: ArrayLike, line: int | None = None) -> FloatArray:
     """Positions; raises InputError where there are fewer than two or they do not rise."""
-    found = np.array(at, float)
+    found = np.asarray(at, float)
     if len(found) < 2:
         refuse(f"{len(found)} point(s)", line, "two points or more")
     if (np.diff(found) <= 0).any():

@@ -10,6 +10,7 @@ import pytest
 from circle_examples import Causes, made
 
 from mtu_cli.analyses.circular import TERMS, CircularResult, diagnose, terms
+from mtu_cli.files.traces import Traces
 
 NONE = (0.0, 0.0)
 
@@ -116,3 +117,51 @@ def test_correlated_samples_are_worth_fewer() -> None:
     tied = np.mean([diagnose(made(Causes(), s=0.0003, phi=0.8, seed=i)).effective for i in (1, 2)])
     assert white > 0.75 * 1440 * (1 - 20 / 360)
     assert 0.04 < tied / 1440 < 0.3
+
+
+PITCHES = (10.0, 8.0)
+WAVES = {"cyclic-a-forward": (0.002, 0.4), "cyclic-a-reverse": (0.001, 1.9),
+         "cyclic-b-forward": (0.0, 0.0), "cyclic-b-reverse": (0.0015, -0.7)}  # fmt: skip
+
+
+def with_waves(n: int, s: float = 0.0, seed: int = 0) -> Traces:
+    """Traces of axes whose screws err with their pitch, in another phase forward and in reverse."""
+    found = made(Causes(), n=n, s=s, phi=0.8, seed=seed)
+    traces = []
+    for trace in found.traces:
+        c, y = np.cos(trace.angle), trace.deviation.copy()
+        sine = np.sin(trace.angle)
+        ways = {"a": (c, -trace.sign * sine > 0), "b": (sine, trace.sign * c > 0)}
+        for name, (size, phase) in WAVES.items():
+            along, forward = ways[name[7]]
+            moving = forward if name.endswith("forward") else ~forward
+            pitch = PITCHES["ab".index(name[7])]
+            wave = size * np.sin(2 * np.pi * found.radius * along / pitch + phase)
+            y += np.where(moving, wave * along, 0.0)
+        traces.append(replace(trace, deviation=y))
+    return replace(found, traces=tuple(traces))
+
+
+def test_cyclic_errors_of_known_pitches_are_returned_with_all_other_causes() -> None:
+    expected = Causes().expected() | {name: 1e3 * size for name, (size, _) in WAVES.items()}
+    found = diagnose(with_waves(4000), PITCHES)
+    assert values(found) == pytest.approx(expected, abs=0.1)
+    assert sum(x.share for x in found.causes if x.share == x.share) == pytest.approx(1.0)
+    assert found.remainder_rms < 1e-4
+    off = []
+    for seed in range(12):
+        result = diagnose(with_waves(2000, s=5e-4, seed=seed), PITCHES)
+        off += [
+            (x.value / x.size - expected[x.name]) / (x.u / x.size)
+            for x in result.causes
+            if expected[x.name]
+        ]
+    z = np.abs(np.array(off))
+    assert (z <= 3).mean() >= 0.98
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.3
+
+
+def test_a_pitch_that_the_samples_do_not_resolve_is_not_estimable() -> None:
+    result = diagnose(with_waves(120), (10.0, 200.0))
+    assert all(math.isnan(result.cause(name).value) for name in WAVES)
+    assert set(WAVES) <= {name for x in result.warnings for name in x.facts["names"]}

@@ -16,12 +16,16 @@ from mtu_cli.analyses.compensate import (
     axis_errors,
     compensate,
     figures,
+    moves_program,
     verify,
 )
 from mtu_cli.findings import InputError
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import Controller, ErrorTable
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
+from mtu_cli.reports.compensate import RESULTS
+from mtu_cli.reports.fields import record
+from mtu_cli.units import ARCSEC
 
 AT = np.array([0.0, 50.0, 100.0])
 FORWARD, REVERSE = np.array([2.0, 5.0, -3.0]) * 1e-3, np.array([-1.0, 1.0, -8.0]) * 1e-3
@@ -130,9 +134,7 @@ def with_table(
 
 
 def verdict(result: CompensateResult, after: tuple[Any, ...]) -> str:
-    errors = result.errors
-    assert errors is not None
-    return verify(result, Frame().applied(result.held, errors.targets), *after).verdict
+    return verify(result, *after).verdict
 
 
 @pytest.mark.parametrize("name", CONTROLS)
@@ -310,3 +312,48 @@ def test_mean_and_forward_tables_leave_what_they_promise() -> None:
         result = compensate(errors, control, own, Wanted(direction=direction), trials=100)
         applied = Frame().applied(result.held, TARGETS)
         assert np.allclose(errors.means - applied, np.array(left)[:, None], atol=1e-6)
+
+
+def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
+    """1000 verifications of tables from half to twenty times their scatter high: the table applied
+    as it is, not at all, and with the other sign.
+    """
+    rng = np.random.default_rng(107)
+    control, own = made("table")
+    targets = np.linspace(0, 500, 11)
+    held, named = [], []
+    for i in range(1000):
+        height, k = 1e-3 * 10 ** rng.uniform(-0.6, 1), i % 3
+        wave = np.sin(2 * np.pi * targets / rng.uniform(250, 800) + rng.uniform(0, 6))
+        true = height * (wave + np.array([[0.5], [-0.5]]))
+        first = axis_errors(*drifting(rng, targets, true))
+        result = compensate(first, control, own, Wanted(), trials=10)
+        assert result.applied is not None
+        found = verify(result, *drifting(rng, targets, true + (k - 1) * result.applied))
+        held.append(found.interval95[0] <= k <= found.interval95[1])
+        names = ("worked", "no-effect", "wrong-sign")
+        named.append(found.verdict in names and found.verdict != names[k])
+    assert np.mean(held) >= 0.95
+    assert np.mean(named) <= 0.02
+
+
+def test_moves_of_an_angle_and_of_a_rotary_axis() -> None:
+    rng = np.random.default_rng(12)
+    control, own = made("table")
+    targets = np.arange(0.0, 360.0, 30.0)
+    true = 1e-4 * np.sin(np.radians(targets)) + np.array([[1e-5], [-1e-5]])
+    errors = axis_errors(*reading(rng, targets, true, s=1e-6), angle=True, rotary=True)
+    result = compensate(errors, control, own, Wanted(), trials=100)
+    assert {move.direction for move in result.moves} == {"forward", "reverse"}
+    text = control.text(result.held, own)
+    assert "position_deg" in text
+    back = control.read_back(text, own)
+    assert back.rotary
+    assert back.angle
+    (first, *_), moves = record(RESULTS, result)["points"], record(RESULTS, result)["verification"]
+    assert (first["position_mm"], first["position_deg"], first["unit"]) == (None, 0.0, "arcsec")
+    move = moves["moves"][1]
+    assert move["command_mm"] is None
+    assert move["expect_without_um"] is None
+    assert move["expect_without_arcsec"] == pytest.approx(result.moves[1].without / ARCSEC)
+    assert "deg/min" in moves_program(result, 500.0, 3.0, "C")

@@ -1,0 +1,331 @@
+"""Tables of rows, one point a row: LinuxCNC, Heidenhain, ISG_CSV, Etalon, and listings for hand
+entry (Mitsubishi increments, any control).
+
+LinuxCNC (usrmotLoadComp): reading stops, without a message, at the first line that is not three
+numbers: no comment and no heading may stand in the file. Heidenhain: `variant=new` (TNC 640, 620,
+320, MANUALplus) has a column BACKLASH, the values measured in negative direction; `variant=old`
+(iTNC 530, TNC 4xx) the datum and a distance of 2^n times 0.0001 mm in the first line. ISG_CSV and
+the Vendor variant of ETALON_EXCHANGE: values of the error model, mm and rad. Mitsubishi: (interval
+- actual distance) times 2, in half output units, seen from the + side and from the - side. Of Fanuc
+neither the sign nor the file are documented publicly: `table` gives errors, corrections and
+increments.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from mtu_cli.files.csv_table import number
+from mtu_cli.findings import error
+from mtu_cli.formats.control.errors import (
+    Controller,
+    ErrorTable,
+    Parameters,
+    choice,
+    decimals,
+    number_parameter,
+    numeric,
+    parameter,
+    real,
+    refuse,
+    rising,
+    rows_of,
+    whole,
+)
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.units import UM
+
+MOST_ROWS, LONGEST_LINE, INCH = 256, 255, 25.4
+"""LinuxCNC: EMCMOT_COMP_SIZE, the characters of a line, and mm of an inch."""
+PLACES, QUANTUM, MOST_OLD = 4, 1e-4, 256
+"""Heidenhain: decimal places, mm; entries of an old table."""
+NEW_HEAD = re.compile(r"BEGIN +AXIS_(\w+)\.COM +MM")
+OLD_HEAD = re.compile(r"BEGIN +AXIS-(\w+)\.COM +DATUM: *(\S+) +DISTANCE: *(\S+)")
+ANGLES = ("A", "B", "C")
+ISO_NAME = re.compile(r"E[XYZABC][XYZABC]")
+HAND = "FOR HAND ENTRY, no file to load."
+INCREMENTS = "no,from_mm,to_mm,plus_side,minus_side"
+LISTED = (
+    "no,position_{},error_forward,error_reverse,correction_forward,correction_reverse,"
+    "step_forward,step_reverse"
+)
+
+
+def _inch(parameters: Parameters) -> float:
+    return {"mm": 1.0, "inch": INCH}[choice(parameters, "unit", ("mm", "inch"))]
+
+
+def _write_linuxcnc(table: ErrorTable, parameters: Parameters) -> str:
+    trims = choice(parameters, "type", ("0", "1")) == "1"
+    unit, values = _inch(parameters), -table.errors if trims else table.at + table.errors
+    rows = np.vstack([table.at, values]).T / unit
+    places = 6 if unit == 1 else 7
+    return "".join(" ".join(decimals(x, places) for x in row) + "\n" for row in rows.tolist())
+
+
+def _read_linuxcnc(text: str, parameters: Parameters) -> ErrorTable:
+    trims, unit = choice(parameters, "type", ("0", "1")) == "1", _inch(parameters)
+    lines = [*enumerate(text.removesuffix("\n").split("\n"), 1)]
+    for i, line in lines:
+        values = [number(cell) for cell in line.split()]
+        if len(values) != 3 or not all(x is not None and np.isfinite(x) for x in values):
+            reason = (
+                f"LinuxCNC stops reading here, without a message: {line[:40]!r} is not three "
+                f"numbers, and {i - 1} rows above it are all that it would use"
+            )
+            refuse(reason, i, "three numbers, no comment, no heading, no blank line")
+        if len(line) > LONGEST_LINE:
+            refuse(f"a line of {len(line)} characters", i, f"at most {LONGEST_LINE}")
+    if len(lines) > MOST_ROWS:
+        refuse(f"{len(lines)} rows", expected=f"at most {MOST_ROWS}")
+    at, *both = rows_of(lines, 3).T * unit
+    return ErrorTable.of(rising(at), *(-x if trims else x - at for x in both))
+
+
+def _is_old(parameters: Parameters) -> bool:
+    return choice(parameters, "variant", ("new", "old")) == "old"
+
+
+def _write_heidenhain(table: ErrorTable, parameters: Parameters) -> str:
+    axis, columns = parameter(parameters, "axis"), [table.reverse, table.forward]
+    lines = [f"BEGIN AXIS_{axis}.COM MM", f"{'NR':<6}{'AXISPOS':>14}{'BACKLASH':>12}{axis:>12}"]
+    if _is_old(parameters):
+        step = table.step or 0.0
+        power = math.log2(step / QUANTUM)
+        if abs(power - round(power)) > 1e-6 or len(table.at) > MOST_OLD:
+            reason = f"a distance of {step:g} mm in {len(table.at)} points"
+            near = QUANTUM * 2.0 ** round(power)
+            expected = (
+                f"2^n times 0.0001 mm, such as --step {near:g}, and at most {MOST_OLD} points"
+            )
+            raise error("not-applicable", reason=reason, expected=expected)
+        lines = [f"BEGIN AXIS-{axis}.COM  DATUM:{table.at[0]:+.4f} DISTANCE:{step:+.4f}",
+                 f"{'NR':<6}{'':>14}{axis:>12}"]  # fmt: skip
+        columns = [table.forward]
+    for k, (at, *values) in enumerate(zip(table.at, *columns, strict=True)):
+        cells = "".join(f"{round(e, PLACES) + 0.0:>+12.4f}" for e in values)
+        lines.append(f"{k:<6}{at:>+14.4f}{cells}")
+    return "\n".join([*lines, "[END]", ""])
+
+
+def _read_heidenhain(text: str, parameters: Parameters) -> ErrorTable:
+    lines = text.rstrip().split("\n")
+    new, old = NEW_HEAD.fullmatch(lines[0].strip()), OLD_HEAD.fullmatch(lines[0].strip())
+    if not (new or old):
+        refuse(f"{lines[0][:60]!r} begins no table", 1, "BEGIN AXIS_X.COM MM")
+    if lines[-1].strip() != "[END]":
+        refuse("it does not end with [END]", len(lines))
+    names = lines[1].split()
+    if names[:1] != ["NR"] or (new and names[1:3] != ["AXISPOS", "BACKLASH"]):
+        refuse("the line of the columns is missing", 2, "NR AXISPOS BACKLASH X")
+    count = 4 if new else 3
+    rows = rows_of(enumerate(lines[2:-1], 3), count, f"{count}: a table of one axis")
+    if rows[:, 0].tolist() != list(range(len(rows))):
+        refuse("the numbers do not run from 0", 3)
+    at = rising(rows[:, 1])
+    if new:
+        return ErrorTable.of(at, rows[:, 3], rows[:, 2])
+    assert old is not None
+    due = numeric(old[2], 1) + numeric(old[3], 1) * np.arange(len(at))
+    if np.abs(at - due).max() > QUANTUM:
+        refuse("the positions are not those of DATUM and DISTANCE", 1)
+    return ErrorTable.of(at, rows[:, 2])
+
+
+def _error_name(parameters: Parameters, table: ErrorTable) -> str:
+    """The ISO 230-1 name of the error: EXX of the axis X unless it is said."""
+    axis = parameter(parameters, "axis")
+    name = parameters["error"] or ("" if table.angle else f"E{axis}{axis}")
+    known = tuple(f"E{a}{axis}" for a in (ANGLES if table.angle else ("X", "Y", "Z")))
+    return choice({"error": name}, "error", known)
+
+
+def _model_rows(table: ErrorTable) -> list[str]:
+    places = 9 if table.angle else 6
+    return [f"{real(at)} {real(e, places)}" for at, e in zip(table.at, table.forward, strict=True)]
+
+
+def _model_table(rows: FloatArray, name: str) -> ErrorTable:
+    """Of the error model: an angle by its name."""
+    at, e = rows.T
+    return ErrorTable(at=rising(at), forward=e, reverse=e, angle=name[1] in ANGLES)
+
+
+def _write_csv(table: ErrorTable, parameters: Parameters) -> str:
+    heading = f"{parameters['axis']} {_error_name(parameters, table)}"
+    return "\n".join([heading, *_model_rows(table), ""])
+
+
+def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
+    plain = [(i, line.split("//")[0]) for i, line in enumerate(text.split("\n"), 1)]
+    lines = [(i, line) for i, line in plain if line.strip()]
+    heading = lines[0][1].split() if lines else []
+    if len(heading) != 2 or not ISO_NAME.fullmatch(heading[1]):
+        at = lines[0][0] if lines else 1
+        refuse(f"{' '.join(heading)!r} is no heading of one axis", at, "such as X EXX")
+    return _model_table(rows_of(lines[1:], 2), heading[1])
+
+
+def _write_etalon(table: ErrorTable, parameters: Parameters) -> str:
+    name = _error_name(parameters, table)
+    return "\n".join([f"[{name}]", "Gridpoints = {", *_model_rows(table), "}", ""])
+
+
+def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:
+    sections: dict[str, list[tuple[int, str]]] = {}
+    name, inside = "", False
+    for i, line in enumerate(map(str.strip, text.split("\n")), 1):
+        if match := re.fullmatch(r"\[(\w+)\]", line):
+            name = match[1]
+        elif re.fullmatch(r"Gridpoints *= *\{", line) or line == "}":
+            inside = line != "}"
+        elif inside:
+            sections.setdefault(name, []).append((i, line))
+    if inside:
+        refuse("the brace of Gridpoints is not closed")
+    wanted = parameters["error"] or f"E{parameters['axis']}{parameters['axis']}"
+    own = wanted if wanted in sections else next(iter(sections), "")
+    if not ISO_NAME.fullmatch(own) or (wanted not in sections and len(sections) > 1):
+        refuse(f"no Gridpoints of {wanted}", expected="--set error=EXX")
+    return _model_table(rows_of(sections[own], 2, "a position and a value"), own)
+
+
+def _output_unit(parameters: Parameters) -> float:
+    """mm of half an output unit."""
+    return number_parameter(parameters, "unit") * UM / 2
+
+
+def _write_mitsubishi(table: ErrorTable, parameters: Parameters) -> str:
+    # Rounded where it adds up, so that errors of rounding do not.
+    steps = np.diff(np.rint(-table.errors / _output_unit(parameters)), axis=1)
+    lines = [f"# zero at {decimals(table.at[0])} mm", INCREMENTS]
+    for k, (low, high) in enumerate(zip(table.at, table.at[1:], strict=False)):
+        plus, minus = (whole(float(x), "mitsubishi", -128, 127) for x in steps[:, k])
+        lines.append(f"{k + 1},{decimals(low)},{decimals(high)},{plus},{minus}")
+    return "\n".join([*lines, ""])
+
+
+def _listed(text: str, heading: str) -> FloatArray:
+    """The numbers below a heading; lines that begin with # are comments."""
+    lines = [(i, line) for i, line in enumerate(text.split("\n"), 1)
+             if line.strip() and not line.startswith("#")]  # fmt: skip
+    if not lines or lines[0][1].strip() != heading:
+        at, line = lines[0] if lines else (1, "")
+        refuse(f"the heading is {line[:60]!r}", at, heading)
+    return rows_of(lines[1:], heading.count(",") + 1, separator=",")
+
+
+def _read_mitsubishi(text: str, parameters: Parameters) -> ErrorTable:
+    rows, half = _listed(text, INCREMENTS), _output_unit(parameters)
+    if not np.array_equal(rows[1:, 1], rows[:-1, 2]):
+        refuse("its intervals do not follow one another")
+    sums = np.cumsum(np.vstack([np.zeros(2), rows[:, 3:5]]), axis=0)
+    return ErrorTable.of(rising([*rows[:, 1], rows[-1, 2]]), *(-half * sums.T))
+
+
+def _write_table(table: ErrorTable, parameters: Parameters) -> str:
+    unit, scale = ("urad", 1e-6) if table.angle else ("um", UM)
+    lines = [f"# unit: {unit}", LISTED.format("deg" if table.rotary else "mm")]
+    steps = np.diff(table.errors, axis=1, prepend=table.errors[:, :1])
+    columns = np.vstack([table.errors, -table.errors, steps]) / scale
+    for k, at in enumerate(table.at):
+        lines.append(",".join([str(k), decimals(at), *(decimals(x, 3) for x in columns[:, k])]))
+    return "\n".join([*lines, ""])
+
+
+def _read_table(text: str, parameters: Parameters) -> ErrorTable:
+    angle, rotary = "# unit: urad" in text, "no,position_deg," in text
+    rows = _listed(text, LISTED.format("deg" if rotary else "mm"))
+    if np.abs(rows[:, 2:4] + rows[:, 4:6]).max() > 0.002:
+        refuse("its corrections are not the errors with the other sign")
+    forward, reverse = rows[:, 2:4].T * (1e-6 if angle else UM)
+    return ErrorTable(at=rising(rows[:, 1]), forward=forward, reverse=reverse, angle=angle,
+                      both=not np.array_equal(forward, reverse), rotary=rotary)  # fmt: skip
+
+
+MODEL: Mapping[str, str] = {"axis": "X", "error": ""}
+LINUXCNC = Controller(
+    name="linuxcnc",
+    sign="position",
+    says="LinuxCNC COMP_FILE: nominal, forward, reverse; type 0 holds the positions that the axis "
+    "reaches, type 1 corrections (nominal minus actual). No comment may stand in the file itself. "
+    "BACKLASH is ignored where it is loaded; STEPGEN_MAXACCEL needs 1.5 to 2 times headroom.",
+    write=_write_linuxcnc,
+    read=_read_linuxcnc,
+    parameters={"type": "", "unit": "mm"},
+    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH,
+    two=lambda _: True,
+    equidistant=lambda _: False,
+    most=MOST_ROWS,
+    newline="\n",
+)
+HEIDENHAIN = Controller(
+    name="heidenhain",
+    sign="error",
+    says="Heidenhain .COM: values are errors in mm (actual minus nominal), positions from the "
+    "machine datum; BACKLASH: the values in negative direction. One line of config.CMA has to be "
+    "active. Confirm the sign by a verification move.",
+    write=_write_heidenhain,
+    read=_read_heidenhain,
+    parameters={"variant": "new", "axis": "X"},
+    quantum=lambda _: QUANTUM,
+    two=lambda parameters: not _is_old(parameters),
+    equidistant=_is_old,
+)
+ISG_CSV = Controller(
+    name="isg-csv",
+    sign="error",
+    says="Values of the error model (actual minus nominal), mm and rad; `negate` in the list file "
+    "turns the sign.",
+    write=_write_csv,
+    read=_read_csv,
+    parameters=MODEL,
+    equidistant=lambda _: False,
+    comment="//",
+    angles=True,
+)
+ETALON = Controller(
+    name="etalon",
+    sign="error",
+    says="ETALON_EXCHANGE, Vendor variant: values of the error model (actual minus nominal), mm "
+    "and rad; `negate` in the list file turns the sign.",
+    write=_write_etalon,
+    read=_read_etalon,
+    parameters=MODEL,
+    equidistant=lambda _: False,
+    angles=True,
+)
+MITSUBISHI = Controller(
+    name="mitsubishi",
+    sign="correction",
+    says=f"{HAND} Increments (interval minus actual distance) times 2, in output units: plus_side "
+    "of the move from from_mm to to_mm, minus_side of the move back. The backlash at the first "
+    "point is not in it: enter it as the control's own.",
+    write=_write_mitsubishi,
+    read=_read_mitsubishi,
+    parameters={"unit": "1"},
+    quantum=_output_unit,
+    two=lambda _: True,
+    zeroed="each",
+    comment="#",
+    listing=True,
+)
+TABLE = Controller(
+    name="table",
+    sign="error",
+    says=f"{HAND} error: actual minus nominal; correction: the other sign; step: the change of the "
+    "error from the point before. Which of them the control wants its manual says (of Fanuc: "
+    "increments, sign not stated in public sources): prove it with a verification move.",
+    write=_write_table,
+    read=_read_table,
+    parameters={"axis": "X"},
+    two=lambda _: True,
+    equidistant=lambda _: False,
+    comment="#",
+    angles=True,
+    listing=True,
+)

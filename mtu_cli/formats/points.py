@@ -1,0 +1,225 @@
+"""Measured points: characteristics of Calypso (``_chr.txt``), text reports of PC-DMIS, QIF results
+(2.x, 3.0), and tables of features x parts. Each is a list of coordinates, as texts, that
+`collect` makes points of.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+from xml.etree.ElementTree import Element
+
+from mtu_cli.files.csv_table import Decimal
+from mtu_cli.formats.base import INSPECT, POINTS, Ask, Format, Imported, RawFile, local
+from mtu_cli.formats.grid import Faults, decimals, grid_of, number, said
+
+FEATURE = ("feature", "feature id", "merkmal", "element", "hole", "bohrung", "characteristic")
+AXIS = ("axis", "achse", "ax", "coordinate")
+NOMINAL = ("nominal", "nom", "soll", "sollwert", "nominal mm", "nominal [mm]")
+CALYPSO = {"id", "actual", "nominal", "deviation", "featureid"}
+OF_AXIS = re.compile(r"(.*?)(?:^|[^A-Za-z])([XYZ])(?:[ _-]?(?:value|wert))?", re.I | re.S)
+"""A name of a characteristic of position: the feature, and the axis at its end."""
+_DIM = re.compile(r"^\s*DIM\s+(\S+)\s*=\s*\w+(?:\s+\w+)*?\s+OF\s+\w+\s+(\S+)", re.I)
+
+
+class Coordinate(NamedTuple):
+    """A measured coordinate as it stands in the file, with its nominal value where there is one."""
+
+    line: int
+    part: str
+    feature: str
+    axis: str
+    actual: str
+    nominal: str = ""
+
+
+def collect(
+    file: RawFile, ask: Ask, found: Imported, rows: Sequence[Coordinate], faults: Faults,
+    separator: str = "", scale: float = 1.0,
+) -> list[Decimal]:  # fmt: skip
+    """Adds the points of features with X and Y, part by part; the others are counted.
+
+    Raises InputError with all bad cells, and for two values of one coordinate.
+    """
+    columns = ([row.actual for row in rows], [row.nominal for row in rows])
+    signs = decimals(file, columns, ask.decimal, separator)
+    points: dict[str, dict[str, tuple[int, dict[str, float]]]] = {}
+    for row in rows:
+        place = points.setdefault(row.part, {}).setdefault(row.feature, (row.line, {}))[1]
+        texts = {f"{row.axis}_mm": (row.actual, signs[0])}
+        if row.nominal:
+            texts[f"nominal_{row.axis}_mm"] = (row.nominal, signs[1])
+        for name, (text, sign) in texts.items():
+            value = number(text, sign)
+            if value is None:
+                faults.cell(row.line, name, text)
+            elif place.setdefault(name, value * scale) != value * scale:
+                other = f"another {name} of {row.feature}, {row.part}"
+                faults.found.append(file.finding("copied-rows", row=row.line, other=other))
+    faults.raise_if_any()
+    for part, features in points.items():
+        for feature, (line, place) in features.items():
+            if {"x_mm", "y_mm"} <= place.keys():
+                found.add(line, part=part, feature=feature, **place)
+            else:
+                found.drop("features without X or Y")
+    if not found.rows and ask.kind != INSPECT:
+        expected = "features with X and Y in mm"
+        raise file.error("empty-file", what=f"points of {found.format}", expected=expected)
+    return signs
+
+
+def _plain(cells: Sequence[str]) -> list[str]:
+    return [cell.strip().casefold() for cell in cells]
+
+
+def read_calypso(file: RawFile, ask: Ask) -> Imported:
+    """Actual and nominal of the characteristics X, Y, Z of each feature, by heading."""
+    grid = grid_of(file.lines, separator="\t")
+    header, rows = _plain(grid.rows[0].cells), grid.rows[1:]
+    found, faults = Imported(format="calypso", kind=POINTS), Faults(file)
+    if not rows or rows[-1].cells[0].upper() != "END":
+        raise file.error("missing-input", what="the last line END", expected="a whole file")
+    needed = max(map(header.index, CALYPSO)) + 1
+    faults.widths(rows[:-1], len(header), fewest=needed)
+    coordinates = []
+    for row in rows[:-1]:
+        cells = dict(zip(header, row.cells, strict=False))
+        texts = (cells.get(name, "") for name in ("idsymbol", "type", "id"))
+        axis = next((m[2].lower() for text in texts if (m := OF_AXIS.fullmatch(text))), None)
+        if axis is None or cells.get("unit", "mm") not in ("", "mm"):
+            found.drop("other characteristics")
+            continue
+        part = cells.get("partnb") or file.source.path.stem
+        coordinates.append(
+            Coordinate(row.line, part, cells["featureid"], axis, cells["actual"], cells["nominal"])
+        )
+    signs = collect(file, ask, found, coordinates, faults, "\t")
+    found.says = [said(grid, signs), "actual X, Y, Z in mm by the headings"]
+    return found
+
+
+def _header(file: RawFile) -> list[int] | None:
+    """Indices of feature, axis and nominal in the header; None where it has not all of them."""
+    grid = grid_of(file.lines[:20])
+    header = _plain(grid.rows[0].cells) if grid.rows else []
+    found = [next((i for i, name in enumerate(header) if name in known), -1)
+             for known in (FEATURE, AXIS, NOMINAL)]  # fmt: skip
+    return None if -1 in found or len(header) < 4 else found
+
+
+def read_wide_points(file: RawFile, ask: Ask) -> Imported:
+    """Columns feature, axis, nominal, then measured coordinates in mm, one column a part."""
+    place = _header(file) or [0, 1, 2]
+    grid, faults = grid_of(file.lines), Faults(file)
+    header, rows = grid.rows[0].cells, grid.rows[1:]
+    faults.widths(rows, len(header))
+    found, coordinates = Imported(format="wide-points", kind=POINTS), list[Coordinate]()
+    parts = {i: name for i, name in enumerate(header) if i not in place}
+    for i, part in parts.items():
+        for row in rows:
+            feature, axis, nominal = (row.cells[at] for at in place)
+            if axis.casefold() not in ("x", "y", "z"):
+                faults.cell(row.line, header[place[1]], axis, "x, y or z")
+            elif not nominal:
+                faults.cell(row.line, header[place[2]], nominal)
+            elif not row.cells[i]:
+                found.drop("empty cells")
+            else:
+                own = (feature, axis.casefold(), row.cells[i], nominal)
+                coordinates.append(Coordinate(row.line, part, *own))
+    signs = collect(file, ask, found, coordinates, faults, grid.separator)
+    pairs = [(a, b) for axis in "xyz" for a, b in zip(
+        found.columns.get(f"{axis}_mm", []), found.columns.get(f"nominal_{axis}_mm", []),
+        strict=True) if None not in (a, b)]  # fmt: skip
+    if sum(abs(a - b) for a, b in pairs) > 0.5 * sum(abs(b) for _, b in pairs) > 0:
+        kind = "deviations, no coordinates (they do not follow the nominal places)"
+        raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
+    found.says = [said(grid, signs), f"{len(parts)} parts, coordinates in mm"]
+    found.facts = {"parts": list(parts.values()), "features": len({x.feature for x in coordinates})}
+    return found
+
+
+def _is_pcdmis(file: RawFile) -> bool:
+    return any("MEAS" in line and re.match(r"\s*AX\b", line) for line in file.lines[:400])
+
+
+def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
+    """Measured X, Y, Z of each feature, by the heading line of its block."""
+    found, faults = Imported(format="pcdmis-text", kind=POINTS), Faults(file)
+    units = re.search(r"UNITS\s*=\s*(MM|IN)", file.text, re.I)
+    if units and units[1].upper() == "IN":
+        raise file.error("wrong-type", kind="millimetres", value="IN", expected="UNITS=MM")
+    serial = re.search(r"SER(?:IAL)? ?(?:NUM\w*|NO)\s*[:=]\s*(\S+)", file.text, re.I)
+    part = serial[1] if serial else file.source.path.stem
+    coordinates, heading, feature = list[Coordinate](), list[str](), ""
+    for line, text in enumerate(file.lines, 1):
+        cells = text.split()
+        if match := _DIM.match(text):
+            feature, heading = match[2], []
+        elif re.match(r"\s*AX\b.*\bMEAS\b", text):
+            heading = cells
+        elif not (feature and heading and cells):
+            continue
+        elif cells[0] not in ("X", "Y", "Z"):
+            found.drop("rows of other characteristics")
+        elif len(cells) < len(heading):
+            facts = {"cells": f"{len(cells)} cells", "expected": " ".join(heading)}
+            faults.found.append(file.finding("row-length", row=line, **facts))
+        else:
+            own = dict(zip(heading, cells, strict=False))
+            values = (own["AX"].lower(), own["MEAS"], own.get("NOMINAL", ""))
+            coordinates.append(Coordinate(line, part, feature, *values))
+    faults.raise_if_any()
+    collect(file, ask, found, coordinates, faults)
+    found.says = ["actual X, Y, Z in mm, by the heading of each block"]
+    return found
+
+
+def _under(element: Element, ending: str) -> Iterator[Element]:
+    """Elements beneath whose name without namespace ends so; comments have none."""
+    return (each for each in element.iter()
+            if isinstance(each.tag, str) and local(each.tag).endswith(ending))  # fmt: skip
+
+
+def _text(element: Element, name: str) -> str:
+    return next(((x.text or "").strip() for x in _under(element, name) if x is not element), "")
+
+
+def read_qif(file: RawFile, ask: Ask) -> Imported:
+    """Locations of measured features in mm, joined by id to their items; others are counted."""
+    root, found = file.xml, Imported(format="qif", kind=POINTS)
+    assert root is not None
+    factor = 1.0
+    for unit in [*_under(root, "LinearUnit")][:1]:
+        metre = _text(unit, "UnitName").lower() in ("m", "meter", "metre")
+        stated = number(_text(unit, "Factor"), ".")
+        factor = 1000.0 * stated if stated else 1000.0 if metre else 1.0
+    names = {x.get("id", ""): _text(x, "FeatureName") for x in _under(root, "FeatureItem")}
+    coordinates = list[Coordinate]()
+    for i, results in enumerate(_under(root, "MeasurementResults"), 1):
+        part = _text(results, "SerialNumber") or f"{file.source.path.stem}-{i}"
+        for n, actual in enumerate(_under(results, "FeatureActual"), 1):
+            cells, item = _text(actual, "Location").split(), _text(actual, "FeatureItemId")
+            if len(cells) != 3:
+                found.drop("features without a location")
+                continue
+            feature = names.get(item) or item or str(n)
+            coordinates += [Coordinate(1, part, feature, *own)
+                            for own in zip("xyz", cells, strict=True)]  # fmt: skip
+    found.drop("characteristics", sum(1 for _ in _under(root, "CharacteristicActual")))
+    collect(file, Ask(kind=ask.kind, decimal="."), found, coordinates, Faults(file), scale=factor)
+    found.says = [f"locations times {factor:g} in mm", "nominal places from the part file"]
+    return found
+
+
+FORMATS = (
+    Format("qif", "QIF results", (POINTS,),
+           lambda file: "QIFDocument" in file.head and file.xml is not None, read_qif),
+    Format("pcdmis-text", "PC-DMIS text report", (POINTS,), _is_pcdmis, read_pcdmis),
+    Format("calypso", "Calypso table of characteristics", (POINTS,),
+           lambda file: set(_plain(file.lines[0].split("\t"))) >= CALYPSO, read_calypso),
+    Format("wide-points", "features x parts", (POINTS,),
+           lambda file: bool(file.text) and _header(file) is not None, read_wide_points),
+)  # fmt: skip
