@@ -48,7 +48,7 @@ MEANING = {
     "centre-offset": "distance of the circle's centre from the given one: of the set-up",
     "circularity": "mean G of all traces",
 } | {
-    name: f"amplitude of the wave of a pitch, {axis} axis moving {way}"
+    name: f"amplitude of the pitch's wave, {axis} axis, {way}"
     for name, (axis, way) in zip(
         CYCLIC, [(a, w) for a in ("first", "second") for w in ("forward", "reverse")], strict=True
     )
@@ -118,8 +118,6 @@ class CircularResult:
     causes: tuple[Cause, ...] = ()
     remainder_rms: float = math.nan
     remainder_range: float = math.nan
-    effective: float = math.nan
-    samples: int = 0
     fitted: tuple[FloatArray, ...] = ()
     instrument: tuple[Stated, ...] = ()
     warnings: tuple[Finding, ...] = ()
@@ -160,7 +158,7 @@ def circle_fit(angle: FloatArray, deviation: FloatArray) -> tuple[FloatArray, Fl
 
 class Fit(NamedTuple):
     """Parameters (p,), their covariance and u (nan: not estimable), residuals of each trace with
-    nan in the windows, designs, autocovariances (lags,) of the residuals, effective samples.
+    nan in the windows, designs, autocovariances (lags,) of the residuals.
     """
 
     beta: FloatArray
@@ -169,7 +167,6 @@ class Fit(NamedTuple):
     left: list[FloatArray]
     designs: list[FloatArray]
     lagged: FloatArray
-    effective: float
 
 
 def _designs(traces: Traces) -> list[FloatArray]:
@@ -214,13 +211,8 @@ def joint_fit(traces: Traces) -> Fit:
     ]
     most = min(map(len, left)) // 4
     lagged = np.array([_lagged(left, k) for k in range(most)])
-    # Independent samples of the same scatter would give these variances.
-    X = np.vstack([design[own] for design, own in zip(designs, used, strict=True)])
-    plain = lagged[0] * np.diag(np.linalg.pinv(X.T @ X))[: len(TERMS)]
-    now = np.diag(covariance)[: len(TERMS)]
-    ratio = float(np.median(plain[now > 0] / now[now > 0])) if (now > 0).any() else 1.0
     u = np.where(np.isfinite(stated.u), stated.u, np.nan)
-    return Fit(beta, covariance, u, left, designs, lagged, len(X) * min(ratio, 1.0))
+    return Fit(beta, covariance, u, left, designs, lagged)
 
 
 def waves(traces: Traces, axis: int, pitch: float) -> list[FloatArray]:
@@ -342,8 +334,6 @@ def diagnose(
         causes=tuple(causes),
         remainder_rms=float(np.sqrt(np.nanmean(left**2))),
         remainder_range=float(np.nanmax(left) - np.nanmin(left)),
-        effective=fit.effective,
-        samples=len(deviation),
         fitted=tuple(
             design @ fit.beta + whole.deviation - own.deviation
             for design, whole, own in zip(fit.designs, traces.traces, plain.traces, strict=True)

@@ -44,6 +44,7 @@ VDI = {
     "U_max": "largest reversal error",
     "U_mean": "mean reversal error",
 }
+WAYS = ("forward", "reverse")
 STANDARDS = ("iso230-2", "vdi3441")
 REFERENCE_DEGC = 20.0
 TRIALS, TOGETHER = 10_000, 500
@@ -77,25 +78,6 @@ class Change(NamedTuple):
     bound: float
     differs: bool | None
     size: float
-
-
-class AtTarget(NamedTuple):
-    """What ISO 230-2 has of one target; B = mean forward - mean reverse."""
-
-    target: float
-    n_forward: int
-    n_reverse: int
-    mean_forward: float
-    mean_reverse: float
-    mean: float
-    B: float
-    s_forward: float
-    s_reverse: float
-    R_forward: float
-    R_reverse: float
-    R: float
-    size: float
-    rotary: bool
 
 
 class Decision(NamedTuple):
@@ -148,7 +130,9 @@ class Test:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Axis:
-    """The figures of one axis; `k` of U = k u."""
+    """The figures of one axis; number, means and s of the runs (2, m), forward and reverse; `k` of
+    U = k u.
+    """
 
     name: str
     test: Test
@@ -157,7 +141,6 @@ class Axis:
     s: FloatArray
     figures: Mapping[str, Figure]
     vdi: Mapping[str, float]
-    at_target: tuple[AtTarget, ...]
     k: float
     before: Mapping[str, Change] | None = None
 
@@ -216,27 +199,23 @@ def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
     """
     high, low = np.fmax.reduce, np.fmin.reduce
     B, R_way, R = reversal_and_repeatability(mean, s)
-    band = 2 * np.nan_to_num(s)
+    band, middle = 2 * np.nan_to_num(s), mean.mean(axis=-2)
     scatters = np.where(np.isfinite(s).any(axis=-1), 0.0, np.nan)
     top, bottom = high(mean + band, axis=-1), low(mean - band, axis=-1)
     highest, lowest = high(mean, axis=-1), low(mean, axis=-1)
     two_way = np.where(np.isfinite(B).any(axis=-1), 0.0, np.nan)
-    middle = mean.mean(axis=-2)
-    A_way, E_way, R_most = top - bottom + scatters, highest - lowest, high(R_way, axis=-1)
-    return {
+    found = {
         "A": top.max(axis=-1) - bottom.min(axis=-1) + two_way + scatters.sum(axis=-1),
-        "A_forward": A_way[..., 0],
-        "A_reverse": A_way[..., 1],
         "E": highest.max(axis=-1) - lowest.min(axis=-1) + two_way,
-        "E_forward": E_way[..., 0],
-        "E_reverse": E_way[..., 1],
         "R": high(R, axis=-1),
-        "R_forward": R_most[..., 0],
-        "R_reverse": R_most[..., 1],
         "M": high(middle, axis=-1) - low(middle, axis=-1),
         "B": high(np.abs(B), axis=-1),
         "B_mean": _average(B),
     }
+    one_way = {"A": top - bottom + scatters, "E": highest - lowest, "R": high(R_way, axis=-1)}
+    found |= {f"{name}_{way}": values[..., i] for name, values in one_way.items()
+              for i, way in enumerate(WAYS)}  # fmt: skip
+    return {name: found[name] for name in FIGURES}
 
 
 def vdi_figures(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
@@ -287,14 +266,15 @@ def sampling_u(
     means = mean + step * rng.standard_normal(shape)
     chi2 = 2 * rng.standard_gamma(np.maximum(dof, 1) / 2, shape)
     drawn = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
-    found = figures_of(means, np.where(free, drawn, np.nan))
-    known = np.isfinite(pooled).all(axis=(-2, -1)), np.isfinite(pooled)[..., 0]
-    result = {}
-    for name, values in found.items():
-        way = name.rpartition("_")[2]
-        there = known[1][..., int(way == "reverse")] if way in ("forward", "reverse") else known[0]
-        result[name] = np.where(there, np.std(values, axis=0), np.nan)
-    return result
+    known = np.isfinite(pooled)[..., 0]
+    return {
+        name: np.where(
+            known[..., WAYS.index(way)] if (way := name.rpartition("_")[2]) in WAYS
+            else known.all(axis=-1),
+            np.std(values, axis=0), np.nan,
+        )
+        for name, values in figures_of(means, np.where(free, drawn, np.nan)).items()
+    }  # fmt: skip
 
 
 def corrected(test: Test, budget: InstrumentBudget | None) -> tuple[Test, list[Finding]]:
@@ -354,10 +334,6 @@ def evaluate(test: Test, budget: InstrumentBudget | None, k: float, seed: int, i
     measured: dict[str, float] = {}
     if budget is not None and test.is_length and not test.rotary:
         measured = instrument_u(test, budget, stream(seed, 2, index))
-    B, R_way, R = reversal_and_repeatability(mean, s)
-    rows = (
-        test.targets, *count.astype(int), *mean, mean.mean(axis=0), B, *s, *R_way, R,
-    )  # fmt: skip
     return Axis(
         name=test.name,
         test=test,
@@ -369,9 +345,6 @@ def evaluate(test: Test, budget: InstrumentBudget | None, k: float, seed: int, i
             for name, u in sampling.items()
         },
         vdi={name: float(value) for name, value in vdi_figures(mean, s).items()},
-        at_target=tuple(
-            AtTarget._make((*row, test.size, test.rotary)) for row in zip(*rows, strict=True)
-        ),
         k=k,
     )
 
@@ -391,34 +364,30 @@ def tests_of(readings: Readings) -> tuple[list[Test], list[Finding]]:
     tests, without = [], []
     for code, name in enumerate(readings.components):
         mine = readings.code == code
-        several = len({*roles[mine]}) > 1
         for role in dict.fromkeys(roles[mine].tolist()):
             rows = np.flatnonzero(mine & (roles == role))
             known = position[rows][np.isfinite(position[rows])]
             if not known.size or (len(known) == len(rows) and not np.ptp(known)):
                 without.append(name)
                 continue
-            _check(readings, name, position, rows)
-            label = f"{name} ({role})" if several else name
+            kinds, blank = readings.dimension[rows], np.isnan(position[rows])
+            for bad, fault, column in ((kinds != kinds[0], "wrong-unit", "unit"),
+                                       (blank, "empty-cell", "position_mm")):  # fmt: skip
+                if bad.any():
+                    i = int(rows[np.flatnonzero(bad)[0]])
+                    place = {"file": readings.sources[readings.file_index[i]].shown,
+                             "row": int(readings.row[i]), "column": column}  # fmt: skip
+                    stated, wanted = (dimension_name(readings.dimension[j]) for j in (i, rows[0]))
+                    facts = {"of": name, "unit": stated, "wanted": wanted}
+                    facts = facts if column == "unit" else {}
+                    raise error(fault, expected=f"as in the other rows of {name}", **place, **facts)
+            label = f"{name} ({role})" if len({*roles[mine]}) > 1 else name
             tests.append(_test(readings, label, position, bool(rotary[rows[0]]), rows))
     if not tests:
         expected = "readings with position_mm (of rotary axes position_deg)"
         raise error("too-little-data", what="no component was read at targets", expected=expected)
     note = {"quantity": "positioning", "reason": "they were not read at targets"}
     return tests, [finding("not-estimable", names=without, **note)] if without else []
-
-
-def _check(readings: Readings, name: str, position: FloatArray, rows: np.ndarray) -> None:
-    kinds, blank = readings.dimension[rows], np.isnan(position[rows])
-    for bad, code, column in ((kinds != kinds[0], "wrong-unit", "unit"),
-                              (blank, "empty-cell", "position_mm")):  # fmt: skip
-        if bad.any():
-            i = int(rows[np.flatnonzero(bad)[0]])
-            place = {"file": readings.sources[readings.file_index[i]].shown, "column": column}
-            stated, wanted = (dimension_name(readings.dimension[j]) for j in (i, int(rows[0])))
-            facts = {"of": name, "unit": stated, "wanted": wanted} if column == "unit" else {}
-            expected = f"as in the other rows of {name}"
-            raise error(code, row=int(readings.row[i]), expected=expected, **place, **facts)
 
 
 def _test(
@@ -428,9 +397,8 @@ def _test(
     targets, of = np.unique(np.round(position[rows], 6), return_inverse=True)
     way = (readings.direction[rows] < 0).astype(int)
     cell = way * len(targets) + of
-    order = np.argsort(cell, kind="stable")
-    rank = np.empty(len(rows), int)
     counts = np.bincount(cell, minlength=2 * len(targets))
+    rank, order = np.empty(len(rows), int), np.argsort(cell, kind="stable")
     rank[order] = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
     found = np.full((2, len(targets), int(counts.max())), np.nan)
     found[way, of, rank] = readings.error[rows]

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -124,14 +125,12 @@ class Imported:
 
     def csv(self, order: Sequence[str] = ()) -> str:
         """The contract's CSV; numbers to the last digit."""
-        names = [name for name in (*FIRST, *order) if name in self.columns]
-        names = list(dict.fromkeys(names))
-        names += [name for name in self.columns if name not in names]
+        known = dict.fromkeys((*FIRST, *order, *self.columns))
+        names = [name for name in known if name in self.columns]
         out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
+        writer = csv.writer(out, lineterminator="\n")  # floats in full, None as nothing
         writer.writerow(names)
-        for cells in zip(*(self.columns[name] for name in names), strict=True):
-            writer.writerow(map(_cell, cells))
+        writer.writerows(zip(*(self.columns[name] for name in names), strict=True))
         return out.getvalue()
 
 
@@ -145,39 +144,28 @@ class Format(NamedTuple):
     read: Callable[[RawFile, Ask], Imported]
 
 
-def _cell(value: Any) -> str:
-    if value is None:
-        return ""
-    return repr(float(value)) if isinstance(value, float) else str(value)
-
-
 def raw_file(path: Path, role: str) -> RawFile:
     """The file with its text; raises InputError where it cannot be read."""
     return of_content(*read_source(path, role, max_bytes=MAX_BYTES))
 
 
 def of_content(source: Source, content: bytes) -> RawFile:
-    """The same of bytes that were read."""
+    """The same of bytes that were read; no text where there are zero bytes, or a mark of another
+    kind of file.
+    """
     if content.startswith(GZIP):
         content = inflated(content, source.shown)
-    text, encoding = _decoded(content)
-    return RawFile(source=source, content=content, text=text, encoding=encoding)
-
-
-def _decoded(content: bytes) -> tuple[str, str]:
-    """Text and code page; no text where there are zero bytes or a mark of another kind of file."""
     start = content[:64].lower()
     if b"\0" in content or any(start.startswith(mark) for mark in MARKS if b"<" not in mark):
-        return "", "binary"
+        return RawFile(source=source, content=content)
     for encoding in CODE_PAGES:
-        try:
+        with suppress(UnicodeDecodeError):
             text = content.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        for broken, meant in MOJIBAKE.items():
-            text = text.replace(broken, meant)
-        return text, encoding.removesuffix("-sig")
-    return "", "binary"
+            for broken, meant in MOJIBAKE.items():
+                text = text.replace(broken, meant)
+            name = encoding.removesuffix("-sig")
+            return RawFile(source=source, content=content, text=text, encoding=name)
+    return RawFile(source=source, content=content)
 
 
 def unit_in(text: str) -> str | None:
@@ -204,19 +192,17 @@ def need_component(file: RawFile, ask: Ask) -> str:
 
 def unit_of(file: RawFile, ask: Ask, found: Imported, stated: str | None) -> str:
     """The unit of the readings: as the file has it, or as the caller says where it has none."""
-    unit = stated or ask.unit
-    if unit is None and ask.kind == INSPECT:
+    whose = "the component's unit" if ask.assumed else "the unit given"
+    if stated:
+        found.says.append(f"readings in {stated}, as the file says")
+    elif ask.unit:
+        found.says.append(f"readings without a unit taken in {ask.unit}, {whose}")
+    elif ask.kind == INSPECT:
         found.says.append("no unit in the file")
-        return ""
-    if unit is None:
+    else:
         expected = "`unit: um` in the study, import --unit um, or a machine with the component"
         raise file.error("missing-input", what="the unit of the readings", expected=expected)
-    if stated:
-        found.says.append(f"readings in {unit}, as the file says")
-    else:
-        whose = "the component's unit" if ask.assumed else "the unit given"
-        found.says.append(f"readings without a unit taken in {unit}, {whose}")
-    return unit
+    return stated or ask.unit or ""
 
 
 def refuse_positions(

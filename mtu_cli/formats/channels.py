@@ -8,9 +8,8 @@ from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
-from mtu_cli.files.csv_table import Decimal
 from mtu_cli.formats.base import DRIFT, Ask, Format, Imported, RawFile, unit_in, unit_of
-from mtu_cli.formats.grid import Faults, Grid, Row, decimals, grid_of, number, said
+from mtu_cli.formats.grid import Columns, Faults, Grid, grid_of, said
 from mtu_cli.units import UNITS, plain_unit
 
 TIME = re.compile(r"\s*(time|zeit|date|datum|timestamp|date.?time|elapsed)\b", re.I)
@@ -50,21 +49,14 @@ def read(file: RawFile, ask: Ask) -> Imported:
         stated = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
         units = [own or unit for own, unit in zip(stated, units, strict=False)]
         found.says.append("one row of units")
-    faults.widths(rows, len(names))
     found.drop("lines above the header", at)
-    columns = [[row.cells[i] for row in rows] for i in range(len(names))]
-    signs = decimals(file, columns, ask.decimal, grid.separator)
-    times = _times(file, names[0], rows, signs[0], faults)
-    values = [[number(cell, sign) for cell in column]
-              for column, sign in zip(columns[1:], signs[1:], strict=True)]  # fmt: skip
-    for i, column in enumerate(values, 1):
-        for row, value in zip(rows, column, strict=True):
-            if value is None:
-                faults.cell(row.line, names[i], row.cells[i])
+    columns = Columns(faults, names, rows, ask.decimal, grid.separator)
+    times = _times(columns)
+    values = [columns.numbers(i) for i in range(1, len(names))]
     faults.raise_if_any()
     lines = [row.line for row in rows]
     _assemble(file, ask, found, names[1:], units[1:], times, values, lines)
-    found.says[:0] = [said(grid, signs)]
+    found.says[:0] = [said(grid, columns.signs)]
     return found
 
 
@@ -113,36 +105,31 @@ def _assemble(
     found.says.append("one cycle: split it by a --map profile with cycles")
 
 
-def _times(
-    file: RawFile, name: str, rows: Sequence[Row], sign: Decimal, faults: Faults
-) -> tuple[str, list[Any]]:
+def _times(columns: Columns) -> tuple[str, list[Any]]:
     """The column's name in the contract, and its cells: minutes, or ISO 8601 times."""
-    matches = [_DATE.fullmatch(row.cells[0]) for row in rows]
-    known, found = [match for match in matches if match], list[Any]()
-    unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
-    if not known and unit is None:
-        facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
-        raise file.error("undecided", **facts)
+    name, faults = columns.header[0], columns.faults
+    matches = [_DATE.fullmatch(text) for text in columns.texts[0]]
+    known = [match for match in matches if match]
+    if not known:
+        unit = re.search(r"[\[(_ ](s|sec|min|h)\b", name)
+        if unit is None:
+            facts = {"what": f"the unit of {name!r}", "expected": "time [s], [min] or [h]"}
+            raise faults.file.error("undecided", **facts)
+        return "time_min", [x and x * PER_MINUTE[unit[1]] for x in columns.numbers(0)]
     slashed = [match for match in known if match[2] == "/" and len(match[1]) < 3]
     day_first = any(int(match[1]) > 12 for match in slashed)
     if slashed and not day_first and not any(int(match[3]) > 12 for match in slashed):
-        what = "day or month first in the times"
-        raise file.error("undecided", what=what, expected="a day after the 12th, or ISO 8601")
-    for row, match in zip(rows, matches, strict=True):
-        text = row.cells[0]
-        if not known and unit:
-            value = number(text, sign)
-            found.append(value and value * PER_MINUTE[unit[1]])
-            if value is None:
-                faults.cell(row.line, name, text)
-            continue
+        what, expected = "day or month first in the times", "a day after the 12th, or ISO 8601"
+        raise faults.file.error("undecided", what=what, expected=expected)
+    found = list[Any]()
+    for row, match in zip(columns.rows, matches, strict=True):
         try:
             if match is None:
                 raise ValueError
             found.append(_iso(match, day_first or match[2] != "/"))
         except ValueError:
-            faults.cell(row.line, name, text, "a date and time")
-    return ("time" if known else "time_min"), found
+            faults.cell(row.line, name, row.cells[0], "a date and time")
+    return "time", found
 
 
 def _iso(match: re.Match[str], day_first: bool) -> str:

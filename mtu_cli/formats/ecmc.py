@@ -6,13 +6,24 @@ from __future__ import annotations
 
 import re
 
-from mtu_cli.formats.base import FORWARD, READINGS, REVERSE, Ask, Format, Imported, RawFile
-from mtu_cli.formats.base import need_component as component_of
+from mtu_cli.formats.base import (
+    FORWARD,
+    READINGS,
+    REVERSE,
+    Ask,
+    Format,
+    Imported,
+    RawFile,
+    need_component,
+)
 from mtu_cli.formats.grid import Faults, number, split
 
 _ENTRY = re.compile(r"(TGT_DATA|REF_DATA_FWD|REF_DATA_BWD)\[(\d+)(?:,(\d+))?\]\s*=\s*(.*)")
 _HEADING = re.compile(r"#+\s*Data (forward|backward) direction", re.I)
-UNITS = ("mm", "deg")
+_UNIT = re.compile(r"^UNIT=(.*)$|tgt_pos\(i\) \[([^\]]*)\]", re.M)
+_CYCLES = re.compile(r"^CYCLES=(\d+)|Cycle count\s*\|\s*(\d+)", re.M)
+Rows = list[tuple[int, str, int, int, float]]
+"""Line, direction, index of the target, cycle, position."""
 
 
 def sniff(file: RawFile) -> bool:
@@ -24,26 +35,25 @@ def sniff(file: RawFile) -> bool:
 
 def read(file: RawFile, ask: Ask) -> Imported:
     """Reference position minus target, as errors in the file's unit, each cycle a pass."""
-    faults = Faults(file)
-    as_data = "REF_DATA_FWD[" in file.text
-    unit, targets, rows = (_data if as_data else _report)(file, faults)
-    if unit not in UNITS:
+    faults, as_data = Faults(file), "REF_DATA_FWD[" in file.text
+    targets, rows = (_data if as_data else _report)(file, faults)
+    unit, stated = (
+        next((text.strip() for text in match.groups() if text), "") if match else default
+        for match, default in ((_UNIT.search(file.text), "mm"), (_CYCLES.search(file.text), ""))
+    )
+    if unit not in ("mm", "deg"):
         facts = {"what": "unit", "value": unit, "expected": "mm or deg"}
         faults.found.append(file.finding("unknown-name", **facts))
-    component = component_of(file, ask)
-    found = Imported(format="ecmc-iso230")
+    component, found = need_component(file, ask), Imported(format="ecmc-iso230")
     for line, way, index, cycle, value in rows:
         if index not in targets:
             faults.cell(line, "TGT_DATA", str(index), "the index of a target")
             continue
         found.add(line, component=component, position_mm=targets[index], **{"pass": cycle},
                   direction=way, error=value - targets[index], unit=unit)  # fmt: skip
-    stated = re.search(
-        r"^CYCLES=(\d+)" if as_data else r"Cycle count\s*\|\s*(\d+)", file.text, re.M
-    )
-    cycles = {row[3] for row in rows}
-    if stated and int(stated[1]) != len(cycles):
-        facts = {"found": f"{len(cycles)} cycles", "expected": f"{stated[1]}, as the file says"}
+    cycles = len({row[3] for row in rows})
+    if stated and int(stated) != cycles:
+        facts = {"found": f"{cycles} cycles", "expected": f"{stated}, as the file says"}
         faults.found.append(file.finding("wrong-count", **facts))
     faults.raise_if_any()
     if not rows:
@@ -54,56 +64,48 @@ def read(file: RawFile, ask: Ask) -> Imported:
             "reports of this evaluator exchange the directions against their data file: read the "
             ".dat where there is one"
         )
-    found.facts = {"targets": sorted(targets.values()), "runs": len(cycles), "unit": unit}
+    found.facts = {"targets": sorted(targets.values()), "runs": cycles, "unit": unit}
     return found
 
 
-Rows = list[tuple[int, str, int, int, float]]
-"""Line, direction, index of the target, cycle, position."""
-
-
-def _data(file: RawFile, faults: Faults) -> tuple[str, dict[int, float], Rows]:
-    unit, targets, rows = "mm", dict[int, float](), Rows()
-    for line, text in enumerate(file.lines, 1):
-        if text.startswith("UNIT="):
-            unit = text[5:].strip()
-        match = _ENTRY.match(text.strip())
+def _data(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
+    targets, rows = dict[int, float](), Rows()
+    for line, text in enumerate(map(str.strip, file.lines), 1):
+        match = _ENTRY.match(text)
         if match is None:
-            if re.match(r"\s*(TGT|REF)_DATA", text):
-                faults.cell(line, "data", text.strip(), "NAME[index]=number")
+            if text.startswith(("TGT_DATA", "REF_DATA")):
+                faults.cell(line, "data", text, "NAME[index]=number")
             continue
-        value = number(match[4].strip(), ".")
-        if value is None or (match[3] is None) != (match[1] == "TGT_DATA"):
-            faults.cell(line, match[1], match[4].strip())
-        elif match[3] is None:
-            targets[int(match[2])] = value
+        name, index, cycle, cell = match.groups()
+        value = number(cell, ".")
+        if value is None or (cycle is None) != (name == "TGT_DATA"):
+            faults.cell(line, name, cell)
+        elif cycle is None:
+            targets[int(index)] = value
         else:
-            way = FORWARD if match[1].endswith("FWD") else REVERSE
-            rows.append((line, way, int(match[2]), int(match[3]), value))
-    return unit, targets, rows
+            way = FORWARD if name.endswith("FWD") else REVERSE
+            rows.append((line, way, int(index), int(cycle), value))
+    return targets, rows
 
 
-def _report(file: RawFile, faults: Faults) -> tuple[str, dict[int, float], Rows]:
-    stated = re.search(r"tgt_pos\(i\) \[([^\]]*)\]", file.text)
+def _report(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:
     targets, rows = dict[int, float](), Rows()
     way, header = "", 0
     for line, text in enumerate(file.lines, 1):
-        if heading := _HEADING.match(text):
-            way, header = (FORWARD if heading[1].lower() == "forward" else REVERSE), 0
-        elif text.startswith("#"):
-            way = ""
+        if text.startswith("#"):
+            heading = _HEADING.match(text)
+            way, header = {"f": FORWARD, "b": REVERSE}[heading[1][0].lower()] if heading else "", 0
         elif way and "tgt_pos" in text and "|" in text:
             header = len(split(text, "|"))
-        elif header and way and re.match(r"\s*\|?\s*\d+\s*\|", text):
-            cells = split(text, "|")
-            values = [number(cell, ".") for cell in cells]
-            if len(cells) != header or None in values:
+        elif header and re.match(r"\s*\|?\s*\d+\s*\|", text):
+            values = [number(cell, ".") for cell in split(text, "|")]
+            if len(values) != header or None in values:
                 faults.cell(line, "i | tgt_pos(i) | ref_pos(i,j)", text, f"{header} numbers")
                 continue
             index, target, *positions = (value or 0.0 for value in values)
             targets[int(index)] = target
             rows += [(line, way, int(index), j, x) for j, x in enumerate(positions, 1)]
-    return stated[1] if stated else "mm", targets, rows
+    return targets, rows
 
 
 FORMATS = (

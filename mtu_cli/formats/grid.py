@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from mtu_cli.files.csv_table import Decimal
 from mtu_cli.files.csv_table import number as plain_number
@@ -173,6 +174,31 @@ class Faults:
         self.raise_if_any()
 
     def raise_if_any(self) -> None:
-        """Raises InputError with every fault."""
+        """Raises InputError with every fault, in the order of the rows."""
         if self.found:
+            self.found.sort(key=lambda each: each.row or 0)
             raise InputError(self.found[:2000], max(0, len(self.found) - 2000))
+
+
+class Columns:
+    """The cells of a table by column, each column with its decimal sign.
+
+    Raises InputError for rows of another width than the header, and where a sign is undecided.
+    """
+
+    def __init__(
+        self, faults: Faults, header: Sequence[str], rows: Sequence[Row], decimal: Decimal | None,
+        separator: str,
+    ) -> None:  # fmt: skip
+        faults.widths(rows, len(header))
+        self.faults, self.header, self.rows = faults, header, rows
+        self.texts = [[row.cells[i] for row in rows] for i in range(len(header))]
+        self.signs = decimals(faults.file, self.texts, decimal, separator)
+
+    def numbers(self, i: int, *, may_be_empty: bool = False) -> list[Any]:
+        """The numbers of a column; what is none is a fault; None of an empty cell that may be."""
+        values = [number(cell, self.signs[i]) for cell in self.texts[i]]
+        for row, cell, value in zip(self.rows, self.texts[i], values, strict=True):
+            if value is None and (cell or not may_be_empty):
+                self.faults.cell(row.line, self.header[i], cell)
+        return values

@@ -23,8 +23,8 @@ from mtu_cli.formats.base import (
     RawFile,
     unit_of,
 )
+from mtu_cli.formats.grid import Columns, Row, grid_of, number, said
 from mtu_cli.formats.grid import Faults as Cells
-from mtu_cli.formats.grid import Row, decimals, grid_of, number, said
 from mtu_cli.formats.wide import way_of
 from mtu_cli.units import UNITS, plain_unit
 
@@ -93,38 +93,24 @@ def read_with(
     header, rows = grid.rows[0].cells, grid.rows[1:]
     found, faults = Imported(format="table", kind=kind), Cells(file)
     place = _places(file, grid.rows[0], profile, faults)
-    faults.widths(rows, len(header))
-    cells = [[row.cells[i] for row in rows] for i in range(len(header))]
-    signs = decimals(file, cells, ask.decimal or profile.decimal, grid.separator)
-
-    def numbers(index: int, *, may_be_empty: bool = False) -> list[Any]:
-        """The numbers of a column; what is none is a fault."""
-        values = [number(cell, signs[index]) for cell in cells[index]]
-        for row, cell, value in zip(rows, cells[index], values, strict=True):
-            if value is None and (cell or not may_be_empty):
-                faults.cell(row.line, header[index], cell)
-        return values
-
-    columns = dict[str, list[Any]]()
-    for name in {**profile.columns, **dict.fromkeys(profile.subtract.values())}:
+    table = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
+    columns, others = dict[str, list[Any]](), [*profile.subtract.values()]
+    for name in [*profile.columns, *(name for name in others if name not in profile.columns)]:
         index, known = place[name], specs[kind].columns.get(name)
-        if (
-            name in (*NUMBERS, *profile.scale, *profile.subtract.values())
-            or (known and known.kind == "number" and name not in TIMES)
-        ):  # fmt: skip
-            columns[name] = numbers(index)
+        numeric = name in (*NUMBERS, *profile.scale, *others)
+        if numeric or (known and known.kind == "number" and name not in TIMES):
+            columns[name] = table.numbers(index)
         elif known:
-            columns[name] = cells[index]
+            columns[name] = table.texts[index]
         else:
-            values = [number(cell, signs[index]) for cell in cells[index]]
-            columns[name] = [cell if value is None else value
-                             for cell, value in zip(cells[index], values, strict=True)]  # fmt: skip
+            columns[name] = [cell if (value := number(cell, table.signs[index])) is None else value
+                             for cell in table.texts[index]]  # fmt: skip
     if profile.cycles:
-        columns["cycle"] = _cycles(cells[place[profile.cycles.from_]])
+        columns["cycle"] = _cycles(table.texts[place[profile.cycles.from_]])
     made_rows: list[dict[str, Any]] = [{}]
     turned: list[list[Any]] = [[0.0] * len(rows)]
     if unpivot:
-        turned = [numbers(place[name], may_be_empty=True) for name in unpivot.columns]
+        turned = [table.numbers(place[name], may_be_empty=True) for name in unpivot.columns]
         made_rows = _turned(unpivot, ask)
     faults.raise_if_any()
     for i, row in enumerate(rows):
@@ -140,8 +126,9 @@ def read_with(
     found.drop("lines above the header", skip)
     if kind != POINTS and found.rows:
         _complete(file, ask, found)
-    found.says[:0] = [said(grid, signs), *(f"{a} less {b}" for a, b in profile.subtract.items()),
-                      *(f"{name} times {by:g}" for name, by in profile.scale.items())]  # fmt: skip
+    less = [f"{name} less {other}" for name, other in profile.subtract.items()]
+    times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
+    found.says[:0] = [said(grid, table.signs), *less, *times]
     return found
 
 

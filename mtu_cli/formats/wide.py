@@ -21,7 +21,7 @@ from mtu_cli.formats.base import (
     unit_in,
     unit_of,
 )
-from mtu_cli.formats.grid import Faults, Grid, Row, decimals, evidence, grid_of, number, said
+from mtu_cli.formats.grid import Columns, Faults, Grid, Row, evidence, grid_of, number, said
 
 _FORWARD = "+ f fw fwd forward forwards fwrd pos hin vor vorw vorwaerts vorw\u00e4rts \u2191"
 _REVERSE = "- \u2212 b r bw bwd rev reverse back backward backwards neg rueck r\u00fcck her \u2193"
@@ -123,12 +123,10 @@ def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Importe
     found.drop("calculated columns", width - 1 - len(runs))
     found.drop("lines above the table", max(0, len(block.above) - 1))
     found.drop("lines below the table", len(block.below))
-    faults.widths(rows, width)
+    columns = Columns(faults, names, rows, ask.decimal, block.separator)
     if not runs:
         raise file.error("missing-input", what="a column of a run", expected="one column a run")
     ways, how = _ways(block, runs, ask, found)
-    columns = ([row.cells[i] for row in rows] for i in range(width))
-    signs = decimals(file, columns, ask.decimal, block.separator)
     component = need_component(file, ask)
     stated = {unit for i in runs if (unit := unit_in(names[i]))}
     above = {unit for row in block.above for cell in row.cells if (unit := unit_in(cell))}
@@ -136,28 +134,22 @@ def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Importe
     if len(stated) > 1:
         raise file.error("undecided", what=f"the unit: {', '.join(sorted(stated))}")
     unit = unit_of(file, ask, found, next(iter(stated), None))
-    for row in rows:
-        target = number(row.cells[0], signs[0])
-        if target is None:
-            faults.cell(row.line, names[0], row.cells[0])
-            continue
-        for nth, i in enumerate(runs):
-            value = number(row.cells[i], signs[i])
-            if not row.cells[i]:
-                found.drop("empty cells")
-            elif value is None:
-                faults.cell(row.line, names[i], row.cells[i])
-            else:
-                found.add(row.line, component=component, position_mm=target,
-                          **{"pass": ways[:nth].count(ways[nth]) + 1}, direction=ways[nth],
-                          error=value, unit=unit)  # fmt: skip
+    targets = columns.numbers(0)
+    values = [columns.numbers(i, may_be_empty=True) for i in runs]
     faults.raise_if_any()
+    for row, target, *cells in zip(rows, targets, *values, strict=True):
+        for n, (way, value) in enumerate(zip(ways, cells, strict=True)):
+            if value is None:
+                found.drop("empty cells")
+                continue
+            found.add(row.line, component=component, position_mm=target,
+                      **{"pass": ways[:n].count(way) + 1}, direction=way, error=value,
+                      unit=unit)  # fmt: skip
     if not found.rows:
         raise file.error("empty-file", what="readings", expected="numbers below the runs")
-    targets = found.columns["position_mm"]
-    refuse_positions(file, targets, found.columns["error"], rows[0].line)
-    grid = Grid(block.separator, rows)
-    found.says[:0] = [said(grid, signs), how, f"{len(rows)} targets x {len(runs)} runs"]
+    refuse_positions(file, found.columns["position_mm"], found.columns["error"], rows[0].line)
+    read = said(Grid(block.separator, rows), columns.signs)
+    found.says[:0] = [read, how, f"{len(rows)} targets x {len(runs)} runs"]
     found.facts = {"targets": sorted(set(targets)), "runs": len(runs), "unit": unit}
     return found
 

@@ -78,8 +78,6 @@ RESULTS = declare(
     remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
         reversal
     remainder.range_um | remainder_range | its range
-    samples | | samples of all traces
-    effective_samples | effective | independent samples that they are worth
     """,
     trace=TRACE,
     row=ROW,
@@ -106,9 +104,8 @@ def document(result: CircularResult, digits: int = 2) -> Document:
         "u allows for the correlation of neighbouring samples"
     )
     causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
-    note = f"{result.samples} samples, worth {result.effective:.0f} independent ones"
     tables = [
-        Table(heading, ROW, result.causes, footer, [note], shown=causes),
+        Table(heading, ROW, result.causes, footer, shown=causes),
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
     tables += [stated_by] if result.instrument else []

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -18,11 +18,12 @@ from mtu_cli.analyses.iso230 import (
     Figure,
     Iso230Result,
     Plan,
+    reversal_and_repeatability,
 )
-from mtu_cli.findings import listed
+from mtu_cli.findings import error, listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, blank, legend, panels_of, styled, title
+from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, blank, legend, panels_of, styled
 from mtu_cli.reports.numbers import significant, with_u
 
 if TYPE_CHECKING:
@@ -50,27 +51,42 @@ class Row(NamedTuple):
         return u if u > 0 else self.figure.u_sampling
 
 
-def _figure_text(name: str, meaning: str, source: str) -> str:
-    return f"""
-    {name}. | {source}.{name}
-        value | | {meaning} | -, size=size
+VALUE = """
+        value | | {} | -, size=size
+        u_sampling | | its standard deviation over repeated tests | -, size=size"""
+FIGURE = (
+    """
+    {0}. | figures.{0}"""
+    + VALUE.format("{1}")
+    + """
         u | | its standard uncertainty by the instrument, of these runs; null without a budget \
-            | -, size=size
-        u_sampling | | its standard deviation over repeated tests | -, size=size
-"""
-
-
-def _change_text(name: str, meaning: str) -> str:
-    return f"""
-        {name}. | {name}
-            value | | earlier test: {meaning} | -, size=size
-            u_sampling | | its standard deviation over repeated tests | -, size=size
+            | -, size=size"""
+)
+CHANGE = (
+    """
+        {0}. | {0}"""
+    + VALUE.replace("\n    ", "\n        ").format("earlier test: {1}")
+    + """
             difference | | now minus earlier | -, size=size
             bound | | the tests differ beyond this | -, size=size
-            differs | | whether they do
-"""
-
-
+            differs | | whether they do"""
+)
+AT_TARGET = """
+        target_mm | mm | target position; null of a rotary axis | target / mm, plain
+        target_deg | deg | target position of a rotary axis | target / deg, plain
+        n_forward | | runs forward
+        n_reverse | | runs in reverse
+        mean_forward | | mean of the runs forward | mean / forward, u=s_forward, size=size
+        mean_reverse | | mean of the runs in reverse | mean / reverse, u=s_reverse, size=size
+        mean | | mean of both | -, size=size
+        B | | mean forward minus mean reverse | B / unit, u=s_forward, size=size
+        s_forward | | standard deviation of the runs forward; null where the instrument was \
+            zeroed in every run | s / forward, size=size
+        s_reverse | | the same in reverse | s / reverse, size=size
+        R_forward | | 4 s_forward | -, size=size
+        R_reverse | | 4 s_reverse | -, size=size
+        R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction \
+            | R / unit, u=s_forward, size=size"""
 AXIS = (
     """
     unit | test.unit | unit of all figures
@@ -78,44 +94,49 @@ AXIS = (
     targets_deg | targets_deg() | target positions of a rotary axis; null of others
     runs.forward | forward() | runs forward, at the target with most
     runs.reverse | reverse() | runs in reverse, at the target with most
-    at_target[]
-        target_mm | mm() | target position; null of a rotary axis | target / mm, plain
-        target_deg | deg() | target position of a rotary axis | target / deg, plain
-        n_forward | | runs forward
-        n_reverse | | runs in reverse
-        mean_forward | | mean of the runs forward | -, size=size
-        mean_reverse | | mean of the runs in reverse | -, size=size
-        mean | | mean of both | -, size=size
-        B | | mean forward minus mean reverse | -, size=size
-        s_forward | | standard deviation of the runs forward; null where the instrument was \
-            zeroed in every run | -, size=size
-        s_reverse | | the same in reverse | -, size=size
-        R_forward | | 4 s_forward | -, size=size
-        R_reverse | | 4 s_reverse | -, size=size
-        R | | largest of 2 s_forward + 2 s_reverse + |B| and R of each direction | -, size=size
-    """
-    + "".join(_figure_text(name, meaning, "figures") for name, meaning in FIGURES.items())
+    at_target[] | at_target()"""
+    + AT_TARGET
+    + "".join(FIGURE.format(*each) for each in FIGURES.items())
     + "".join(
-        f"    vdi3441.{name} | vdi.{name} | {meaning} (VDI/DGQ 3441) | -, size=test.size\n"
+        f"\n    vdi3441.{name} | vdi.{name} | {meaning} (VDI/DGQ 3441) | -, size=test.size"
         for name, meaning in VDI.items()
     )
-    + "    before. | before\n"
-    + "".join(_change_text(name, meaning) for name, meaning in FIGURES.items())
+    + "\n    before. | before"
+    + "".join(CHANGE.format(*each) for each in FIGURES.items())
 )
 
 
-def _line(text: str) -> str:
-    return "\n".join(line for line in text.splitlines() if line.strip())
+class AtTarget(NamedTuple):
+    """What ISO 230-2 has of one target (mm, of a rotary axis deg); B = forward - reverse."""
+
+    name: str
+    size: float
+    mm: float | None
+    deg: float | None
+    n_forward: int
+    n_reverse: int
+    mean_forward: float
+    mean_reverse: float
+    mean: float
+    B: float
+    s_forward: float
+    s_reverse: float
+    R_forward: float
+    R_reverse: float
+    R: float
 
 
-KNOWN: dict[str, Any] = {
-    "targets_mm": lambda x: None if x.test.rotary else x.test.targets,
-    "targets_deg": lambda x: x.test.targets if x.test.rotary else None,
-    "forward": lambda x: int(x.count[0].max()),
-    "reverse": lambda x: int(x.count[1].max()),
-    "mm": lambda x: None if x.rotary else x.target,
-    "deg": lambda x: x.target if x.rotary else None,
-}
+def at_target(axis: Axis) -> list[AtTarget]:
+    """Every target of an axis."""
+    test, (B, R_way, R) = axis.test, reversal_and_repeatability(axis.mean, axis.s)
+    values = (*axis.count, *axis.mean, axis.mean.mean(axis=0), B, *axis.s, *R_way, R)
+    places = [(None, x) if test.rotary else (x, None) for x in test.targets.tolist()]
+    return [
+        AtTarget._make((axis.name, test.size, *place, int(n), int(n_back), *rest))
+        for place, (n, n_back, *rest) in zip(places, np.vstack(values).T.tolist(), strict=True)
+    ]
+
+
 RESULTS = declare(
     """
     axes{} | | *axis
@@ -132,7 +153,14 @@ RESULTS = declare(
         pitch_mm | pitch | pitch that no target is a multiple of
         targets_mm | targets | proposed targets
     """,
-    axis=declare(_line(AXIS), **KNOWN),
+    axis=declare(
+        AXIS,
+        targets_mm=lambda x: None if x.test.rotary else x.test.targets,
+        targets_deg=lambda x: x.test.targets if x.test.rotary else None,
+        forward=lambda x: int(x.count[0].max()),
+        reverse=lambda x: int(x.count[1].max()),
+        at_target=at_target,
+    ),
 )
 ROW = declare(
     """
@@ -165,33 +193,15 @@ VDI_ROW = declare("""
     unit | axis.test.unit | its unit | unit, text
     meaning | | what it is | meaning, text
 """)
-TARGETS = declare(
-    """
+TARGETS = declare(f"""
     - | name | | axis, text, names
-    - | mm() | | target / mm, plain
-    - | deg() | | target / deg, plain
-    - | row.mean_forward | | mean / forward, u=row.s_forward, size=row.size
-    - | row.mean_reverse | | mean / reverse, u=row.s_reverse, size=row.size
-    - | row.B | | B / unit, u=row.s_forward, size=row.size
-    - | row.s_forward | | s / forward, size=row.size
-    - | row.s_reverse | | s / reverse, size=row.size
-    - | row.R | | R / unit, u=row.s_forward, size=row.size
-    """,
-    mm=lambda x: KNOWN["mm"](x.row),
-    deg=lambda x: KNOWN["deg"](x.row),
-)
+    {AT_TARGET}
+""")
 PLAN_ROW = declare("""
     number | | number of the target | target, count
     position_mm | at | proposed position | position, mm
     phase | | share of a pitch beyond its last multiple | phase, fix4
 """)
-
-
-class Placed(NamedTuple):
-    """A target of an axis."""
-
-    name: str
-    row: Any
 
 
 class VdiRow(NamedTuple):
@@ -231,7 +241,8 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
         footer += "; limits by ISO 14253-1"
     two_way = [axis for axis in axes if not math.isnan(axis.figures["E"].value)]
     shown = [x for x in rows if x.name in MAIN or x.axis not in two_way or x.decision]
-    figures = Table("Positioning, ISO 230-2", ROW, rows, footer, [_symbols()], shown=shown)
+    symbols = "; ".join(f"{name}: {FIGURES[name]}" for name in MAIN)
+    figures = Table("Positioning, ISO 230-2", ROW, rows, footer, [symbols], shown=shown)
     if result.standard != "iso230-2":
         lines = [
             VdiRow(axis, name, value, VDI[name])
@@ -241,7 +252,7 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
         ]
         footer = "six standard deviations: not comparable with the figures of ISO 230-2"
         figures = Table("Positioning, VDI/DGQ 3441", VDI_ROW, lines, footer)
-    placed = [Placed(axis.name, row) for axis in axes for row in axis.at_target]
+    placed = [row for axis in axes for row in at_target(axis)]
     of = f"deviations in {listed(dict.fromkeys(axis.test.unit for axis in axes))}"
     footer = f"{of}; B = mean forward - mean reverse"
     many = len(axes) > SHOWN_AXES
@@ -249,10 +260,6 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     figure = partial(diagram, result)
     verdict = _verdict(result, digits)
     return Document("Positioning", (RESULTS, result), [figures, targets], figure, verdict, digits)
-
-
-def _symbols() -> str:
-    return "; ".join(f"{name}: {FIGURES[name]}" for name in MAIN)
 
 
 def _verdict(result: Iso230Result, digits: int) -> str:
@@ -296,32 +303,21 @@ def _rounded(value: float, u: float, digits: int) -> str:
 
 
 def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
-    phases = np.mod(plan.targets / plan.pitch, 1.0)
-    rows = [
-        Planned(i, float(x), float(phase))
-        for i, (x, phase) in enumerate(zip(plan.targets, phases, strict=True), 1)
-    ]
+    phases = np.mod(plan.targets / plan.pitch, 1.0).tolist()
+    places = zip(plan.targets.tolist(), phases, strict=True)
+    rows = [Planned(i, *own) for i, own in enumerate(places, 1)]
     footer = "five runs in each direction; phase: share of the pitch beyond its last multiple"
     table = Table("Target positions", PLAN_ROW, rows, footer)
     verdict = (
         f"{len(rows)} targets over {plan.length:g} mm; none is a multiple of the pitch of "
         f"{plan.pitch:g} mm."
     )
-    figure = partial(phases_drawn, plan)
-    return Document("Target positions", (RESULTS, result), [table], figure, verdict, digits)
+    return Document("Target positions", (RESULTS, result), [table], undrawn, verdict, digits)
 
 
-@styled
-def phases_drawn(plan: Plan) -> Page:
-    """Where the proposed targets fall within the pitch."""
-    page = blank(8.0, 3.4)
-    title(page, f"Targets over {plan.length:g} mm, pitch {plan.pitch:g} mm")
-    panel = page.subplots()
-    panel.stem(plan.targets, np.mod(plan.targets, plan.pitch), basefmt=" ")
-    panel.set_xlabel("target, mm")
-    panel.set_ylabel("within the pitch, mm")
-    panel.set_ylim(0, plan.pitch)
-    return page
+def undrawn() -> Page:
+    """There is nothing to draw of a plan."""
+    raise error("not-applicable", reason="a plan of targets is not drawn", path="--plot")
 
 
 @styled

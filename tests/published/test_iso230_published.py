@@ -50,7 +50,7 @@ def test_mistake_1_directions_are_not_exchanged() -> None:
     targets, readings = published(1)
     axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
     assert axis.figures["B_mean"].value / axis.test.size == pytest.approx(-7.1849, abs=2e-3)
-    assert axis.at_target[0].mean_forward < axis.at_target[0].mean_reverse
+    assert axis.mean[0, 0] < axis.mean[1, 0]
 
 
 def test_mistake_2_means_are_divided_by_runs_not_by_targets() -> None:

@@ -25,8 +25,10 @@ from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
     Parameters,
+    always,
     choice,
     decimals,
+    never,
     number_parameter,
     numeric,
     parameter,
@@ -249,83 +251,44 @@ def _read_table(text: str, parameters: Parameters) -> ErrorTable:
 
 MODEL: Mapping[str, str] = {"axis": "X", "error": ""}
 LINUXCNC = Controller(
-    name="linuxcnc",
-    sign="position",
+    "linuxcnc", "position", _write_linuxcnc, _read_linuxcnc, {"type": "", "unit": "mm"},
     says="LinuxCNC COMP_FILE: nominal, forward, reverse; type 0 holds the positions that the axis "
     "reaches, type 1 corrections (nominal minus actual). No comment may stand in the file itself. "
     "BACKLASH is ignored where it is loaded; STEPGEN_MAXACCEL needs 1.5 to 2 times headroom.",
-    write=_write_linuxcnc,
-    read=_read_linuxcnc,
-    parameters={"type": "", "unit": "mm"},
-    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH,
-    two=lambda _: True,
-    equidistant=lambda _: False,
-    most=MOST_ROWS,
-    newline="\n",
-)
+    quantum=lambda parameters: 1e-6 if _inch(parameters) == 1 else 1e-7 * INCH, two=always,
+    equidistant=never, most=MOST_ROWS, newline="\n",
+)  # fmt: skip
 HEIDENHAIN = Controller(
-    name="heidenhain",
-    sign="error",
+    "heidenhain", "error", _write_heidenhain, _read_heidenhain, {"variant": "new", "axis": "X"},
     says="Heidenhain .COM: values are errors in mm (actual minus nominal), positions from the "
     "machine datum; BACKLASH: the values in negative direction. One line of config.CMA has to be "
     "active. Confirm the sign by a verification move.",
-    write=_write_heidenhain,
-    read=_read_heidenhain,
-    parameters={"variant": "new", "axis": "X"},
-    quantum=lambda _: QUANTUM,
-    two=lambda parameters: not _is_old(parameters),
+    quantum=lambda _: QUANTUM, two=lambda parameters: not _is_old(parameters),
     equidistant=_is_old,
-)
+)  # fmt: skip
 ISG_CSV = Controller(
-    name="isg-csv",
-    sign="error",
+    "isg-csv", "error", _write_csv, _read_csv, MODEL,
     says="Values of the error model (actual minus nominal), mm and rad; `negate` in the list file "
     "turns the sign.",
-    write=_write_csv,
-    read=_read_csv,
-    parameters=MODEL,
-    equidistant=lambda _: False,
-    comment="//",
-    angles=True,
-)
+    equidistant=never, comment="//", angles=True,
+)  # fmt: skip
 ETALON = Controller(
-    name="etalon",
-    sign="error",
+    "etalon", "error", _write_etalon, _read_etalon, MODEL,
     says="ETALON_EXCHANGE, Vendor variant: values of the error model (actual minus nominal), mm "
     "and rad; `negate` in the list file turns the sign.",
-    write=_write_etalon,
-    read=_read_etalon,
-    parameters=MODEL,
-    equidistant=lambda _: False,
-    angles=True,
-)
+    equidistant=never, angles=True,
+)  # fmt: skip
 MITSUBISHI = Controller(
-    name="mitsubishi",
-    sign="correction",
+    "mitsubishi", "correction", _write_mitsubishi, _read_mitsubishi, {"unit": "1"},
     says=f"{HAND} Increments (interval minus actual distance) times 2, in output units: plus_side "
     "of the move from from_mm to to_mm, minus_side of the move back. The backlash at the first "
     "point is not in it: enter it as the control's own.",
-    write=_write_mitsubishi,
-    read=_read_mitsubishi,
-    parameters={"unit": "1"},
-    quantum=_output_unit,
-    two=lambda _: True,
-    zeroed="each",
-    comment="#",
-    listing=True,
-)
+    quantum=_output_unit, two=always, zeroed="each", comment="#", listing=True,
+)  # fmt: skip
 TABLE = Controller(
-    name="table",
-    sign="error",
+    "table", "error", _write_table, _read_table, {"axis": "X"},
     says=f"{HAND} error: actual minus nominal; correction: the other sign; step: the change of the "
     "error from the point before. Which of them the control wants its manual says (of Fanuc: "
     "increments, sign not stated in public sources): prove it with a verification move.",
-    write=_write_table,
-    read=_read_table,
-    parameters={"axis": "X"},
-    two=lambda _: True,
-    equidistant=lambda _: False,
-    comment="#",
-    angles=True,
-    listing=True,
-)
+    two=always, equidistant=never, comment="#", angles=True, listing=True,
+)  # fmt: skip

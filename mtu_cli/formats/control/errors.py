@@ -8,7 +8,7 @@ quantum, zero rule and reading back belong to each format.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import NoReturn
 
 import numpy as np
@@ -73,7 +73,17 @@ class ErrorTable:
         return float(round((self.at[-1] - self.at[0]) / len(steps), 6))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+def always(_: Parameters) -> bool:
+    """Whatever the parameters."""
+    return True
+
+
+def never(_: Parameters) -> bool:
+    """Under no parameters."""
+    return False
+
+
+@dataclass(frozen=True, slots=True)
 class Controller:
     """A control's format.
 
@@ -87,13 +97,14 @@ class Controller:
 
     name: str
     sign: str
-    says: str
     write: Callable[[ErrorTable, Parameters], str]
     read: Callable[[str, Parameters], ErrorTable]
     parameters: Parameters
+    _: KW_ONLY
+    says: str
     quantum: Callable[[Parameters], float] = lambda _: NANOMETRE
-    two: Callable[[Parameters], bool] = lambda _: False
-    equidistant: Callable[[Parameters], bool] = lambda _: True
+    two: Callable[[Parameters], bool] = never
+    equidistant: Callable[[Parameters], bool] = always
     zeroed: str = ""
     comment: str = ""
     most: int | None = None

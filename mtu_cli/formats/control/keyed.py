@@ -21,9 +21,11 @@ from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
     Parameters,
+    always,
     choice,
     decimals,
     in_order,
+    never,
     number_parameter,
     numeric,
     parameter,
@@ -292,69 +294,39 @@ def _read_pmac(text: str, parameters: Parameters) -> ErrorTable:
 
 
 ENC = Controller(
-    name="siemens-enc",
-    sign="error",
+    "siemens-enc", "error", _write_enc, _read_enc, {"axis": "X1", "encoder": "0"},
     says="Values are errors (actual minus nominal): a positive value makes the axis move in the "
     "negative direction. 0 at the reference point. Load with MD32700 = 0, then set it to 1.",
-    write=_write_enc,
-    read=_read_enc,
-    parameters={"axis": "X1", "encoder": "0"},
-    zeroed="forward",
-    comment=";",
-)
+    zeroed="forward", comment=";",
+)  # fmt: skip
 CEC = Controller(
-    name="siemens-cec",
-    sign="error",
+    "siemens-cec", "error", _write_cec, _read_cec, {"axis": "AX1", "table": "0"},
     says="Values are errors (measured minus ideal); DIRECTION 1 forward, -1 reverse. Confirm the "
     "sign by a verification move. Enable with MD32710 and SD41300.",
-    write=_write_cec,
-    read=_read_cec,
-    parameters={"axis": "AX1", "table": "0"},
-    two=lambda _: True,
-    zeroed="forward",
-    comment=";",
-)
+    two=always, zeroed="forward", comment=";",
+)  # fmt: skip
 BECKHOFF = Controller(
-    name="beckhoff",
-    sign="error",
+    "beckhoff", "error", _write_ssfk, _read_ssfk, {"axis": "X", "unit": "1", "counts_per_mm": ""},
     says="kw.ssfk: values are errors (actual minus nominal), pos forward, neg reverse; unit 1 is "
     "0.1 um, 0 increments. Activate with lr_param.ssfk 1.",
-    write=_write_ssfk,
-    read=_read_ssfk,
-    parameters={"axis": "X", "unit": "1", "counts_per_mm": ""},
-    quantum=_ssfk_unit,
-    two=lambda _: True,
-    equidistant=lambda _: False,
-    most=MOST_SSFK,
-)
+    quantum=_ssfk_unit, two=always, equidistant=never, most=MOST_SSFK,
+)  # fmt: skip
 AEROTECH = Controller(
-    name="aerotech",
-    sign="correction",
+    "aerotech", "correction", _write_cal, _read_cal,
+    {"axis": "1", "home": "CCW", "home_offset": "0"},
     says="Values are corrections (nominal minus actual), the same in both directions; NEGCOR turns "
     "the sign. Set HOMEDIRECTION and HOMEOFFSET as the axis is homed.",
-    write=_write_cal,
-    read=_read_cal,
-    parameters={"axis": "1", "home": "CCW", "home_offset": "0"},
     comment=";",
-)
+)  # fmt: skip
 ACS = Controller(
-    name="acs",
-    sign="correction",
+    "acs", "correction", _write_acs, _read_acs, {"axis": "0", "zone": "0"},
     says="Values are corrections (target minus mean), the same in both directions.",
-    write=_write_acs,
-    read=_read_acs,
-    parameters={"axis": "0", "zone": "0"},
     comment="!",
-)
+)  # fmt: skip
 PMAC = Controller(
-    name="pmac",
-    sign="correction",
+    "pmac", "correction", _write_pmac, _read_pmac, {"axis": "1", "counts_per_mm": ""},
     says="Values are corrections in 1/16 count, added to the commanded position; the first is one "
     "spacing from home, the last 0 at home: the table wraps.",
-    write=_write_pmac,
-    read=_read_pmac,
-    parameters={"axis": "1", "counts_per_mm": ""},
     quantum=lambda parameters: 1.0 / (SIXTEENTHS * number_parameter(parameters, "counts_per_mm")),
-    zeroed="forward",
-    comment=";",
-)
+    zeroed="forward", comment=";",
+)  # fmt: skip

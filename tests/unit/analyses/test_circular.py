@@ -112,11 +112,13 @@ def test_the_share_of_lost_motion_in_sin_2t_is_that_of_theory() -> None:
 
 
 def test_correlated_samples_are_worth_fewer() -> None:
-    """About n (1 - phi)/(1 + phi) of an autocorrelation phi^k; all of white noise."""
-    white = np.mean([diagnose(made(Causes(), s=0.0003, phi=0.0, seed=i)).effective for i in (1, 2)])
-    tied = np.mean([diagnose(made(Causes(), s=0.0003, phi=0.8, seed=i)).effective for i in (1, 2)])
-    assert white > 0.75 * 1440 * (1 - 20 / 360)
-    assert 0.04 < tied / 1440 < 0.3
+    """n (1 - phi)/(1 + phi) of an autocorrelation phi^k: u is three times that of white noise."""
+    white, tied = (
+        np.mean([diagnose(made(Causes(), s=0.0003, phi=phi, seed=i)).cause("squareness").u
+                 for i in range(4)])
+        for phi in (0.0, 0.8)
+    )  # fmt: skip
+    assert 2.2 < tied / white < 4
 
 
 PITCHES = (10.0, 8.0)

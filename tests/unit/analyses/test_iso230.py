@@ -25,6 +25,7 @@ from mtu_cli.analyses.iso230 import (
     warnings_of,
 )
 from mtu_cli.files.study import InstrumentBudget
+from mtu_cli.reports.iso230 import at_target
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
 
@@ -156,7 +157,7 @@ def test_where_the_laser_was_zeroed_there_is_no_scatter() -> None:
     targets, readings = published(3)
     readings[0, 0] = 0.0
     axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    first, second = axis.at_target[:2]
+    first, second = at_target(axis)[:2]
     assert math.isnan(first.R)
     assert math.isnan(first.s_forward)
     assert first.s_reverse > 0
