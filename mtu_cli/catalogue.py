@@ -79,7 +79,6 @@ CATALOGUE: dict[str, Kind] = {
         "all {n} readings are equal, so that u is 0; add the resolution r as half_width: r/2 "
         "with distribution: rectangular (JCGM 100, F.2.2.1)"
     ),
-    "unit-not-checked": _warning("no unit of {names} is known: no term with them is checked"),
     "not-differentiable": _warning(
         "{output}: {reason}: no first-order uncertainty exists, use the Monte Carlo"
     ),
@@ -98,9 +97,6 @@ CATALOGUE: dict[str, Kind] = {
     "out-of-range": _error("out of range"),
     "too-little-data": _error("too little data: {what}"),
     "gate-undefined": _error("the gate {gate} is undefined"),
-    "factor-like-probability": _warning(
-        "{setting} is {k:g}, so U is {k:g} u: it is a factor and no probability"
-    ),
     # Files to write.
     "output-form": _error("{reason}"),
     "not-overwritten": _error("not overwritten, as {reason}"),
@@ -109,7 +105,6 @@ CATALOGUE: dict[str, Kind] = {
         "{effect} is {value_mm:.3g} mm{where}, more than a machine errs by"
     ),
     # The model of a call.
-    "readings-of-report": _note("{report} gives the {what}: its readings are not read again"),
     "reported": _warning("{message}"),
     "one-direction": _warning(
         "{names} has one value for all features: a reversal cancels between them"
@@ -134,15 +129,9 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "no-uncertainty": _warning("{names} without an uncertainty, taken as exactly known"),
     "machine-written-anew": _warning(
-        "effects cannot be appended to a file of this layout: its values are written anew, "
-        "without its comments"
+        "comments are lost: values of the file are written anew with the effects"
     ),
     # The part and the study.
-    "without-outliers": _warning(
-        "{component}: without {count} the {rms} falls from {before} to {after}; with them in the "
-        "fit, as here, it may not"
-    ),
-    "unconfirmed-drift": _warning("the thermal model of {components} is unconfirmed: {reported}"),
     # Measurement graphs and effects.
     "graph-cycle": _error("a cycle: {places}"),
     "unused-place": _error("{reason}"),

@@ -12,16 +12,13 @@ from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import fitted_drift, modelled, one_direction
 from mtu_cli.cli.values import known_name
-from mtu_cli.findings import Finding, counted, error, finding, listed
+from mtu_cli.findings import Finding, error, listed
 from mtu_cli.model.settings import Settings
 
 if TYPE_CHECKING:
     from mtu_cli.analyses.compare import CompareResult
     from mtu_cli.analyses.fit_components import FitResult
     from mtu_cli.reports.document import Document
-
-OUTLYING = ("outlying-value", "sensor-spike")
-"""Checks that name single rows."""
 
 
 def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
@@ -72,30 +69,8 @@ def thermal_fit(inputs: Inputs, settings: Settings) -> Outcome:
     warnings = inputs.machine.warnings if inputs.files("machine") else ()
     return Outcome.of(
         report.document(fit, settings.digits),
-        warnings=[*warnings, *fit.warnings, *_without_outliers(inputs, method)],
+        warnings=[*warnings, *fit.warnings],
     )
-
-
-def _without_outliers(inputs: Inputs, method: str) -> list[Finding]:
-    """What the models are without the rows that the checks call outlying, which stay in the fit."""
-    import numpy as np
-
-    readings = inputs.drift
-    outlying = [each for each in inputs.suspicions if each.code in OUTLYING]
-    rows = {(each.file, row) for each in outlying for row in each.facts["rows"]}
-    if not rows:
-        return []
-    files = [readings.sources[i].shown for i in readings.file_index.tolist()]
-    keep = [place not in rows for place in zip(files, readings.row.tolist(), strict=True)]
-    fit = fitted_drift(inputs, readings.where(np.array(keep)), method)
-    found = []
-    for name, drift in fit.components.items():
-        held = drift.held_out
-        before, after = (held.before, held.after) if held else (drift.rms_before, drift.rms_after)
-        facts = {"component": name, "count": counted(len(rows), "outlying row")}
-        facts |= {"before": drift.shown(before), "after": drift.shown(after)}
-        found.append(finding("without-outliers", **facts, rms="held-out rms" if held else "rms"))
-    return found
 
 
 def predict_points(inputs: Inputs, settings: Settings) -> Outcome:

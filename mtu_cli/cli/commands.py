@@ -217,10 +217,8 @@ def _called(name: str) -> Callable[..., None]:
     """What a call of the command does, with all its options as parameters."""
     command = COMMANDS[name]
 
-    def call(context: typer.Context, **values: Any) -> None:
-        source = context.get_parameter_source
-        given = [key for key in values if getattr(source(key), "name", "") == "COMMANDLINE"]
-        options = Options(name.replace(" ", "-"), values, tuple(given), command.gates or ())
+    def call(**values: Any) -> None:
+        options = Options(name.replace(" ", "-"), values, command.gates or ())
         if command.chapter == "cli.help" or name == "import":
             analysis_of(name)(options)
         else:

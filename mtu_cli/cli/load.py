@@ -18,7 +18,7 @@ from mtu_cli.cli.values import assigned, number_of
 from mtu_cli.files.contract import expectation
 from mtu_cli.files.covariates import DIRECTIONS, direction_sign
 from mtu_cli.files.csv_table import cell_text
-from mtu_cli.files.source import given_path, resolved, shown_path
+from mtu_cli.files.source import given_path, resolved, same, shown_path
 from mtu_cli.files.study import STUDY_NAME, LoadedStudy, find_study, load_study
 from mtu_cli.files.study import Settings as StudySettings
 from mtu_cli.findings import Finding, InputError, error, finding
@@ -52,10 +52,6 @@ OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""
 OF_ANY_MACHINE = ("anova", "iso230")
 """Commands that look at parts or readings alone, of whatever machine: its file is not read."""
-LIKE_PROBABILITY, LIKE_PERCENTAGE = 0.8, 20.0
-"""A coverage factor from the first to 1 looks like a probability, from the second on like one in
-percent: it is more than Student's factor of any 95 %.
-"""
 
 
 @dataclass
@@ -75,20 +71,9 @@ class Inputs:
         options, path = self.options, self.study_file
         if path is None or (options.study is None and (options.machine or options.file)):
             return None
-        study = load_study(path, made=self._made())
+        study = load_study(path, absent=self._made())
         self.sources.append(study.source)
         return study
-
-    def _made(self) -> dict[str, Path]:
-        """The files that the call makes, by their role in a study."""
-        makes = MADE.get(self.options.command, {})
-        values = {name: self.options.values.get(name) for name in makes}
-        return {
-            role: path
-            for name, path in values.items()
-            if isinstance(path, Path)
-            for role in makes[name]
-        }
 
     @property
     def study_file(self) -> Path | None:
@@ -152,15 +137,27 @@ class Inputs:
         if study := self.study_file:
             found.append(("study", study))
             try:
-                files = load_study(study, there=False).files
+                files = load_study(study).files
             except InputError:
                 return found
             found += [(role, path) for role, paths in files.items() for path in paths]
         return found
 
     def files(self, role: str) -> tuple[Path, ...]:
-        """The files of a role: the option's where it is given, else the study's."""
-        return self.given(role) or (self.study.files.get(role, ()) if self.study else ())
+        """The files of a role: the option's where it is given, else the study's but for those that
+        the call itself makes.
+        """
+        made, stated = self._made(role), self.study.files.get(role, ()) if self.study else ()
+        kept = (path for path in stated if not any(same(path, each) for each in made))
+        return self.given(role) or tuple(kept)
+
+    def _made(self, role: str = "") -> list[Path]:
+        """The files that the call makes, of a role in a study if one is given."""
+        makes = MADE.get(self.options.command, {})
+        paths = [
+            self.options.values.get(name) for name, roles in makes.items() if role in (*roles, "")
+        ]
+        return [path for path in paths if path]
 
     def only(self, role: str, option: str) -> Path:
         """The one file of a role that the command cannot do without."""
@@ -305,18 +302,10 @@ class Inputs:
 
     @cached_property
     def settings(self) -> Settings:
-        """The settings of predictions; warns of a coverage factor that looks like a probability."""
+        """The settings of predictions."""
         names = ("coverage_factor", "seed", "correlation", "trials", "digits", "threads")
         stated = {name: getattr(self.chosen, name) for name in names}
-        found = Settings(**{name: each for name, each in stated.items() if each is not None})
-        k = found.coverage_factor
-        if LIKE_PROBABILITY <= k < 1 or k >= LIKE_PERCENTAGE:
-            setting = "--k"
-            if self.options.k is None and self.study is not None:
-                setting = f"settings.coverage_factor of {self.study.source.shown}"
-            hint = {"setting": setting, "k": k, "expected": "2 for about 95 %"}
-            self.suspicions.append(finding("factor-like-probability", **hint))
-        return found
+        return Settings(**{name: each for name, each in stated.items() if each is not None})
 
     @cached_property
     def at(self) -> dict[str, float]:

@@ -6,7 +6,7 @@ import fnmatch
 import json
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mtu_cli.cli.load import Inputs, check_cell
 from mtu_cli.files.covariates import closest_covariate
@@ -29,10 +29,13 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.thermal_fit.result import ThermalFit
     from mtu_cli.files.machine import LoadedMachine
     from mtu_cli.files.readings import Readings
+    from mtu_cli.files.reports_read import ComponentsReport, ThermalReport
     from mtu_cli.model.estimates import ThermalEstimate
 
 REFERENCE_WITHOUT_MACHINE = 20.0
 """ISO 1."""
+DOUBTS = ("no-better", "not-held-out")
+"""Warnings of a thermal-fit report: nothing says that its model holds for the next warm-up."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +75,7 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Find
     if report is not None:
         estimates = estimates_from_report(machine, report)
         warnings = effect_warnings(machine, estimates.effects, report.source.shown)
-        warnings += _not_read(inputs, ("lbb", "laser"), report.readings, report.source.shown)
+        warnings += _not_read(inputs, ("lbb", "laser"), report)
         return estimates, None, warnings
     readings = inputs.readings
     if readings is None:
@@ -107,8 +110,8 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     report = inputs.reports.thermal
     if report is not None:
         own, winners = thermal_from_report(machine, report), set(report.components)
-        unread = _not_read(inputs, ("drift",), report.readings, report.source.shown)
-        warnings = [*report.doubts, *unread]
+        doubts = _carried(report, DOUBTS, winners)
+        warnings = [*doubts, *_not_read(inputs, ("drift",), report)]
     elif inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
         own, winners = {x.name: x.estimate for x in fit.components.values()}, set(fit.components)
@@ -140,42 +143,44 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
 
 
 def _not_read(
-    inputs: Inputs, roles: Sequence[str], fitted: frozenset[str], report: str
+    inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
 ) -> list[Finding]:
-    """That readings are not read beside the `report` of their fit: a warning only where they are
-    not, to the byte, those that it was fitted to.
+    """That readings are not read beside the `report` of a fit, where they are not, to the byte,
+    those that it was fitted to.
 
     Raises InputError for a file that cannot be read.
     """
     given = [(path, role) for role in roles for path in inputs.files(role)]
     found = {path: read_source(path, role)[0].sha256 for path, role in given}
-    if not found:
+    if not found or set(found.values()) == report.readings:
         return []
-    facts = {"report": report, "what": "drifts" if roles == ("drift",) else "components"}
-    if set(found.values()) == fitted:
-        return [finding("readings-of-report", **facts)]
-    other = [path for path, digest in found.items() if digest not in fitted]
-    names = [shown_path(path) for path in other or found]
-    reason = f"{report} gives the {facts['what']}; it was fitted to other files"
+    other = [path for path, digest in found.items() if digest not in report.readings]
+    names, what = [shown_path(path) for path in other or found], ", ".join(report.components)
+    reason = f"{report.source.shown} gives {what}; it was fitted to other files"
     return [finding("not-used", what="readings", names=names, reason=reason)]
 
 
 def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Finding]:
     """What u of a part does not contain (LIMITS), from the fit or from the report of it."""
     used = {term.estimate.name for term in model.terms}
-    report = inputs.reports.components
-    if report is None:
-        return [] if fit is None else limits_of(limit_warnings(fit), used)
-    entries: Any = report.document.get("warnings")
-    limits = []
+    if (report := inputs.reports.components) is not None:
+        return _carried(report, LIMITS, used)
+    return [] if fit is None else limits_of(limit_warnings(fit), used)
+
+
+def _carried(
+    report: ComponentsReport | ThermalReport, codes: Collection[str], used: Collection[str]
+) -> list[Finding]:
+    """Warnings of a report, of some `codes` and components, that hold for what is made of it."""
+    entries, found = report.document.get("warnings"), []
     for item in entries if isinstance(entries, list) else ():
         code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
         # Earlier versions reported no facts.
         component = facts.get("component") if isinstance(facts, dict) else None
-        if code in LIMITS and (component is None or component in used):
+        if code in codes and (component is None or component in used):
             what = {"of": code, "message": str(item.get("message"))}
-            limits.append(finding("reported", file=report.source.shown, **what))
-    return list(dict.fromkeys(limits))
+            found.append(finding("reported", file=report.source.shown, **what))
+    return list(dict.fromkeys(found))
 
 
 def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> Finding:

@@ -20,14 +20,10 @@ REQUIRED = inspect.Parameter.empty
 
 @dataclass(frozen=True)
 class Options:
-    """The options of one call, by name; an option that the command lacks is None.
-
-    `given` are those that stand in the call, whatever their value; `gates` those of the command.
-    """
+    """The options of one call, by name (None where the command lacks it), and its gates."""
 
     command: str
     values: dict[str, Any] = field(default_factory=dict)
-    given: tuple[str, ...] = ()
     gates: tuple[str, ...] = ()
 
     def __getattr__(self, name: str) -> Any:
@@ -99,7 +95,7 @@ def signature(names: str, gates: tuple[str, ...] | None) -> inspect.Signature:
         text = f"Exit with 3 if met: {known}. Several with commas"
         options["fail_if"] = Option(str, "GATE...", text)
     kind: Any = inspect.Parameter.KEYWORD_ONLY
-    parameters = [inspect.Parameter("context", kind, annotation=typer.Context)]
+    parameters = []
     for name, option in options.items():
         known = option.annotation(name)
         parameters.append(inspect.Parameter(name, kind, annotation=known, default=option.default))

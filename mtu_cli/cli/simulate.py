@@ -27,7 +27,7 @@ from mtu_cli.cli.values import MOST_STEPS, SPAN, assigned, ends, known_name, num
 from mtu_cli.files.contract import A_NAME, is_name
 from mtu_cli.files.covariates import is_covariate
 from mtu_cli.files.source import SYNTHETIC
-from mtu_cli.findings import Finding, error, finding
+from mtu_cli.findings import Finding, error
 from mtu_cli.formats.base import FORWARD, REVERSE, Imported
 from mtu_cli.formats.renishaw import UNITS as RUN_UNITS
 from mtu_cli.formats.renishaw import run_file
@@ -61,15 +61,6 @@ from mtu_cli.units import ANGLE, ARCSEC, LENGTH, UM, UNITS
 MAX_MOMENTS = 1_000_000
 """Moments of a whole drift test, soaking included: a slip of the keyboard beyond."""
 DEFAULT_POSITIONS = 8
-MATTER = {
-    "write_lbb": {READINGS},
-    "write_laser": {READINGS},
-    "write_cmm": {POINTS, PARTS_ROOM},
-    "write_drift": {DRIFT, CLIMATE},
-}
-"""The groups of options that each file is made by; the room and its sensors matter for parts that
-are measured in one, too.
-"""
 Made = tuple[Synthetic, list[Finding]]
 
 
@@ -86,8 +77,7 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
     model = modelled(inputs).model
     # Of components that stand in no equation nothing is simulated.
     of_machine = [each for each in inputs.machine.warnings if each.code == "unused"]
-    warnings = _unused_options(options, paths)
-    warnings += [each for each in of_machine if each.facts["what"] == "component"]
+    warnings = [each for each in of_machine if each.facts["what"] == "component"]
     made: dict[str, Synthetic] = {}
     for name in paths:
         made[name], found = MAKERS[name](inputs, model, settings.seed)
@@ -105,21 +95,6 @@ def simulate(inputs: Inputs, settings: Settings) -> Outcome:
             for name, path in paths.items()
         },
     )
-
-
-def _unused_options(options: Options, paths: Collection[str]) -> list[Finding]:
-    """Warnings of options that are given and change nothing in what is written."""
-    used = set().union(*(MATTER[name] for name in paths))
-    if options.write_cmm and options.cmm_room:
-        used.add(CLIMATE)
-    found = []
-    for name in options.given:
-        panel = OPTIONS[name].panel
-        if panel is not None and panel not in used:
-            files = [f"{option_name(x)} FILE" for x, panels in MATTER.items() if panel in panels]
-            facts = {"why": " in what is written", "expected": " or ".join(files)}
-            found.append(finding("option-not-used", path=option_name(name), **facts))
-    return found
 
 
 def _heading(options: Options, seed: int, name: str) -> str:

@@ -65,7 +65,7 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
     path = inputs.options.budget
     if path is None:
         return inputs.study.study.budget if inputs.study else None
-    loaded = load_study(path, "budget", there=False)
+    loaded = load_study(path, "budget")
     inputs.sources.append(loaded.source)
     if loaded.study.budget is None:
         expected = "budget: {device_U_um_per_m: 0.5, ...}"

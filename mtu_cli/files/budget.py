@@ -65,12 +65,6 @@ def _width(value: float) -> float:
     return value
 
 
-def _value(value: float) -> float:
-    if abs(value) > LARGEST:
-        raise wrong(f"at most {LARGEST:g} in size", "out-of-range")
-    return value
-
-
 def _triple(value: object) -> object:
     if not isinstance(value, list) or len(value) != 3:
         raise wrong("two names and a coefficient, such as [V, I, 0.2]")
@@ -84,7 +78,7 @@ def _constant(value: object) -> object:
     return {"value": value} if is_number(value) else value
 
 
-Value = Annotated[float, AfterValidator(_value)]
+Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Width = Annotated[NonNegative, AfterValidator(_width)]
 Correlation = Annotated[
     tuple[IdText, IdText, float], BeforeValidator(_triple, json_schema_input_type=list[Any])
@@ -232,8 +226,7 @@ def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget
         taken = dict.fromkeys(("pi", *BUDGET_FUNCTIONS), "part of the equation language")
         for name in faults.given("inputs"):
             faults.symbol(("inputs", name), name, taken)
-        _check_correlations(budget, faults)
-        _check_simultaneous(budget, faults)
+        _check_together(budget, faults)
         coverage = budget.coverage
         if coverage is not None and coverage.probability is not None and coverage.k is not None:
             faults.add(("coverage",), "exclusive", names="probability and k", expected="one")
@@ -332,43 +325,45 @@ def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> N
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
 
-def _check_correlations(budget: Budget, faults: Faults) -> None:
-    """Known names of uncertain inputs, coefficients of -1 to 1, no pair twice."""
+def _check_together(budget: Budget, faults: Faults) -> None:
+    """Correlations: of uncertain inputs, -1 to 1, no pair twice. Simultaneous inputs: each once,
+    with equally many readings, and no correlation that is stated, too.
+    """
     known, inputs = faults.keys("inputs"), budget.inputs
-
-    def judge(path: YamlPath, name: str) -> None:
-        if name not in known:
-            faults.unknown(path, name, known)
-        elif name in inputs and not inputs[name].varies:
-            reason, expected = "it has no uncertainty", "an uncertain input"
-            faults.add(path, "wrong-correlation", reason=reason, value=name, expected=expected)
-
-    pairs = present(budget.correlations)
-    faults.correlated(pairs, judge)
-    together = [set(group) for _, group in present(budget.simultaneous)]
-    for index, (first, second, _) in pairs:
-        if first != second and any({first, second} <= group for group in together):
-            given = {"names": "correlations and simultaneous", "value": [first, second]}
+    groups = present(budget.simultaneous)
+    pairs: set[frozenset[str]] = set()
+    for index, (first, second, r) in present(budget.correlations):
+        path: YamlPath = ("correlations", index)
+        for at, name in enumerate((first, second)):
+            if name not in known:
+                faults.unknown((*path, at), name, known)
+            elif name in inputs and not inputs[name].varies:
+                given = {"reason": "it has no uncertainty", "expected": "an uncertain input"}
+                faults.add((*path, at), "wrong-correlation", value=name, **given)
+        if not -1.0 <= r <= 1.0:
+            faults.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
+        pair = frozenset((first, second))
+        if first == second or pair in pairs:
+            what = "the name" if first == second else "the correlation"
+            faults.add(path, "appears-twice", what=what, value=f"{first}, {second}")
+        elif any(pair <= set(group) for _, group in groups):
+            given = {"names": "correlations and simultaneous"}
             expected = "one: readings have a correlation"
-            faults.add(("correlations", index), "exclusive", **given, expected=expected)
-
-
-def _check_simultaneous(budget: Budget, faults: Faults) -> None:
-    """Known names, none twice, of inputs with equally many readings."""
-    known, inputs, seen = faults.keys("inputs"), budget.inputs, set[str]()
-    for index, group in present(budget.simultaneous):
+            faults.add(path, "exclusive", value=[first, second], expected=expected, **given)
+        pairs.add(pair)
+    seen: set[str] = set()
+    for index, group in groups:
         counts = {}
         for at, name in enumerate(group):
-            path: YamlPath = ("simultaneous", index, at)
+            path = ("simultaneous", index, at)
             if name not in known:
                 faults.unknown(path, name, known)
             elif name in seen:
                 faults.add(path, "appears-twice", what="the input", value=name)
-            elif name in inputs:
-                if (readings := inputs[name].readings) is None:
-                    faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
-                else:
-                    counts[name] = len(readings)
+            elif name in inputs and (readings := inputs[name].readings) is None:
+                faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
+            elif name in inputs and readings:
+                counts[name] = len(readings)
             seen.add(name)
         if len(set(counts.values())) > 1:
             listed = ", ".join(f"{count} of {name}" for name, count in counts.items())
@@ -426,10 +421,8 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
-    """Inputs that no equation has, that have no uncertainty, scatter or known unit.
-
-    A plain number (``g: 9.81``) is meant as a constant, and so is a `u` of 0. A budget in which
-    no unit is stated says nothing of units.
+    """Inputs that no equation has, or that have no uncertainty or scatter: a plain number
+    (``g: 9.81``) is meant as a constant, and so is a `u` of 0.
     """
     used = {name for tree in trees.values() for name in names(tree)}
 
@@ -437,7 +430,7 @@ def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) ->
         place = {"file": document.source.shown, "line": document.line_of(*path), "path": at}
         return finding(code, **place, **facts)
 
-    exact, without = [], []
+    exact = []
     for name, item in budget.inputs.items():
         path: YamlPath = ("inputs", name)
         if name not in used:
@@ -448,10 +441,6 @@ def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) ->
             yield noted("equal-readings", readings, path_text(path), n=len(item.readings))
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
             exact.append(name)
-        if not unit_powers(item.unit).known:
-            without.append(name)
     if exact:
         expected = "u: 0 where that is meant"
         yield noted("no-uncertainty", ("inputs", exact[0]), names=exact, expected=expected)
-    if without and any(item.unit is not None for item in budget.inputs.values()):
-        yield noted("unit-not-checked", ("inputs", without[0]), names=without)

@@ -208,23 +208,6 @@ class Faults:
             if first.setdefault(name, index) != index:
                 self.add((*path, index, *key), "appears-twice", value=name, what=what, **given)
 
-    def correlated(
-        self, items: Iterable[tuple[int, Sequence[Any]]], judge: Callable[[YamlPath, str], None]
-    ) -> None:
-        """Correlations [first, second, r]: `judge` sees both names; no pair twice, |r| <= 1."""
-        seen: set[frozenset[str]] = set()
-        for index, (first, second, r) in items:
-            path: YamlPath = ("correlations", index)
-            for at, name in enumerate((first, second)):
-                judge((*path, at), name)
-            if not -1.0 <= r <= 1.0:
-                self.add((*path, 2), "wrong-value", value=f"{r:g}", expected="-1 to 1")
-            pair = frozenset((first, second))
-            if first == second or pair in seen:
-                what = "the name" if first == second else "the correlation"
-                self.add(path, "appears-twice", what=what, value=f"{first}, {second}")
-            seen.add(pair)
-
     def lacks(
         self, path: YamlPath, key: str, expected: str = "", others: Sequence[str] = ()
     ) -> None:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
 from math import isfinite, isnan, nan
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
-from pydantic_core import PydanticCustomError
 
 from mtu_cli.files.contract import NonNegative, Number, all_wrong, check_contract, sized, wrong
 from mtu_cli.files.covariates import is_temperature
@@ -35,8 +34,6 @@ from mtu_cli.findings import Finding, InputError, error, finding, shorten
 MAX_BYTES = 1 << 30
 COMPONENTS = "mtu/fit-components/1"
 THERMAL = "mtu/thermal-fit/1"
-DOUBTS = ("no-better", "not-held-out")
-"""Warnings that a model carries along: nothing says that it holds for the next warm-up."""
 
 
 def _not_negative(value: float) -> float:
@@ -73,53 +70,34 @@ Matrix = list[list[Figure]]
 Determined = Annotated[Matrix, AfterValidator(_determined)]
 Names = Annotated[list[str], AfterValidator(_once)]
 Sensors = Annotated[list[Annotated[str, AfterValidator(_temperature)]], AfterValidator(_once)]
-Shape = tuple[int, ...]
 
 
 class _Reported(BaseModel):
-    """A part of a report, with what its values ask of one another.
+    """A part of a report."""
 
-    The `shapes` of lists and covariances; which matrices are `differences` of mean squares,
-    negative where passes, or runs, hardly differ; and whether something was `estimated` with each
-    of its degrees of freedom, which then are not 0.
-    """
-
-    differences: ClassVar[tuple[str, ...]] = ()
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
-    def shapes(self) -> dict[str, Shape]:
-        return {}
-
-    def estimated(self) -> dict[str, bool]:
-        return {}
-
-    @model_validator(mode="after")
-    def _consistent(self) -> _Reported:
-        if faults := [*self._faults()]:
-            raise all_wrong(faults)
-        return self
-
-    def _faults(self) -> Iterator[PydanticCustomError]:
-        for key, (size, *width) in self.shapes().items():
+    def _shaped(self, differences: Collection[str] = (), **shapes: tuple[int, ...]) -> None:
+        """Raises where lists (n,) and (n, m), or covariances (n, n), have another shape; those that
+        are `differences` of mean squares may be negative, where passes, or runs, hardly differ.
+        """
+        faults = []
+        for key, (size, *width) in shapes.items():
             if (values := getattr(self, key)) is None:
                 continue
-            if width and key != "coefficients":
-                reason = covariance_fault(values, size, difference=key in self.differences)
-                if reason is not None:
-                    yield wrong("", "wrong-correlation", key, reason=reason)
+            if "covariance" in key or "mean_square" in key:
+                if reason := covariance_fault(values, size, difference=key in differences):
+                    faults.append(wrong("", "wrong-correlation", key, reason=reason))
             elif len(values) != size or any(len(row) not in width for row in values if width):
                 wanted = " x ".join(map(str, (size, *width)))
-                yield wrong(wanted, "wrong-count", key, found="another size")
-        for key, estimated in self.estimated().items():
-            if estimated and getattr(self, key) == 0:
-                facts = {"what": "an estimate", "other": "degrees of freedom", "value": 0}
-                yield wrong("more than 0, or null: known exactly", "incomplete", key, **facts)
+                faults.append(wrong(wanted, "wrong-count", key, found="another size"))
+        if faults:
+            raise all_wrong(faults)
 
 
 class ReportedComponent(_Reported):
     """One entry of `results.components` of fit-components; in `unit` and mm."""
 
-    differences = ("pass_covariance_moment", "run_covariance")
     of: str | None
     unit: UnitName
     degree: int | None = Field(ge=0)
@@ -144,26 +122,24 @@ class ReportedComponent(_Reported):
     repeat_dof: NonNegative | None
     position_range_mm: tuple[Number, Number] | None
 
-    def shapes(self) -> dict[str, Shape]:
-        k = len(self.coefficients)
-        whole = dict.fromkeys(("covariance", "covariance_independent"), (k, k))
-        linear = ("pass_covariance", "half_difference_mean_square", *self.differences)
-        passes = dict.fromkeys(linear, (min(2, k), min(2, k)))
-        count = len(self.at_mm or ()) if self.degree is None else self.degree + 1
-        return {"coefficients": (count,), **whole, **passes}
-
-    def estimated(self) -> dict[str, bool]:
-        # pass_dof 0 alone says that one mean square stands behind all, with `repeat_dof`.
-        one_square = self.pass_dof == 0 and _any(self.covariance)
-        repeat = self.s_repeat > 0 or one_square
-        return {"pass_dof": _any(self.pass_covariance), "repeat_dof": repeat}
-
     @model_validator(mode="after")
-    def _known(self) -> ReportedComponent:
+    def _whole(self) -> ReportedComponent:
+        k = len(self.coefficients)
+        passes = (min(2, k), min(2, k))
+        self._shaped(
+            ("pass_covariance_moment", "run_covariance"),
+            coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
+            covariance=(k, k),
+            covariance_independent=(k, k),
+            pass_covariance=passes,
+            pass_covariance_moment=passes,
+            half_difference_mean_square=passes,
+            run_covariance=passes,
+        )
         # A fit of as many readings as coefficients tells neither a covariance nor a repeatability;
         # any other tells all of both.
         unknown = _unknown(self.covariance)
-        if len(unknown) < len(self.coefficients) ** 2 and (unknown or isnan(self.s_repeat)):
+        if len(unknown) < k**2 and (unknown or isnan(self.s_repeat)):
             key = "covariance" if unknown else "s_repeat"
             raise wrong("", "missing-input", key, what="a number")
         return self
@@ -172,7 +148,6 @@ class ReportedComponent(_Reported):
 class ReportedGroup(_Reported):
     """One entry of `results.joint_pass_covariance`; matrices over all coefficients."""
 
-    differences = ("pass_covariance",)
     components: list[str]
     widths: list[int]
     coefficient_covariance: Matrix
@@ -181,12 +156,12 @@ class ReportedGroup(_Reported):
     pass_dof: NonNegative
     n_passes: int | None
 
-    def shapes(self) -> dict[str, Shape]:
+    @model_validator(mode="after")
+    def _whole(self) -> ReportedGroup:
+        whole = (sum(self.widths), sum(self.widths))
         keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")
-        return dict.fromkeys(keys, (sum(self.widths), sum(self.widths)))
-
-    def estimated(self) -> dict[str, bool]:
-        return {"pass_dof": _any(self.pass_covariance) or _any(self.coefficient_covariance)}
+        self._shaped(("pass_covariance",), **dict.fromkeys(keys, whole))
+        return self
 
 
 class ReportedEffects(_Reported):
@@ -200,9 +175,11 @@ class ReportedEffects(_Reported):
     values: list[Number]
     covariance: list[list[Number]]
 
-    def shapes(self) -> dict[str, Shape]:
+    @model_validator(mode="after")
+    def _whole(self) -> ReportedEffects:
         n = len(self.parameters)
-        return {"units": (n,), "values": (n,), "covariance": (n, n)}
+        self._shaped(units=(n,), values=(n,), covariance=(n, n))
+        return self
 
 
 class ReportedDrift(_Reported):
@@ -227,22 +204,17 @@ class ReportedDrift(_Reported):
     temperature_range_degC: list[tuple[Number, Number]] | None  # noqa: N815  # unit
     position_range_mm: tuple[Number, Number] | None
 
-    def shapes(self) -> dict[str, Shape]:
-        powers, sensors = self.degree + 1, len(self.sensors)
-        per_sensor = ("time_constants_min", "sensor_u_degC", "temperature_range_degC")
-        return {
-            "coefficients": (powers, sensors),
-            "covariance": (powers * sensors, powers * sensors),
-            "leftover_covariance": (powers, powers),
-            **dict.fromkeys(per_sensor, (sensors,)),
-        }
-
-    def estimated(self) -> dict[str, bool]:
-        left = _any(self.leftover_covariance)
-        return {"coefficient_dof": _any(self.covariance), "leftover_dof": left}
-
     @model_validator(mode="after")
-    def _of_an_axis(self) -> ReportedDrift:
+    def _whole(self) -> ReportedDrift:
+        powers, sensors = self.degree + 1, len(self.sensors)
+        self._shaped(
+            coefficients=(powers, sensors),
+            covariance=(powers * sensors, powers * sensors),
+            leftover_covariance=(powers, powers),
+            time_constants_min=(sensors,),
+            sensor_u_degC=(sensors,),
+            temperature_range_degC=(sensors,),
+        )
         if self.of is None and self.degree > 0:
             facts = {"what": "a degree", "other": "`of`", "value": self.degree}
             raise wrong("0, or the axis as `of`", "incomplete", "degree", **facts)
@@ -278,12 +250,6 @@ class _Drifts(_Reported):
     components: dict[str, ReportedDrift]
 
 
-class _Warning(_Reported):
-    code: str
-    message: str
-    facts: dict[str, Any] = {}
-
-
 class _Report(_Reported):
     inputs: list[dict[str, Any]] = []
 
@@ -299,7 +265,6 @@ class _Fit(_Report):
 
 class _ThermalFit(_Report):
     results: _Drifts
-    warnings: list[_Warning] = []
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -318,13 +283,11 @@ class ComponentsReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalReport:
-    """A checked thermal-fit report; `doubts` are those of its warnings that its user needs,
-    `readings` the hashes of the files that it was fitted to.
-    """
+    """A checked thermal-fit report, likewise."""
 
     source: Source
     components: dict[str, ReportedDrift]
-    doubts: tuple[Finding, ...] = ()
+    document: dict[str, Any] = field(default_factory=dict)
     readings: frozenset[str] = frozenset()
 
 
@@ -404,28 +367,12 @@ def thermal_from(source: Source, document: Any) -> ThermalReport:
     Raises InputError with every fault of the document.
     """
     report = check_contract(YamlDocument(source=source, data=document), _ThermalFit, "thermal-fit")
-    names: dict[tuple[str, str], list[str]] = {}
-    for item in report.warnings:
-        if item.code in DOUBTS:
-            # Reports of version 0.1 have no facts: "name: text".
-            name = str(item.facts.get("component") or item.message.partition(": ")[0])
-            text = item.message.removeprefix(f"{name}: ")
-            names.setdefault((item.code, text), []).append(name)
-    doubts = []
-    for (code, text), doubted in names.items():
-        facts = {"components": list(dict.fromkeys(doubted)), "reported": text}
-        doubts.append(finding("unconfirmed-drift", **facts, reported_code=code, file=source.shown))
     return ThermalReport(
         source=source,
         components=report.results.components,
-        doubts=tuple(doubts),
+        document=document,
         readings=report.read_from("drift"),
     )
-
-
-def _any(matrix: Matrix) -> bool:
-    """Whether a covariance is not 0 throughout: nan counts as estimated."""
-    return any(map(any, matrix))
 
 
 def _unknown(matrix: Matrix) -> list[tuple[int, int]]:

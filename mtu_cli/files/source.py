@@ -8,9 +8,8 @@ import os
 import stat
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from mtu_cli.findings import Finding, InputError, closest, error, finding, printable
+from mtu_cli.findings import closest, error, printable
 
 DRIFT = "drift"
 """The role of readings that follow temperatures in time: their runs are cycles, no passes."""
@@ -100,44 +99,28 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
         expected = "a path to an existing folder"
     elif role == "study" and path.suffix not in KINDS:
         expected = "a study or its folder"
-    if fault := file_fault(path, role, shown, expected, **place):
-        raise InputError(fault)
     try:
-        size = path.stat().st_size
-        if max_bytes is not None and size > max_bytes:
-            facts = {"reason": f"{size} bytes", "expected": f"at most {max_bytes} bytes"}
+        details = path.stat()
+        mode = details.st_mode
+        # /dev/zero has no end; pipes, as of <(...), have one.
+        device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
+        if device or stat.S_ISDIR(mode):
+            kind = "device" if device else "folder"
+            raise error("not-a-file", kind=kind, expected=f"a file ({role})", **place)
+        if max_bytes is not None and details.st_size > max_bytes:
+            facts = {"reason": f"{details.st_size} bytes", "expected": f"at most {max_bytes} bytes"}
             raise error("not-readable", **facts, **place)
         content = path.read_bytes()
-    except OSError as failed:
+    except FileNotFoundError:
+        meant = tuple((Path(shown).parent / near).as_posix() for near in near_name(path))
+        raise error("no-such-file", meant=meant, expected=expected, **place) from None
+    except (OSError, ValueError) as failed:
         raise error("not-readable", reason=system_reason(failed), **place) from None
     if not content:
         raise error("empty-file", what="text", **place)
     digest = hashlib.sha256(content).hexdigest()
     made = content.startswith(SYNTHETIC.encode())
     return Source(role=role, path=path, shown=shown, sha256=digest, synthetic=made), content
-
-
-def file_fault(
-    path: Path, role: str, given: str, expected: str | None, **place: Any
-) -> Finding | None:
-    """The Finding of a path, as it was `given`, that no file can be read from; None where one can,
-    as far as is seen.
-    """
-    try:
-        mode = path.stat().st_mode
-    except FileNotFoundError:
-        if near := _near_name(path):
-            meant = (Path(given).parent / near).as_posix()
-            return finding("no-such-file", meant=(meant,), **place)
-        return finding("no-such-file", expected=expected, **place)
-    except (OSError, ValueError) as fault:
-        return finding("not-readable", reason=system_reason(fault), **place)
-    # /dev/zero has no end; pipes, as of <(...), have one.
-    device = stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
-    if not (device or stat.S_ISDIR(mode)):
-        return None
-    kind = "device" if device else "folder"
-    return finding("not-a-file", kind=kind, expected=f"a file ({role})", **place)
 
 
 def begins_with(path: Path, mark: str) -> bool:
@@ -152,16 +135,16 @@ def begins_with(path: Path, mark: str) -> bool:
     return not start or start.startswith(mark.encode())
 
 
-def _near_name(path: Path) -> str | None:
-    """The file of the same kind in the folder that is nearly called so."""
+def near_name(path: Path) -> tuple[str, ...]:
+    """The file of the same kind in the folder that is nearly called so, if there is one."""
     stem, kind = _parts(path.name)
     try:
         parts = {entry.name: _parts(entry.name) for entry in path.parent.iterdir()}
     except (OSError, ValueError):
-        return None
+        return ()
     stems = {other: name for name, (other, its) in parts.items() if kind in ("", its)}
     near = closest(stem, stems)
-    return None if near is None else stems[near]
+    return () if near is None else (stems[near],)
 
 
 def _parts(name: str) -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -21,15 +21,14 @@ from mtu_cli.files.contract import (
     present,
     short,
 )
-from mtu_cli.files.source import file_fault, resolved, same
+from mtu_cli.files.source import near_name, resolved, same
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.units import UNITS
 
 STUDY_NAME = "mtu.yaml"
+FROM_HERE = "a path from the folder of the study, or a whole one"
 SINGLE = ("machine", "part")
 SEVERAL = ("components", "lbb", "laser", "cmm", "drift")
-
-FROM_HERE = "a path from the folder of the file that names it, or a whole one"
 MAX_COVERAGE = 100.0
 MAX_TRIALS = 10_000_000_000
 """Ten thousand million: an hour of Monte Carlo. More is a slip of the keyboard."""
@@ -141,16 +140,6 @@ class LoadedStudy(Loaded):
     instruments: dict[Path, Instrument] = field(default_factory=dict)
 
 
-def _check_budget(budget: InstrumentBudget, faults: Faults) -> None:
-    """A temperature says nothing without the expansion, and nobody corrects to 20 degC twice."""
-    of_heat = bool(budget.T_half_width_K) or budget.T_mean_degC != 20.0
-    if of_heat and budget.alpha_um_per_m_K is None:
-        faults.lacks(("budget",), "alpha_um_per_m_K", "the expansion coefficient, um/(m K)")
-    if budget.T_mean_degC != 20.0 and budget.already_at_20 is None:
-        expected = "true where the instrument has corrected the readings to 20 degC, else false"
-        faults.lacks(("budget",), "already_at_20", expected)
-
-
 def find_study(start: Path) -> Path | None:
     """The ``mtu.yaml`` of the folder `start` or of the nearest folder above it."""
     for folder in (start, *resolved(start).parents):
@@ -161,10 +150,10 @@ def find_study(start: Path) -> Path | None:
 
 
 def load_study(
-    path: Path, role: str = "study", *, there: bool = True, made: Mapping[str, Path] | None = None
+    path: Path, role: str = "study", *, absent: Collection[Path] | None = None
 ) -> LoadedStudy:
-    """Reads and checks a study file; the files that it names must be `there`, but for those that
-    are `made` (by their role): what a call writes it does not read.
+    """Reads and checks a study file; the files that it names must be there, but for those that may
+    be `absent` (None: any of them).
 
     Raises InputError with all faults of the file, each with its line.
     """
@@ -177,19 +166,26 @@ def load_study(
         for key in (*SINGLE, *SEVERAL):
             given = getattr(study, key)
             items = present(given) if key in SEVERAL else [(0, given)] if given else []
-            stated = [(i, x) for i, x in items if isinstance(x, Instrument)]
-            instruments.update((folder / x.file, x) for _, x in stated)
+            instruments.update((folder / x.file, x) for _, x in items if isinstance(x, Instrument))
             names = [(i, x.file if isinstance(x, Instrument) else x) for i, x in items]
-            new = (made or {}).get(key)
-            names = [(i, name) for i, name in names if new is None or not same(folder / name, new)]
             if names:
                 files[key] = tuple(folder / name for _, name in names)
-            for index, name in names if there else ():
-                if fault := file_fault(folder / name, key, name, FROM_HERE, value=name):
-                    faults.extend((key, index), [fault])
+            for i, name in names:
+                file, made = folder / name, absent or ()
+                needed = absent is not None and not any(same(file, each) for each in made)
+                if needed and not file.exists():
+                    facts = {"value": name, "meant": near_name(file), "expected": FROM_HERE}
+                    faults.add((key, i), "no-such-file", **facts)
             faults.once((key,), names, "the file")
-        if (own := study.budget) is not None:
-            _check_budget(own, faults)
+        if (own := study.budget) is None:
+            return
+        # A temperature says nothing without the expansion, and nobody corrects to 20 degC twice.
+        of_heat = bool(own.T_half_width_K) or own.T_mean_degC != 20.0
+        if of_heat and own.alpha_um_per_m_K is None:
+            faults.lacks(("budget",), "alpha_um_per_m_K", "the expansion coefficient, um/(m K)")
+        if own.T_mean_degC != 20.0 and own.already_at_20 is None:
+            expected = "true where the instrument has corrected the readings to 20 degC, else false"
+            faults.lacks(("budget",), "already_at_20", expected)
 
     study = check_contract(document, Study, "study", check)
     return LoadedStudy(

@@ -53,27 +53,6 @@ def test_tables_show_the_digits_of_u_that_are_asked_for(call: list[Any], shown: 
         assert len(figures) == 3 or ("." not in u and len(figures) > 3), u
 
 
-def test_a_factor_that_looks_like_a_percentage_is_asked_about(work: Path) -> None:
-    meant = "so U is 95 u: it is a factor and no probability; expected 2 for about 95 %"
-    told = done(mtu("fit-components", "--k", "95", "-q", cwd=work)).stderr
-    assert f"warning: --k is 95, {meant} [factor-like-probability]" in told
-    study = (work / "mtu.yaml").read_text()
-    assert "settings: {" in study
-    stated = "settings: {coverage_factor: 95, "
-    (work / "mtu.yaml").write_text(re.sub(r"settings: {(coverage_factor: 2, )?", stated, study))
-    told = done(mtu("fit-components", "-q", cwd=work)).stderr
-    assert f"settings.coverage_factor of mtu.yaml is 95, {meant}" in told
-
-
-def test_a_factor_that_looks_like_a_probability_is_asked_about(work: Path) -> None:
-    told = done(mtu("fit-components", "--k", "0.95", "-o", "a.json", "-q", cwd=work)).stderr
-    assert "warning: --k is 0.95, so U is 0.95 u: it is a factor and no probability; " in told
-    codes = [item["code"] for item in json.loads((work / "a.json").read_text())["warnings"]]
-    assert "factor-like-probability" in codes
-    for k in ("1", "0.5", "12.7"):
-        assert "probability" not in done(mtu("fit-components", "--k", k, cwd=work)).stderr
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [
@@ -191,7 +170,6 @@ def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any
     components["dx_x"] |= {"s_repeat": -1.0, "unit": "inch"}
     components["ez_x"]["covariance"][0][0] = -1.0
     components["dy_y"] |= {"degree": 3}
-    components["dy_y"]["pass_dof"] = 0.0
     components["axy"] |= {"pass_covariance": [[1.0, 0.0], [0.0, 1.0]]}
     (work / "range.json").write_text(json.dumps(fitted))
     assert "range.json: results.components.dx_x.s_repeat: " in refused(
@@ -203,7 +181,6 @@ def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any
     for words in (
         "results.components.dx_x.unit: unknown unit: 'inch'",
         "results.components.ez_x.covariance: a variance is negative",
-        "results.components.dy_y.pass_dof: an estimate without degrees of freedom",
         "results.components.dy_y.coefficients: another size; expected 4",
         "results.components.axy.pass_covariance: not 1 x 1",
     ):

@@ -13,8 +13,7 @@ from support import CONFIGS
 
 from mtu_cli.cli import simulate
 from mtu_cli.cli.analyse import fit_components as fitting
-from mtu_cli.cli.analyse import lengths
-from mtu_cli.cli.emit import deliver, execute, warning_lines
+from mtu_cli.cli.emit import Outcome, deliver, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
@@ -78,16 +77,14 @@ def _report(folder: Path) -> Path:
 
 def _told(values: Mapping[str, Any]) -> tuple[list[Finding], list[str]]:
     found = modelled(Inputs(Options("lengths", dict(values)))).warnings
-    own = [item for item in found if item.code in ("readings-of-report", "not-used")]
+    own = [item for item in found if item.code == "not-used"]
     return own, warning_lines(own)
 
 
 def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
-    """A note; a warning only where the files are others."""
+    """A warning only where the files are others."""
     fitted = _report(work)
-    (item,), lines = _told({"components": [fitted]})
-    assert item.code == "readings-of-report"
-    assert lines == [f"note: {item.message} [readings-of-report]"]
+    assert _told({"components": [fitted]}) == ([], [])
     (work / "new.csv").write_bytes((work / "lbb.csv").read_bytes() + b"# once more\n")
     for lbb in (["new.csv"], ["lbb.csv", "new.csv"]):
         (item,), (line,) = _told({"components": [fitted], "lbb": [Path(name) for name in lbb]})
@@ -145,12 +142,10 @@ def test_warnings_and_notes_are_told_once() -> None:
 
 
 def test_notes_are_not_told_with_quiet(work: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    fitted = _report(work)
+    note = finding("not-estimable", quantity="u", names=["a"], reason="n")
     for quiet in (True, False):
-        capsys.readouterr()
-        values = {"components": [fitted], "quiet": quiet}
-        execute(Options("lengths", values), lengths)
-        assert ("readings-of-report" in capsys.readouterr().err) != quiet
+        execute(Options("lengths", {"quiet": quiet}), lambda *_: Outcome(warnings=[note]))
+        assert ("not-estimable" in capsys.readouterr().err) != quiet
 
 
 def test_many_warnings_of_one_kind_are_summed_up() -> None:
@@ -200,24 +195,3 @@ def test_rows_are_told_once_they_are_written(
         _simulated(write_lbb=work / "l.csv", write_cmm=Path("/dev/full"))
     assert capsys.readouterr().out == ""
     assert listing(work) == before
-
-
-@pytest.mark.parametrize(
-    ("values", "option", "expected"),
-    [
-        ({"effect": ["Ex: 0.004*dir_x"]}, "--effect", "--write-cmm FILE"),
-        ({"room": "19:21"}, "--room", "--write-drift FILE"),
-        ({"cmm_wobble_degc": 0.1}, "--cmm-wobble-degC", "--write-cmm FILE"),
-        ({"passes": 1}, "", ""),
-    ],
-)
-def test_options_that_act_on_nothing_are_told(
-    values: dict[str, Any], option: str, expected: str, work: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:  # fmt: skip
-    _simulated(write_lbb=work / "l.csv", **values)
-    first, *others = capsys.readouterr().err.splitlines()
-    told = f"warning: {option}: changes nothing in what is written; expected {expected}"
-    assert (first == f"{told} [option-not-used]") == bool(option)
-    # Of the study's own two passes, which differ by little.
-    assert "variance is estimated below zero" in (others or [first])[-1]

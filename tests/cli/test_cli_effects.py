@@ -106,7 +106,7 @@ def test_without_the_block_the_old_results_are_back(
 ) -> None:
     """To the last byte; a fit knows nothing of effects anyway."""
     text = (work / "machine.yaml").read_text()
-    start = text.index("effects:")
+    start = text.index("covariates:")
     (work / "taken.yaml").write_text(text[:start])
     assert (work / "taken.yaml").read_bytes() == (work / "before.yaml").read_bytes()
     call = [command, "--lbb", "lbb.csv"]
@@ -143,7 +143,7 @@ def untold(work: Path) -> str:
     trend = replace(EFFECTS[1], seen={"tool_parts": [0.0, 2.0]})
     content = extended_machine(before, [trend, CYCLIC]).content
     (work / "machine.yaml").write_bytes(content)
-    line = 1 + content.decode().splitlines().index("  - name: cyclic-x")
+    line = 1 + content.decode().splitlines().index("- name: cyclic-x")
     return (
         f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) not separable from 3 others that "
         "fit alike at its places: it holds at those places alone"

@@ -149,7 +149,6 @@ def test_a_components_report_stands_for_the_readings(command: str, fitted: Path)
     again = report(command, SIMULATED, "-c", fitted)
     assert again["results"] == readings["results"]
     assert [item["role"] for item in again["inputs"]] == ["study", "machine", "components", "part"]
-    assert "readings-of-report" in [item["code"] for item in again["warnings"]]
 
 
 def test_a_components_report_wins_over_coefficients_of_the_machine(fitted: Path) -> None:

@@ -63,9 +63,6 @@ def faults(path: Path) -> list[str]:
 
 SOUND: list[dict[str, Any]] = [
     {"pass_dof": 1e99, "pass_covariance": [[1e30]]},
-    # One mean square behind all; and nothing estimated: no degrees of freedom are needed.
-    {"pass_dof": 0, "repeat_dof": 4},
-    {"repeat_dof": 0, "s_repeat": 0},
     # As many readings as coefficients.
     LINE | {"covariance": [[None, None], [None, None]], "s_repeat": None},
 ]
@@ -86,9 +83,6 @@ def test_sound_components(tmp_path: Path, change: dict[str, Any]) -> None:
         ({"degree": 1e99}, "degree: wrong value: '1e+99'; expected a whole number"),
         ({"degree": "a"}, "degree: wrong value: 'a'; expected a whole number"),
         ({"unit": 3}, "unit: wrong value: '3'; expected a text"),
-        ({"pass_dof": 0, "pass_covariance": [[1]]}, "pass_dof: an estimate without degrees of"),
-        ({"repeat_dof": -0.0}, "repeat_dof: an estimate without degrees of freedom: '0'; expected"),
-        ({"pass_dof": 0, "repeat_dof": 0, "s_repeat": 0}, "repeat_dof: an estimate without"),
         (LINE | {"covariance": [[None, 0], [0, 0.1]]}, "covariance: a number is missing"),
         (LINE | {"covariance": [[0.1, None], [None, 0.1]]}, "covariance: a number is missing"),
         (LINE | {"s_repeat": None}, "s_repeat: a number is missing"),
@@ -123,7 +117,6 @@ INDEFINITE = [[1, 2], [2, 1]]
         ({"pass_covariance": INDEFINITE}, None),
         ({"pass_covariance": [[1, 0.5], [-0.5, 1]]}, "not symmetric"),
         ({"pass_covariance": [[1, None], [None, 1]]}, "a number of a covariance is missing"),
-        ({"pass_covariance": [[1, 0], [0, 1]], "pass_dof": 0}, "an estimate without degrees of"),
         ({"components": ["a", "d"]}, "expected components of the report, whose widths are [1]"),
         ({"widths": [1, 2]}, "not 3 x 3"),
     ],
@@ -164,7 +157,6 @@ def test_what_a_component_without_covariance_shares_is_unknown(
         ({"coefficients": [[1, 2], [3, None]]}, "coefficients[1][1]: wrong value: 'null'"),
         ({"leftover_covariance": [[1, 1e-3], [0, 1]]}, "leftover_covariance: not symmetric"),
         ({"leftover_covariance": [[None, 0], [0, 1]]}, "leftover_covariance: too little data: the"),
-        ({"leftover_dof": 0}, "leftover_dof: an estimate without degrees of freedom: '0'"),
         ({"time_constants_min": [0, -1]}, "time_constants_min[1]: wrong value"),
         ({"temperature_range_degC": [[1, 2]]}, "temperature_range_degC: another size; expected 2"),
         ({"sensors": ["T_01_degC"] * 2}, "sensors: the name appears twice: 'T_01_degC'"),
@@ -220,27 +212,6 @@ def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.Monk
         f"x.json: not a components report; {kinds}",
         f"e.json: not a components report; {kinds}",
         "qqqqqq: no such file",
-    ]
-
-
-def test_doubts_of_a_thermal_report(tmp_path: Path) -> None:
-    """One a code and text, with all components that have it; other warnings stay behind."""
-    path = written(tmp_path / "t.json", "thermal-fit", DRIFT)
-    document = json.loads(path.read_text())
-    no_cycles = "no cycles: no cycle can be held out"
-    warned = [
-        ("not-held-out", f"a: {no_cycles}"),
-        ("collinear", "a: the sensors move together"),
-        ("not-held-out", f"b: {no_cycles}"),
-        ("no-better", "b: worse than none"),
-    ]
-    document["warnings"] = [{"code": code, "message": text} for code, text in warned]
-    path.write_text(json.dumps(document))
-    found = read_report(path)
-    assert isinstance(found, ThermalReport)
-    assert [item.message for item in found.doubts] == [
-        f"t.json: the thermal model of a, b is unconfirmed: {no_cycles}",
-        "t.json: the thermal model of b is unconfirmed: worse than none",
     ]
 
 
