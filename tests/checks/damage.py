@@ -6,13 +6,14 @@ ring gauge."""
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+
+from mtu_cli.cli.main import called
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SEED, DRAWS = 45, 4
@@ -174,17 +175,16 @@ DAMAGES = {
 }
 
 
-def simulate(mtu: str, folder: Path, of: str, study: str, seed: int) -> Frame:
+def simulate(folder: Path, of: str, study: str, seed: int) -> Frame:
     """Sound readings of one study."""
     to, config = folder / "sound.csv", CONFIGS / study
     rest = [*SIMULATE[study], *(DRIFT if of == "drift" else ["--passes", "5"])]
-    call = [mtu, "simulate", "-m", config / "truth.yaml", "-p", config / "part.yaml", *rest]
-    subprocess.run([*call, "--seed", str(seed), f"--write-{of}", to], check=True,
-                   capture_output=True)  # fmt: skip
+    call = ["simulate", "-q", "-m", config / "truth.yaml", "-p", config / "part.yaml", *rest]
+    assert called([*map(str, call), "--seed", str(seed), f"--write-{of}", str(to)]) == 0
     return pd.read_csv(to, comment="#")
 
 
-def draws(mtu: str, folder: Path) -> Iterator[tuple[str, str, Frame, Frame]]:
+def draws(folder: Path) -> Iterator[tuple[str, str, Frame, Frame]]:
     """(kind of damage, study, sound, damaged) of every draw."""
     sound: dict[tuple[str, str, int], Frame] = {}
     for kind, damage in DAMAGES.items():
@@ -192,7 +192,7 @@ def draws(mtu: str, folder: Path) -> Iterator[tuple[str, str, Frame, Frame]]:
             study = "valdes-ring" if damage.of == "drift" else STUDIES[turn % len(STUDIES)]
             key = damage.of, study, turn // 3 if damage.of == "lbb" else turn % 2
             if key not in sound:
-                sound[key] = simulate(mtu, folder, damage.of, study, SEED + key[2])
+                sound[key] = simulate(folder, damage.of, study, SEED + key[2])
             draw = np.random.default_rng([SEED, turn, *map(ord, kind)])
             yield kind, study, sound[key], damage.change(sound[key].copy(), draw)
 

@@ -6,7 +6,6 @@ Kinds and sizes are drawn by a fixed seed from simulated parts of the shipped st
 from __future__ import annotations
 
 import re
-import subprocess
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from pathlib import Path
@@ -15,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 import yaml
+
+from mtu_cli.cli.main import called
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 SEED, DRAWS = 45, 4
@@ -286,25 +287,25 @@ DAMAGES = {
 }
 
 
-def simulate(mtu: str, folder: Path, study: Study, seed: int) -> Case:
+def simulate(folder: Path, study: Study, seed: int) -> Case:
     """Eight sound parts, each measured twice."""
     to = folder / "sound.csv"
     machine, part = CONFIGS / study.machine, CONFIGS / study.part
-    call = [mtu, "simulate", "-m", machine, "-p", part, "--parts", "8", "--repeats", "2"]
-    subprocess.run([*call, *study.options, "--seed", str(seed), "--write-cmm", to], check=True,
-                   capture_output=True)  # fmt: skip
+    call = ["simulate", "-q", "-m", machine, "-p", part, "--parts", "8", "--repeats", "2"]
+    call += [*study.options, "--seed", seed, "--write-cmm", to]
+    assert called([*map(str, call)]) == 0
     documents = [yaml.safe_load(path.read_text("utf-8")) for path in (part, machine)]
     return Case(pd.read_csv(to, comment="#"), *documents)
 
 
-def draws(mtu: str, folder: Path) -> Iterator[tuple[str, Case, Case]]:
+def draws(folder: Path) -> Iterator[tuple[str, Case, Case]]:
     """(kind of damage, sound, damaged) of every draw."""
     sound: dict[tuple[Study, int], Case] = {}
     for kind, damage in DAMAGES.items():
         for turn in range(DRAWS):
             key = STUDIES[turn % damage.studies], turn // damage.studies
             if key not in sound:
-                sound[key] = simulate(mtu, folder, key[0], SEED + key[1])
+                sound[key] = simulate(folder, key[0], SEED + key[1])
             case = Case(sound[key].points.copy(), *map(deepcopy, sound[key][1:]))
             draw = np.random.default_rng([SEED, turn, *map(ord, kind)])
             yield kind, sound[key], damage.change(case, draw) or case

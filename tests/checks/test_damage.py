@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -16,8 +15,6 @@ from mtu_cli.files.machine import load_machine
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS
-
-MTU = Path(sys.executable).parent / "mtu"
 
 FEWER = {
     "a pass in another unit": 1,
@@ -77,7 +74,7 @@ def judged(study: str, of: str, frame: pd.DataFrame) -> list[tuple[str, str]]:
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple]:
     """All damages, drawn from simulated readings of the shipped studies."""
-    return list(draws(str(MTU), tmp_path_factory.mktemp("damage")))
+    return list(draws(tmp_path_factory.mktemp("damage")))
 
 
 def test_damages_are_found_and_named(drawn: list[tuple]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from pathlib import Path
 
@@ -14,8 +13,6 @@ from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import read_points
 from mtu_cli.findings import InputError
-
-MTU = Path(sys.executable).parent / "mtu"
 
 FEWER = {
     "an axis mirrored": 2,
@@ -44,7 +41,7 @@ def judged(case: Case, folder: Path) -> list[tuple[str, str]]:
 @pytest.fixture(scope="module")
 def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, Case, Case]]:
     """All damages, drawn from simulated parts of the shipped studies."""
-    return list(draws(str(MTU), tmp_path_factory.mktemp("damage")))
+    return list(draws(tmp_path_factory.mktemp("damage")))
 
 
 def test_damages_are_found_and_named(drawn: list[tuple[str, Case, Case]], tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import jsonschema
@@ -74,13 +73,6 @@ def test_every_fault_at_once(tmp_path: Path) -> None:
         assert line.startswith(expected)
 
 
-def test_a_study_around_it_does_not_matter(tmp_path: Path) -> None:
-    """A budget stands alone, also where a faulty mtu.yaml lies beside it."""
-    shutil.copy(H1, tmp_path / "b.yaml")
-    (tmp_path / "mtu.yaml").write_text("schema: nonsense\n")
-    assert report("budget", "b.yaml", cwd=tmp_path)["inputs"][0]["path"] == "b.yaml"
-
-
 def test_a_call_without_a_file() -> None:
     assert "FILE" in done(mtu("budget"), 2).stderr
     assert "no such file" in done(mtu("budget", "nowhere.yaml"), 2).stderr
@@ -94,14 +86,6 @@ def test_json_schema() -> None:
         data = read_yaml(path, "budget").data
         validator.validate(data)
         assert not validator.is_valid(data | {"equatoin": "y"})
-
-
-def test_the_settings_of_the_report_have_the_factor_that_was_used() -> None:
-    """GUM H.1 asks for 99 % at 16 to 17 effective degrees of freedom: k is not 2."""
-    document = report("budget", H1)
-    assert document["settings"]["coverage_factor"] == document["results"]["k"] != 2.0
-    document = report("budget", H1, "--k", "3")
-    assert document["settings"]["coverage_factor"] == 3.0
 
 
 def test_no_single_factor_in_the_settings_where_none_was_used(tmp_path: Path) -> None:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_runner import SMALL, done, mtu, prepared, refused
-from support import CONFIGS, PAPER, SIMULATED
+from support import (
+    CONFIGS,
+    PAPER,
+)
 
 OUTPUTS = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.png"]
 
@@ -152,62 +154,6 @@ def test_a_gate_with_no_share(share: str, work: Path) -> None:
     assert message == f"mtu: {told}; expected {SHARE}\n"
 
 
-def test_two_limits_of_nonconforming_parts_are_refused(work: Path) -> None:
-    gates = "nonconforming=0.01,nonconforming=0.05"
-    message = refused(work, "lengths", "--fail-if", gates, *OUTPUTS)
-    assert message.startswith("mtu: --fail-if nonconforming appears twice")
-
-
-@pytest.fixture(scope="module")
-def fitted() -> dict[str, Any]:
-    """The components report of the small study."""
-    found: dict[str, Any] = json.loads(done(mtu("fit-components", SMALL, "-o", "-")).stdout)
-    return found
-
-
-def test_components_reports_that_are_not_sound(work: Path, fitted: dict[str, Any]) -> None:
-    components = fitted["results"]["components"]
-    components["dx_x"] |= {"s_repeat": -1.0, "unit": "inch"}
-    components["ez_x"]["covariance"][0][0] = -1.0
-    components["dy_y"] |= {"degree": 3}
-    components["axy"] |= {"pass_covariance": [[1.0, 0.0], [0.0, 1.0]]}
-    (work / "range.json").write_text(json.dumps(fitted))
-    assert "range.json: results.components.dx_x.s_repeat: " in refused(
-        work, "lengths", "-c", "range.json", *OUTPUTS
-    )
-    components["dx_x"]["s_repeat"] = 1.0
-    (work / "sizes.json").write_text(json.dumps(fitted))
-    found = refused(work, "lengths", "-c", "sizes.json", *OUTPUTS)
-    for words in (
-        "results.components.dx_x.unit: unknown unit: 'inch'",
-        "results.components.ez_x.covariance: a variance is negative",
-        "results.components.dy_y.coefficients: another size; expected 4",
-        "results.components.axy.pass_covariance: not 1 x 1",
-    ):
-        assert words in found
-
-
-def test_a_components_report_of_another_machine(work: Path) -> None:
-    done(mtu("fit-components", "-o", "fit.json", "-q", cwd=work))
-    text = (
-        (work / "machine.yaml")
-        .read_text()
-        .replace("dy_y", "dz_y")
-        .replace("ez_x: {of: x", "ez_x: {of: y")
-    )
-    (work / "other.yaml").write_text(text)
-    found = refused(
-        work, "lengths", "-m", "other.yaml", "-p", "part.yaml", "-c", "fit.json", *OUTPUTS
-    )
-    assert (
-        "fit.json: results.components.ez_x: contradicts other.yaml: 'of x in arcsec'; expected of y"
-        in found
-    )
-    assert "fit.json: results.components.dy_y: unknown component in other.yaml: 'dy_y'" in found
-    shown = refused(work, "lengths", "-c", "fit.json", "-o", "fit.json")
-    assert shown.startswith("mtu: fit.json: not overwritten, as it is an input")
-
-
 def test_names_with_dollars_are_drawn_as_they_are(work: Path) -> None:
     part = work / "part.yaml"
     text = part.read_text("utf-8")
@@ -215,41 +161,6 @@ def test_names_with_dollars_are_drawn_as_they_are(work: Path) -> None:
     assert renamed != text
     part.write_text(renamed, "utf-8")
     done(mtu("lengths", work, "--plot", work / "a.png"))
-
-
-def test_an_equation_that_grows_beyond_numbers_is_told(work: Path) -> None:
-    machine = work / "machine.yaml"
-    text = machine.read_text("utf-8")
-    grown = text.replace("Ex: dx_x - y*axy", "Ex: dx_x - y*axy*exp(9*y)")
-    assert grown != text
-    machine.write_text(grown, "utf-8")
-    message = refused(work, "predict-points")
-    assert "the equation Ex" in message
-    assert "no exponential" in message
-
-
-@pytest.mark.parametrize(
-    ("call", "what"),
-    [
-        (["lengths", "-o", f"{'a' * 300}.json"], "cannot be written"),
-        (["lengths", f"{'a' * 350}"], "the system refuses"),
-    ],
-)
-def test_a_name_that_no_system_takes_is_told_and_cut(
-    call: list[str], what: str, work: Path
-) -> None:
-    message = refused(work, *call)
-    assert len(message) < 300
-    assert message.endswith(f"a...: {what}: file name too long\n")
-
-
-@pytest.mark.parametrize("study", [SMALL, SIMULATED], ids=["small", "simulated"])
-def test_the_gate_of_drifts_is_the_star_of_the_table(study: Path) -> None:
-    """Both hold each kind of test against its own kind alone."""
-    result = mtu("fit-components", study, "--fail-if", "drift")
-    starred = [line.split()[0] for line in result.stdout.splitlines() if re.search(r"\d\*", line)]
-    assert result.returncode == (3 if starred else 0)
-    assert all(name in result.stderr for name in starred)
 
 
 def test_two_features_at_one_place_are_asked_about(tmp_path: Path) -> None:

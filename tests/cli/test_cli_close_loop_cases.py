@@ -58,6 +58,8 @@ def names(found: dict[str, Any]) -> list[str]:
     return [item["name"] for item in found["effects"] if item["family"] != "offset"]
 
 
+NO_WAVES = ("--exclude", "cyclic")
+"""Hundreds of members: half of a call's time."""
 EXTEND = ("--write-machine", "extended.yaml", "--write-components", "extended.json")
 EXTENDED = ("-m", "extended.yaml", "-c", "extended.json", "-p", "part.yaml")
 
@@ -95,7 +97,7 @@ def _copied(day: ShopDay) -> None:
 
 def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
     args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], change=_copied)
-    result = done(mtu("close-loop", *args, *EXTEND, "-o", "found.json", cwd=tmp_path))
+    result = done(mtu("close-loop", *args, *EXTEND, *NO_WAVES, "-o", "found.json", cwd=tmp_path))
     found = json.loads((tmp_path / "found.json").read_text())["results"]
     assert names(found) == ["thermal-drift-x"]
     (copied,) = (line for line in result.stderr.splitlines() if "a copy of the other" in line)
@@ -111,7 +113,7 @@ def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
 def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
     left_out = ("T_spindle_degC", "T_part_degC", "T_cmm_degC", "dir_x")
     args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], leave_out=left_out)
-    result = done(mtu("close-loop", *args, "--detail", "-o", "found.json", cwd=tmp_path))
+    result = done(mtu("close-loop", *args, *NO_WAVES, "--detail", "-o", "found.json", cwd=tmp_path))
     assert "no column T_..._degC" in " ".join(result.stdout.split())
     found = json.loads((tmp_path / "found.json").read_text())["results"]
     assert not {"thermal-drift-x", "backlash-x"} & set(names(found))
@@ -135,7 +137,7 @@ def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Pa
     for row in cells[::every]:
         row[column] = ""
     (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
-    result = done(mtu("close-loop", *args, cwd=tmp_path))
+    result = done(mtu("close-loop", *args, *NO_WAVES, cwd=tmp_path))
     assert f"cells missing ({words}" in result.stderr
     assert result.stderr.count("[missing-values]") == 1
     assert ("thermal-drift-x" in result.stdout) is named
@@ -151,7 +153,7 @@ def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
         row, column = ([str(i) for i in range(k, k + 7)] for k in (1, 7))
         file.write(f"orthogonality: [{{id: xy, row: {row}, column: {column}}}]\n")
     before = (folder / "machine.yaml").read_bytes()
-    found = closed(folder, *args, *EXTEND)
+    found = closed(folder, *args, *NO_WAVES, *EXTEND)
     (folder / "found.json").write_text(json.dumps(found))
     assert (folder / "machine.yaml").read_bytes() == before
     return folder
@@ -199,7 +201,7 @@ def test_every_command_takes_the_extended_machine(extended: Path) -> None:
 
 
 def test_the_second_run_finds_nothing(extended: Path) -> None:
-    found = closed(extended, *EXTENDED, "--cmm", "cmm.csv")
+    found = closed(extended, *EXTENDED, *NO_WAVES, "--cmm", "cmm.csv")
     assert found["verdict"] == "none"
     assert not found["effects"]
 
@@ -261,7 +263,7 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
     """Tens of micrometres that no equation knows come down below 3 um on held-out visits."""
     laser = DATA / "valdes-ring" / "laser.csv"
     data = ("-p", "part.yaml", "--laser", str(laser), "--cmm", "ring.csv")
-    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *EXTEND)
+    found = closed(ring_day, "-m", str(RING / "machine.yaml"), *data, *NO_WAVES, *EXTEND)
     assert found["before"]["rms_um"] > 10
     assert found["after"]["rms_um"] < 3
     growth, drift = (e for e in found["effects"] if e["axis"] in ("y", "x"))
@@ -277,5 +279,5 @@ def test_a_warming_measuring_machine(ring_day: Path) -> None:
         value = found_as["parameters"][parameter]
         # Passes of the machine scatter a little, which u holds: 4 u in three parameters.
         assert abs(value["value"] - true) < 4 * value["u"], parameter
-    again = closed(ring_day, *EXTENDED, "--cmm", "ring.csv")
+    again = closed(ring_day, *EXTENDED, *NO_WAVES, "--cmm", "ring.csv")
     assert again["verdict"] == "none"

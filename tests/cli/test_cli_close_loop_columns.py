@@ -199,7 +199,7 @@ def test_an_own_effect_with_a_constant_is_told_to_leave_it_out(
     )
 
 
-@pytest.mark.parametrize("name", ["level", "level_gain", "level_x"])
+@pytest.mark.parametrize("name", ["level", "level_gain"])
 def test_own_parameters_may_have_the_name_of_a_level(
     name: str, rows: list[dict[str, str]], tmp_path: Path
 ) -> None:
@@ -219,7 +219,7 @@ def test_own_parameters_may_have_the_name_of_a_level(
     assert name in first["parameters"]
 
 
-@pytest.mark.parametrize("column", ["lost_motion", "level", "fill"])
+@pytest.mark.parametrize("column", ["lost_motion", "level"])
 def test_columns_may_have_the_name_of_a_parameter(
     column: str, rows: list[dict[str, str]], tmp_path: Path
 ) -> None:

@@ -99,7 +99,7 @@ def test_passes_that_follow_each_other_grow_or_shift(
     rate: float, level: float, name: str, words: str, tmp_path: Path
 ) -> None:
     """Without a temperature: a scale of `rate` um/m more each pass, or a zero of `level` um."""
-    for seed in (1, 2, 3):
+    for seed in (1, 2):
         rng = np.random.default_rng(seed)
         rows = ["component,position_mm,pass,direction,error,unit"]
         for number in range(1, 6):

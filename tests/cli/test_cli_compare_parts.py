@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 from cli_runner import SMALL, done, mtu, prepared, report
 from csv_examples import Rows, rows_of, write
-from report_numbers import numbers
 
 
 @pytest.fixture(scope="module")
@@ -80,67 +79,6 @@ def test_numbered_repeats_beside_others_in_either_order(parts: Rows, tmp_path: P
     for one, other in zip(*found, strict=True):
         assert one["measured"] == pytest.approx(other["measured"])
         assert (one["measured"]["parts"], one["measured"]["n"]) == (8, 32)
-
-
-@pytest.mark.parametrize("kind", ["one part", "one feature", "one axis"])
-def test_what_cannot_be_had_is_null_with_a_warning(parts: Rows, kind: str, tmp_path: Path) -> None:
-    """No length without its features, no scatter of one part, no prediction of Y without Ey."""
-    work = prepared(tmp_path / "work")
-    rows = parts
-    if kind == "one part":
-        rows = [row for row in parts if row["part"] == "1"]
-    elif kind == "one feature":
-        rows = [row for row in parts if row["feature"] == "A"]
-    else:
-        lines = (work / "machine.yaml").read_text().splitlines()
-        (work / "machine.yaml").write_text("\n".join(x for x in lines if "Ey:" not in x))
-    write(work / "cmm.csv", rows)
-    result = done(mtu("compare", "--cmm", "cmm.csv", "-o", "-", cwd=work))
-    assert "RuntimeWarning" not in result.stderr
-    found = json.loads(result.stdout)
-    codes = {item["code"] for item in found["warnings"]} - {"unused"}
-    missing = {name for name, value in numbers(found["results"]) if value is None} - {
-        ".features.operation", ".lengths.axis", ".lengths.operation",
-        ".summary.features.operation", ".summary.lengths.operation",
-    }  # fmt: skip
-    assert missing
-    assert codes
-
-
-def test_scatter_where_none_is_predicted_is_not_allowed_for(parts: Rows, tmp_path: Path) -> None:
-    """A machine without Ey foretells lengths along Y that never err; these parts' do."""
-    work = prepared(tmp_path / "work")
-    lines = (work / "machine.yaml").read_text().splitlines()
-    (work / "machine.yaml").write_text("\n".join(x for x in lines if "Ey:" not in x))
-    once = [row for row in parts if row["repeat"] == "1"]
-    write(work / "cmm.csv", once)
-    lengths = report("compare", "--cmm", "cmm.csv", cwd=work)["results"]["lengths"]
-    (along_y,) = [item for item in lengths if item["id"] == "A-E"]
-    assert along_y["predicted"]["u_um"] == 0
-    assert along_y["measured"]["u_um"] > 1
-    assert along_y["p_scatter_familywise"] in (None, 0)
-    assert along_y["verdict"] != "consistent"
-
-
-def test_one_part_is_judged_and_meets_both_gates_where_it_is_off(
-    parts: Rows, well_known: Path, tmp_path: Path
-) -> None:
-    """50 um of one part: bias or scatter, nobody can say."""
-    one = [row for row in parts if row["part"] == "1"]
-    calm = write(tmp_path / "calm.csv", one)
-    off = write(tmp_path / "off.csv", moved(one, lambda _: 0.05))
-    for gate in GATED:
-        done(mtu("compare", well_known, "--cmm", calm, "--fail-if", gate, "-q"))
-        met = done(mtu("compare", well_known, "--cmm", off, "--fail-if", gate, "-q"), 3)
-        assert met.stderr.splitlines()[-1].startswith(f"mtu: gate {gate}: A x, B x, C x, ")
-    result = done(mtu("compare", well_known, "--cmm", off))
-    text = " ".join(result.stdout.split())
-    assert text.startswith("features: biased (5 of 10: mean off by ")
-    assert "[few-parts]" in result.stderr
-    found = report("compare", well_known, "--cmm", off)["results"]
-    x = [item for item in found["features"] if item["axis"] == "x"]
-    assert {item["verdict"] for item in x} == {"biased"}
-    assert {item["p_scatter_familywise"] for item in x} == {None}
 
 
 def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path: Path) -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from math import hypot, isfinite
+from math import (
+    hypot,
+)
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_runner import Listing, done, listing, mtu
-from csv_examples import rows_of
 from report_numbers import numbers
 
 MACHINE = """\
@@ -114,35 +115,6 @@ def test_the_figures_follow_from_each_other(document: dict[str, Any]) -> None:
         assert abs(error["after"]) < 4 * ring["u_error_um"] < abs(error["before"])
 
 
-def test_the_csv_holds_every_point(outputs: Listing, document: dict[str, Any]) -> None:
-    rows = rows_of((outputs["out.csv"] or b"").decode())
-    points = document["results"]["points"]
-    assert len(rows) == len(points) == 36
-    for row, point in zip(rows, points, strict=True):
-        assert (row["part"], row["feature"]) == (point["part"], point["feature"])
-        assert int(row["repeat"]) == point["repeat"]
-        for axis in "xy":
-            assert float(row[f"measured_{axis}_mm"]) == point["measured"][f"{axis}_mm"]
-            assert float(row[f"correction_{axis}_um"]) == point["correction_um"][axis]
-            assert float(row[f"u_correction_{axis}_um"]) == point["u_correction_um"][axis]
-            assert float(row[f"corrected_{axis}_mm"]) == point["corrected"][f"{axis}_mm"]
-        assert row["correction_z_um"] == row["corrected_z_mm"] == ""
-
-
-def test_table_and_picture(outputs: Listing, document: dict[str, Any]) -> None:
-    table = (outputs[""] or b"").decode()
-    assert table.startswith("Correction reduces the rms error of diameters from ")
-    assert "\nCircles before and after\n" in table
-    assert max(map(len, table.splitlines())) <= 100
-    for ring in document["results"]["circles"]:
-        start = f"ring {ring['part']} "
-        words = (" ".join(line.split()) for line in table.splitlines())
-        (line,) = [line for line in words if line.startswith(start) and "180.0131" in line]
-        assert f"{ring['reduction_percent']:.1f}" in line
-    assert (outputs["out.png"] or b"").startswith(b"\x89PNG\r\n\x1a\n")
-    assert len(outputs["out.png"] or b"") > 5000
-
-
 def test_the_same_bytes_again(folder: Path, outputs: Listing) -> None:
     alone = done(mtu("correct", *FILES, "-o", "-", cwd=folder))
     assert alone.stdout.encode() == outputs["out.json"]
@@ -160,19 +132,6 @@ def test_without_circles(folder: Path, tmp_path: Path, part: str) -> None:
     assert found["circles"] == []
     assert len(found["points"]) == 36
     assert (tmp_path / "out.png").stat().st_size > 5000
-
-
-def test_without_a_part(folder: Path, tmp_path: Path) -> None:
-    """The points' own nominal places do; the temperature of the scales is given for all."""
-    rows = "P1,a,290.01,180.02,290,180\nP1,b,110.01,180.01,110,180\n"
-    (tmp_path / "cmm.csv").write_text(f"part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm\n{rows}")
-    files = ("-m", folder / "machine.yaml", "--cmm", "cmm.csv", "--at", "T_scale_degC=20")
-    done(mtu("correct", *files, "-o", "out.json", cwd=tmp_path))
-    found = json.loads((tmp_path / "out.json").read_text())
-    first = found["results"]["points"][0]
-    assert first["correction_um"]["x"] == pytest.approx(-(2 - 0.06 * 290.01))
-    assert first["correction_um"]["y"] == pytest.approx(-(1 - 0.05 * 180.02))
-    assert all(isfinite(value) for _, value in numbers(first["measured"]) if value is not None)
 
 
 def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) -> None:

@@ -82,8 +82,10 @@ def measured(folder: Path, seed: int) -> list[dict[str, object]]:
              "--repeats", 1, "--cmm-u-um", 0.3, "--covariate", of_part, "--interval-min", 2,
              "--write-lbb", "laser.csv", "--write-drift", "drift.csv", "--write-cmm", "ring.csv",
              cwd=folder))  # fmt: skip
+    done(mtu("thermal-fit", "-m", RING / "machine.yaml", "--drift", "drift.csv", "--model", "ridge",
+             "-o", "t.json", "-q", cwd=folder))  # fmt: skip
     done(mtu("correct", "-m", RING / "machine.yaml", "-p", "part.yaml", "--laser", "laser.csv",
-             "--drift", "drift.csv", "--cmm", "ring.csv", "-o", "o.json", cwd=folder))  # fmt: skip
+             "-c", "t.json", "--cmm", "ring.csv", "-o", "o.json", cwd=folder))  # fmt: skip
     found: list[dict[str, object]] = json.loads((folder / "o.json").read_text())["results"][
         "circles"
     ]

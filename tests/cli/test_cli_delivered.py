@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 from cli_runner import done, listing, prepared, shell
-from support import CONFIGS
 
 from mtu_cli.cli import simulate
 from mtu_cli.cli.analyse import fit_components as fitting
@@ -43,7 +42,6 @@ def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     "call",
     [
         "lengths --at T_x_degC=20 -q -o r.json 2> /dev/full",
-        "simulate --write-lbb r.csv > /dev/full",
     ],
 )
 def test_nothing_is_written_where_nothing_can_be_said(call: str, work: Path) -> None:
@@ -100,31 +98,6 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
     assert "[not-used]" in _told({"components": [fitted]})[1][0]
 
 
-def test_a_covariate_that_is_needed_by_another_name(work: Path) -> None:
-    text = (work / "machine.yaml").read_text()
-    (work / "machine.yaml").write_text(text.replace("Ex: ", "Ex: 0.001*dir_x + "))
-    found = modelled(Inputs(Options("lengths", {"at": ["dirx=1"]}))).warnings
-    assert [x.meant for x in found if x.code == "option-not-used"] == [("dir_x",)]
-
-
-VALDES = CONFIGS / "valdes-cmm" / "mtu.yaml"
-
-
-@pytest.mark.parametrize(
-    ("given", "hint"),
-    [
-        (["T_1_degC=20"], "T_01_degC"),
-        (["T_*_degC=20", "T_1_degC=21"], ""),
-        (["T_05_degC=20", "t_05_degC=21"], ""),
-    ],
-)
-def test_only_a_temperature_that_would_be_taken_is_offered(given: list[str], hint: str) -> None:
-    found = modelled(Inputs(Options("predict-points", {"study": VALDES, "at": given}))).warnings
-    (told,) = [item for item in found if item.code == "option-not-used"]
-    assert told.facts["name"] == given[-1].partition("=")[0]
-    assert told.meant == ((hint,) if hint else ())
-
-
 def _simulated(**values: Any) -> None:
     given = [name for name in values if not name.startswith("write_")]
     execute(Options("simulate", DEFAULTS | values, tuple(given)), simulate.simulate)
@@ -148,15 +121,6 @@ def test_notes_are_not_told_with_quiet(work: Path, capsys: pytest.CaptureFixture
         assert ("not-estimable" in capsys.readouterr().err) != quiet
 
 
-def test_many_warnings_of_one_kind_are_summed_up() -> None:
-    many = [finding("no-formula", reason=f"m{i}") for i in range(4000)]
-    lines = warning_lines([*many, finding("reported", message="n")])
-    assert lines[:19] == [f"warning: no formula: m{i} [no-formula]" for i in range(19)]
-    last = "warning: no formula: m19; and 3980 more such, all in the report (-o) [no-formula]"
-    assert lines[19:] == [last, "warning: n [reported]"]
-    assert warning_lines(many[:20])[-1] == "warning: no formula: m19 [no-formula]"
-
-
 @pytest.mark.parametrize("name", ["dir_z=0", "dir_x=2", "dir_*=0.5"])
 def test_a_direction_is_forth_or_back(name: str, work: Path) -> None:
     """As a column of points is."""
@@ -168,22 +132,6 @@ def test_a_direction_is_forth_or_back(name: str, work: Path) -> None:
     words = r"--at dir_[xz]: out of range: '.*'; expected -1 or \+1"
     with pytest.raises(InputError, match=words):
         modelled(Inputs(Options("lengths", {"at": [name]})))
-
-
-def test_simulated_files_do_not_go_to_standard_output(work: Path) -> None:
-    before = listing(work)
-    with pytest.raises(InputError, match="--write-cmm cannot go to standard output; expected a"):
-        _simulated(write_lbb=work / "l.csv", write_cmm=Path("-"))
-    assert listing(work) == before
-
-
-def test_a_count_is_a_whole_number() -> None:
-    """As in a column of points."""
-    for text, value in (("sequence=7", 7.0), ("T_a_degC=-4.5", -4.5)):
-        assert list(Inputs(Options("lengths", {"at": [text]})).at.values()) == [value]
-    words = "^--at sequence: not a whole number: '-4.5'$"
-    with pytest.raises(InputError, match=words):
-        _ = Inputs(Options("lengths", {"at": ["sequence=-4.5"]})).at
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")

@@ -23,7 +23,7 @@ SURROUNDINGS = [
         },
     ),
 ]
-KINDS = {"lengths": "pdf", "orthogonality": "svg"}
+KINDS = {"orthogonality": "pdf"}
 
 
 def outcome(folder: Path, command: str, threads: int, env: dict[str, str]) -> Listing:
@@ -35,7 +35,7 @@ def outcome(folder: Path, command: str, threads: int, env: dict[str, str]) -> Li
     away = folder / "away"
     away.mkdir()
     files = ["-o", "out.json", "--csv", "out.csv", "--plot", f"out.{KINDS[command]}"]
-    call = (command, work / "mtu.yaml", *files, "--threads", str(threads))
+    call = (command, work / "mtu.yaml", *files, "--threads", str(threads), "--trials", "20000")
     result = done(mtu(*call, cwd=away, env=env))
     return listing(away) | {"": result.stdout.encode(), " ": result.stderr.encode()}
 

@@ -17,7 +17,10 @@ from support import read_components
 
 from mtu_cli.analyses.close_loop.result import FoundEffect, Searched
 from mtu_cli.cli import close_loop
-from mtu_cli.cli.emit import Outcome, check_outputs, execute
+from mtu_cli.cli.emit import (
+    Outcome,
+    execute,
+)
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
@@ -98,27 +101,6 @@ def test_what_an_effect_adds(work: Path, monkeypatch: pytest.MonkeyPatch) -> Non
         assert after["Ey_um"] - before["Ey_um"] == pytest.approx(0.5 * 2)
         assert after["var_x_um2"] - before["var_x_um2"] == pytest.approx(0.09)
         assert after["var_y_um2"] - before["var_y_um2"] == pytest.approx(0.01 * 4)
-
-
-@pytest.mark.parametrize("command", ["predict-points", "fit-components"])
-def test_without_the_block_the_old_results_are_back(
-    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """To the last byte; a fit knows nothing of effects anyway."""
-    text = (work / "machine.yaml").read_text()
-    start = text.index("covariates:")
-    (work / "taken.yaml").write_text(text[:start])
-    assert (work / "taken.yaml").read_bytes() == (work / "before.yaml").read_bytes()
-    call = [command, "--lbb", "lbb.csv"]
-    call += [] if command == "fit-components" else ["-p", "part.yaml"]
-    names = ["before.yaml", "taken.yaml"]
-    names += ["machine.yaml"] if command == "fit-components" else []
-    found = []
-    for name in names:
-        code, report, _ = run_command(monkeypatch, work, *call, "-m", name)
-        assert code == 0
-        found.append(json.dumps(report["results"]))
-    assert set(found) == {found[0]}
 
 
 @pytest.mark.parametrize("command", ["correct", "compare"])
@@ -204,29 +186,6 @@ def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
         "machine.yaml: the data of effects[0] (trend-y) have T_room_degC from 25.6 to 26.4: "
         "extrapolated to 20"
     )
-
-
-@pytest.mark.parametrize("command", ["orthogonality", "compare"])
-def test_a_position_given_by_at_takes_no_place_of_the_points(
-    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A range of positions is that of the points, whatever --at says, or a pattern in it."""
-    before = load_machine(work / "before.yaml")
-    slope = replace(
-        EFFECTS[1],
-        parameters={"slope": (1.0, 0.1, "um/m")},
-        equations={"Ey": "slope*y"},
-        seen={"y": [1.0, 2.0]},
-        covariate=None,
-    )
-    (work / "machine.yaml").write_bytes(extended_machine(before, [slope]).content)
-    call = () if command in PREDICTIONS else ("--cmm", "cmm.csv")
-    for at in ((), ("--at", "*=1.5"), ("--at", "y=1.5")):
-        code, report, told = run_command(monkeypatch, work, command, *call, *at)
-        assert code == 0, told
-        codes = [w["code"] for w in report["warnings"]]
-        assert "outside-effect-range" in codes
-        assert ("option-not-used" in codes) == bool(at)
 
 
 JOINT = np.array([[0.09, 0.02, 0.001], [0.02, 0.25, 0.03], [0.001, 0.03, 0.04]])
@@ -410,19 +369,6 @@ def test_what_no_equation_describes_is_left_out(
     assert made(inputs, [outlier]) == []
 
 
-@pytest.mark.parametrize(
-    "name", ["machine.yaml", "./lbb.csv", "part.yaml", "mtu.yaml", "x/../machine.yaml"]
-)
-def test_no_input_is_overwritten(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    work = prepared(tmp_path / "work")
-    (work / "x").mkdir()
-    inputs = inputs_of(work, monkeypatch, study="mtu.yaml", write_machine=name)
-    with pytest.raises(InputError, match="not overwritten, as it is an input"):
-        check_outputs(inputs)
-
-
 def outcome(**changes: Any) -> Outcome:
     return Outcome(
         results=lambda: {"a": 1},
@@ -456,26 +402,6 @@ def test_files_come_with_the_report_or_not_at_all(
 
 def _with_rows(rows: Any, files: dict[Path, bytes]) -> Outcome:
     return replace(outcome(files=lambda: files), rows=rows)
-
-
-@pytest.mark.parametrize(
-    ("values", "words"),
-    [
-        ({"write_machine": Path("-")}, "--write-machine cannot go to standard output"),
-        ({"write_machine": Path("no/x")}, "the folder 'no' does not exist"),
-        (
-            {"write_machine": Path("a"), "write_components": Path("a")},
-            "the output appears twice",
-        ),
-        ({"write_components": Path("a"), "out": Path("a")}, "the output appears twice"),
-    ],
-)
-def test_targets_are_refused_before_anything_runs(
-    values: dict[str, Path], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError, match=words):
-        execute(Options("close-loop", dict(values)), lambda *_: pytest.fail("it ran"))
 
 
 def test_choices_of_the_study_and_of_the_call(

@@ -8,10 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-import typer
 from cli_runner import SMALL, done, mtu, prepared, refused, shell
-
-from mtu_cli.cli.commands import app
 
 MACHINE = "schema: mtu/machine/1\nname: m\ncomponents: {a: {unit: um}}\n"
 SECONDS = 10.0
@@ -108,18 +105,6 @@ def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:
     (work / name).write_bytes(b"component,error,unit\naxy,x,urad\n")
     message = refused(work, "fit-components", "--lbb", name, "-o", "out.json")
     assert r"l\xe9\x1b[31m.csv, row 2, column 'error': not a number: 'x'" in message
-
-
-def test_no_option_looks_whether_a_file_may_be_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Whoever reads the file says so, in our words."""
-    monkeypatch.setattr(os, "access", lambda *_: False)
-    (tmp_path / "a").touch()
-    file = str(tmp_path / "a")
-    command = typer.main.get_command(app).commands["fit-components"]  # type: ignore[attr-defined]
-    call = [file, "--machine", file, "--lbb", file, "-o", file]
-    assert command.make_context("fit-components", call).params["machine"] == Path(file)
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")

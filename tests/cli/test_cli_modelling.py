@@ -6,14 +6,13 @@ import json
 from pathlib import Path
 
 import pytest
-from cli_runner import mtu, prepared
+from cli_runner import prepared
 
 from mtu_cli.cli.analyse import fit_components as fitting
 from mtu_cli.cli.emit import execute
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
-from mtu_cli.findings import InputError
 
 
 @pytest.fixture
@@ -30,55 +29,6 @@ def edited(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new))
 
 
-@pytest.mark.parametrize("model_first", [True, False])
-@pytest.mark.parametrize("asked", ["part", "points"])
-def test_a_part_beyond_the_travels_is_told_in_any_order(
-    asked: str, model_first: bool, work: Path
-) -> None:
-    """By anova alone it is not: of parts that no machine of the study need have made."""
-    rows = ["P1,A,0,0,0,0", "P1,B,3000,0,3000,0"]
-    header = "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm"
-    (work / "c.csv").write_text("\n".join([header, *rows]) + "\n")
-    part = (
-        "schema: mtu/part/1\nname: p\nfeatures: {A: {x_mm: 0, y_mm: 0}, B: {x_mm: 3000, y_mm: 0}}"
-    )
-    (work / "p.yaml").write_text(part)
-    files = {"machine": Path("machine.yaml"), "cmm": [Path("c.csv")], "lbb": [Path("lbb.csv")]}
-    files |= {"part": Path("p.yaml")} if asked == "part" else {}
-    for command in ("lengths", "anova"):
-        inputs = Inputs(Options(command, files))
-        if model_first:
-            modelled(inputs)
-        if command == "anova":
-            assert getattr(inputs, asked)
-            continue
-        with pytest.raises(InputError, match="three times the travel of x"):
-            getattr(inputs, asked)
-
-
-def warned(code: str, command: str, **files: object) -> bool:
-    """Whether the model of a call has a warning."""
-    inputs = Inputs(Options(command, {"machine": Path("machine.yaml")} | files))
-    return code in [item.code for item in modelled(inputs).warnings]
-
-
-@pytest.mark.parametrize(
-    ("name", "old", "new"),
-    [
-        ("dx_x", "{of: x, unit: um, says: X positioning}", "{of: x, unit: um, coefficients: [2]}"),
-        ("axy", "axy: {", "axy: {coefficients: [5], "),
-    ],
-)
-def test_exact_coefficients_are_told_where_nothing_wins_over_them(
-    name: str, old: str, new: str, work: Path
-) -> None:
-    edited(work / "machine.yaml", old, new)
-    lines = (work / "lbb.csv").read_text().splitlines()
-    (work / "rest.csv").write_text("\n".join(x for x in lines if not x.startswith(name)) + "\n")
-    assert not warned("no-uncertainty", "lengths", lbb=[Path("lbb.csv")])
-    assert warned("no-uncertainty", "lengths", lbb=[Path("rest.csv")])
-
-
 def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
     """Of components that the equations use; not of those that nothing else gives."""
     old = "{of: x, unit: um, says: X positioning}"
@@ -90,14 +40,6 @@ def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
     assert "coefficients not used (dx_x): readings" in own
     edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
     assert told("not-used", lbb=[Path("lbb.csv")]) == []
-
-
-def test_a_position_is_no_covariate_to_be_given(work: Path) -> None:
-    found = mtu("lengths", "--at", "x=5", cwd=work).stderr
-    assert (
-        "--at x: changes nothing: no equation needs it; expected a covariate: x is the position"
-        in found
-    )
 
 
 def drifting(path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import done, mtu, prepared
+from cli_runner import mtu, prepared
 
 from mtu_cli.cli.emit import check_outputs
 from mtu_cli.cli.load import Inputs
@@ -82,14 +82,6 @@ def test_what_is_named_is_not_overwritten(
     assert words in refused(command, **values)
 
 
-def test_files_of_a_study_that_is_not_all_made_are_kept(work: Path) -> None:
-    (work / "known.json").unlink()
-    assert f"lbb.csv: {RUN}" in refused("budget", machine="m.yaml", csv="lbb.csv")
-    (work / "mtu.yaml").write_text("no study: [")
-    values = {"machine": Path("m.yaml"), "csv": Path("lbb.csv")}
-    check_outputs(Inputs(Options("budget", values)))
-
-
 @pytest.mark.parametrize(
     ("command", "values"),
     [
@@ -105,21 +97,6 @@ def test_what_a_command_is_there_to_make_may_be_made_again(
 ) -> None:
     assert (work / "known.json").exists()
     check_outputs(Inputs(Options(command, {key: Path(item) for key, item in values.items()})))
-
-
-def test_the_study_here_names_a_machine_that_this_call_makes(tmp_path: Path) -> None:
-    """With -m the study is not read; what it names is protected, where it is there."""
-    work = prepared(tmp_path / "work")
-    done(mtu("simulate", "--parts", "4", "--write-cmm", "cmm.csv", cwd=work))
-    study = (work / "mtu.yaml").read_text("utf-8")
-    named = study.replace("machine: machine.yaml", "machine: extended.yaml\ncmm: [other.csv]")
-    (work / "mtu.yaml").write_text(named, "utf-8")
-    files = ("-m", "machine.yaml", "-p", "part.yaml", "--lbb", "lbb.csv", "--cmm", "cmm.csv")
-    call = ("close-loop", *files, "--write-machine", "extended.yaml")
-    done(mtu(*call, cwd=work))
-    assert (work / "extended.yaml").exists()
-    again = done(mtu(*call, cwd=work), 2).stderr
-    assert again.startswith(f"mtu: extended.yaml: {RUN}")
 
 
 def test_simulate_overwrites_files_of_its_own_alone(tmp_path: Path) -> None:

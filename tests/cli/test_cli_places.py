@@ -59,16 +59,3 @@ def test_warnings_say_it_and_reports_do_not(study: Path, tmp_path: Path) -> None
     report = (elsewhere / "report.json").read_bytes()
     assert f'"{own}'.encode() in report
     assert str(tmp_path).encode() not in report
-
-
-def test_names_that_two_files_share_stay_as_they_are(study: Path, tmp_path: Path) -> None:
-    other = tmp_path / "other"
-    other.mkdir()
-    (other / "bar.csv").write_bytes((study / "bar.csv").read_bytes().replace(b"zz", b"yy"))
-    files = ["--lbb", str(study / "bar.csv"), "--lbb", str(other / "bar.csv")]
-    told = mtu("fit-components", "-m", str(study / "machine.yaml"), *files, cwd=other)
-    assert told.stderr.startswith("mtu: bar.csv, row 2")
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    told = mtu("fit-components", "-m", str(study / "machine.yaml"), *files, cwd=elsewhere)
-    assert told.stderr.startswith("mtu: bar.csv, row 2")

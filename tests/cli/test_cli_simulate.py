@@ -9,10 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 from cli_runner import TRUTH, done, listing, mtu, prepared, refused
-from support import CONFIGS, DATA, SIMULATED
+from support import (
+    CONFIGS,
+    DATA,
+)
 
 RING = CONFIGS / "valdes-ring"
-CMM = CONFIGS / "valdes-cmm"
 MACHINE = """\
 schema: mtu/machine/1
 name: m
@@ -40,7 +42,6 @@ features:
 circles:
   - {id: ring, features: [a, b, c], calibrated_mm: {20: 180, 26: 180.006}, temperature: T_r_degC}
 """
-EXACT = ("--sensor-noise-degC", 0, "--reading-noise-um", 0, "--reading-noise-arcsec", 0)
 
 
 @pytest.fixture
@@ -112,38 +113,6 @@ def test_a_run_file_that_cannot_be_made(words: list[str], message: str, tmp_path
     assert not list(tmp_path.iterdir())
 
 
-def test_shipped_drift_is_sensible() -> None:
-    drift = table(DATA / "valdes-ring" / "drift.csv")
-    assert drift["error"].abs().max() < 100
-    sensors = [str(name) for name in drift if str(name).startswith("T_")]
-    assert len(sensors) == 18
-    assert sorted(drift["cycle"].unique()) == [1, 2, 3, 4]
-    r = np.corrcoef(drift[sensors].to_numpy().T)
-    pairs = np.argwhere(np.triu(r, 1) >= 0.999)
-    assert [(sensors[i], sensors[j]) for i, j in pairs] == [("T_02_degC", "T_18_degC")]
-
-
-def test_drift_follows_the_temperatures_of_its_row(folder: Path) -> None:
-    simulate(folder, "--write-drift", "d.csv", *EXACT, "--cycles", 2, "--interval-min", 10,
-             "--drift-positions", "a: 0 300")  # fmt: skip
-    found = table(folder / "d.csv")
-    a, b = found["T_a_degC"] - 20, found["T_b_degC"] - 20
-    of_a = found["component"] == "a"
-    wanted = np.where(of_a, 2 * a - b, 0.5 * b)
-    # Temperatures are written to 1 mK.
-    assert found["error"].to_numpy() == pytest.approx(wanted, abs=0.5e-3 * 3 + 0.5e-3)
-    assert sorted(found.loc[of_a, "position_mm"].unique()) == [0, 300]
-    assert found.loc[~of_a, "position_mm"].isna().all()
-    assert set(found.loc[~of_a, "unit"]) == {"arcsec"}
-    assert len(found) == 2 * 3 * 20
-
-
-def test_without_positions_the_drift_is_read_in_the_middle_of_the_travel(folder: Path) -> None:
-    simulate(folder, "--write-drift", "d.csv", "--cycles", 1)
-    found = table(folder / "d.csv")
-    assert set(found.loc[found["component"] == "a", "position_mm"]) == {150}
-
-
 def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
     folder: Path,
 ) -> None:
@@ -160,28 +129,6 @@ def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
     warm = a.groupby(found["part"]).mean()
     assert warm[[1, 3]].abs().max() < 0.6
     assert warm[[2, 4]].min() > 4
-
-
-def test_a_calibrated_ring_grows(folder: Path) -> None:
-    common = ("--cmm-room", 20, "--parts", 1, "--repeats", 1, "--cmm-u-um", 0, "--seed", 3)
-    for name, T in (("cold", 20), ("warm", 26), ("between", 22)):
-        simulate(folder, "--write-cmm", f"{name}.csv", *common, "--covariate", f"T_r_degC: {T}")
-    cold, warm, between = (table(folder / f"{n}.csv") for n in ("cold", "warm", "between"))
-    grown = warm[["x_mm", "y_mm"]] - cold[["x_mm", "y_mm"]]
-    assert grown.to_numpy() == pytest.approx(
-        np.array([[3, 0], [-3, 0], [1.8, 2.4]]) * 1e-3, abs=2e-6
-    )
-    part = between["x_mm"] - cold["x_mm"]
-    assert part.to_numpy() == pytest.approx(np.array([1, -1, 0.6]) * 1e-3, abs=2e-6)
-
-
-def test_temperatures_that_nobody_gives(folder: Path) -> None:
-    call = ("simulate", "-m", "machine.yaml", "-p", "part.yaml", "--write-cmm", "p.csv")
-    result = mtu(*call, cwd=folder)
-    assert result.returncode == 2
-    assert "is missing; expected --covariate 'T_a_degC: EQUATION'" in result.stderr
-    assert "--cmm-room DEGC" in result.stderr
-    assert not (folder / "p.csv").exists()
 
 
 @pytest.mark.parametrize(
@@ -234,55 +181,11 @@ def test_options_that_cannot_be(folder: Path, words: tuple[str, ...], message: s
     assert not (folder / "d.csv").exists()
 
 
-def test_defaults_never_fail(folder: Path) -> None:
-    """Drifts beyond the limits that one sensor cannot bring to them stay as they are."""
-    large = MACHINE.replace("T_a_degC: 2.0, T_b_degC: -1.0", "T_b_degC: 20.0")
-    (folder / "machine.yaml").write_text(large)
-    simulate(folder, "--write-drift", "d.csv", *EXACT, "--cycles", 1)
-    found = table(folder / "d.csv")
-    a = found.loc[found["component"] == "a", "error"]
-    # 20 um/K, 6 K at the settled end.
-    assert 40 < a.max() < 200
-
-
 def test_a_machine_without_thermal_models(folder: Path) -> None:
     truth = CONFIGS / "gilsinn-ling-simulated" / "truth.yaml"
     result = mtu("simulate", "-m", truth, "--write-drift", "d.csv", cwd=folder)
     assert result.returncode == 2
     assert "has a thermal model" in result.stderr
-
-
-def test_the_shipped_machine_predicts_with_its_temperatures(tmp_path: Path) -> None:
-    at = [word for k in range(1, 18) for word in ("--at", f"T_{k:02d}_degC=20")]
-    done(mtu("predict-points", CMM, *at, "-q", "-o", tmp_path / "r.json"))
-    result = mtu("predict-points", CMM, "-q", "-o", tmp_path / "n.json")
-    assert result.returncode == 2
-    assert "a value of each of T_01_degC, " in result.stderr
-
-
-def csv_rows(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file below its comment lines."""
-    lines = [line for line in path.read_text("utf-8").splitlines() if not line.startswith("#")]
-    header = lines[0].split(",")
-    return [dict(zip(header, line.split(","), strict=True)) for line in lines[1:]]
-
-
-def test_simulated_effects_and_covariates(tmp_path: Path) -> None:
-    call = ["simulate", "-m", TRUTH, "-p", SIMULATED / "part.yaml", "--parts", "2", "-q"]
-    call += ["--covariate", "T_bed_degC: 20 + time_min/60"]
-    done(mtu(*call, "--write-cmm", tmp_path / "a.csv"))
-    effect = ["--effect", "Ex: 0.004*dir_x", "--effect", "Ey: 0.001*(T_bed_degC\n - 20)"]
-    done(mtu(*call, *effect, "--write-cmm", tmp_path / "b.csv"))
-    plain, changed = csv_rows(tmp_path / "a.csv"), csv_rows(tmp_path / "b.csv")
-    assert len(plain) == len(changed) == 96
-    assert {row["dir_x"] for row in plain} == {"1", "-1"}
-    for first, second in zip(plain, changed, strict=True):
-        temperature = 20 + float(first["time_min"]) / 60
-        assert float(second["T_bed_degC"]) == pytest.approx(temperature, abs=1e-6)
-        moved = float(second["x_mm"]) - float(first["x_mm"])
-        assert moved == pytest.approx(0.004 * float(first["dir_x"]), abs=1.1e-6)
-        moved = float(second["y_mm"]) - float(first["y_mm"])
-        assert moved == pytest.approx(0.001 * (temperature - 20), abs=1.1e-6)
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import re
 from pathlib import Path
@@ -96,24 +95,9 @@ def test_what_is_chosen_is_no_worse_than_all_sensors_by_least_squares(
     assert np.mean(ratios) <= 1
 
 
-def test_twin_sensors_are_one_group(found: dict[str, Any]) -> None:
-    for item in found.values():
-        assert item["groups"] == [["T_02_degC", "T_18_degC"]]
-        at = item["sensors"].index("T_02_degC"), item["sensors"].index("T_18_degC")
-        for row in item["coefficients"]:
-            assert row[at[0]] == pytest.approx(row[at[1]], rel=1e-9)
-
-
 def test_the_cubic_through_the_four_positions_is_found(found: dict[str, Any]) -> None:
     assert (found["pos_y"]["degree"], found["ry_x"]["degree"]) == (3, 0)
     assert found["pos_y"]["positions_mm"] == [0, 75, 200, 300]
-
-
-def test_the_csv_holds_every_sensor_and_position(folder: Path, found: dict[str, Any]) -> None:
-    lines = (line for line in (folder / "t.csv").read_text().splitlines() if line[:1] != "#")
-    rows = list(csv.DictReader(lines))
-    of_pos_y = [row for row in rows if row["component"] == "pos_y"]
-    assert len(of_pos_y) == 4 * len(found["pos_y"]["sensors"])
 
 
 def test_angles_without_a_machine_are_told_in_arcsec(folder: Path, tmp_path: Path) -> None:

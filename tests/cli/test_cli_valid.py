@@ -151,15 +151,6 @@ def test_a_components_report_stands_for_the_readings(command: str, fitted: Path)
     assert [item["role"] for item in again["inputs"]] == ["study", "machine", "components", "part"]
 
 
-def test_a_components_report_wins_over_coefficients_of_the_machine(fitted: Path) -> None:
-    part = ["-p", SIMULATED / "part.yaml"]
-    paper = report("lengths", "-m", PAPER / "machine.yaml", *part)
-    found = report("lengths", "-m", PAPER / "machine.yaml", *part, "-c", fitted)
-    machine = ["-m", SIMULATED / "machine.yaml"]
-    expected = report("lengths", *machine, *part, "-c", fitted)["results"]
-    assert found["results"]["lengths"] == expected["lengths"] != paper["results"]["lengths"]
-
-
 def test_gates() -> None:
     met = done(mtu("lengths", SIMULATED, "--fail-if", "nonconforming=1e-9"), 3)
     assert "mtu: gate nonconforming: probability of a nonconforming part above" in met.stderr

@@ -56,11 +56,6 @@ def test_a_part_that_is_not_found_is_left_to_mtu(tmp_path: Path) -> None:
         assert "--fail-if" in asked["lengths"]
 
 
-def test_an_empty_list_of_files_has_no_step(tmp_path: Path) -> None:
-    placed(tmp_path / "shop" / "mill", "lbb: []\ndrift: [ ]\ncmm: []  # none yet\n")
-    assert {words[0] for words in steps(tmp_path)} == {"predict-points", "lengths"}
-
-
 @pytest.mark.parametrize("name", ["ROOT", "OUT"])
 def test_an_empty_name_is_no_folder(tmp_path: Path, name: str) -> None:
     """Of a variable that a script has not set: reports would go to /, or be looked for there."""
@@ -81,14 +76,3 @@ def test_reports_do_not_go_where_the_studies_are(tmp_path: Path) -> None:
         assert ran.returncode == 2
         assert "holds the studies: name another folder" in ran.stderr
     assert (study / "components.json").is_file()
-
-
-def test_a_study_may_be_named_twice_and_with_a_stroke(tmp_path: Path) -> None:
-    """As shells complete the name of a folder."""
-    placed(tmp_path / "shop" / "mill")
-    once = steps(tmp_path, "STUDIES=mill")
-    assert once
-    ran = make(tmp_path / "out", "-n", "GATE=1", f"ROOT={tmp_path / 'shop'}", "STUDIES=mill/ mill")
-    assert ran.returncode == 0, ran.stderr
-    assert "overriding" not in ran.stderr
-    assert steps(tmp_path, "STUDIES=mill/ mill") == once

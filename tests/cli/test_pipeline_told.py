@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
-from pipeline_runner import STUDY, make, placed, quick
+from pipeline_runner import make, placed, quick
 
 
 def measured(study: Path, errors: list[float]) -> None:
@@ -53,29 +52,6 @@ def test_the_end_says_where_the_reports_are(tmp_path: Path, gate: str) -> None:
         assert "reports" not in ran.stdout
 
 
-def test_who_asks_for_silence_has_no_last_line(tmp_path: Path) -> None:
-    placed(tmp_path / "shop" / "mill")
-    ran = make(tmp_path / "out", "-s", f"ROOT={tmp_path / 'shop'}", quick(tmp_path))
-    assert ran.returncode == 0, ran.stderr
-    assert "reports" not in ran.stdout
-    assert (tmp_path / "out" / "mill" / "points.json").is_file()
-
-
-def test_what_passed_the_gates_of_an_older_pipeline_is_judged_again(tmp_path: Path) -> None:
-    placed(tmp_path / "shop" / "mill")
-    out, root, mtu = tmp_path / "out", f"ROOT={tmp_path / 'shop'}", quick(tmp_path)
-    assert make(out, root, mtu, "GATE=1").returncode == 0
-    stamp = out / "mill" / "lengths.passed"
-    os.utime(stamp, (1, 1))
-    # Of the study itself nothing is newer than its mark.
-    for path in (*(tmp_path / "shop" / "mill").iterdir(), out / "mill" / "lengths.json"):
-        os.utime(path, (0, 0))
-    again = make(out, root, mtu, "GATE=1")
-    assert again.returncode == 0, again.stderr
-    assert "== mill: lengths" in again.stdout
-    assert stamp.stat().st_mtime > 1
-
-
 def test_a_study_that_cannot_run_stops_no_other(tmp_path: Path) -> None:
     placed(tmp_path / "root" / "a")
     (tmp_path / "root" / "a" / "machine.yaml").unlink()
@@ -90,19 +66,3 @@ def test_a_study_that_cannot_run_stops_no_other(tmp_path: Path) -> None:
         "a: not done: predict-points lengths",
         "b: done",
     ]
-
-
-def test_a_study_of_a_drift_test_alone_has_one_step(tmp_path: Path) -> None:
-    """Of what the machine does at one temperature it knows nothing, but for coefficients."""
-    study = tmp_path / "root" / "a"
-    placed(study, "drift: [drift.csv]\n")
-    (study / "drift.csv").write_text("component,error,unit\n", "utf-8")
-    call = ("-n", f"ROOT={tmp_path / 'root'}")
-    assert "predict-points" in make(tmp_path / "out", *call).stdout
-    bare = (study / "machine.yaml").read_text("utf-8").replace("coefficients", "of_fit")
-    (study / "machine.yaml").write_text(bare, "utf-8")
-    asked = make(tmp_path / "out", *call).stdout
-    assert "mtu thermal-fit" in asked
-    assert "predict-points" not in asked
-    (study / "mtu.yaml").write_text(STUDY + "drift: [drift.csv]\nlbb: [drift.csv]\n", "utf-8")
-    assert "predict-points" in make(tmp_path / "out", *call).stdout

@@ -100,7 +100,7 @@ alphabet = st.sampled_from(
 )
 
 
-@settings(STEADY, max_examples=1500)
+@settings(STEADY, max_examples=600)
 @given(st.lists(alphabet, min_size=3, max_size=14).map("".join))
 def test_text_means_what_it_means_in_python(text: str) -> None:
     """Random words of the language: both refuse it, or both give the same value."""
@@ -201,7 +201,7 @@ EQUATIONS = [
 ]
 
 
-@settings(STEADY, max_examples=800)
+@settings(STEADY, max_examples=400)
 @given(
     st.sampled_from(EQUATIONS),
     st.lists(

@@ -25,7 +25,7 @@ from mtu_cli.stats.coverage import coverage_factor
 
 Floats = NDArray[np.float64]
 
-MACHINES = 70
+MACHINES = 45
 CYCLES, N, STEP_MIN = 4, 32, 6.0
 PLACES = np.array([0.0, 150.0, 300.0])
 GRADIENTS = {"px": (np.array([2.0, -1.0]), np.array([0.010, 0.004])),

@@ -23,7 +23,7 @@ from shop_day.oracle import margins_of
 import mtu_cli
 
 RECORDS = Path(__file__).parents[1] / "loop_bench" / "records.jsonl.gz"
-EACH = ("null-normal", "pairs-1", "laser-1", "missing-1", "hidden-scale", "offset-step",
+EACH = ("null-normal", "laser-1", "missing-1", "hidden-scale",
         "equal-scale", "profile-10", "reversal")  # fmt: skip
 """A kind for each way of drawing."""
 

@@ -45,50 +45,6 @@ def test_the_same_seed_makes_the_same_day_and_data(kind: Kind) -> None:
     assert np.any(found[0] != measure(one, rng_of(3)))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_holes_stand_around_the_square(kind: Kind) -> None:
-    day = ShopDay(kind, 2)
-    x, y = day.places[:, 0], day.places[:, 1]
-    on_side = (np.isclose(x, 10) | np.isclose(x, 140)) | (np.isclose(y, 10) | np.isclose(y, 140))
-    assert on_side.all()
-    assert day.places[:, :2].min() >= 10
-    assert day.places[:, :2].max() <= 140
-    assert len(np.unique(day.places[:, :2].round(6), axis=0)) == 24
-    assert sorted(day.places[:, 2]) == [0.0] * 12 + [25.0] * 12
-    # Neighbours are 520/24 mm apart along the way, in B by up to 14 mm more or less.
-    step = np.abs(np.diff(day.places[:, :2], axis=0)).sum(axis=1)
-    assert np.abs(step - 520 / 24).max() <= (1e-9 if kind == "A" else 14.0)
-    assert (kind == "A") == (step.std() < 1e-9)
-
-
-def test_directions_are_those_of_the_travel() -> None:
-    fixed, turning = ShopDay("A", 1), ShopDay("B", 1)
-    travel = np.diff(fixed.places[:, :2], axis=0)
-    for axis, name in enumerate(("dir_x", "dir_y")):
-        assert fixed.covariates[name].shape == (1, 24)
-        moving = np.abs(travel[:, axis]) > 1e-9
-        # The move away from a hole runs along the hole's side, in the direction of that side.
-        np.testing.assert_array_equal(
-            np.sign(travel[moving, axis]), fixed.covariates[name][0, :-1][moving]
-        )
-        alternating = turning.covariates[name]
-        np.testing.assert_array_equal(alternating[1:], -alternating[:-1])
-        assert set(np.unique(alternating)) == {-1.0, 1.0}
-
-
-def test_schedule_breaks_and_tools() -> None:
-    for kind, breaks in (("A", {4: 15, 9: 45, 15: 15}), ("B", {6: 150, 13: 90})):
-        day = ShopDay("A" if kind == "A" else "B", 4)
-        gaps = np.diff(day.full("time_min")[:, 0])
-        rest = np.array([breaks.get(p, 0) for p in range(20)])
-        assert np.all(np.abs(gaps - rest - 20) <= 3)
-        assert gaps.std() > 0.5
-        np.testing.assert_array_equal(day.full("sequence")[:, 0], np.arange(1, 22))
-    np.testing.assert_array_equal(ShopDay("A", 0).full("tool_parts")[:, 0], np.arange(21))
-    tools = [*range(8), *range(5), *range(8)]
-    np.testing.assert_array_equal(ShopDay("B", 0).full("tool_parts")[:, 0], tools)
-
-
 def test_spindle_follows_the_differential_equation() -> None:
     """Against small Euler steps of dT/dt = (12 - T)/72 min running and -T/60 min at rest."""
     run, rest = np.array([20.0, 19.0, 22.0]), np.array([0.0, 150.0, 0.0])
@@ -168,18 +124,6 @@ def test_what_some_effects_are_by_hand() -> None:
     np.testing.assert_allclose(outward, 0, atol=1e-9)
 
 
-def test_squareness_takes_all_three_references() -> None:
-    day = ShopDay("A", 1)
-    found = {effect(day, "squareness", rng_of(seed), 1.0).axes for seed in range(20)}
-    assert found == {(0,), (1,), (0, 1)}
-    for seed in range(20):
-        truth = effect(day, "squareness", rng_of(seed), 1.0)
-        for axis in truth.axes:
-            along = day.places[:, 1 - axis]
-            r = np.corrcoef(truth.errors[0, :, axis], along)[0, 1]
-            assert abs(r) == pytest.approx(1)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_effects_outside_and_of_another_shape(kind: Kind) -> None:
     day = ShopDay(kind, 9)
@@ -194,36 +138,3 @@ def test_effects_outside_and_of_another_shape(kind: Kind) -> None:
             assert truth.name is not None
             assert truth.name.startswith(family)
             assert rms_over_affected_axes(truth) == pytest.approx(1.5 * SIGMA)
-
-
-def test_smooth_field_has_its_length() -> None:
-    """Correlation exp(-d^2/(2 40^2)): 0.864 for neighbours 21.7 mm apart on a side."""
-    day = ShopDay("A", 0)
-    fields = np.array(
-        [outside_effect(day, "smooth-field", rng_of(s), 1.0).errors[0] for s in range(900)]
-    )
-    left, right = fields[:, 2], fields[:, 3]
-    # Both lose the field's mean over all holes: compare with the field's own covariance, centred.
-    apart = np.linalg.norm(day.places[:, None, :2] - day.places[None, :, :2], axis=-1)
-    K = np.exp(-0.5 * (apart / 40) ** 2)
-    M = np.eye(24) - 1 / 24
-    C = M @ K @ M
-    wanted = C[2, 3] / np.sqrt(C[2, 2] * C[3, 3])
-    found = np.sum(left * right) / np.sqrt(np.sum(left**2) * np.sum(right**2))
-    assert abs(found - wanted) < 4 * (1 - wanted**2) / np.sqrt(left.size)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_bends_hold_no_straight_line_of_their_own(kind: Kind) -> None:
-    """The third order and a kink; the second is a parabola about the holes' mean."""
-    day = ShopDay(kind, 4)
-    for family, along in (("curvature-x", 0), ("straightness-x", 1)):
-        truth = effect(day, family, rng_of(1), 1.0)
-        place = day.places[:, along] - day.places[:, along].mean()
-        second, third = truth.columns[:, 0, :, 0]
-        assert abs(third @ place) < 1e-9
-        np.testing.assert_allclose(np.polyfit(place, third, 3)[[1, 3]], 0, atol=1e-12)
-        np.testing.assert_allclose(second, (place / 65) ** 2, atol=1e-12)
-        kinked = misshapen_effect(day, family, rng_of(1), 1.0).errors[0, :, 0]
-        assert abs(kinked @ place) < 1e-9
-        assert np.abs(np.polyval(np.polyfit(place, kinked, 3), place) - kinked).max() > 0.1

@@ -51,19 +51,6 @@ def test_points_come_back_as_they_were(kind: Kind, tmp_path: Path) -> None:
         )
 
 
-def test_columns_and_cells_can_be_left_out(tmp_path: Path) -> None:
-    day = ShopDay("A", 1)
-    errors = measure_repeats(day, np.random.default_rng(1)).mean(axis=-1)
-    cells = np.random.default_rng(2).random((21, 24)) < 0.8
-    path = write_csv(
-        day, errors, tmp_path / "cmm.csv", leave_out=("tool_parts", "operation"), cells=cells
-    )
-    lines = path.read_text().splitlines()
-    assert "tool_parts" not in lines[0]
-    assert "operation" not in lines[0]
-    assert len(lines) - 1 == cells.sum()
-
-
 @pytest.mark.parametrize("known", [False, True])
 def test_the_machine_file_states_what_is_predicted(known: bool, tmp_path: Path) -> None:
     """Ex = dx_x + dx_y - y axy, Ey = dy_x + dy_y with the coefficients of the file, by hand."""

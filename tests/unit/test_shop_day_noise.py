@@ -12,7 +12,6 @@ from shop_day import (
     effect,
     measure,
     measure_repeats,
-    named_by_noise,
 )
 from shop_day.day import Floats
 from shop_day.noise import SIG_CMM, SIG_HOLE, SIG_PART, SIG_PROCESS
@@ -62,48 +61,6 @@ def test_variances_by_stratum(noise: Noise) -> None:
     assert np.all(np.abs(each.mean(axis=0) - wanted) < 4 * error)
     # The test can tell: the standard errors are small beside what the kinds of noise differ by.
     assert np.all(error < [0.08 * wanted[0], 0.08 * wanted[1], 0.04 * wanted[2]])
-
-
-def test_noisy_axis_and_operation() -> None:
-    rest = mean_squares("noisy-axis")[..., 2]
-    ratio = rest.max(axis=1) / rest.min(axis=1)
-    # F of 460 and 460 degrees of freedom about 4: standard deviation 9 % each.
-    assert abs(np.log(ratio).mean() - np.log(4)) < 4 * np.sqrt(4 / 460) / np.sqrt(DAYS)
-    assert {int(i) for i in rest.argmax(axis=1)} == {0, 1}
-    day, logs = ShopDay("A", 0), []
-    for seed in range(DAYS):
-        errors = measure(day, rng_of(seed), noise="noisy-operation")
-        errors = errors - errors.mean(axis=1, keepdims=True)
-        spread = [errors[:, day.operation == code].var() for code in (0, 1)]
-        logs.append(np.log(spread[1] / spread[0]))
-    size = np.abs(logs)
-    assert min(logs) < 0 < max(logs)
-    # log of uniform(2, 3) has the mean 0.910.
-    assert abs(size.mean() - (3 * np.log(3) - 2 * np.log(2) - 1)) < 0.06
-    assert named_by_noise("noisy-operation") == ("operation-scatter",)
-    assert not any(named_by_noise(noise) for noise in NOISES if noise != "noisy-operation")
-
-
-def test_heavy_tails_and_outliers() -> None:
-    day = ShopDay("A", 0)
-
-    def cells(noise: Noise) -> Floats:
-        data = np.array([measure(day, rng_of(s), noise=noise) for s in range(20)])
-        centred: Floats = data - data.mean(axis=2, keepdims=True)
-        centred -= data.mean(axis=1, keepdims=True)
-        return centred
-
-    def beyond(noise: Noise, size: float) -> float:
-        values = cells(noise)
-        return float(np.mean(np.abs(values) > size * values.std()))
-
-    # A normal value lies beyond 4 standard deviations once in 15800, of t4 once in 260.
-    assert beyond("normal", 4) < 5e-4
-    assert beyond("t4", 4) > 2e-3
-    share = float(np.mean(np.abs(cells("outliers")) > 18))
-    n = 20 * 21 * 24 * 2
-    # One in a hundred, of 20 to 60 um on a scatter of 3.6 (5 with the means taken out).
-    assert abs(share - 0.01) < 4 * np.sqrt(0.01 * 0.99 / n)
 
 
 def test_repeats_scatter_like_the_cmm() -> None:

@@ -13,13 +13,11 @@ from shop_day import (
     Rivals,
     ShopDay,
     Truth,
-    blocks,
     effect,
     measure,
     misshapen_effect,
     oracle_held_out,
     outside_effect,
-    whitened,
 )
 from shop_day.day import Floats, Kind
 from shop_day.noise import SIG_HOLE, SIG_PART, SIGMA
@@ -96,21 +94,6 @@ def test_best_rival_is_that_of_dense_least_squares() -> None:
     assert signal.d == pytest.approx(signal.z * np.sqrt(1 - best["backlash-step-x"]))
 
 
-def test_aliases_of_design_a() -> None:
-    """On the regular day z = 25 mm stands where the program runs towards +y."""
-    found, planned = ShopDay("A", 8), ShopDay("B", 8)
-    np.testing.assert_array_equal(2 * found.places[:, 2] / 25 - 1, found.covariates["dir_y"][0])
-    lost = effect(found, "backlash-y", rng_of(0), 1.0)
-    signal = Rivals(found).signal(lost)
-    assert signal is not None
-    assert signal.aliases == ("abbe-y",)
-    assert signal.d < 1e-6 * signal.z
-    apart = Rivals(planned).signal(effect(planned, "backlash-y", rng_of(0), 1.0))
-    assert apart is not None
-    assert apart.aliases == ()
-    assert apart.d > 4
-
-
 def of_the_nearest_wave(truth: Truth) -> float:
     """Least R^2: a wave half a step of 1/1040 mm off is out of phase by up to psi = 65 mm *
     2 pi/2080 at the ends, and differs by up to 2 sin(psi/2) of its height.
@@ -151,40 +134,6 @@ def test_the_librarys_own_columns_hold_its_effects_and_no_others(kind: Kind) -> 
         assert 0.4 < signal.own_r2 < 0.999
 
 
-def test_growth_from_the_days_mean_is_not_that_from_20_degrees() -> None:
-    day = ShopDay("A", 3)
-    truth = next(
-        found
-        for found in (effect(day, "thermal-growth", rng_of(s), 1.0) for s in range(9))
-        if found.covariate == "T_part_degC"
-    )
-    from_20 = Rivals(day).signal(truth)
-    from_mean = Rivals(day, zero=None).signal(truth)
-    assert from_20 is not None
-    assert from_mean is not None
-    assert from_20.own_r2 == pytest.approx(1)
-    assert from_mean.own_r2 is not None
-    assert from_mean.own_r2 < 0.95
-
-
-def test_whitened_errors_are_white() -> None:
-    day = ShopDay("B", 0)
-    size = [float(whitened(measure(day, rng_of(s))) @ np.ones(1008)) for s in range(3)]
-    np.testing.assert_allclose(size, 0, atol=1e-9)
-    total = [float((whitened(measure(day, rng_of(s))) ** 2).sum()) for s in range(100)]
-    # Chi square of 2*(21*24 - 1) degrees of freedom.
-    assert abs(np.mean(total) - 1006) < 4 * np.sqrt(2 * 1006 / 100)
-
-
-def test_blocks_are_consecutive_and_cover_all_parts() -> None:
-    folds = list(blocks(21))
-    assert [held.tolist() for _, held in folds] == [
-        list(range(7)), list(range(7, 14)), list(range(14, 21))
-    ]  # fmt: skip
-    for train, held in folds:
-        assert sorted([*train, *held]) == list(range(21))
-
-
 def slow_held_out(errors: Floats, truths: list[Truth]) -> tuple[float, float]:
     """Mean squares before and after, by dense least squares in each block."""
     columns = np.concatenate([truth.columns for truth in truths])
@@ -214,16 +163,6 @@ def test_held_out_gain_is_that_of_dense_least_squares(families: tuple[str, ...])
     assert found.before == pytest.approx(before, rel=1e-9)
     assert found.after == pytest.approx(after, rel=1e-9)
     assert found.gain == pytest.approx(before - after, rel=1e-6)
-
-
-def test_held_out_gain_without_noise_is_the_whole_effect() -> None:
-    for family in ("backlash", "trend", "thermal-growth", "cyclic"):
-        day = ShopDay("B", 4)
-        truth = effect(day, family, rng_of(2), 0.8)
-        found = oracle_held_out(truth.errors, [truth])
-        assert found.after == pytest.approx(0, abs=1e-18)
-        assert found.truth == pytest.approx(0, abs=1e-18)
-        assert found.gain > 0
 
 
 def test_an_effect_that_the_training_parts_do_not_show_is_left_out() -> None:

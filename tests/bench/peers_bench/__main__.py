@@ -3,26 +3,71 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import re
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import NormalDist
 
-from peers_bench import accuracy, agreement, end_gauge, equal_accuracy, table
-from peers_bench.rounds import Series, timed
+from peers_bench.problem import ARCSEC
 from peers_bench.tools import ADAPTIVE, BARE, OURS, PEERS, Tool
-from peers_bench.workers import Worker, workers
+from peers_bench.worker import Worker, workers
 
 TRIALS = 1_000_000
-WANTED_TRIALS = 3.0
-WANTED_ACCURACY = 50.0
-THREADS = (1, None)
+WANTED_TRIALS, WANTED_ACCURACY = 3.0, 50.0
+"""How much longer the fastest peer is to take, at equal trials and at equal accuracy."""
+OF_U, OF_ENDS = 0.001, 0.01
+"""Standard errors wanted, of u relative and of the ends of the 95 % interval over u."""
+PART = 5
+"""Of a slow form a fifth of the trials is timed; its times are multiplied by this."""
+RUNS, SMALL = 50, 10_000
+"""Runs whose scatter is looked at, and their trials where plain Monte Carlo is worth the same."""
+SIGMAS = 4.5
+"""Standard errors that the largest of some twenty differences does not reach by chance."""
+FIRST_ORDER = 1e-5
+"""Relative difference of first-order u: derivatives by differences have no more digits."""
 
-Both = dict[int | None, dict[str, Series]]
+
+class DisagreementError(Exception):
+    """Two packages answer the same question differently, or one not as accurately as it says."""
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """Elapsed and processor time, s, and u, low, high of a form, one for each round."""
+
+    trials: int
+    seconds: list[float] = field(default_factory=list)
+    cpu: list[float] = field(default_factory=list)
+    found: list[list[float]] = field(default_factory=list)
+
+    def over(self, other: Series, what: str = "seconds") -> float:
+        """Median over the rounds of the ratio of times."""
+        pairs = zip(getattr(self, what), getattr(other, what), strict=True)
+        return statistics.median(a / b for a, b in pairs)
+
+
+def plain_errors(trials: int) -> list[float]:
+    """Standard errors over u of u and of both ends, by plain Monte Carlo of a normal quantity.
+
+    1/sqrt(2 n) and sqrt(a (1 - a)/n) / phi(z_a) (JCGM 101:2008, 7.9.4, note; asymptotic).
+    """
+    a = 0.025
+    end = math.sqrt(a * (1 - a) / trials) / NormalDist().pdf(NormalDist().inv_cdf(a))
+    return [1 / math.sqrt(2 * trials), end, end]
+
+
+def plain_trials() -> int:
+    """Trials with which plain Monte Carlo has both accuracies."""
+    u, end, _ = plain_errors(1)
+    return math.ceil(round(max((u / OF_U) ** 2, (end / OF_ENDS) ** 2), 6))
 
 
 def main() -> int:
@@ -30,56 +75,165 @@ def main() -> int:
     parser.add_argument("--rounds", type=int, default=5)
     rounds = parser.parse_args().rounds
     print(f"{os.cpu_count()} cores; load {os.getloadavg()[0]:.1f}; medians of {rounds} rounds")
-    present = [tool for tool in PEERS if tool.installed]
     versions = {tool.package: tool.installed or "not installed" for tool in (OURS, *PEERS)}
     print(", ".join(f"{name} {number}" for name, number in versions.items()))
+    present = [tool for tool in PEERS if tool.installed]
+    drawing = [tool for tool in present if tool.draw]
     with tempfile.TemporaryDirectory() as folder:
         inputs = Path(folder) / "inputs.json"
         subprocess.run([sys.executable, "-m", "peers_bench.problem", inputs], check=True)
         with workers([OURS, *present], inputs, None) as started:
-            heading("Results against each other", agreement.check(started))
-        equal, accurate = measured([t for t in present if t.monte_carlo], inputs, rounds)
-        memory = memories([BARE, OURS, *(t for t in present if t.monte_carlo)], inputs)
-        heading("Equal trials", table.monte_carlo(equal[1], equal[None], memory))
-        heading("Equal accuracy", table.monte_carlo(accurate[1], accurate[None]))
+            heading("Results against each other", agreement(started))
+        equal, accurate = {}, {}
+        for threads in (1, None):
+            with workers([BARE, OURS, *drawing], inputs, threads) as started:
+                equal[threads] = timed(started, lambda worker: TRIALS, rounds)
+            with workers([BARE, OURS, ADAPTIVE, *drawing], inputs, threads) as started:
+                if threads == 1:
+                    # It does not depend on the threads.
+                    heading("Accuracy", [scatter(worker) for worker in started[1:]])
+                accurate[threads] = timed(started, needed, rounds)
+            if drawing:
+                print(unbiased(accurate[threads][OURS.name], equal[threads], drawing))
+        memory = {}
+        for tool in [BARE, OURS, *drawing]:
+            with workers([tool], inputs, None, warm=False) as (worker,):
+                memory[tool.name] = f"{worker.ask('memory', trials=TRIALS)['added']:.0f}"
+        heading("Equal trials", monte_carlo(equal[1], equal[None], memory))
+        heading("Equal accuracy", monte_carlo(accurate[1], accurate[None], {}))
         heading("First order", first_order([OURS, *present], inputs, rounds))
-    heading("A process that does GUM H.1", processes(rounds))
-    return judged(equal, accurate)
+    heading("A process that does GUM H.1", end_gauge(rounds))
+    goal = f"equal accuracy (u to {OF_U:.1%} and ends to {OF_ENDS:.0%} of u)"
+    met = [
+        judged("equal trials", equal, WANTED_TRIALS),
+        judged(goal, accurate, WANTED_ACCURACY),
+    ]
+    return int(not all(met))
 
 
 def heading(title: str, lines: Sequence[str]) -> None:
     print(f"\n{title}", *lines, sep="\n", flush=True)
 
 
-def measured(peers: Sequence[Tool], inputs: Path, rounds: int) -> tuple[Both, Both]:
-    """Series at equal trials and at equal accuracy, with one thread and with the default."""
-    equal: Both = {}
-    accurate: Both = {}
-    for threads in THREADS:
-        start = time.monotonic()
-        with workers([BARE, OURS, *peers], inputs, threads) as started:
-            equal[threads] = timed(started, lambda tool: TRIALS, rounds)
-        with workers([BARE, OURS, ADAPTIVE, *peers], inputs, threads) as started:
-            found = equal_accuracy.run(started, rounds, scatter_too=threads == 1)
-        accurate[threads] = found.series
-        said = found.lines
-        if peers:
-            said.append(equal_accuracy.unbiased(found.series[OURS.name], equal[threads], peers))
-        name = "one thread" if threads else "default threads"
-        heading(f"Accuracy, {name} ({time.monotonic() - start:.0f} s)", said)
-    return equal, accurate
+def in_columns(rows: Iterable[Sequence[str]]) -> list[str]:
+    """Texts in columns: the first to the left, the others to the right."""
+    table = [list(row) for row in rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    return [
+        f"{first:<{widths[0]}}" + "".join(f"  {x:>{w}}" for x, w in zip(rest, widths[1:]))  # noqa: B905  # one more
+        for first, *rest in table
+    ]
 
 
-def memories(tools: Sequence[Tool], inputs: Path) -> dict[str, float]:
-    """MiB that 1e6 trials add to a fresh process, default threads."""
-    found: dict[str, float] = {}
-    for tool in tools:
-        worker = Worker(tool, inputs, None)
-        try:
-            found[tool.name] = worker.ask("memory", trials=TRIALS)["added"]
-        finally:
-            worker.close()
+def agreement(started: Sequence[Worker]) -> list[str]:
+    """A line for each form; the first worker is `mtu`, the others are held against it."""
+    trials = 100_000
+    ours = started[0].ask("drawn", trials=10 * trials, seed=7)["found"]
+    value, u = started[0].ask("first_order")["found"]
+    lines = [f"mtu: u {ARCSEC * ours[0]:.4f} arcsec, first order {ARCSEC * u:.4f}"]
+    for worker in started[1:]:
+        said, sound = f"{worker.tool.name}:", True
+        if worker.tool.draw:
+            found = worker.ask("drawn", trials=trials, seed=11)["found"]
+            off = [
+                (a - b) / ours[0] / se
+                for a, b, se in zip(found, ours[:3], plain_errors(trials), strict=True)
+            ]
+            said += " u, low, high off by " + ", ".join(f"{x:+.1f}" for x in off) + " se;"
+            sound = max(map(abs, off)) <= SIGMAS
+        own_value, own_u = worker.ask("first_order")["found"]
+        off = [own_u / u - 1, (own_value - value) / u]
+        said += " first order off by " + ", ".join(f"{x:+.0e}" for x in off)
+        if not sound or max(map(abs, off)) > FIRST_ORDER:
+            raise DisagreementError(said)
+        lines.append(said)
+    return lines
+
+
+def needed(worker: Worker) -> int:
+    """Trials for the accuracy that is wanted: `mtu`'s fewest, plain Monte Carlo's of the others."""
+    own = worker.tool.package == OURS.package
+    return int(worker.ask("least")["trials"]) if own else plain_trials()
+
+
+def scatter(worker: Worker) -> str:
+    """Results of many runs: of `mtu` as accurate as is wanted and as it states, of the others as
+    plain Monte Carlo of small runs is, from which 1/sqrt(n) leads to the trials they need.
+    """
+    own = worker.tool.package == OURS.package
+    trials, runs = (needed(worker), RUNS) if own else (SMALL, RUNS // (PART**worker.tool.slow))
+    found = [worker.ask("drawn", trials=trials, seed=1000 + i)["found"] for i in range(runs)]
+    columns = [*zip(*found, strict=True)]
+    u = statistics.mean(columns[0])
+    seen = [statistics.stdev(column) / u for column in columns[:3]]
+    said = f"{worker.tool.name}: scatter of {runs} runs: u {seen[0]:.1e}, ends {seen[1]:.1e} u"
+    if own and (seen[0] > OF_U or max(seen[1:]) > OF_ENDS):
+        raise DisagreementError(f"{said}; wanted are {OF_U} and {OF_ENDS}")
+    if worker.tool == ADAPTIVE:
+        return said
+    stated = plain_errors(trials)
+    if own:
+        stated = [statistics.mean(se * se for se in column) ** 0.5 / u for column in columns[3:]]
+    ratios = [a / b for a, b in zip(seen, stated, strict=True)]
+    said += ", over what is stated: " + ", ".join(f"{ratio:.2f}" for ratio in ratios)
+    # Four standard errors, relative, of a standard deviation from that many runs.
+    if max(abs(ratio - 1) for ratio in ratios) > 4 / math.sqrt(2 * (runs - 1)):
+        raise DisagreementError(said)
+    return said
+
+
+def timed(
+    started: Sequence[Worker], trials_of: Callable[[Worker], int], rounds: int
+) -> dict[str, Series]:
+    """Every worker's Monte Carlo in every round, each with a seed of its own."""
+    found = {
+        worker.tool.name: Series(trials_of(worker) // PART**worker.tool.slow) for worker in started
+    }
+    for number in range(rounds):
+        for place, worker in enumerate(started):
+            series, times = found[worker.tool.name], PART**worker.tool.slow
+            answer = worker.ask("drawn", trials=series.trials, seed=100 * (number + 1) + place)
+            series.seconds.append(times * answer["seconds"])
+            series.cpu.append(times * answer["cpu"])
+            series.found.append(answer["found"][:3])
     return found
+
+
+def unbiased(ours: Series, equal: dict[str, Series], drawing: Sequence[Tool]) -> str:
+    """Ours against all trials of the others together: no accuracy by leaving something out."""
+    taken = [equal[tool.name] for tool in drawing]
+    trials = sum(series.trials * len(series.found) for series in taken)
+    off = []
+    for i, se in enumerate(plain_errors(trials)):
+        theirs = sum(s.trials * sum(found[i] for found in s.found) for s in taken) / trials
+        mine = statistics.mean(found[i] for found in ours.found)
+        off.append((mine - theirs) / ours.found[0][0] / se)
+    said = f"mtu minus all {trials:.2g} trials of the others: u, low, high "
+    said += ", ".join(f"{x:+.1f}" for x in off) + " of their standard errors"
+    if max(map(abs, off)) > SIGMAS:
+        raise DisagreementError(said)
+    return said
+
+
+def monte_carlo(
+    one: dict[str, Series], free: dict[str, Series], memory: dict[str, str]
+) -> list[str]:
+    """Time over that of the bare normals and over `mtu`'s, with one thread and the default."""
+    rows = [["", "trials", "1 thread: / bare", "/ mtu", "cpu / mtu", "default: / bare", "/ mtu",
+             "MiB"]]  # fmt: skip
+    for tool in (BARE, OURS, ADAPTIVE, *PEERS):
+        if tool.draw and not tool.installed:
+            rows.append([tool.name, "not installed", *[""] * 6])
+        if tool.name not in one:
+            continue
+        series, own, times = one[tool.name], free[tool.name], PART**tool.slow
+        trials = "its own" if tool == ADAPTIVE else f"{'~' * tool.slow}{series.trials * times}"
+        ratios = [series.over(one[BARE.name]), series.over(one[OURS.name])]
+        ratios += [series.over(one[OURS.name], "cpu")]
+        ratios += [own.over(free[BARE.name]), own.over(free[OURS.name])]
+        shown = [f"{ratio:.2f}" for ratio in ratios]
+        rows.append([tool.name, trials, *shown, memory.get(tool.name, "-")])
+    return in_columns(rows)
 
 
 def first_order(tools: Sequence[Tool], inputs: Path, rounds: int) -> list[str]:
@@ -89,42 +243,114 @@ def first_order(tools: Sequence[Tool], inputs: Path, rounds: int) -> list[str]:
         for _ in range(rounds):
             for worker in started:
                 cpu[worker.tool.name].append(worker.ask("first_order")["cpu"])
-    rows = {tool.name: ("not installed", "") for tool in PEERS if not tool.installed}
+    rows = [["", "/ mtu", "cpu ms"]]
     for name, own in cpu.items():
         over = statistics.median(a / b for a, b in zip(own, cpu[OURS.name], strict=True))
-        rows[name] = (f"{over:.2f}", f"{1e3 * statistics.median(own):.2f}")
-    return table.plain_rows(rows, ["/ mtu", "cpu ms"])
+        rows.append([name, f"{over:.2f}", f"{1e3 * statistics.median(own):.2f}"])
+    return in_columns(rows)
 
 
-def processes(rounds: int) -> list[str]:
-    found = end_gauge.run(rounds)
-    rows = {name: ("not installed", "", "") for name in end_gauge.SCRIPTS if name not in found}
-    for name, process in found.items():
-        bare, ours = process.over(found["import numpy"]), process.over(found[OURS.package])
-        rows[name] = (f"{bare:.2f}", f"{ours:.2f}", f"{statistics.median(process.seconds):.2f}")
-    return table.plain_rows(rows, ["/ import numpy", "/ mtu", "s"])
+def judged(kind: str, both: dict[int | None, dict[str, Series]], wanted: float) -> bool:
+    """Prints the fastest peer over ours; False where it is less than wanted by default threads."""
+    met = True
+    for threads, series in both.items():
+        ratios = {t.name: series[t.name].over(series[OURS.name]) for t in PEERS if t.name in series}
+        if not ratios:
+            print(f"{kind}: no peer is installed: nothing to judge")
+            return True
+        fastest = min(ratios, key=lambda name: ratios[name])
+        met = ratios[fastest] >= wanted
+        print(
+            f"{kind}, {'one thread' if threads else 'default threads'}: {fastest} takes "
+            f"{ratios[fastest]:.2f} x mtu; {wanted:g} x {'met' if met else 'missed'}"
+        )
+    return met
 
 
-def judged(equal: Both, accurate: Both) -> int:
-    """Prints the fastest peer over ours; 1 where it is less than wanted with default threads."""
-    missed = 0
-    goal = f"u to {accuracy.OF_U:.1%} and ends to {accuracy.OF_ENDS:.0%} of u"
-    print()
-    for kind, both, wanted in (
-        ("equal trials", equal, WANTED_TRIALS),
-        (f"equal accuracy ({goal})", accurate, WANTED_ACCURACY),
-    ):
-        for threads in THREADS:
-            best = table.fastest(both[threads])
-            if best is None:
-                print("no peer is installed: nothing to judge")
-                return 0
-            tool, ratio = best
-            name = "one thread" if threads else "default threads"
-            verdict = "met" if ratio >= wanted else "missed"
-            print(f"{kind}, {name}: {tool.name} takes {ratio:.2f} x mtu; {wanted:g} x {verdict}")
-            missed |= threads is None and ratio < wanted
-    return int(missed)
+BUDGET = Path(__file__).resolve().parents[3] / "configs" / "budgets" / "gum-h1-end-gauge.yaml"
+PRINTED = (50000838.0, 32.0, 93.0)
+"""l, u and U99 in nm, JCGM 100:2008, H.1.6; U99 there at 16 degrees of freedom, not 16.8."""
+METROLOPY = """
+from metrolopy import gummy
+d3 = 3 ** 0.5
+ls = gummy(50000623, u=25, dof=18)
+d = gummy(215, u=5.8, dof=24) + gummy(0, u=3.9, dof=5) + gummy(0, u=6.7, dof=8)
+dalpha = gummy(0, u=1e-6 / d3, dof=50)
+theta = gummy(-0.1, u=0.2) + gummy(0, u=0.5 / 2 ** 0.5)
+alphas = gummy(11.5e-6, u=2e-6 / d3)
+dtheta = gummy(0, u=0.05 / d3, dof=2)
+l = ls + d - ls * (dalpha * theta + alphas * dtheta)
+l.p = 0.99
+print(float(l.x), float(l.u), float(l.U))
+"""
+GTC = """
+from GTC import ureal
+from GTC.reporting import k_factor
+d3 = 3 ** 0.5
+ls = ureal(50000623, 25, 18)
+d = ureal(215, 5.8, 24) + ureal(0, 3.9, 5) + ureal(0, 6.7, 8)
+dalpha = ureal(0, 1e-6 / d3, 50)
+theta = ureal(-0.1, 0.2) + ureal(0, 0.5 / 2 ** 0.5)
+alphas = ureal(11.5e-6, 2e-6 / d3)
+dtheta = ureal(0, 0.05 / d3, 2)
+l = ls + d - ls * (dalpha * theta + alphas * dtheta)
+print(l.x, l.u, k_factor(l.df, 99) * l.u)
+"""
+SUNCAL = """
+from suncal import Model
+d3 = 3 ** 0.5
+model = Model("l = ls + d - ls*(dalpha*theta + alphas*dtheta)")
+model.var("ls").measure(50000623).typeb(std=25, df=18)
+model.var("d").measure(215).typeb(std=5.8, df=24).typeb(std=3.9, df=5).typeb(std=6.7, df=8)
+model.var("dalpha").measure(0).typeb(std=1e-6 / d3, df=50)
+model.var("theta").measure(-0.1).typeb(std=0.2).typeb(std=0.5 / 2 ** 0.5)
+model.var("alphas").measure(11.5e-6).typeb(std=2e-6 / d3)
+model.var("dtheta").measure(0).typeb(std=0.05 / d3, df=2)
+found = model.calculate_gum()
+print(found.expected["l"], found.uncertainty["l"], found.expand("l", conf=0.99))
+"""
+
+
+def end_gauge(rounds: int) -> list[str]:
+    """Whole processes: `mtu budget`, every package, and an interpreter that imports numpy.
+
+    The others do the first order alone; `mtu budget` does the second and Monte Carlo too.
+    Raises DisagreementError where one does not find what is printed.
+    """
+    present = {tool.package for tool in PEERS if tool.installed}
+    commands = {
+        "import numpy": [sys.executable, "-c", "import numpy"],
+        OURS.package: [str(Path(sys.executable).parent / "mtu"), "budget", str(BUDGET)],
+    }
+    for package, script in {"metrolopy": METROLOPY, "GTC": GTC, "suncal": SUNCAL}.items():
+        if package in present:
+            commands[package] = [sys.executable, "-W", "ignore", "-c", script]
+    seconds: dict[str, list[float]] = {name: [] for name in commands}
+    for number in range(rounds + 1):
+        for name, command in commands.items():
+            start = time.perf_counter()
+            done = subprocess.run(
+                command, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+            )
+            seconds[name].append(time.perf_counter() - start)
+            if number == 0 and name != "import numpy":
+                check_printed(name, done.stdout)
+    rows = [["", "/ import numpy", "/ mtu", "s"]]
+    for name, own in seconds.items():
+        bases = (seconds["import numpy"], seconds[OURS.package])
+        over = [statistics.median(a / b for a, b in zip(own, x, strict=True)) for x in bases]
+        rows.append([name, f"{over[0]:.2f}", f"{over[1]:.2f}", f"{statistics.median(own):.2f}"])
+    return in_columns(rows)
+
+
+def check_printed(package: str, output: str) -> None:
+    numbers: Sequence[str] = output.split()[-3:]
+    if package == OURS.package:
+        line = re.search(r"^first order +(\S+) +(\S+) +\S+ +\S+ +(\S+)", output, re.MULTILINE)
+        numbers = line.groups() if line else ()
+    near = zip(numbers, PRINTED, (0.5, 0.5, 1.6), strict=False)
+    if len(numbers) != 3 or not all(abs(float(a) - b) <= allowed for a, b, allowed in near):
+        raise DisagreementError(f"{package}: GUM H.1 as {' '.join(numbers)}, printed is {PRINTED}")
 
 
 if __name__ == "__main__":

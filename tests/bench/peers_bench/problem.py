@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,38 +13,15 @@ if TYPE_CHECKING:
 
 HOLES = 7
 ARCSEC = 206264.80624709636
+NAMES = [f"{line}{i}" for line in ("ra", "rc", "ca", "cc") for i in range(HOLES)]
+"""Coordinates along and across the row, then along and across the column."""
 
 
-class Found(NamedTuple):
-    """Standard uncertainty and ends of the symmetric 95 % interval of the angle, rad."""
+class Inputs(NamedTuple):
+    """28 coordinates in mm, mean and standard uncertainty, all normal and independent."""
 
-    u: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Inputs:
-    """28 coordinates in mm, `mean` and standard uncertainty `u`, all normal and independent.
-
-    Along and across the row, then along and across the column, seven each.
-    """
-
-    mean: tuple[float, ...]
-    u: tuple[float, ...]
-
-    @property
-    def names(self) -> list[str]:
-        """One for each coordinate, fit for expressions."""
-        return [f"{line}{i}" for line in ("ra", "rc", "ca", "cc") for i in range(HOLES)]
-
-    def write(self, path: Path) -> None:
-        path.write_text(json.dumps(asdict(self)))
-
-    @classmethod
-    def read(cls, path: Path) -> Inputs:
-        found = json.loads(path.read_text())
-        return cls(mean=tuple(found["mean"]), u=tuple(found["u"]))
+    mean: list[float]
+    u: list[float]
 
 
 def angle(coordinates: Sequence[Any]) -> Any:
@@ -71,19 +48,26 @@ def _sum(items: Sequence[Any]) -> Any:
     return total
 
 
-def expression(names: Sequence[str]) -> str:
-    """The same as text."""
+class Text(str):
+    """An expression that arithmetic makes a longer one of: the angle as text."""
 
-    def one(a: Sequence[str], b: Sequence[str]) -> str:
-        products = "+".join(f"{i}*{j}" for i, j in zip(a, b, strict=True))
-        squares = "+".join(f"{i}*{i}" for i in a)
-        total, other = "+".join(a), "+".join(b)
-        return (
-            f"(({products})-({total})*({other})/{HOLES})/(({squares})-({total})*({total})/{HOLES})"
-        )
+    def __mul__(self, other: object) -> Text:
+        return Text(f"{self}*{other}")
 
-    ra, rc, ca, cc = (names[i : i + HOLES] for i in range(0, 4 * HOLES, HOLES))
-    return f"-{one(ca, cc)}-{one(ra, rc)}"
+    def __add__(self, other: object) -> Text:
+        return Text(f"({self}+{other})")
+
+    def __sub__(self, other: object) -> Text:
+        return Text(f"({self}-{other})")
+
+    def __truediv__(self, other: object) -> Text:
+        return Text(f"({self})/({other})")
+
+    def __neg__(self) -> Text:
+        return Text(f"-({self})")
+
+
+EXPRESSION = str(angle([Text(name) for name in NAMES]))
 
 
 def predicted() -> tuple[Prediction, tuple[str, ...], tuple[str, ...]]:
@@ -98,8 +82,7 @@ def predicted() -> tuple[Prediction, tuple[str, ...], tuple[str, ...]]:
 
     study = paper_study()
     entry = study.part.part.orthogonality[0]
-    row = tuple(entry.row)
-    column = tuple(f"column-{name}" for name in entry.column)
+    row, column = tuple(entry.row), tuple(f"column-{name}" for name in entry.column)
     places = study.part.part.places()
     points = np.array([places[name] for name in (*entry.row, *entry.column)])
     return predict(study.model, (*row, *column), points), row, column
@@ -109,20 +92,17 @@ def made() -> Inputs:
     """The inputs for everyone, from the prediction: every error on its own, eq. (23)."""
     import numpy as np
 
-    prediction, row, column = predicted()
+    prediction, row, _ = predicted()
     at = prediction.points[:, :2] + prediction.mean.reshape(-1, 2)
     u = np.sqrt(prediction.independent_variance).reshape(-1, 2)
     n = len(row)
-    assert n == len(column) == HOLES
-
-    def in_order(values: Any) -> tuple[float, ...]:
-        lines = (values[:n, 0], values[:n, 1], values[n:, 1], values[n:, 0])
-        return tuple(float(value) for line in lines for value in line)
-
-    return Inputs(mean=in_order(at), u=in_order(u))
+    assert 2 * n == len(at) == 2 * HOLES
+    mean, spread = (
+        np.concatenate([values[:n, 0], values[:n, 1], values[n:, 1], values[n:, 0]]).tolist()
+        for values in (at, u)
+    )
+    return Inputs(mean, spread)
 
 
 if __name__ == "__main__":
-    import sys
-
-    made().write(Path(sys.argv[1]))
+    Path(sys.argv[1]).write_text(json.dumps(made()))

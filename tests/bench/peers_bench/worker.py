@@ -1,4 +1,4 @@
-"""The process of one package: reads what to do, a line of JSON each, and answers with one."""
+"""A package's process: asked a line of JSON at a time, it answers with one."""
 
 from __future__ import annotations
 
@@ -7,94 +7,111 @@ import json
 import os
 import resource
 import statistics
+import subprocess
 import sys
 import time
-from importlib import import_module
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from peers_bench.problem import Inputs
-from peers_bench.tools import Tool, tool_named
+from peers_bench.tools import OURS, TOOLS, Tool, least
 
-WARM_UP = 20_000
-"""Trials of the untimed first call: few, but as many as make `mtu` use all of its core."""
 CALLS = 11
 """Calls of first order a round at most: one alone is too short to time."""
 LONG = 0.5
 """Seconds after which no further call is made."""
+AS_THE_COMMAND = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+"""Set to 1 by the command `mtu` before anything else (`cli/process.py`): its threads run blocks."""
+ONE_THREAD = (*AS_THE_COMMAND, "OPENTURNS_NUM_THREADS", "TBB_NUM_THREADS")
+
+
+class Worker:
+    """Asks a package's process; `threads` None leaves the package its own choice."""
+
+    def __init__(self, tool: Tool, inputs: Path, threads: int | None) -> None:
+        self.tool = tool
+        limits = {} if threads is None else dict.fromkeys(ONE_THREAD, str(threads))
+        if tool.package == OURS.package:
+            limits |= dict.fromkeys(AS_THE_COMMAND, "1")
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "peers_bench.worker", tool.name, inputs, str(threads or 0)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONWARNINGS": "ignore", **limits},
+        )
+
+    def ask(self, do: str, **given: Any) -> dict[str, Any]:
+        """The answer to one request. Raises RuntimeError where the process has ended instead."""
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.write(json.dumps({"do": do, **given}) + "\n")
+        self._process.stdin.flush()
+        line = self._process.stdout.readline()
+        if not line:
+            raise RuntimeError(f"{self.tool.name} ended with {self._process.wait()} at {do!r}")
+        answer: dict[str, Any] = json.loads(line)
+        return answer
+
+    def close(self) -> None:
+        if self._process.stdin is not None:
+            self._process.stdin.close()
+        self._process.wait()
+
+
+@contextmanager
+def workers(
+    tools: Sequence[Tool], inputs: Path, threads: int | None, *, warm: bool = True
+) -> Iterator[list[Worker]]:
+    """A process for each tool; what is loaded or compiled at the first call is paid untimed."""
+    started = [Worker(tool, inputs, threads) for tool in tools]
+    try:
+        for worker in started if warm else ():
+            worker.ask("drawn" if worker.tool.draw else "first_order")
+        yield started
+    finally:
+        for worker in started:
+            worker.close()
 
 
 class Work:
     """What a package can be asked for."""
 
     def __init__(self, tool: Tool, inputs: Inputs, threads: int | None) -> None:
-        module = import_module(f"peers_bench.tools.{tool.module}")
-        self.inputs, self.threads = inputs, threads
-        self.monte_carlo = module.MONTE_CARLO.get(tool.form)
-        self.propagate = module.FIRST_ORDER.get(tool.form)
+        self.tool, self.inputs, self.threads = tool, inputs, threads
 
-    def warm_up(self) -> dict[str, Any]:
-        """Once, untimed: what is loaded or compiled at the first call is paid here."""
-        if self.monte_carlo is not None:
-            self.monte_carlo(self.inputs, WARM_UP, 1, self.threads)
-        return {}
-
-    def drawn(self, trials: int, seed: int) -> dict[str, Any]:
+    def drawn(self, trials: int = 20_000, seed: int = 1) -> dict[str, Any]:
         """One Monte Carlo from the inputs to u and the ends: elapsed and processor time."""
+        assert self.tool.draw is not None
         gc.collect()
         start, used = time.perf_counter(), time.process_time()
-        found = self.monte_carlo(self.inputs, trials, seed, self.threads)
+        found = self.tool.draw(self.tool.build(self.inputs), trials, seed, self.threads)
         seconds, cpu = time.perf_counter() - start, time.process_time() - used
-        return {"seconds": seconds, "cpu": cpu, "found": list(found)}
-
-    def scatter(self, trials: int, runs: int) -> dict[str, Any]:
-        """Results of many small runs."""
-        return {
-            "found": [
-                list(self.monte_carlo(self.inputs, trials, 1000 + seed, self.threads))
-                for seed in range(runs)
-            ]
-        }
+        return {"seconds": seconds, "cpu": cpu, "found": found}
 
     def first_order(self) -> dict[str, Any]:
-        """Value and u, and the median processor time of some calls.
+        """Value and u, and the median processor time of some calls, set-up included.
 
         Not the elapsed time: on a busy machine a long call is interrupted, a short one is not.
         """
-        found: tuple[float, float] = (0.0, 0.0)
+        assert self.tool.propagate is not None
         cpu: list[float] = []
         while len(cpu) < CALLS and sum(cpu) < LONG:
             start = time.process_time()
-            found = self.propagate(self.inputs)
+            found = self.tool.propagate(self.tool.build(self.inputs))
             cpu.append(time.process_time() - start)
-        return {"cpu": statistics.median(cpu), "found": list(found)}
+        return {"cpu": statistics.median(cpu), "found": found}
 
     def memory(self, trials: int) -> dict[str, Any]:
         """Largest memory in MiB of a run, beyond that of the process before it."""
-        before = _peak()
-        self.monte_carlo(self.inputs, trials, 1, self.threads)
-        return {"added": _peak() - before, "whole": _peak()}
-
-    def claimed(self, trials: int, runs: int) -> dict[str, Any]:
-        """Standard errors over u that `mtu` states for its own results: of u, low, high."""
-        from peers_bench.tools.with_mtu import run
-
-        errors = []
-        for seed in range(runs):
-            result = run(trials, 1000 + seed, self.threads)
-            stated = (result.se_u, result.se_low, result.se_high)
-            errors.append([float(se[0] / result.u[0]) for se in stated])
-        return {"errors": errors}
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        self.drawn(trials)
+        return {"added": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024}
 
     def least(self) -> dict[str, Any]:
-        """The fewest trials with which `mtu` uses its control variate."""
-        from peers_bench.tools.with_mtu import LEAST
-
-        return {"trials": LEAST}
-
-
-def _peak() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        return {"trials": least()}
 
 
 def main() -> None:
@@ -102,11 +119,11 @@ def main() -> None:
     # What packages print must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
-    work = Work(tool_named(name), Inputs.read(Path(path)), int(threads) or None)
+    inputs = Inputs(*json.loads(Path(path).read_text()))
+    work = Work(TOOLS[name], inputs, int(threads) or None)
     for line in sys.stdin:
         asked = json.loads(line)
-        answer = getattr(work, asked.pop("do"))(**asked)
-        answers.write(json.dumps(answer) + "\n")
+        answers.write(json.dumps(getattr(work, asked.pop("do"))(**asked)) + "\n")
         answers.flush()
 
 

@@ -16,15 +16,6 @@ from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.findings import InputError
 
 
-def test_two_degrees_of_freedom_have_no_standard_uncertainty() -> None:
-    """t of 2 degrees of freedom: 95 % interval -+4.303 u, no u; the first order stays."""
-    result = evaluated("equation: 2*x\ninputs: {x: {value: 1, u: 0.5, dof: 2}}\n")
-    assert math.isnan(result.run.u[0])
-    assert result.run.high[0] == pytest.approx(1 * 2 + 4.303, abs=0.02)
-    assert single(result).first.u == 1.0
-    assert "few-degrees-of-freedom" in codes(result)
-
-
 def test_three_readings_beside_others() -> None:
     """A t of 2 degrees of freedom among normals: no u, an interval by plain simulation."""
     text = "equation: x + y\ninputs: {x: {readings: [1, 2, 3]}, y: {value: 0, u: 1}}\n"
@@ -96,16 +87,6 @@ def test_simultaneous_readings_are_those_of_the_sum() -> None:
     assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-9)
 
 
-def test_type_b_beside_simultaneous_readings_stands_apart() -> None:
-    result = evaluated(SIMULTANEOUS.replace("UB", "0.2"))
-    output = single(result)
-    alone = single(evaluated(SIMULTANEOUS.replace("UB", "0"))).first.u
-    assert output.first.u == pytest.approx(math.hypot(alone, 0.2))
-    assert output.first.dof == pytest.approx(5 * (output.first.u / alone) ** 4)
-    expected = math.sqrt(alone**2 * 5 / 3 + 0.04)
-    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-9)
-
-
 def copula(kind: str, r: float) -> BudgetResult:
     return evaluated(
         "equations: {s: a + b, d: a - b}\n"
@@ -124,12 +105,6 @@ def test_correlated_inputs_that_are_not_normal(kind: str) -> None:
         assert output.first.u == pytest.approx(math.sqrt(u2))
     assert result.run.u[0] == pytest.approx(math.sqrt(7.4), abs=4 * result.run.se_u[0])
     assert result.run.u[1] == pytest.approx(math.sqrt(2.6), abs=4 * result.run.se_u[1])
-
-
-def test_a_correlation_that_the_distributions_cannot_have() -> None:
-    """Rectangle and normal: at most sqrt(3/pi) = 0.977."""
-    with pytest.raises(InputError, match=r"b.yaml:7: correlations: a, b cannot be"):
-        copula("rectangular", 0.99)
 
 
 def test_correlated_inputs_of_several_kinds_are_refused() -> None:
@@ -152,17 +127,6 @@ def test_correlated_inputs_of_different_degrees_of_freedom() -> None:
     assert single(result).first.dof == pytest.approx(16 * 8 / 9)
 
 
-def test_welch_satterthwaite_and_u() -> None:
-    """By hand: u^2 = 9 + 16, nu = 625 / (81/4 + 256/10) = 13.6; GUM Table G.2 has t_95 of 2.16
-    for 13 and 2.14 for 14 degrees of freedom.
-    """
-    text = "equation: a + b\ninputs: {a: {value: 0, u: 3, dof: 4}, b: {value: 0, u: 4, dof: 10}}\n"
-    output = single(evaluated(text))
-    assert output.first.dof == pytest.approx(625 / (81 / 4 + 25.6))
-    assert 2.14 < output.k < 2.16
-    assert output.expanded == pytest.approx(5 * output.k)
-
-
 def test_coverage() -> None:
     """k given in the file, by the call, or from the probability."""
     text = "equation: x\ninputs: {x: {value: 0, u: 1, dof: 10}}\n"
@@ -179,14 +143,6 @@ def test_coverage() -> None:
     far = evaluated("equation: x\ninputs: {x: {value: 0, u: 1}}\n", k=5.0, trials=20_000)
     assert (single(far).expanded, far.probability) == (5.0, 0.999)
     assert "coverage-beyond-check" in codes(far)
-
-
-def test_threads_and_seed() -> None:
-    text = "equation: x*y\ninputs: {x: {value: 1, u: 0.3, dof: 5}, y: {value: 1, u: 0.2}}\n"
-    one, two = evaluated(text, threads=1), evaluated(text, threads=2)
-    assert one.run.u[0] == two.run.u[0]
-    assert one.run.low[0] == two.run.low[0]
-    assert evaluated(text, seed=2).run.low[0] != one.run.low[0]
 
 
 def test_linear_budgets_need_few_trials() -> None:

@@ -6,7 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, sensor_names
+from synthetic_drift import (
+    REFERENCE,
+    ROUNDING,
+    UM,
+    Plan,
+    Run,
+    readings,
+    sensor_names,
+)
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
@@ -67,15 +75,6 @@ def test_coefficients_are_powers_of_the_position_in_mm() -> None:
     assert estimate.position_range == (900.0, 1300.0)
 
 
-def test_noisy_gradients_within_their_uncertainty() -> None:
-    plan = Plan(gradients=LINE, positions=PLACES)
-    for seed in range(5):
-        estimate = one(plan.read(np.random.default_rng(seed))).estimate
-        planted = np.array([LINE[0], (LINE[2] - LINE[0]) / 200]).ravel()
-        u = np.sqrt(np.diag(estimate.covariance)) / UM
-        assert (np.abs(estimate.coefficients.ravel() / UM - planted) < 5 * u).all()
-
-
 @pytest.mark.parametrize("degree", [0, 1, 2])
 def test_the_degree_in_position_is_found(degree: int) -> None:
     shape = np.array([1.0, 0.2, -0.4, 0.3])
@@ -111,13 +110,6 @@ def test_twins_are_one_group(method: str, sign: int) -> None:
     C = drift.estimate.covariance
     at = [drift.estimate.sensors.index(name) for name in ("T_01_degC", "T_03_degC")]
     assert C[at[0], at[1]] == pytest.approx(sign * C[at[0], at[0]], rel=ROUNDING)
-
-
-def test_sensors_alike_in_one_cycle_only_stay_apart() -> None:
-    plan = Plan(gradients=np.array([[4.0, 1.0, 0.0]]))
-    runs = plan.runs(np.random.default_rng(5))
-    runs[0].temperature[:, 2] = runs[0].temperature[:, 0]
-    assert one(readings(runs)).groups == ()
 
 
 def test_a_still_sensor_is_left_out() -> None:
@@ -184,17 +176,6 @@ def test_a_probe_zeroed_at_the_start_of_every_cycle(zeroed: str) -> None:
     assert drift.held_out.after == pytest.approx(free.held_out.after, rel=0.1)
 
 
-def test_a_sensor_that_differs_between_positions_alone() -> None:
-    """It moves, but never at a position: no gradient, and no number that is none."""
-    plan = Plan(gradients=LINE[:, :2], positions=PLACES)
-    runs = plan.runs(np.random.default_rng(9))
-    for k, run in enumerate(runs):
-        run.temperature[:, 1] = 20.0 + k % 3
-    found = one(readings(runs))
-    assert np.isfinite(found.estimate.coefficients).all()
-    assert found.estimate.sensors == ("T_01_degC",)
-
-
 @pytest.mark.parametrize("method", METHODS)
 def test_two_cycles_hold_nothing_out(method: str) -> None:
     plan = Plan(gradients=LINE, positions=PLACES, cycles=2, n=40)
@@ -223,22 +204,6 @@ def test_one_cycle_takes_its_degree_from_the_test(method: str, labelled: bool) -
         assert drift.model == expected
 
 
-def test_angles_are_angles() -> None:
-    plan = Plan(gradients=LINE[:1])
-    found = plan.read(np.random.default_rng(17))
-    length = thermal_fit(found, {"p": (None, "um")}, reference=REFERENCE, method="ridge")
-    angle = thermal_fit(found, {"p": (None, "arcsec")}, reference=REFERENCE, method="ridge")
-    a, b = length.components["p"], angle.components["p"]
-    assert (a.unit.name, b.unit.name) == ("um", "arcsec")
-    assert b.estimate.unit.name == "arcsec"
-    assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
-    small = thermal_fit(replace(found, error=found.error * 1e-3), {"p": (None, "arcsec")},
-                        reference=REFERENCE, method="ridge").components["p"]  # fmt: skip
-    assert small.estimate.coefficients * 1e3 == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
-    assert small.estimate.covariance * 1e6 == pytest.approx(a.estimate.covariance, rel=ROUNDING)
-    assert small.r2_fit == pytest.approx(a.r2_fit, rel=ROUNDING)
-
-
 def test_the_reference_temperature_only_moves_the_levels() -> None:
     plan = Plan(gradients=LINE, positions=PLACES, n=40)
     found = plan.read(np.random.default_rng(18))
@@ -246,16 +211,6 @@ def test_the_reference_temperature_only_moves_the_levels() -> None:
     a, b = one(found), warm.components["p"]
     assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
     assert b.estimate.covariance == pytest.approx(a.estimate.covariance, rel=ROUNDING)
-
-
-def test_curves_are_the_readings_and_the_model() -> None:
-    plan = Plan(gradients=LINE, positions=PLACES, n=40)
-    drift = one(plan.read(np.random.default_rng(20)))
-    assert len(drift.curves) == 12
-    squares = np.concatenate([curve.measured - curve.modelled for curve in drift.curves]) ** 2
-    assert np.sqrt(squares.mean()) == pytest.approx(drift.rms_after, rel=ROUNDING)
-    assert {curve.cycle for curve in drift.curves} == {"c0", "c1", "c2", "c3"}
-    assert drift.curves[0].time[0] % DAY == 0
 
 
 def few(n: int, dependent: int = 0) -> Readings:
@@ -274,17 +229,6 @@ def test_too_few_readings_for_their_sensors(n: int, dependent: int) -> None:
         one(few(n, dependent))
     assert f"{n} readings of p for the ridge model of 6 gradients" in str(error.value)
     assert "or --model stepwise: " in str(error.value)
-
-
-@pytest.mark.parametrize(("n", "dependent"), [(8, 0), (7, 1), (6, 2)])
-def test_one_reading_more_than_is_fitted(n: int, dependent: int) -> None:
-    """Sensors that depend on each other: a fit of least norm, and no claim that it is good."""
-    drift = one(few(n, dependent))
-    assert np.isfinite(drift.estimate.coefficients).all()
-    assert np.trace(drift.estimate.covariance) > (0.01 * UM) ** 2
-    assert drift.estimate.coefficient_dof == 1.0
-    assert np.isinf(drift.condition) == (dependent > 0)
-    assert drift.residuals.normality_p is None
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -8,7 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain_thermal import Table, held_out_errors
-from synthetic_drift import DAY, REFERENCE, ROUNDING, UM, Plan, Run, readings, rises
+from synthetic_drift import (
+    REFERENCE,
+    ROUNDING,
+    UM,
+    Plan,
+    Run,
+    readings,
+    rises,
+)
 
 from mtu_cli.analyses.thermal_fit import models, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift
@@ -77,14 +85,6 @@ def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     assert np.sqrt(means) == pytest.approx(np.array(by_block), rel=ROUNDING)
 
 
-@pytest.mark.parametrize(("cycles", "blocks"), [(12, 12), (13, 12), (40, 12)])
-def test_up_to_twelve_cycles_are_held_out_alone(cycles: int, blocks: int) -> None:
-    plan = replace(PLANS["weak"], cycles=cycles, n=3, positions=(0.0,), gradients=np.ones((1, 2)))
-    held_out = one(plan.read(np.random.default_rng(35)), "ridge").held_out
-    assert held_out is not None
-    assert (held_out.blocks, len(held_out.cycles)) == (blocks, cycles)
-
-
 def test_errors_without_temperature_and_of_ordinary_least_squares() -> None:
     found = PLANS["weak"].read(np.random.default_rng(32))
     rows = table(found)
@@ -149,14 +149,14 @@ def false_alarms(draws: int, **changes: object) -> float:
 
 
 def test_false_alarms_of_the_test_of_position() -> None:
-    draws = 400
+    draws = 200
     rate = false_alarms(draws)
     assert abs(rate - 0.05) < 4 * np.sqrt(0.05 * 0.95 / draws)
 
 
 def test_false_alarms_where_readings_follow_each_other() -> None:
     """The autocorrelation is estimated from the residuals, a little too low: near 5 %, not 50 %."""
-    draws = 300
+    draws = 120
     rate = false_alarms(draws, noise_memory=0.8, n=300)
     assert rate < 0.10 + 4 * np.sqrt(0.1 * 0.9 / draws)
 
@@ -195,62 +195,10 @@ def test_time_constants_on_the_grid_are_found(method: str, constants: tuple[floa
     assert np.sqrt(np.mean(residual**2)) == pytest.approx(drift.rms_after, rel=ROUNDING)
 
 
-def test_a_lag_that_is_found_pays_on_held_out_cycles() -> None:
-    found = lagged_plan((32.0,), 34)
-    with_lags, without = one(found, "lagged").held_out, one(found, "ridge").held_out
-    assert with_lags is not None
-    assert without is not None
-    # The noise of 384 readings; what a fit of 288 with 2 coefficients adds is a tenth of its error.
-    error = 1 / np.sqrt(2 * len(found))
-    assert with_lags.after / UM == pytest.approx(0.1, rel=5 * error)
-    assert without.after > (1 + 5 * np.sqrt(2) * error) * with_lags.after
-
-
 def test_no_lag_is_found_where_there_is_none() -> None:
     drift = one(lagged_plan((0.0, 0.0, 0.0), 35), "lagged")
     assert (drift.estimate.time_constants == 0).all()
     assert drift.model == "ridge"
-
-
-@pytest.mark.parametrize(
-    ("method", "lag", "cycles", "told"),
-    [
-        ("lagged", 0.0, 4, True),
-        ("lagged", 0.0, 2, True),
-        ("lagged", 0.0, 1, False),
-        ("lagged", 32.0, 4, False),
-        ("ridge", 0.0, 4, False),
-        ("auto", 0.0, 4, False),
-    ],
-)
-def test_who_asks_for_lags_is_told_that_none_is_found(
-    method: str, lag: float, cycles: int, told: bool
-) -> None:
-    found = lagged_plan((lag,), 35, cycles)
-    result = thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
-    drift = result.components["p"]
-    reasons = [
-        item.facts["reason"] for item in result.warnings if item.code == "no-effect-of-temperature"
-    ]
-    assert sum("no time constant" in reason for reason in reasons) == told
-    assert drift.model == ("lagged" if lag else drift.model)
-
-
-def test_cycles_that_each_count_from_0() -> None:
-    """Each starts settled; the same where the next one begins a day later."""
-    found = lagged_plan((32.0,), 36)
-    restarted = replace(found, time_min=found.time_min - DAY * found.cycle)
-    a, b = one(found, "lagged").estimate, one(restarted, "lagged").estimate
-    assert b.time_constants == pytest.approx(a.time_constants, rel=ROUNDING)
-    # Between cycles the temperature is a line: where the next one starts its lag is that line's
-    # slope times tau behind, which fades with tau. By Cauchy and Schwarz a slope is wrong by the
-    # ratio of the root mean squares of the two at most.
-    T = rises(found, 1)[:, 0].reshape(4, -1)
-    time = found.time_min.reshape(4, -1)
-    behind = 32.0 * np.diff(T[[0, 1]].ravel()[95:97]) / (time[1, 0] - time[0, -1])
-    fading = np.abs(behind) * np.exp(-(time[0] - time[0, 0]) / 32.0)
-    share = np.sqrt(np.mean(fading**2) / np.mean((T - T.mean()) ** 2))
-    assert b.coefficients == pytest.approx(a.coefficients, rel=float(share))
 
 
 def test_lags_need_times() -> None:

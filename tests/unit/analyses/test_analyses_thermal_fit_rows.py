@@ -76,25 +76,6 @@ def test_temperatures_that_are_missing() -> None:
         fitted(replace(found, covariates={"room": np.zeros(len(found))}))
 
 
-def test_columns_that_are_no_sensors_are_told() -> None:
-    found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
-    assert fitted(found).not_used == ()
-    more = {"load": np.zeros(len(found)), "operator": np.full(len(found), "a", object)}
-    again = fitted(replace(found, covariates=more | found.covariates))
-    assert again.not_used == ("load", "operator")
-    assert set(again.sensors) == set(found.covariates)
-
-
-@pytest.mark.parametrize("value", [1010.0, -1010.0, np.inf, -np.inf])
-def test_temperatures_that_no_sensor_reads(value: float) -> None:
-    found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
-    found.covariates["T_02_degC"][[5, 9]] = value
-    with pytest.raises(InputError) as raised:
-        fitted(found)
-    found_at = [(p.row, p.column, p.value) for p in raised.value.findings]
-    assert found_at == [(7, "T_02_degC", f"{value:g}"), (11, "T_02_degC", f"{value:g}")]
-
-
 @pytest.mark.parametrize("value", SENSOR_DEGC)
 def test_the_bound_is_that_of_temperatures_not_of_rises(value: float) -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
@@ -131,46 +112,6 @@ def test_the_degree_in_position_of_a_drift_that_lags() -> None:
     assert drift.rms_after / UM == pytest.approx(0.1, rel=5 / np.sqrt(2 * drift.n))
 
 
-def test_rows_in_another_order_than_their_times() -> None:
-    found = grown("p")
-    order = np.random.default_rng(30).permutation(len(found))
-    a, b = one(found, "auto"), one(reordered(found, order), "auto")
-    assert b.estimate.coefficients == pytest.approx(a.estimate.coefficients, rel=ROUNDING)
-    assert b.estimate.leftover == pytest.approx(a.estimate.leftover, rel=ROUNDING)
-    assert b.residuals.lag1 == pytest.approx(a.residuals.lag1, rel=ROUNDING)
-    assert (b.model, b.estimate.time_constants.tolist()) == ("lagged", [32.0])
-    # Without lags their autocorrelation needs the order of time all the same.
-    a, b = one(found, "stepwise"), one(reordered(found, order), "stepwise")
-    assert b.residuals.lag1 == pytest.approx(a.residuals.lag1, rel=ROUNDING)
-    # Independent residuals would have one of 0 with the standard error 1/sqrt(n).
-    assert a.residuals.lag1 > 5 / np.sqrt(a.n)
-
-
-def test_several_readings_of_one_moment() -> None:
-    """They are one sample of the temperature, not the start of a new run."""
-    drift = one(grown("p", 2), "lagged")
-    assert drift.estimate.time_constants == pytest.approx([32.0], rel=ROUNDING)
-    # The standard error of a standard deviation of n is its 1/sqrt(2 n).
-    assert drift.rms_after / UM == pytest.approx(0.1, rel=5 / np.sqrt(2 * drift.n))
-
-
-def test_without_a_machine_the_unit_is_that_of_the_readings() -> None:
-    found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(31))
-    for dimension, unit in ((1, "um"), (0, "arcsec")):
-        of_kind = replace(found, dimension=np.full(len(found), dimension, np.int8))
-        own = thermal_fit(of_kind, None, reference=REFERENCE, method="ridge")
-        assert own.components["p"].unit.name == unit
-        assert own.components["p"].estimate.unit.name == unit
-
-
-def test_lags_asked_for_with_one_cycle() -> None:
-    plan = Plan(gradients=LINE[:1], cycles=1)
-    found = fitted(plan.read(np.random.default_rng(32)), "lagged")
-    assert found.components["p"].model == "ridge"
-    (warned,) = [item for item in found.warnings if item.code == "no-effect-of-temperature"]
-    assert "lags are chosen on held-out cycles, and there is one" in warned.message
-
-
 @pytest.mark.parametrize("value", [0.0, 3.0, 0.1])
 def test_readings_that_do_not_differ(value: float) -> None:
     """No sensor explains rounding, and no figure is made of it."""
@@ -184,16 +125,3 @@ def test_readings_that_do_not_differ(value: float) -> None:
     codes = [item.code for item in result.warnings]
     assert "no-effect-of-temperature" in codes
     assert "no-better" not in codes
-
-
-def test_cycles_of_one_name_in_two_files() -> None:
-    found = Plan(gradients=LINE[:1]).read(np.random.default_rng(34))
-    two = replace(
-        found,
-        file_index=np.arange(len(found)) % 2,
-        sources=(found.sources[0], replace(found.sources[0], shown="e.csv")),
-        roles=("drift", "drift"),
-    )
-    (warned,) = [w for w in fitted(two).warnings if w.code == "order-of-cycles"]
-    assert "p: cycle 'c0' is in d.csv and e.csv" in warned.message
-    assert "order-of-cycles" not in [w.code for w in fitted(found).warnings]

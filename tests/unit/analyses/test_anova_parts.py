@@ -8,7 +8,12 @@ from pathlib import Path
 import measured_examples
 import numpy as np
 import pytest
-from measured_examples import part_file, planted_and_clean, points, study, with_measured
+from measured_examples import (
+    part_file,
+    points,
+    study,
+    with_measured,
+)
 from scipy.stats import ncx2
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
@@ -158,31 +163,6 @@ def test_a_shifted_part_and_a_shifted_feature_are_named() -> None:
         assert beyond == sorted(names, key=found.parts.index)
 
 
-@pytest.mark.parametrize(("size", "why"), [(0.5, "single"), (5.0, "single"), (5.0, "distance")])
-def test_the_others_are_stated_without_the_outlier(size: float, why: str) -> None:
-    """Neither their mean nor their scatter is pulled by it, however far off it is."""
-    found = study(21, 2, 4)
-    rows, measured = found.part == 3, found.measured.copy()
-    if why == "single":
-        rows &= found.feature == 1
-    measured[rows, 1] += size
-    (item,) = analysed(with_measured(found, measured)).unusual or ()
-    errors = measured[:, 1] - found.nominal[:, 1]
-    means = np.array(
-        [[errors[(found.part == p) & (found.feature == f)].mean() for f in range(3)]
-         for p in range(21)]
-    )  # fmt: skip
-    off = means - np.delete(means, 3, axis=0).mean(axis=0)
-    each = {
-        "single": off[:, 1],
-        "mean": off.mean(axis=1),
-        "distance": np.sqrt((off**2).mean(axis=1)),
-    }[item.why]
-    assert (item.part, item.where[2], item.why == "single") == ("P3", "y", bool(item.where[1]))
-    assert item.deviation == pytest.approx(each[3], rel=1e-9)
-    assert item.typical == pytest.approx(np.sqrt((np.delete(each, 3) ** 2).mean()), rel=1e-9)
-
-
 def test_unequal_repeats_are_scaled_before_they_are_compared(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -246,16 +226,6 @@ def test_no_repeats_one_part_and_empty_cells() -> None:
     assert gaps.features.one_way.parts.tolist().count(7) == 2
 
 
-def test_warnings_name_the_kind_of_table(tmp_path: Path) -> None:
-    """Features have repeats, and one length lacks them: b was measured once in each part."""
-    found = study(8, 2, 1)
-    few = _rows(found, ~((found.feature == 1) & (found.repeat == 1)))
-    result = analyse_variance(few, part_file(tmp_path), "reml", SETTINGS)
-    assert [item.facts["items"] for item in result.warnings if item.code == "no-repeats"] == [
-        "2 of 6 features and axes", "1 of 2 lengths", "all right angles",
-    ]  # fmt: skip
-
-
 def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     """One offset and turn of all features: said, and taken out by a datum."""
     places = {f"h{i}": (40.0 * (i % 4), 30.0 * (i // 4)) for i in range(12)}
@@ -272,43 +242,6 @@ def test_set_up_by_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     rms = np.sqrt((loose.features.one_way.mean**2).sum() / 21)
     assert rms == pytest.approx(0.003, rel=4 / np.sqrt(2 * 21))
     assert len(loose.maps[0].ids) == 12
-
-
-def test_repeats_without_scatter() -> None:
-    found = study(8, 1, 1)
-    rows = [
-        (found.parts[p], found.features[f], r, *(m - n)[:2])
-        for p, f, m, n in zip(found.part, found.feature, found.measured, found.nominal, strict=True)
-        for r in (1, 2)
-    ]
-    result = analysed(points(rows))
-    assert codes(result) == ["not-estimable"]
-    one = result.features
-    assert np.isnan(one.one_way.F).all()
-    assert (one.components.repeat == 0).all()
-    assert np.isfinite(one.u_future).all()
-    assert (one.interval[:, 0] > 0).all()
-
-
-def test_totals() -> None:
-    found = study(21, 2, 3, 0.01, 0.005)
-    result = analysed(found)
-    x, y = result.totals
-    assert (x.axis, y.axis, x.features, x.tested) == ("x", "y", 3, 3)
-    rows = [0, 1, 2]
-    assert x.part == pytest.approx(result.features.components.part[rows].mean())
-    assert x.repeat_share == pytest.approx(x.repeat / (x.part + x.repeat))
-    assert abs(x.largest) == np.abs(result.features.one_way.mean[rows]).max()
-
-
-def test_planted_parts_are_found_and_a_clean_study_is_silent(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Parts, features and trends together; tests/bench has more runs of it."""
-    monkeypatch.setattr(rotation, "ROTATIONS", 199)
-    found, alarms = planted_and_clean(part_file(tmp_path), 100)
-    assert found >= 0.95
-    assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / 100)
 
 
 def rounded(found: Points, step: float) -> Points:

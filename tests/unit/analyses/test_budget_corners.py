@@ -38,16 +38,6 @@ def test_fully_correlated_shapes_cancel(entry: str, equation: str, r: float) -> 
     assert "validation-failed" not in codes(result)
 
 
-def test_a_sum_of_fully_correlated_rectangles_is_a_rectangle() -> None:
-    """x + 2 y of one rectangle: half-width 3, u = sqrt(3), ends at 3 +- 2.85."""
-    entry = "half_width: 1, distribution: rectangular"
-    result = evaluated(pair("x + 2*y", entry, entry, 1.0), trials=400_000)
-    run = result.run
-    assert run.u[0] == pytest.approx(math.sqrt(3), abs=4 * run.se_u[0])
-    assert run.low[0] == pytest.approx(0.15, abs=4 * run.se_low[0])
-    assert run.high[0] == pytest.approx(5.85, abs=4 * run.se_high[0])
-
-
 def test_a_coefficient_that_cannot_be_had_is_refused() -> None:
     """And one that just can be is not altered: a normal beside a rectangle, at most sqrt(3/pi)."""
     first, most = "half_width: 1, distribution: rectangular", math.sqrt(3 / math.pi)
@@ -122,15 +112,3 @@ def test_first_order_of_a_step_is_not_valid() -> None:
     # Where no trial differs there is nothing that first order misses.
     sure = evaluated(text.replace("10.0035", "11"), trials=10_000)
     assert sure.outputs[0].validation.passed is True
-
-
-def test_a_second_order_variance_below_0_is_said_to_give_no_u() -> None:
-    """Near 0 the root of a sum of squares has a value to the second order and no u."""
-    text = (
-        "equation: sqrt(x**2 + y**2)\ninputs:\n  x: {value: 0.002, u: 0.003}\n"
-        "  y: {value: 0.001, u: 0.003}\ncorrelations: [[x, y, 0.6]]\n"
-    )
-    result = evaluated(text)
-    assert math.isnan(single(result).first.second_u)
-    (told,) = (item for item in result.warnings if item.code == "second-order")
-    assert told.facts["u"].startswith("the variance below 0")

@@ -54,22 +54,6 @@ def test_correlated_inputs_of_several_contributions_agree() -> None:
     assert single(result).validation.passed is True
 
 
-def test_the_shortest_interval_is_not_the_symmetric_one() -> None:
-    """Peers print the symmetric interval under the name of the shortest.
-
-    exp(x) with x normal, u = 0.5: the shortest of lognormal densities has equal density at both
-    ends, so that its logarithms a < b meet a^2/2 + s a = b^2/2 + s b in standard units.
-    """
-    result = evaluated("equation: exp(x)\ninputs: {x: {value: 0, u: 0.5}}\n", trials=1_000_000)
-    run = result.run
-    low, high = math.log(run.shortest_low[0]) / 0.5, math.log(run.shortest_high[0]) / 0.5
-    density = [-0.5 * z * z - 0.5 * z for z in (low, high)]
-    assert density[0] == pytest.approx(density[1], abs=0.05)
-    assert run.high[0] - run.low[0] > 1.1 * (run.shortest_high[0] - run.shortest_low[0])
-    assert math.log(run.low[0]) / 0.5 == pytest.approx(-1.96, abs=0.01)
-    assert math.log(run.high[0]) / 0.5 == pytest.approx(1.96, abs=0.01)
-
-
 @pytest.mark.parametrize(
     ("entry", "second", "mean"),
     [
@@ -102,11 +86,6 @@ def test_samples_that_are_not_finite_are_an_error() -> None:
     assert (found.code, found.line, found.path) == ("no-finite-value", 3, "equation")
 
 
-def test_a_value_that_is_not_finite_is_an_error() -> None:
-    with pytest.raises(InputError, match=r"b.yaml:3: equation: '/' has no finite value"):
-        evaluated("equation: a/b\ninputs: {a: {value: 0, u: 1}, b: {value: 0, u: 1}}\n")
-
-
 def test_a_correlation_matrix_that_cannot_be_is_never_altered() -> None:
     """Peers alter or never check it (uncertainties issues 101 and 95).
 
@@ -121,24 +100,3 @@ def test_a_correlation_matrix_that_cannot_be_is_never_altered() -> None:
     assert "smallest eigenvalue of the correlation matrix is -0.8" in text
     for pair in ("a-b -0.9", "b-c -0.9", "a-c -0.9"):
         assert pair in text
-
-
-def test_perfect_correlation_is_one_source() -> None:
-    result = evaluated(
-        "equation: a - b\ninputs: {a: {value: 3, u: 1}, b: {value: 1, u: 1}}\n"
-        "correlations: [[a, b, 1]]\n"
-    )
-    assert single(result).first.u == pytest.approx(0.0, abs=1e-7)
-    assert result.run.high[0] - result.run.low[0] == pytest.approx(0.0, abs=1e-6)
-
-
-def test_the_count_adapts_to_the_digits() -> None:
-    """Peers run a fixed count (7.9 of JCGM 101 is implemented by none tabulated)."""
-    text = "equation: x + x**2\ninputs: {x: {value: 0, u: 0.2}}\n"
-    coarse, fine = evaluated(text, digits=2), evaluated(text, digits=3)
-    assert coarse.run.trials < fine.run.trials
-    # u = 0.21: half a unit of its second and of its third digit.
-    for result, digit in ((coarse, 0.005), (fine, 0.0005)):
-        assert result.converged
-        errors = [result.run.se_mean, result.run.se_u, result.run.se_low, result.run.se_high]
-        assert 2 * max(float(value[0]) for value in errors) <= digit

@@ -6,11 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from budget_examples import codes, evaluated, loaded
+from budget_examples import codes, evaluated
 
-from mtu_cli.analyses.budget.first_order import first_order
-from mtu_cli.analyses.budget.inputs import inputs_of
-from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.findings import InputError
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.distributions import Distribution
@@ -39,20 +36,6 @@ def test_correlated_inputs_of_equal_degrees_of_freedom_are_a_multivariate_t() ->
         )
 
 
-def test_few_trials_leave_out_the_control_they_cannot_use() -> None:
-    """The same random numbers and the same values, with the first-order form or without."""
-    budget = loaded("equation: a*b\ninputs: {a: {value: 1, u: 0.3, dof: 5}, b: {value: 2, u: 1}}\n")
-    inputs = inputs_of(budget)
-    first = first_order(budget, inputs)
-    drawn = [
-        BudgetTrials(budget.trees, inputs, first, controlled).draw(np.random.default_rng(1), 1000)
-        for controlled in (True, False)
-    ]
-    assert np.array_equal(drawn[0].values, drawn[1].values)
-    assert drawn[0].linear is not None
-    assert drawn[1].linear is None
-
-
 ONE = "equation: {equation}\ninputs:\n  a: {{value: {value}, u: {u}}}\n"
 
 
@@ -61,15 +44,6 @@ def test_an_overflow_beside_finite_estimates_is_one_message() -> None:
     """exp(700) is finite, exp(710) is not."""
     with pytest.raises(InputError, match=r"b.yaml:3: equation: 'y' has no finite value in"):
         evaluated(ONE.format(equation="exp(a)", value="700.0", u="50.0"))
-
-
-@pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_without_a_standard_error_nothing_has_converged() -> None:
-    """exp of a normal of sd 100: the fourth powers of the trials overflow."""
-    result = evaluated(ONE.format(equation="exp(a)", value="0.0", u="100.0"), trials=100_000)
-    assert not math.isfinite(result.run.se_u[0])
-    assert not result.converged
-    assert {"not-converged", "heavy-tails"} <= codes(result)
 
 
 def test_a_ratio_whose_divisor_may_be_0_has_no_u() -> None:

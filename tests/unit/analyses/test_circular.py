@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 from circle_examples import Causes, made
 
-from mtu_cli.analyses.circular import TERMS, CircularResult, diagnose, terms
+from mtu_cli.analyses.circular import (
+    CircularResult,
+    diagnose,
+)
 from mtu_cli.files.traces import Traces
 
 NONE = (0.0, 0.0)
@@ -78,15 +81,6 @@ def test_without_a_feed_there_is_no_servo_time() -> None:
     assert [x.facts["names"] for x in result.warnings] == [["servo-mismatch"]]
 
 
-def test_a_wrong_feed_gives_a_wrong_time_and_different_feeds_are_used() -> None:
-    right = made(Causes())
-    wrong = replace(right, traces=tuple(replace(t, feed=4000.0) for t in right.traces))
-    assert values(diagnose(wrong))["servo-mismatch"] == pytest.approx(0.25, abs=1e-3)
-    slow = made(Causes(feed=500.0), ways="cw")
-    both = replace(right, traces=(right.traces[0], slow.traces[0]))
-    assert values(diagnose(both)) == pytest.approx(Causes().expected(), abs=1e-3)
-
-
 def test_figures_of_a_trace_are_those_of_its_circle() -> None:
     """Of an ellipse alone G is its range, about whatever centre; F is about the given one."""
     none = Causes(centre=(0.02, 0.0), scale=(1e-4, -1e-4), lean=0, lag=NONE, backlash=NONE,
@@ -98,17 +92,6 @@ def test_figures_of_a_trace_are_those_of_its_circle() -> None:
     assert (first.centre_a, first.centre_b) == pytest.approx((0.02, 0.0), abs=1e-9)
     assert result.G_bidirectional == pytest.approx(first.G_lsc)
     assert pytest.approx(0.0, abs=1e-9) == result.D
-
-
-def test_the_share_of_lost_motion_in_sin_2t_is_that_of_theory() -> None:
-    """0.424 b of a, -0.424 b of b, which flips with the direction as servo lag does."""
-    t = np.linspace(0, 2 * np.pi, 100_000, endpoint=False)
-    for sign in (1, -1):
-        columns = terms(t, sign)
-        share = 2 * np.mean(columns * np.sin(2 * t)[:, None], axis=0)
-        of = dict(zip(TERMS, share.tolist(), strict=True))
-        assert of["backlash-a"] == pytest.approx(sign * 0.4244, abs=1e-4)
-        assert of["backlash-b"] == pytest.approx(-sign * 0.4244, abs=1e-4)
 
 
 def test_correlated_samples_are_worth_fewer() -> None:

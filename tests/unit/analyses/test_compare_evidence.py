@@ -195,18 +195,6 @@ def test_every_fault_is_told_and_the_gravest_named() -> None:
     )  # fmt: skip
 
 
-def test_scatter_that_is_known_explains_the_mean_of_few_parts() -> None:
-    found, _ = judged(many([1e-9, 1e-9, 1], [1, 1e-9, 1], [1, 9, 1], parts=4), None)
-    assert answers(found) == [
-        (True, False, False),
-        (False, True, False),
-        (False, False, False),
-    ]
-    assert found.verdicts == ("biased", "under-predicted", "consistent")
-    enough, _ = judged(many([1e-9], [1e-9], [9], parts=5), None)
-    assert enough.biased == (True,)
-
-
 def test_one_family_of_all_tests() -> None:
     """0.05/8: four items, two of each kind, with two tests each."""
     just, over = 0.05 / 8 * 0.999, 0.05 / 8 * 1.001
@@ -220,9 +208,3 @@ def test_one_family_of_all_tests() -> None:
     last = judged(features, lengths)[1]
     assert last is not None
     assert last.verdicts == ("under-predicted", "consistent")
-
-
-def test_more_scatter_is_a_finding_whatever_made_it() -> None:
-    wide = tables([-90.0], [90.0], [-80.0], [85.0], [3.0], [-70.0])
-    found, _ = judged(evidence(wide, predicted(dof=(np.inf, np.inf)), K), None)
-    assert found.verdicts == ("under-predicted",)

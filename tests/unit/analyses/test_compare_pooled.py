@@ -117,17 +117,3 @@ def test_scatter_that_no_feature_shows_is_found_in_all() -> None:
     entry = document(result).record()["summary"]["features"][0]["all_at_once"]
     assert (entry["verdict"], entry["items"]) == ("under-predicted", 48)
     assert entry["ratio_scatter"] == own.ratio
-
-
-def test_what_single_features_show_is_not_stated_of_all() -> None:
-    """One feature that is ten times as loose makes a mean of all that is too large."""
-    _, truth, part = study()
-    points = made(truth, part, 1_000_004)
-    apart = loose(points, 10.0)
-    one = points.feature == points.feature[0]
-    mixed = replace(points, measured=np.where(one[:, None], apart.measured, points.measured))
-    result = compare(fitted(30, 4), part, mixed, Settings())
-    (own,) = result.features.pooled
-    assert any(result.features.under_predicted)
-    assert own.verdict == "under-predicted"
-    assert result.feature_summaries[0].pooled_fault is None

@@ -64,21 +64,6 @@ def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None
     assert "row 12, column 'T_scale_degC': not a number: 'warm'" in message
 
 
-def test_a_temperature_of_the_ring_that_nobody_gives(tmp_path: Path) -> None:
-    _, measured, temperature = rings(1)
-    part = ring_part(
-        tmp_path, calibrated_mm="{20: 180.0124, 26: 180.0137}", temperature="T_rings_degC"
-    )
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
-        "T_scale_degC": temperature,
-        "T_ring_degC": temperature,
-    }
-    (message,) = refused(machine(tmp_path), part, ring_points(measured, ["a"], None, own))
-    assert "part.yaml:" in message
-    assert "circles[0].temperature: " in message
-    assert "(there is 'T_ring_degC')" in message
-
-
 def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
     true, _, temperature = rings(2)
     model, part = machine(tmp_path), ring_part(tmp_path)
@@ -89,26 +74,6 @@ def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
         "cmm.csv, row 13: too little data: no circle goes through the points of 'ring', part 'b'"
     )
     assert "the points lie on a line" in message
-
-
-def test_a_ring_is_looked_at_as_it_is_measured(tmp_path: Path) -> None:
-    """Of an upright ring z is needed: measured without it, it is a line that bends by chance."""
-    _, measured, temperature = rings(1)
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
-    model, part = machine(tmp_path), ring_part(tmp_path)
-    points = ring_points(measured, ["a"], None, own)
-    nominal = points.nominal
-    upright = np.stack([nominal[:, 0], np.full(11, 180.0), 100.0 + nominal[:, 1] - 180.0], axis=1)
-    seen_by = upright + np.random.default_rng(3).normal(0.0, 1e-4, upright.shape)
-    flat, bent = seen_by.copy(), seen_by.copy()
-    bent[:, 1] += 1e-6 * (seen_by[:, 0] - 200.0) ** 2
-    flat[:, 2] = bent[:, 2] = np.nan
-    found = correct(model, part, replace(points, nominal=upright, measured=seen_by), SETTINGS)
-    assert found.sizes[0].size[0] == pytest.approx(180.0, abs=1e-3)
-    for without, why in ((flat, "lie on a line"), (bent, "the points hardly bend")):
-        (refusal,) = refused(model, part, replace(points, nominal=upright, measured=without))
-        assert why in refusal
-        assert refusal.endswith("expected points of its features all around it")
 
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
@@ -140,18 +105,6 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-scatter-known"]
 
 
-def test_repeats_are_no_parts_of_their_own(tmp_path: Path) -> None:
-    _, measured, temperature = rings(3)
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
-    points = ring_points(measured, ["a", "a", "b"], [1, 2, 1], own)
-    part = ring_part(tmp_path, "lengths: [{from: r0, to: r5}]\n")
-    names = (*points.features[:5], "other", *points.features[6:])
-    found = correct(machine(tmp_path), part, replace(points, features=names), SETTINGS)
-    facts = [item.facts for item in found.warnings if item.code == "not-measured"]
-    assert [each["measurements"] for each in facts] == [3, 3]
-    assert all("2 parts" in each["reason"] for each in facts)
-
-
 @pytest.mark.parametrize("calibrated", ["{20: 180.0}", "180.0"])
 def test_a_calibration_whose_temperature_nobody_gives(tmp_path: Path, calibrated: str) -> None:
     _, measured, temperature = rings(1)
@@ -160,19 +113,6 @@ def test_a_calibration_whose_temperature_nobody_gives(tmp_path: Path, calibrated
     part = ring_part(tmp_path, calibrated_mm=calibrated, temperature="T_scal_degC")
     (message,) = refused(machine(tmp_path), part, points)
     assert "(there is 'T_scale_degC'), or --at T_scal_degC=VALUE" in message
-
-
-def test_points_of_which_nothing_can_be_corrected(tmp_path: Path) -> None:
-    _, measured, _ = rings(1)
-    model = stated(
-        tmp_path,
-        """\
-        components: {s: {of: x, unit: um, coefficients: [0, 0.1], u_future: 0.6}}
-        equations: {Ez: s}
-        """,
-    )
-    (message,) = refused(model, None, ring_points(measured, ["a"]))
-    assert "cmm.csv, column 'z_mm': the machine 'm' has equations for z" in message
 
 
 @pytest.mark.parametrize(

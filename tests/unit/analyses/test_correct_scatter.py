@@ -30,12 +30,10 @@ from mtu_cli.analyses.correct.scatter import (
     Squares,
     _estimate,
     forms_left,
-    ring_squares,
     unexplained,
 )
 from mtu_cli.model.geometry import fit_circle
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.coverage import welch_satterthwaite
 
 Floats = NDArray[np.float64]
 NOISE = 1e-3
@@ -83,36 +81,6 @@ def test_unlike_squares_give_the_largest_likelihood() -> None:
     # A minimum is flat: its place is found to some roots of the rounding of its value.
     place = 10 * np.sqrt(np.finfo(float).eps)
     assert found.variance == pytest.approx(best.x * 1e-6, rel=place)
-
-
-def test_directions_of_a_ring_leave_out_centre_and_radius() -> None:
-    """Without a model the squares are the residuals' sums; modelled form is taken off."""
-    rng = np.random.default_rng(4)
-    points = ring_places()[:, :2] + 1e-3 * rng.standard_normal((11, 2))
-    round_one = ring(points)
-    plain = ring_squares(round_one)
-    assert plain is not None
-    assert len(plain.sums) == 8
-    # The residuals are orthogonal to centre and radius at the minimum.
-    assert plain.sums.sum() == pytest.approx((round_one.residuals**2).sum(), rel=ROUNDING)
-    away = round_one.away
-    oval = np.cos(2 * np.arctan2(away[:, 1], away[:, 0]))
-    modelled = ring_squares(ring(points, 7e-6 * np.outer(oval, oval)))
-    assert modelled is not None
-    # One direction, with what least squares leaves of it.
-    X = np.column_stack([away[:, :2], np.ones(11)])
-    left = oval - X @ np.linalg.lstsq(X, oval, rcond=None)[0]
-    assert modelled.modelled.max() == pytest.approx(7e-6 * left @ left)
-    assert np.sort(modelled.modelled)[:-1] == pytest.approx(np.zeros(7), abs=7e-6 * ROUNDING)
-    assert ring_squares(ring(points[:3])) is None
-
-
-def test_u_and_dof_are_those_of_a_sum_of_variances() -> None:
-    found = PointScatter(variance=4e-6, spread=16e-12 / 8, dof=8, origin="form")
-    u, dof = found.added(np.array([1e-3, 2e-3]), np.array([5.0, np.inf]), 0.5)
-    assert u**2 == pytest.approx([3e-6, 6e-6])
-    assert dof[0] == pytest.approx(welch_satterthwaite(np.array([1.0, 2.0]), np.array([5.0, 8.0])))
-    assert dof[1] == pytest.approx(8 * 9)
 
 
 @pytest.mark.parametrize("repeats", [1, 2])

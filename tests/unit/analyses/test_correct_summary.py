@@ -18,7 +18,10 @@ from correct_examples import (
     seen,
 )
 
-from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.analyses.correct import (
+    CorrectResult,
+    correct,
+)
 from mtu_cli.model.settings import Settings
 
 
@@ -55,10 +58,3 @@ def test_means_by_feature_and_the_largest_correction(tmp_path: Path) -> None:
     largest, axis = result.largest
     assert axis == "xy"[int(np.nanargmax(np.nanmax(np.abs(result.error[:, :2]), axis=0)))]
     assert largest == np.nanmax(np.abs(result.error))
-
-
-def test_an_error_of_exactly_nothing_is_not_reduced(result: CorrectResult) -> None:
-    size = result.sizes[0]
-    exact = replace(result, sizes=(replace(size, reference=size.size[0], u=0.0),))
-    (found,) = exact.warnings
-    assert found.facts["quantity"] == "reduction_percent"

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.analyses.correct.rows import REACH
-from mtu_cli.files.points import Points
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.machine_model import MachineModel, drift_terms
 from mtu_cli.model.settings import Settings
@@ -105,23 +104,3 @@ def test_a_shared_reading_is_wrong_by_the_same_for_all_points_of_a_ring(tmp_path
     turned = np.nanmax(np.abs(without.error)) / 90
     of_noise = machine_u(apart) ** 2 - machine_u(without) ** 2
     assert of_noise == pytest.approx(4 / 11 * 0.001**2, rel=2 * turned)
-
-
-def lagging_points(times: list[float], temperatures: list[float]) -> Points:
-    """Two rings, each of 11 points at its times and temperatures."""
-    own: Columns = {
-        "T_scale_degC": np.full(22, 20.0), "T_a_degC": np.repeat(temperatures, 11)
-    }  # fmt: skip
-    time = np.concatenate([start + 2.0 * np.arange(11) for start in times])
-    return ring_points(np.tile(ring_places(), (2, 1)), ["a", "b"], None, own, time=time)
-
-
-def test_unlike_rows_do_not_change_what_the_noise_of_a_lag_does(tmp_path: Path) -> None:
-    """Rows a day later are no part of a ring's history, before or behind it in the file."""
-    model, part = lagging(machine(tmp_path), (40.0, 15.0), sensor_u=0.5), ring_part(tmp_path)
-    two = correct(model, part, lagging_points([0.0, 1440.0], [20.0, 20.01]), SETTINGS)
-    other = correct(model, part, lagging_points([0.0, 2880.0], [20.0, 20.01]), SETTINGS)
-    assert two.u[:11] == pytest.approx(other.u[:11], rel=ROUNDING, nan_ok=True)
-    # Temperatures are lines between readings: the first one after a night has tau/dt of the last.
-    for found in (two, other):
-        assert found.u[11:] == pytest.approx(found.u[:11], rel=40 / 1440, nan_ok=True)

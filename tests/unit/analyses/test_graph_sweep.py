@@ -11,7 +11,9 @@ import pytest
 from graph_examples import graph_of, shipped
 
 from mtu_cli.analyses.graph.simulate import simulate_graph
-from mtu_cli.analyses.graph.sweep import fit_formula, sweep_graph
+from mtu_cli.analyses.graph.sweep import (
+    sweep_graph,
+)
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
@@ -42,24 +44,9 @@ def test_other_sources_are_a_constant_of_the_formula() -> None:
     assert swept.grid[1].at == {"axis_um": 0.5, "probe_um": 0.5, "repeats": 4}
 
 
-def test_a_grid_of_one_value_has_no_formula() -> None:
-    swept = sweep_graph(shipped("ball-centre"), Settings(trials=2000), "P1.x", {"axis_um": [1.0]})
-    assert swept.formula is None
-    assert swept.no_formula == "nothing varies"
-    # 2000 trials: five standard errors of a standard deviation.
-    assert swept.grid[0].u == pytest.approx(1e-3, rel=5 / math.sqrt(2 * 2000))
-
-
 def test_one_coordinate_is_swept() -> None:
     with pytest.raises(InputError, match=r"one of: P1\.x, P1\.y, P1\.z"):
         sweep_graph(shipped("ball-centre"), Settings(), "P1", {"axis_um": [1.0, 2.0]})
-
-
-def test_grid_points_have_random_numbers_of_their_own() -> None:
-    settings = replace(Settings(), trials=1000)
-    grid = {"axis_um": [1.0, 1.0 + 1e-9]}
-    swept = sweep_graph(shipped("ball-centre"), settings, "P1.x", grid)
-    assert abs(swept.grid[0].u / swept.grid[1].u - 1) > 1e-4
 
 
 OFF_NOMINAL = """
@@ -102,30 +89,6 @@ def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
     assert found.u_at(between, 1) == pytest.approx([1e-3 * math.sqrt(u2)], rel=error)
 
 
-def test_two_points_carry_two_terms(tmp_path: Path) -> None:
-    graph = graph_of(tmp_path, OFF_NOMINAL)
-    swept = sweep_graph(graph, Settings(trials=20_000), "e", {"repeats": [1.0, 4.0]})
-    assert swept.formula is not None
-    assert swept.formula.form == "u_um = sqrt(a/repeats + b)"
-    assert [item.error_percent for item in swept.grid] == pytest.approx([0, 0], abs=1e-9)
-
-
-def test_too_few_points_have_no_formula(tmp_path: Path) -> None:
-    graph = graph_of(tmp_path, OFF_NOMINAL)
-    grid = {"axis_um": [1.0, 2.0], "probe_um": [1.0], "repeats": [1.0]}
-    assert sweep_graph(graph, Settings(trials=1000), "e", grid).formula is not None
-    few = fit_formula(
-        {"axis_um": np.array([1.0, 2.0]), "probe_um": np.array([1.0, 2.0])},
-        np.array([1e-3, 2e-3]),
-        np.array([1e-6, 1e-6]),
-        np.zeros(2),
-        "mm",
-    )
-    assert few == (
-        "2 grid points are too few for its 3 terms, u_um = sqrt(a*probe_um^2 + b*axis_um^2 + c)"
-    )
-
-
 HOLE = """
 uncertainty: {axis_um: 1, probe_um: 1}
 places:
@@ -145,61 +108,6 @@ transitions:
   - {do: distance, in: [C, N], out: d}
 report: [C, d]
 """
-
-
-def test_an_output_without_first_order_goes_as_far_as_in_simulate(tmp_path: Path) -> None:
-    """A hole's distance from nominal, a Rayleigh variable of s^2 = (u1^2 + u2^2)/2: u^2 =
-    (2 - pi/2) s^2. Both stop at the tolerance of JCGM 101, 7.9.4, not at a fifth of it.
-    """
-    graph = graph_of(tmp_path, HOLE)
-    swept = sweep_graph(graph, Settings(), "d", {"axis_um": [1.0, 2.0]})
-    (base,) = simulate_graph(graph, Settings(), ["d"]).coordinates
-    assert swept.converged
-    assert swept.warnings == ()
-    for item in swept.grid:
-        s = 1e-3 * math.sqrt((item.at["axis_um"] ** 2 + 1) / 2)
-        assert item.u == pytest.approx(s * math.sqrt(2 - math.pi / 2), abs=5 * item.se_u)
-        # A fifth of the tolerance takes 25 times the trials; the count itself scatters by less.
-        assert item.trials < 5 * base.trials
-
-
-def test_grid_points_that_do_not_converge_are_told(tmp_path: Path) -> None:
-    swept = sweep_graph(
-        graph_of(tmp_path, HOLE), Settings(trials=1000), "d", {"axis_um": [1.0, 2.0]}
-    )
-    assert not swept.converged
-    (told,) = (item for item in swept.warnings if item.code == "not-converged")
-    assert told.message.startswith("1000 Monte Carlo trials: not converged")
-    assert told.message.endswith("at 2 of 2 points of the grid")
-    assert [item.deviation for item in swept.grid] == [
-        item.mean - swept.nominal for item in swept.grid
-    ]
-
-
-def test_measurements_with_their_own_uncertainty_leave_nothing_to_vary(tmp_path: Path) -> None:
-    text = HOLE
-    for name in ("x1", "x2", "y1", "y2"):
-        own = f"out: {name}, uncertainty: {{axis_um: 1, probe_um: 1}}"
-        text = text.replace(f"out: {name}}}", f"{own}}}")
-    graph = graph_of(tmp_path, text)
-    varied = {"axis_um": [1.0, 2.0], "probe_um": [1.0, 3.0]}
-    swept = sweep_graph(graph, Settings(trials=1000), "C.x", varied)
-    assert swept.formula is None
-    assert swept.no_formula == "u does not depend on axis_um, probe_um"
-    # Probings are averaged all the same.
-    repeated = sweep_graph(graph, Settings(trials=1000), "C.x", {"repeats": [1, 2]})
-    assert repeated.no_formula is None
-
-
-def test_a_constant_does_not_depend_on_probing() -> None:
-    swept = sweep_graph(shipped("ball-centre"), Settings(trials=1000), "r1", {"axis_um": [1, 2]})
-    assert swept.no_formula == "u does not depend on axis_um"
-
-
-def test_one_probing_without_scatter_of_the_probe_is_as_good_as_ten(tmp_path: Path) -> None:
-    graph = graph_of(tmp_path, HOLE.replace("probe_um: 1", "probe_um: 0"))
-    swept = sweep_graph(graph, Settings(trials=1000), "C.x", {"repeats": [1, 10]})
-    assert swept.no_formula == "u does not depend on repeats"
 
 
 def test_a_chance_is_swept(tmp_path: Path) -> None:
@@ -224,16 +132,3 @@ def test_a_chance_is_swept(tmp_path: Path) -> None:
     assert figure_bytes(drawn(result), "png").startswith(b"\x89PNG")
     assert {done for done, _ in seen} == {0, 1}
     assert {total for _, total in seen} == {2}
-
-
-def test_the_mean_of_what_is_swept_is_in_the_table(tmp_path: Path) -> None:
-    """A Rayleigh variable of s = u1: the mean is sqrt(pi/2) s, above its nominal 0."""
-    graph = graph_of(tmp_path, HOLE.replace("probe_um: 1", "probe_um: 0"))
-    result = sweep_graph(graph, Settings(), "d", {"axis_um": [1.0, 2.0]})
-    made = report.sweep(simulate_graph(graph, Settings(trials=100), ["d"]), result)
-    sheet = made.tables[0].sheet(2, detail=False)
-    assert sheet.columns[1].title == "mean less nominal\num"
-    for row, item in zip(sheet.rows, result.grid, strict=True):
-        mean = math.sqrt(math.pi / 4) * item.at["axis_um"]
-        assert item.mean == pytest.approx(1e-3 * mean, abs=5 * item.se_mean)
-        assert float(row[1]) == pytest.approx(mean, abs=0.051)

@@ -25,7 +25,6 @@ from mtu_cli.analyses.iso230 import (
     warnings_of,
 )
 from mtu_cli.files.study import InstrumentBudget
-from mtu_cli.reports.iso230 import at_target
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
 
@@ -151,19 +150,6 @@ def test_one_approach_each_way_has_E_B_and_M() -> None:
     assert there == {"E", "E_forward", "E_reverse", "M", "B", "B_mean"}
     assert all(math.isnan(x.u_sampling) for x in axis.figures.values())
     assert [x.code for x in warnings_of(axis)] == ["not-estimable"]
-
-
-def test_where_the_laser_was_zeroed_there_is_no_scatter() -> None:
-    targets, readings = published(3)
-    readings[0, 0] = 0.0
-    axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    first, second = at_target(axis)[:2]
-    assert math.isnan(first.R)
-    assert math.isnan(first.s_forward)
-    assert first.s_reverse > 0
-    assert second.R > 0
-    assert not math.isnan(axis.figures["R"].value)
-    assert "R at 15 mm" in [x.facts["quantity"] for x in warnings_of(axis)]
 
 
 def test_few_targets_runs_and_step_cycles_are_reported() -> None:

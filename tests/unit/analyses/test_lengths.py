@@ -66,25 +66,6 @@ def test_gradient_is_the_derivative_of_the_measure() -> None:
         assert gradient[:, row] == pytest.approx((high - low) / (2 * h), abs=1e-8)
 
 
-def test_the_measure_is_the_length_of_the_moved_points() -> None:
-    """Eqs. (20)-(21), in 50 decimal digits' worth of care by exact rational squares."""
-    from decimal import Decimal, getcontext
-
-    getcontext().prec = 50
-    rng = np.random.default_rng(2)
-    model = model_of([(estimate("a", "x", [0.0]), {"x": "1", "y": "1"})])
-    points = np.column_stack([rng.uniform(0, 900, (2, 2)), np.zeros(2)])
-    prediction = predict(model, ["a", "b"], points)
-    measure, combine = length_measure(prediction, np.array([[0, 1]]), points[1:] - points[:1])
-    for size in (1e-6, 1e-3, 10.0):
-        errors = size * rng.normal(size=4)
-        found = measure((combine @ errors)[:, None], Workspace())[0, 0]
-        d0 = [Decimal(float(points[1, k])) - Decimal(float(points[0, k])) for k in (0, 1)]
-        d = [d0[k] + Decimal(float(errors[2 + k])) - Decimal(float(errors[k])) for k in (0, 1)]
-        wanted = (d[0] ** 2 + d[1] ** 2).sqrt() - (d0[0] ** 2 + d0[1] ** 2).sqrt()
-        assert found == pytest.approx(float(wanted), rel=1e-9)
-
-
 def test_a_length_by_hand(tmp_path: Path) -> None:
     model = stated(
         tmp_path,
@@ -172,20 +153,6 @@ def test_joint_conformance_against_counted_parts(tmp_path: Path) -> None:
     assert abs(np.prod(alone) - good.mean()) > 10 * error
 
 
-def test_a_whole_part_is_no_surer_than_its_least_sure_length(tmp_path: Path) -> None:
-    """The other length is out never: one chance by trials, the other not, whatever the seed."""
-    text = PART.replace("tolerance_um: 9", "tolerance_um: 900")
-    part, bound = part_of(tmp_path, text), 0
-    for seed in range(12):
-        found = predict_lengths(machine(), part, replace(FAST, seed=seed))
-        assert found.joint_conformance is not None
-        _, probability, error = found.joint_conformance
-        least = min(item.conformance.probability for item in each(found) if item.conformance)
-        assert least - 4.5 * error < probability <= least
-        bound += probability == least
-    assert 0 < bound < 12
-
-
 def test_independence_is_the_papers_formula(tmp_path: Path) -> None:
     part = part_of(tmp_path, PART)
     shared = predict_lengths(machine(), part, FAST)
@@ -212,17 +179,6 @@ def test_bounds_of_unmeasured_correlation(tmp_path: Path) -> None:
     assert np.sqrt(item.variance) == pytest.approx(np.hypot(*u))
     assert tuple(item.u_bounds) == pytest.approx((u[0] - u[1], u[0] + u[1]))
     assert item.pair == ("a", "b")
-
-
-def test_a_length_along_an_axis_without_equation(tmp_path: Path) -> None:
-    text = """
-    features: {a: {x_mm: 0, y_mm: 0, z_mm: 0}, b: {x_mm: 0, y_mm: 0, z_mm: 50}}
-    lengths: [{from: a, to: b}]
-    """
-    found = predict_lengths(machine(), part_of(tmp_path, text), FAST)
-    assert each(found)[0].nominal == 50
-    assert each(found)[0].variance == 0
-    assert "axis-without-equation" in {item.code for item in found.warnings}
 
 
 def test_a_z_that_only_one_end_has_is_refused(tmp_path: Path) -> None:

@@ -9,7 +9,6 @@ import pytest
 from model_examples import FloatArray, estimate, model_of, part_of
 
 from mtu_cli.analyses.orthogonality import angle_gradient, angle_measure, predict_orthogonality
-from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict
@@ -132,41 +131,3 @@ def test_what_an_angle_needs(tmp_path: Path) -> None:
     plain = part_of(tmp_path, "features: {a: {x_mm: 0, y_mm: 0}}")
     with pytest.raises(InputError, match="no orthogonality"):
         predict_orthogonality(machine(), plain, FAST)
-
-
-def test_what_an_angle_consists_of(tmp_path: Path) -> None:
-    """By leaving out all but one nature of the components' variance."""
-    part = part_of(tmp_path, PART)
-    (angle,) = predict_orthogonality(machine(), part, FAST).angles
-    shares = angle.shares
-    assert shares is not None
-    u2 = angle.first_order.u**2
-    sx = estimate("sx", "x", [2e-3, 1e-5], D=np.diag([4e-6, 9e-10]))
-    ez = estimate("ez", "x", [1e-5, 1e-8], C=np.diag([4e-10, 1e-14]))
-    levers = [{"x": "1", "y": "-0.5"}, {"x": "y", "y": "-x"}]
-    for kept, share in (((True, False), shares.passes), ((False, True), shares.coefficients)):
-        terms = [
-            (item if keep else estimate(item.name, "x", list(item.coefficients)), lever)
-            for item, lever, keep in zip((sx, ez), levers, kept, strict=True)
-        ]
-        (alone,) = predict_orthogonality(model_of(terms), part, FAST).angles
-        assert share == pytest.approx(alone.first_order.u**2 / u2, rel=1e-9)
-    assert shares.repeatability == pytest.approx(1 - shares.passes - shares.coefficients)
-    apart = Settings(trials=2000, correlation="independent")
-    assert predict_orthogonality(machine(), part, apart).angles[0].shares is None
-
-
-def test_points_split_and_correlation(tmp_path: Path) -> None:
-    part = part_of(tmp_path, PART)
-    found = predict_points(machine(), part, FAST)
-    split = found.split
-    assert split.coefficients + split.passes + split.repeatability == pytest.approx(found.variance)
-    assert np.diag(found.covariance) == pytest.approx(found.variance)
-    x, y = PLACES.T
-    of_sx = 4e-6 + 9e-10 * x**2 + 4e-6
-    of_ez = 4e-10 + 1e-14 * x**2 + 1e-10
-    assert found.variance[0::2] == pytest.approx(of_sx + y**2 * of_ez)
-    cross = found.covariance[np.arange(0, 14, 2), np.arange(1, 14, 2)]
-    assert cross == pytest.approx(-0.5 * of_sx - x * y * of_ez)
-    apart = predict_points(machine(), part, Settings(trials=2000, correlation="independent"))
-    assert apart.covariance == pytest.approx(np.diag(np.diag(apart.covariance)), abs=0)

@@ -80,25 +80,6 @@ def test_standard_uncertainties(entry: str, u: float, dof: float) -> None:
     assert found.dof == pytest.approx(dof)
 
 
-@pytest.mark.parametrize(
-    "kind",
-    [
-        "distribution: rectangular",
-        "distribution: triangular",
-        "distribution: arcsine",
-        "distribution: trapezoidal, top: 0.2",
-        "distribution: curvilinear-trapezoidal, inexact: 0.1",
-        "distribution: curvilinear-trapezoidal, dof: 8",
-    ],
-)
-def test_a_standard_uncertainty_gives_the_half_width(kind: str) -> None:
-    """The variance of what is drawn is the stated u^2."""
-    found = contribution(f"{{value: 0, u: 0.3, {kind}}}")
-    assert found.drawn_variance == pytest.approx(0.09)
-    again = contribution(f"{{value: 0, half_width: {found.half_width!r}, {kind}}}")
-    assert again.u == pytest.approx(0.3)
-
-
 def test_values() -> None:
     assert quantity("{low: 2, high: 5, distribution: rectangular}").value == 3.5
     assert quantity("{readings: [1, 2, 6]}").value == 3.0

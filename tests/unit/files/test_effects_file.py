@@ -13,8 +13,6 @@ import yaml
 from mtu_cli.files.contract import json_schema
 from mtu_cli.files.effects import EffectLibrary, load_effects
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.language import names, parse, to_text
-from mtu_cli.language.parser import BRACED
 from mtu_cli.model.effect_library import BUILT_IN, effect_library
 
 BACKLASH = """\
@@ -66,13 +64,6 @@ def test_the_built_in_file_is_sound_and_fits_its_schema() -> None:
     jsonschema.validate(yaml.safe_load(BUILT_IN.read_text("utf-8")), schema)
 
 
-def test_names_in_braces_keep_their_columns() -> None:
-    text = "k_{each}*({a} - {a0})*dir_{a}"
-    tree = parse(text, name=BRACED)
-    assert names(tree) == {"k_{each}": 1, "{a}": 11, "{a0}": 17, "dir_{a}": 23}
-    assert to_text(tree) == text
-
-
 @pytest.mark.parametrize(
     ("equations", "column"),
     [
@@ -98,23 +89,6 @@ def test_faults_of_equations(tmp_path: Path, equations: str, column: int | None)
     found = faults(tmp_path, family(equations))
     assert {item.line for item in found} == {4}
     assert column in [item.column for item in found]
-
-
-@pytest.mark.parametrize(
-    ("equation", "parameters", "value"),
-    [
-        ("k*x*y*exp(-time_min/t)", "{k: um/m}", "k*x*y*exp(-time_min/t)"),
-        ("k*({T} - {T0})", "{k: um}", "k*({T} - {T0})"),
-        ("k*dir_x*time_min", "{k: um}", "k*dir_x*time_min"),
-        ("k*x*({a} - {a0})", "{k: um/m}", "k*x*({a} - {a0})"),
-    ],
-)
-def test_a_term_of_a_wrong_unit_is_shown_as_in_the_file(
-    tmp_path: Path, equation: str, parameters: str, value: str
-) -> None:
-    more = "search: {t: {from: 1, to: 2}}" if "/t" in equation else ""
-    (found,) = faults(tmp_path, family(f"{{Ex: '{equation}'}}", parameters, more))
-    assert (found.line, found.column, found.value) == (4, 1, value)
 
 
 PERIOD = "{Ex: k*x*sin(p)}"

@@ -139,17 +139,6 @@ def test_faulty_components(tmp_path: Path, component: str, words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "numbers", ["u: 0.33, %s: [[0.11]]", "u: 0.3317, %s: [[0.11]]", "u: 3, %s: [[10.7]]",
-                "u: 0.3, %s: [[0.09]]", "u: 0, %s: [[0]]", "u: 1e-17, %s: [[1e-34]]", "%s: [[4]]"]
-)  # fmt: skip
-def test_u_and_covariance_agree_to_their_printed_digits(tmp_path: Path, numbers: str) -> None:
-    own, covariance = (numbers % "covariance").rsplit("covariance", 1)
-    parameter = f"parameters: {{p: {{value: 1, {own}unit: um}}}}"
-    effect = f"{{name: e, {parameter}, covariance{covariance}, equations: {{Ex: p}}}}"
-    assert load(tmp_path, machine(more=f"effects: [{effect}]")).machine.effects[0].covariance
-
-
-@pytest.mark.parametrize(
     ("equations", "words"),
     [
         ("{Ex: a + }", "equations.Ex: unexpected end of the equation at column 4"),
@@ -304,39 +293,6 @@ def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:
     assert len(found) == 1
     assert found[0].startswith("m.yaml:5: effects[0].")
     assert words in found[0]
-
-
-@pytest.mark.parametrize(
-    ("effect", "told"),
-    [
-        ("parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}", None),
-        # Families may be a user's own.
-        # Readings of a component without an axis are of the component.
-        (
-            "axis: a, parameters: {p: {value: 1, u: 0, unit: um}}, equations: {Ex: p*dir_x}",
-            None,
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}, covariance: [[1]]",
-            None,
-        ),
-        (
-            "parameters: {p: {value: 1, unit: um}}, equations: {Ex: p*dir_x}",
-            "effects[0]: p without an uncertainty, taken as exactly known",
-        ),
-        (
-            "parameters: {p: {value: 1, u: 1, unit: um}, q: {value: 1, u: 1, unit: um}}, "
-            "equations: {Ex: p*dir_x}",
-            "effects[0].parameters.q: the parameter 'q' is in no equation",
-        ),
-        ("parameters: {p: {value: 1, u: 1, unit: um}}, equations: {Ex: p*(temp_1 - 293.15)}", None),
-    ],
-)
-def test_odd_effects(tmp_path: Path, effect: str, told: str | None) -> None:
-    more = f"covariates: [temp_1]\neffects: [{{name: e, {effect}}}]"
-    found = [item.message for item in load(tmp_path, machine(more=more)).warnings]
-    others = [item.message for item in load(tmp_path, machine()).warnings]
-    assert found == [*others, *([f"m.yaml:6: {told}"] if told else [])]
 
 
 def test_all_problems_come_at_once_in_the_order_of_lines(tmp_path: Path) -> None:

@@ -28,7 +28,6 @@ LINE = FITTED | {
     "pass_covariance": [[0, 0], [0, 0]], "pass_covariance_moment": [[0, 0], [0, 0]],
     "covariance_independent": None,
 }  # fmt: skip
-BARE = FITTED | {"covariance": [[None]]}
 JOINT = {
     "components": ["a", "b"], "widths": [1, 1], "coefficient_covariance": [[0, 0], [0, 0]],
     "pass_covariance": [[0, 0], [0, 0]], "pass_dof": 4, "n_passes": 3,
@@ -93,14 +92,6 @@ def test_faulty_components(tmp_path: Path, change: dict[str, Any], words: str) -
     assert found.startswith(f"results.components.a.{words}")
 
 
-def test_all_faults_in_their_order(tmp_path: Path) -> None:
-    huge = FITTED | {"coefficients": [1e300, -1e300], "pass_dof": 1e99, "s_repeat": 1e31}
-    found = faults(written(tmp_path / "c.json", "fit-components", huge, huge))
-    wanted = ("coefficients[0]", "coefficients[1]", "s_repeat")
-    paths = [text.split(": ")[0] for text in found]
-    assert paths == [f"results.components.{name}.{path}" for name in "ab" for path in wanted]
-
-
 INDEFINITE = [[1, 2], [2, 1]]
 
 
@@ -131,20 +122,6 @@ def test_components_fitted_together(
     else:
         assert words in faults(path)[0]
         assert faults(path)[0].startswith("results.joint_pass_covariance")
-
-
-@pytest.mark.parametrize("key", ["coefficient_covariance", "pass_covariance"])
-@pytest.mark.parametrize("matrix", [[[None, 0], [0, 1]], [[None, None], [None, 1]]])
-def test_what_a_component_without_covariance_shares_is_unknown(
-    tmp_path: Path, matrix: list[list[float | None]], key: str
-) -> None:
-    """Of as many readings as coefficients; that of the passes is known."""
-    joint = {"joint_pass_covariance": [JOINT | {key: matrix}]}
-    path = written(tmp_path / "c.json", "fit-components", BARE, FITTED, **joint)
-    if key == "coefficient_covariance":
-        assert read_report(path)
-        path = written(tmp_path / "c.json", "fit-components", FITTED, BARE, **joint)
-    assert faults(path) == ["results.joint_pass_covariance[0]: a number of a covariance is missing"]
 
 
 @pytest.mark.parametrize(

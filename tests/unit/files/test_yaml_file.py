@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -130,20 +128,3 @@ def test_bytes_are_bounded_and_begin_with_a_mark_or_not(tmp_path: Path) -> None:
     document = read_yaml(tmp_path / "m.yaml", "machine")
     assert document.data == {"a": 1, "b": 2}
     assert document.line_of("b") == 2
-
-
-@pytest.mark.parametrize(
-    ("module", "absent"),
-    [
-        ("mtu_cli.files.yaml_file", ("numpy", "pandas", "pydantic")),
-        ("mtu_cli.files.machine", ("pandas", "numpy")),
-        ("mtu_cli.files.part", ("pandas", "numpy")),
-        ("mtu_cli.files.study", ("pandas", "numpy")),
-        ("mtu_cli.files.write", ("pandas", "numpy", "pydantic")),
-        ("mtu_cli.files.csv_file", ("pandas",)),
-    ],
-)
-def test_modules_import_no_more_than_they_need(module: str, absent: tuple[str, ...]) -> None:
-    code = f"import sys, {module}; print([m for m in {absent!r} if m in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

@@ -11,7 +11,7 @@ from measured_examples import PLACES, points, study
 
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
-from mtu_cli.model.visits import basis, freed, freedoms, projector, visits_of
+from mtu_cli.model.visits import freed, freedoms, projector, visits_of
 
 XY = (0, 1)
 
@@ -76,18 +76,3 @@ def test_each_visit_against_least_squares_of_its_own() -> None:
         e = errors(some)[own][:, :2].ravel()
         left = e - F @ np.linalg.lstsq(F, e, rcond=1e-9)[0]
         assert errors(found)[own][:, :2].ravel() == pytest.approx(left, abs=1e-12)
-
-
-def test_one_feature_has_no_rotation_and_leaves_exactly_nothing() -> None:
-    place = np.array([[10.0, 20.0, np.nan]])
-    assert basis(place, XY, "offset,rotation").shape == (2, 2)
-    rows = [(f"P{p}", "a", 1, 0.0123 * (p + 1), -0.0377 * p) for p in range(3)]
-    found, complete = freed(points(rows), XY, "offset,rotation")
-    assert complete
-    assert (errors(found)[:, :2] == 0).all()
-    assert (projector(place, XY, "offset,rotation") == 0).all()
-
-
-def test_none_leaves_the_points_alone() -> None:
-    found = study(parts=3, repeats=1, seed=1)
-    assert freed(found, XY, "none") == (found, True)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -79,17 +78,6 @@ def test_candidates_of_a_plane_of_a_space_and_of_readings() -> None:
     assert not any(name.startswith(("squareness", "rotation", "radial")) for name in axis)
 
 
-def test_places_at_several_heights_without_errors_in_z() -> None:
-    """A tilt along z of the error in x is no angle between measured axes; it bends along y or z."""
-    places = grid_places(12, jitter=2.0)
-    places[:, 2] = 10.0 * (np.arange(12) % 5)
-    found = found_on(table(places=places))
-    assert found["abbe-x"].forms
-    assert not {"scale-z", "rotation-x", "rotation-y", "squareness-xz"} & set(found)
-    along = [form.bound.texts()["Ex"] for form in found["straightness-x"].forms]
-    assert sum("y -" in text for text in along) == sum("z -" in text for text in along) == 2
-
-
 def formulas(own: ResidualTable) -> dict[str, list[dict[str, Any]]]:
     """Candidate -> some of its members: errors in mm by axis for a parameter of 1."""
     v = values_of(own)
@@ -154,17 +142,6 @@ def test_outliers_move_one_column_or_one_part() -> None:
         assert list(choices(PLANE, over))[3] == ("H4" if over == "feature" else "P4")
 
 
-def test_a_position_may_stand_out_in_both_directions() -> None:
-    """Beside each column by itself; of two positions each is off by what the other is not."""
-    axis = readings_table()
-    columns = tuple(f"{50 * (i // 2)} {'+-'[i % 2]}" for i in range(len(axis.features)))
-    found = choices(replace(axis, features=columns), "feature")
-    assert list(found)[14:] == ["0", "50", "100", "150", "200", "250", "300"]
-    assert found["100"][0].tolist() == [float(name.startswith("100 ")) for name in columns]
-    two = replace(axis, features=columns[:4])
-    assert list(choices(two, "feature")) == list(columns[:4])
-
-
 # Equations give the columns back.
 
 
@@ -205,14 +182,6 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
         for parameter, plain in zip(form.parameters, first[name][1], strict=True):
             near = 4e-16 * max(1.0, np.abs(plain).max())
             assert np.abs(J[..., place[f"{name}.{parameter}"]] - plain).max() <= near, name
-
-
-def test_a_parameter_has_a_name_that_no_column_of_its_equations_has() -> None:
-    load = np.random.default_rng(2).normal(size=(9, 1))
-    own = table(covariates={**shop_covariates(9, 12), "slope": load})
-    (along,) = [form for form in forms_of(own, "covariate-x") if form.covariate == "slope"]
-    assert along.parameters == {"own_slope": "um"}
-    assert along.texts()["Ex"].startswith("own_slope*(slope - ")
 
 
 # Numbers of the data, kinds of columns, what is lacking.
@@ -415,19 +384,6 @@ def test_even_steps_even_ratios_and_half_way_between_values() -> None:
     assert grid(None, low=["2"], to=["4"], count=3).tolist() == [2.0, 3.0, 4.0]
 
 
-def test_where_the_data_gives_no_grid_it_is_empty() -> None:
-    for values, given in (
-        (None, {"grid": "between"}),
-        (None, {"grid": "linear"}),
-        (np.array([3.0, 3.0]), {"grid": "linear"}),
-        (VALUES, {"grid": "linear", "low": ["20"]}),
-        (VALUES, {"grid": "log", "low": ["0"]}),
-        (VALUES - 5.0, {"grid": "log"}),
-        (VALUES - 1.0, {"grid": "frequency"}),
-    ):
-        assert grid(values, **given).tolist() == []
-
-
 PITCHES: dict[str, Any] = {"grid": "frequency", "low": ["2", "spacing/2"], "to": ["span/2"]}
 
 
@@ -441,15 +397,6 @@ def test_frequencies_are_as_many_as_the_places_demand() -> None:
     np.testing.assert_allclose(np.diff(1 / fine), (1 / fine[1] - 1 / fine[0]), rtol=1e-9)
     assert len(grid(values, **asked, count=500)) == 500
     assert len(grid(10 * values, **asked)) == 2000
-
-
-def test_large_columns_have_fewer_values() -> None:
-    """2e6 numbers at most, and 24 values at least; between values evenly from end to end."""
-    assert [len(grid(VALUES, size, count=90)) for size in (40_000, 10_000_000)] == [50, 24]
-    whole = grid(np.arange(1.0, 104.0), grid="between")
-    np.testing.assert_array_equal(whole, np.arange(2.5, 102.0))
-    few = grid(np.arange(1.0, 104.0), 10_000_000, grid="between")
-    np.testing.assert_array_equal(few, whole[2::5])
 
 
 UNEVEN = [13.0, 17.3, 8.9, 19.1, 11.7]

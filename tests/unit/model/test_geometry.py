@@ -48,17 +48,6 @@ def test_circle_of_gander_golub_and_strebel() -> None:
     assert found.radius == pytest.approx(4.7142, abs=5e-5)
 
 
-def test_three_points_give_the_circumscribed_circle() -> None:
-    """R = abc/(4K), K by Heron: an exact formula of the sides."""
-    corners = np.array([(0.0, 0.0), (7.0, 1.0), (2.0, 5.0)])
-    a, b, c = (np.linalg.norm(corners[i] - corners[i - 1]) for i in range(3))
-    s = (a + b + c) / 2
-    K = np.sqrt(s * (s - a) * (s - b) * (s - c))
-    found = fit_circle(corners)
-    assert found.radius == pytest.approx(a * b * c / (4 * K), rel=1e-13)
-    assert np.abs(found.residuals).max() < 1e-14
-
-
 @pytest.mark.parametrize("seed", range(4))
 def test_circle_and_sphere_against_an_optimiser(seed: int) -> None:
     for points, fit in (
@@ -127,16 +116,6 @@ def test_gradients_against_differences(case: str) -> None:
         assert found.radius_gradient[i, j] == pytest.approx(
             (over.radius - under.radius) / (2 * h), abs=1e-7
         )
-
-
-@pytest.mark.parametrize("case", ["circle", "sphere"])
-def test_u_of_the_radius_is_that_of_independent_points(case: str) -> None:
-    """On an exact figure the gradient g of the radius has g'g = (X'X)^-1, X = [away, 1]."""
-    points = arc(9, 90.0, 0.0, 1) if case == "circle" else ball(12, 12.5, 0.0, 1)
-    found = CASES[case][0](points)
-    X = np.column_stack([found.away, np.ones(len(points))])
-    square = float((found.radius_gradient**2).sum())
-    assert square == pytest.approx(np.linalg.inv(X.T @ X)[-1, -1], abs=1e-9)
 
 
 @pytest.mark.parametrize(

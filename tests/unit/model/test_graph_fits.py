@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -84,14 +82,6 @@ def test_plane_of_a_strip(width: float) -> None:
     assert np.all(away <= bound + 1e-12)
 
 
-def curvature_error(degrees: float, radius: float) -> float:
-    """By how much the digits of coordinates of 400 mm, 5e-14 mm, move the radius, relatively:
-    8/theta^2 of a sagitta, of which R theta^2/8 there is. Ten times that is asked for.
-    """
-    sagitta = radius * min(1.0, math.radians(degrees) ** 2 / 8)
-    return 10 * 5e-14 / sagitta
-
-
 @pytest.mark.parametrize("degrees", [90.0, 20.0, 10.0, 5.0])
 def test_circle_has_the_uncertainty_of_its_arc(degrees: float) -> None:
     """u(R)/u = sqrt of the last diagonal element of (X'X)^-1, X the rows (cos, sin, 1): least
@@ -106,28 +96,6 @@ def test_circle_has_the_uncertainty_of_its_arc(degrees: float) -> None:
     # Five standard errors, and the second order, which is as large as u(R)/R.
     assert found.std() == pytest.approx(expected, rel=5 / np.sqrt(2 * m) + expected / 100)
     assert found.mean() == pytest.approx(100, abs=5 * expected / np.sqrt(m) + 2 * expected**2 / 100)
-
-
-@pytest.mark.parametrize("order", [[3, 0, 1, 2, 4, 5, 6, 7], [7, 6, 5, 4, 3, 2, 1, 0]])
-def test_the_order_of_the_points_does_not_matter(order: list[int]) -> None:
-    """Also where the first point stands in the middle of the arc, close to the centroid."""
-    nominal = arc(8, 5, 100)
-    points = drawn(nominal, 1e-3, 50)
-    first = circle(points, nominal)
-    turned = [points[i] for i in order]
-    other = circle(turned, nominal[order])
-    error = 100 * curvature_error(5, 100)
-    assert other[1] == pytest.approx(first[1], rel=error)
-    assert other[0] == pytest.approx(first[0], abs=100 * error)
-
-
-def test_a_trial_does_not_depend_on_the_others() -> None:
-    nominal = arc(8, 2, 100)
-    points = drawn(nominal, 1e-3, 300)
-    together = circle(points, nominal)
-    alone = circle([point[:, [7]] for point in points], nominal)
-    error = 100 * curvature_error(2, 100)
-    assert alone[1] == pytest.approx([together[1][7]], rel=error)
 
 
 @pytest.mark.parametrize(("n", "reach", "noise"), [(7, np.pi, 0.1), (9, 0.1, 1e-3)])
@@ -147,15 +115,6 @@ def test_sphere_of_radius_against_an_optimiser(n: int, reach: float, noise: floa
         other = least_squares(gaps, SHIFT, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac").x
         # The optimiser sees no more of the sum of squares than its rounding: noise times 1e-8.
         assert centre[:, trial] == pytest.approx(other, abs=1e-6)
-
-
-def test_three_points_of_a_triangle_of_known_sides() -> None:
-    """Sides 3, 4, 5: the hypotenuse is the diameter."""
-    corners = [np.array([[0.0], [0.0], [7.0]]), np.array([[3.0], [0.0], [7.0]])]
-    corners.append(np.array([[0.0], [4.0], [7.0]]))
-    centre, radius = fits.circumcircle(*corners)
-    assert centre[:, 0] == pytest.approx([1.5, 2.0, 7.0], abs=1e-14)
-    assert radius[0] == pytest.approx(2.5, rel=1e-15)
 
 
 def test_what_cannot_be_fitted_is_not_a_number() -> None:

@@ -107,15 +107,6 @@ def test_ball_centre_by_hand() -> None:
     assert found.shares(by_place=True)["x1"] == pytest.approx([0.5, 0, 0])
 
 
-def test_only_what_stands_behind_an_output_is_drawn() -> None:
-    graph = shipped("axes-a-and-c")
-    whole = GraphTrials(graph, graph.outputs(["d_AC"]))
-    part = GraphTrials(graph, graph.outputs(["PC.x"]))
-    assert whole.inputs.k == 30
-    assert part.inputs.k == 15
-    assert len(part.steps) < len(whole.steps)
-
-
 def test_outputs_by_name() -> None:
     graph = shipped("work-coordinates")
     assert [str(item) for item in graph.outputs(["Q", "W.rz", "Q.x"])] == [

@@ -141,18 +141,6 @@ def test_one_slip_is_one_fault(
     assert (found_line, found_path) == (line, path)
 
 
-def test_an_unknown_key_hides_no_missing_one(tmp_path: Path) -> None:
-    text = NET.replace("Q: {kind: point", "Q: {kind: coordinate, colour: 2", 1)
-    found = [(path, code) for _, path, code in faults(tmp_path, text)]
-    assert ("places.Q.colour", "unknown-name") in found
-    assert ("places.Q", "missing-key") in found
-
-
-def test_more_places_than_a_slip_explains_are_reported(tmp_path: Path) -> None:
-    text = NET.replace("out: v", "out: w").replace("  L:", "  u: {kind: vector}\n  L:")
-    assert [code for _, _, code in faults(tmp_path, text)].count("unused-place") == 2
-
-
 def test_a_single_measured_point_is_to_be_reported(tmp_path: Path) -> None:
     text = """
 places:
@@ -199,12 +187,6 @@ transitions:
         (22, "transitions[7].out", "wrong-connection"),
         (22, "transitions[7].out", "contradicts"),
     ]
-
-
-def test_a_name_with_a_dot_is_refused(tmp_path: Path) -> None:
-    """P.x would be a place and the coordinate x of the place P."""
-    text = NET.replace("  L:", "  P.x:").replace("out: L", "out: P.x")
-    assert faults(tmp_path, text) == [(8, "places.P.x", "wrong-type")]
 
 
 FORMULA = """

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from measured_examples import PART, PLACES, part_file, points, study, with_measured
+from measured_examples import PLACES, part_file, points, study, with_measured
 
-from mtu_cli.files.part import LoadedPart, load_part
+from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
 from mtu_cli.model.measured import (
@@ -111,14 +111,6 @@ def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
         value = angles.cells.origin[0] + angles.cells.mean[0, p]
         # By design the row rises by 1 in 100 and the column leans by 2 in 200.
         assert value == pytest.approx(-column - row + 0.02, rel=1e-9)
-
-
-def test_a_row_off_its_axis_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "part.yaml"
-    path.write_text(PART.replace("row: [a, b], column: [a, c]", "row: [a, c], column: [a, b]"))
-    found = study(3, 1, 5)
-    with pytest.raises(InputError, match=r"'xy' runs 89.4 degrees off x"):
-        angle_tables(found, visits_of(found), load_part(path))
 
 
 def in_space(found: Points, part: LoadedPart, z: float) -> tuple[Points, LoadedPart]:

@@ -43,18 +43,6 @@ def test_parameters_with_covariance(tmp_path: Path) -> None:
     assert more.repeatability == pytest.approx(plain.variance(A).repeatability)
 
 
-def test_without_the_block_the_old_prediction_is_back_exactly(tmp_path: Path) -> None:
-    old = predict(stated(tmp_path, MACHINE), IDS, POINTS)
-    with_effect = stated(tmp_path, MACHINE + EFFECT)
-    assert len(with_effect.terms) == 4
-    again = predict(stated(tmp_path, MACHINE), IDS, POINTS)
-    emptied = predict(stated(tmp_path, MACHINE + "\neffects: []\n"), IDS, POINTS)
-    for other in (again, emptied):
-        assert (other.mean == old.mean).all()
-        assert (other.covariance == old.covariance).all()
-        assert (other.independent_variance == old.independent_variance).all()
-
-
 def test_parameters_without_covariance_are_uncorrelated(tmp_path: Path) -> None:
     text = MACHINE + EFFECT.replace("    covariance: [[0.09, -0.06], [-0.06, 0.25]]\n", "")
     found = predict(stated(tmp_path, text), IDS, POINTS, {"dir_x": 1.0})
@@ -62,28 +50,6 @@ def test_parameters_without_covariance_are_uncorrelated(tmp_path: Path) -> None:
     more = found.variance(np.eye(6)).total - plain.variance(np.eye(6)).total
     assert more[0::2] == pytest.approx(0.09e-6 + (POINTS[:, 0] - 30) ** 2 * 0.25e-12)
     assert more[1::2] == pytest.approx(np.full(3, 0.25 * 0.09e-6))
-
-
-def test_one_parameter_with_its_variance_as_covariance(tmp_path: Path) -> None:
-    text = """
-effects:
-  - {name: e, parameters: {h: {value: 2, unit: um}}, covariance: [[0.5]], equations: {Ex: h}}
-"""
-    found = predict(stated(tmp_path, MACHINE + text), IDS, POINTS)
-    plain = predict(stated(tmp_path, MACHINE), IDS, POINTS)
-    more = found.covariance[::2, ::2] - plain.covariance[::2, ::2]
-    assert more == pytest.approx(np.full((3, 3), 0.5e-6))
-    more_alone = found.independent_variance - plain.independent_variance
-    assert more_alone == pytest.approx(np.tile([0.5e-6, 0.0], 3))
-
-
-def test_a_parameter_in_no_equation_takes_its_covariance_along(tmp_path: Path) -> None:
-    text = MACHINE + EFFECT.replace("h*dir_x + (x - 30)*g", "(x - 30)*g").replace("Ey: 0.5*h", "")
-    text = text.replace("(x - 30)*g, }", "(x - 30)*g}").replace("u: 0.5,", "")
-    found = predict(stated(tmp_path, text), IDS, POINTS)
-    plain = predict(stated(tmp_path, MACHINE), IDS, POINTS)
-    more = np.diag(found.covariance - plain.covariance)[::2]
-    assert more == pytest.approx((POINTS[:, 0] - 30) ** 2 * 0.25e-12)
 
 
 def test_an_effect_in_a_component_adds_to_its_lever_arm(tmp_path: Path) -> None:

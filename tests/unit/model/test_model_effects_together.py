@@ -95,15 +95,6 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
     assert effect_warnings(machine, estimates.effects, "c.json") == []
 
 
-def test_without_a_report_each_effect_has_its_own(tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    bare = predicted(loaded(tmp_path, MACHINE), estimates_from_fit(machine, None))
-    found = predicted(machine, estimates_from_fit(machine, None))
-    own = np.array([[0.09, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]]) * np.outer(F, F)
-    more = jacobian() @ own @ jacobian().T
-    assert found.covariance - bare.covariance == pytest.approx(more, rel=1e-9)
-
-
 def test_one_parameter_of_a_report(tmp_path: Path) -> None:
     """Of an effect that a report knows in part it says nothing; of a whole one it does."""
     machine = loaded(tmp_path, MACHINE + EFFECTS)
@@ -136,30 +127,6 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     (warning,) = effect_warnings(machine, estimates.effects, "c.json")
     assert warning.code == "not-used"
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
-
-
-@pytest.mark.parametrize(
-    ("alike", "told"),
-    [
-        (None, []),
-        ("{}", []),
-        ("{pitch_mm: [32.0]}", [("the pitch of", "places", 2)]),
-        ("{pitch_mm: [62.6, 37]}", [("the pitch of", "places", 3)]),
-        ("{tau_min: [90, 7]}", [("the tau of", "data", 3)]),
-        ("{at: [2.5]}", [("the at of", "data", 2)]),
-    ],
-)
-def test_one_of_several_values_is_told_of(
-    alike: str | None, told: list[tuple[str, str, int]], tmp_path: Path
-) -> None:
-    """Not where there is no other value."""
-    machine = loaded(tmp_path, MACHINE + EFFECTS + (f"    alike: {alike}\n" if alike else ""))
-    found = searched_warnings(machine)
-    assert {item.line for item in found} <= {machine.line_of("effects", 1)}
-    assert [item.code for item in found] == ["not-separable"] * len(told)
-    for item, (what, where, fits) in zip(found, told, strict=True):
-        assert item.message.split(": ", 1)[1].startswith(what)
-        assert (item.facts["where"], item.facts["fits"]) == (where, fits)
 
 
 @pytest.mark.parametrize(

@@ -104,14 +104,14 @@ def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
     assert found.repeat_dof == 90
 
 
-@pytest.mark.parametrize("passes", [2, 3, 5])
+@pytest.mark.parametrize("passes", [2, 5])
 def test_two_instruments_cover_what_they_both_read(passes: int) -> None:
     """95 % intervals of the level in the middle, few passes and unequal noise."""
     p = np.linspace(0.0, 140.0, 8)
     component = Component(of="x", unit="um", degree=1)
     x = np.array([1.0, 70.0])
     hits = []
-    for rng in np.random.default_rng(5).spawn(500):
+    for rng in np.random.default_rng(5).spawn(300):
         errors = []
         for s in (1.0, 0.5):
             level = rng.standard_normal((passes, 1)) * 1.2
@@ -160,14 +160,14 @@ def test_pooled_scatter_is_weighted_by_degrees_of_freedom() -> None:
     assert found.s_repeat**2 == pytest.approx((70 * 1 + 10 * 9) / 80)
 
 
-@pytest.mark.parametrize("degree", [0, 1, 3])
+@pytest.mark.parametrize("degree", [0, 3])
 def test_agreement_is_uniform_where_the_instruments_agree(degree: int) -> None:
-    """Different scatter, passes and positions; 300 pairs of fits."""
+    """Different scatter, passes and positions; 200 pairs of fits."""
     rng = np.random.default_rng(20 + degree)
     component = Component(of="x", unit="um", degree=degree)
     slope = 1.0 if degree else 0.0
     p_values = []
-    for _ in range(300):
+    for _ in range(200):
         pair: list[ComponentEstimate] = []
         for passes, points, s, level in ((10, 8, 1e-3, 1.5e-3), (6, 6, 0.3e-3, 1.0e-3)):
             given = segment(
@@ -192,14 +192,6 @@ def test_agreement_sees_a_difference() -> None:
     apart = fit(first, replace(second, error=second.error + 8e-3)).agreement_p
     assert apart is not None
     assert apart < 1e-4
-
-
-def test_agreement_without_enough_degrees_of_freedom_says_nothing() -> None:
-    items = [
-        estimate("c", "x", [value, 0.0], C=np.diag([1.0, 1e-4]), pass_dof=0, repeat_dof=0.4)
-        for value in (0.0, 50.0)
-    ]
-    assert agreement(*items) == 1.0
 
 
 def test_an_instrument_without_scatter_has_no_weight() -> None:

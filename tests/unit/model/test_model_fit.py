@@ -13,12 +13,12 @@ from support import read_components
 
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.findings import InputError
-from mtu_cli.model.basis import Powers
 from mtu_cli.model.fit import (
     MachineFit,
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
+    machine_warnings,
 )
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
@@ -77,6 +77,10 @@ def test_readings_win_over_coefficients_and_the_rest_stays(tmp_path: Path) -> No
     assert found["a"].coefficients == pytest.approx([2.0])
     assert found["b"].coefficients == pytest.approx([7e-3])
     assert estimates_from_fit(known, None).components["a"].coefficients == pytest.approx([5e-3])
+    told = machine_warnings(known, estimates_from_fit(known, fit))
+    assert [x.facts["names"] for x in told if x.code == "not-used"] == [["a"]]
+    none = machine_warnings(known, estimates_from_fit(known, None))
+    assert "not-used" not in {x.code for x in none}
 
 
 def test_a_component_with_nothing_is_listed_and_not_predicted(tmp_path: Path) -> None:
@@ -161,16 +165,3 @@ def test_stated_components(tmp_path: Path) -> None:
     assert c.pass_covariance[0, 0] == pytest.approx(9e-6)
     assert (c.s_repeat, c.pass_dof) == (0, 4)
     assert d.covariance[0, 0] == pytest.approx(9e-6)
-
-
-def test_level_at_the_centre_and_back() -> None:
-    D = np.array([[4.0, 0.1], [0.1, 0.01]])
-    for k in (2, 3, 4):
-        T, back = Powers(k - 1).of_line(70.0, 2), Powers(k - 1).at_centre(70.0)
-        assert back @ T @ D @ T.T @ back.T == pytest.approx(D, rel=1e-9, abs=1e-12)
-        for p in (0.0, 70.0, 130.0):
-            g = p ** np.arange(k)
-            z = np.array([1.0, p - 70.0])
-            assert g @ T @ D @ T.T @ g == pytest.approx(z @ D @ z, rel=1e-9)
-    one = Powers(0).of_line(70.0, 1)
-    assert (one == [[1.0]]).all()

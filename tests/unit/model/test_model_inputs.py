@@ -84,6 +84,12 @@ def test_an_infinite_effect_is_named(tmp_path: Path) -> None:
         predict(stated(tmp_path, text), ["a"], np.array([[3.0, 4, np.nan]]))
 
 
+def test_equations_without_components_are_refused(tmp_path: Path) -> None:
+    text = "components: {a: {unit: um, coefficients: [1.0]}}\nequations: {Ex: 0.001*x}\n"
+    with pytest.raises(InputError, match="no equation contains a component"):
+        stated(tmp_path, text)
+
+
 def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     text = """
     components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}
@@ -92,12 +98,6 @@ def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no finite value at x=0, y=5") as error:
         predict(stated(tmp_path, text), ["a", "b"], np.array([[1.0, 5, 0], [0.0, 5, 0]]))
     assert "defined at every feature" in str(error.value)
-
-
-def test_equations_without_components_are_refused(tmp_path: Path) -> None:
-    text = "components: {a: {unit: um, coefficients: [1.0]}}\nequations: {Ex: 0.001*x}\n"
-    with pytest.raises(InputError, match="no equation contains a component"):
-        stated(tmp_path, text)
 
 
 def test_a_component_without_estimate_names_its_line(tmp_path: Path) -> None:
@@ -112,25 +112,3 @@ def test_a_component_without_estimate_names_its_line(tmp_path: Path) -> None:
     found = str(error.value)
     assert "machine.yaml:6: components.b" in found
     assert "an estimate of" in found
-
-
-def test_independent_variance_by_hand(tmp_path: Path) -> None:
-    """Lever arms squared times x'(C + D)x + s^2, as the papers' eq. (18) has it."""
-    model = stated(
-        tmp_path,
-        """
-        components:
-          a: {of: x, unit: um, coefficients: [1, 0.1], covariance: [[0.4, -0.01], [-0.01, 0.001]],
-              pass_covariance: [[0.3, 0.0], [0.0, 0.002]], pass_center_mm: 50, s_repeat: 0.7}
-          f: {of: y, unit: um, degree: 0, coefficients: [1], u_future: 1.9}
-        equations: {Ex: 3*a - f}
-        """,
-    )
-    x = 20.0
-    of_C = 0.4 - 2 * 0.01 * x + 0.001 * x**2
-    of_D = 0.3 + 0.002 * (x - 50) ** 2
-    wanted = (9 * (of_C + of_D + 0.7**2) + 1.9**2) * 1e-6
-    result = predict(model, ["a"], np.array([[x, 0.0, 0.0]]))
-    assert result.independent_variance == pytest.approx([wanted], rel=1e-12)
-    # One point of one axis: nothing is shared that could make a difference.
-    assert result.variance(np.eye(1)).total == pytest.approx([wanted], rel=1e-12)

@@ -209,13 +209,6 @@ def test_equations_without_a_value(what: str, equation: str, words: str) -> None
     assert len(error.value.findings) == 1
 
 
-def test_equations_at_their_bounds() -> None:
-    plan = replace(QUIET, scatter=(("x", parse("0*x")), ("y", parse("0.5e-3*(80 - y)"))))
-    assert (simulate(plan, model=quiet()).measured[2::4, 1] == 80).all()
-    far = replace(QUIET, effects=(("y", parse("1e6 - 80")),))
-    assert simulate(far, model=quiet()).measured[:, 1].max() == 1e6
-
-
 def test_a_feature_whose_place_is_not_known(tmp_path: Path) -> None:
     """Its coordinate would be written as nan, which no reader takes."""
     flat = POINTS * [1, 1, np.nan]
@@ -252,16 +245,3 @@ LATHE = """
 components: {px: {of: x, unit: um, coefficients: [1, 0.01], u_future: 1}}
 equations: {Ex: px, Ez: px}
 """
-
-
-def test_a_lathe_has_a_y_that_only_the_cmm_scatters(tmp_path: Path) -> None:
-    """A points file has x and y; what the machine says nothing of is nominal, and measured."""
-    found = simulate(replace(PLAN, parts=60, repeats=4), model=stated(tmp_path, LATHE))
-    assert found.axes == ("x", "y", "z")
-    errors = found.measured.reshape(-1, 4, 3) - POINTS
-    n = errors[:, :, 1].size
-    # 4 standard errors of a standard deviation, s/sqrt(2 n), and of a mean.
-    assert abs(errors[:, :, 1].std() - 1e-3) < 4 * 1e-3 / np.sqrt(2 * n)
-    assert abs(errors[:, :, 1].mean()) < 4 * 1e-3 / np.sqrt(n)
-    plane = simulate(replace(PLAN, parts=60, repeats=4), model=machine())
-    assert plane.axes == ("x", "y")

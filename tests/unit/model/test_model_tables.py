@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 from support import read_components
-from table_trials import RUNS, SIGMA, TARGETS, axis_machine, axis_readings, bend, table_coverage
+from table_trials import SIGMA, TARGETS, axis_machine, axis_readings, bend, table_coverage
 
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.machine import LoadedMachine, machine_from
@@ -77,22 +75,6 @@ def test_readings_and_their_report_predict_the_same(tmp_path: Path) -> None:
     assert [each[0] for each in first.outside] == ["420"]
 
 
-def test_a_straight_profile_is_that_of_degree_1(tmp_path: Path) -> None:
-    """Without a bend the table's line, and what drifts, are the polynomial's own."""
-    rng = np.random.default_rng(3)
-    readings = axis_readings(X, lambda x: 1e-5 * x, rng)
-    table, line = (
-        fit_machine(axis_machine(tmp_path, shape), readings).components["dx_x"].estimate
-        for shape in ("shape: table", "degree: 1")
-    )
-    assert line.shape.columns(X) @ line.coefficients == pytest.approx(
-        table.coefficients, abs=4 * SIGMA / np.sqrt(2 * RUNS)
-    )
-    D = table.shape.at_centre(200.0) @ table.pass_covariance @ table.shape.at_centre(200.0).T
-    T = line.shape.at_centre(200.0)
-    assert pytest.approx(T @ line.pass_covariance @ T.T, rel=0.1, abs=1e-9) == D
-
-
 def test_a_stated_table(tmp_path: Path) -> None:
     machine = stated(
         tmp_path,
@@ -148,36 +130,3 @@ def test_held_out_runs_choose_the_shape(
         readings = axis_readings(X, wavy, rng)
         chosen.append(fit_machine(known, readings).components["dx_x"].estimate.degree)
     assert sum(each in degrees for each in chosen) >= 5, chosen
-
-
-@pytest.mark.parametrize("amplitude", [0.0, 40.0])
-def test_instruments_that_choose_get_one_shape(amplitude: float, tmp_path: Path) -> None:
-    rng = np.random.default_rng(4)
-    one, other = (
-        axis_readings(X, lambda x: amplitude * SIGMA * np.sin(x / 25.0), rng) for _ in range(2)
-    )
-    arrays: tuple[str, ...] = (
-        "code",
-        "position_mm",
-        "error",
-        "dimension",
-        "pass_number",
-        "has_pass",
-    )
-    arrays += ("direction", "cycle", "time_min")
-    both: dict[str, Any] = {
-        name: np.concatenate([getattr(one, name), getattr(other, name)]) for name in arrays
-    }
-    source = replace(one.sources[0], role="lbb")
-    n = len(one.error)
-    merged = replace(
-        one,
-        **both,
-        file_index=np.repeat([0, 1], n),
-        row=np.tile(one.row, 2),
-        sources=(*one.sources, source),
-        roles=("laser", "lbb"),
-    )
-    found = fit_machine(axis_machine(tmp_path, "degree: auto"), merged).components["dx_x"]
-    assert len({len(each.fit.plain.coefficients) for each in found.instruments}) == 1
-    assert len(found.instruments) == 2

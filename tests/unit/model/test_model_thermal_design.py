@@ -9,7 +9,6 @@ import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, drift, line, machine
 
 from mtu_cli.findings import InputError
-from mtu_cli.model.fit import through_positions
 from mtu_cli.model.machine_model import design, drift_terms, sensors_of, temperatures, theta
 from mtu_cli.model.prediction import predict
 from mtu_cli.stats.lag import first_order_lag
@@ -45,21 +44,6 @@ def test_predictions_are_the_equations_with_drifting_components(
     assert found.mean == pytest.approx(expected, rel=1e-12)
     rows = design(model, POINTS, at)
     assert rows.J @ theta(model) + rows.remainder == pytest.approx(expected, rel=1e-12)
-
-
-def test_a_thermal_term_is_its_estimates_drift(tmp_path: Path) -> None:
-    """J theta of the term alone is lever times ThermalEstimate.drift at every point."""
-    for own, place, levers in (
-        (line(), POINTS[:, 0], (1.0, 0.5)),
-        (angle(), POINTS[:, 1], (POINTS[:, 1], -POINTS[:, 0])),
-    ):
-        model = machine(tmp_path, own)
-        t = [term.estimate.name for term in model.terms].index(f"{own.component}.temperature")
-        rows = design(model, POINTS, EACH)
-        part = rows.J[:, rows.columns[t]] @ model.terms[t].estimate.coefficients
-        direct = own.drift(place, EACH)
-        assert part[0::2] == pytest.approx(levers[0] * direct, rel=1e-12, abs=1e-18)
-        assert part[1::2] == pytest.approx(levers[1] * direct, rel=1e-12, abs=1e-18)
 
 
 def test_covariance_of_coefficients_and_leftover(tmp_path: Path) -> None:
@@ -102,19 +86,6 @@ def test_a_thermal_model_without_sensors_leaves_its_leftover(tmp_path: Path) -> 
     assert more == pytest.approx(np.tile(one, (4, 4)), rel=1e-9)
 
 
-def test_polynomials_through_positions() -> None:
-    """Exactly where there are as many powers as positions, else by least squares."""
-    p = np.array([0.0, 75.0, 200.0, 300.0])
-    values = np.array([[-3.5, 4.0], [0.0, 1.0], [2.0, -1.0], [4.02, 0.5]])
-    cubic = through_positions(p, values, 3)
-    through = np.polynomial.polynomial.polyval(p, cubic).T
-    assert through == pytest.approx(values, abs=1e-10)
-    straight = through_positions(p, values, 1)
-    for s in range(2):
-        expected = np.polyfit(p, values[:, s], 1)[::-1]
-        assert straight[:, s] == pytest.approx(expected, rel=1e-9)
-
-
 LAGGED = line(time_constants=(30.0, 0.0))
 
 
@@ -136,17 +107,6 @@ def test_lags_follow_the_times_of_the_rows() -> None:
     assert rows[:, 2:] == pytest.approx(place["x"][:, None] * rise, rel=1e-10, abs=1e-12)
 
 
-def test_a_sensor_without_lag_is_every_rows_own() -> None:
-    """Also beside one that lags, and where two rows share a moment."""
-    at = {
-        "T_a_degC": np.array([20.0, 20.4, 22.0]), "T_b_degC": np.array([20.0, 26.0, 21.0]),
-        "time_min": np.array([0.0, 0.0, 30.0]),
-    }  # fmt: skip
-    found = temperatures(LAGGED, at, 3)
-    assert (found[:, 1] == at["T_b_degC"]).all()
-    assert found[0, 0] == found[1, 0] == pytest.approx(20.2, rel=1e-15)
-
-
 def test_without_times_all_temperatures_count_as_settled() -> None:
     a, b = np.linspace(20.0, 26.0, 6), np.full(6, 21.0)
     untimed: dict[str, FloatArray | float] = {"T_a_degC": a, "T_b_degC": b}
@@ -155,16 +115,3 @@ def test_without_times_all_temperatures_count_as_settled() -> None:
         assert found == pytest.approx(np.column_stack([a, b]), rel=1e-15)
     one = temperatures(LAGGED, {"T_a_degC": 24.0, "T_b_degC": 21.0, "time_min": np.arange(6.0)}, 6)
     assert one == pytest.approx(np.tile([24.0, 21.0], (6, 1)), rel=1e-14)
-
-
-def test_many_missing_sensors_are_one_problem(tmp_path: Path) -> None:
-    sensors = tuple(f"T_{i:02d}_degC" for i in range(1, 8))
-    model = machine(tmp_path, drift("px", "x", sensors, np.ones((1, 7))))
-    with pytest.raises(InputError) as raised:
-        predict(model, IDS, POINTS, {"T_02_degC": 21.0})
-    (told,) = (str(problem) for problem in raised.value.findings)
-    assert told == (
-        "a value of each of T_01_degC, T_03_degC, T_04_degC, T_05_degC, T_06_degC, T_07_degC for "
-        "the drift of px is missing; expected --at T_01_degC=VALUE and so on, or --at "
-        "'T_*_degC=VALUE' for all of them; given: T_02_degC"
-    )

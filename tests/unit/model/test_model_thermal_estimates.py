@@ -109,28 +109,6 @@ def test_a_report_wins_over_the_machine_file(tmp_path: Path, machine: LoadedMach
     assert (drift.of, drift.position_range, drift.reference) == ("y", (0, 200), 20)
 
 
-def test_a_report_without_sensors(tmp_path: Path, machine: LoadedMachine) -> None:
-    empty = DRIFT | {
-        "sensors": [], "coefficients": [[], []], "covariance": [], "time_constants_min": [],
-        "sensor_u_degC": [], "temperature_range_degC": [],
-    }  # fmt: skip
-    drift = thermal_from_report(machine, report(tmp_path, pos_y=empty))["pos_y"]
-    assert drift.coefficients.shape == (2, 0)
-    assert drift.covariance.shape == (0, 0)
-    assert drift.drift(np.array([1.0, 2]), {}).tolist() == [0, 0]
-
-
-def test_a_drift_that_is_the_same_everywhere_needs_no_axis(
-    tmp_path: Path, machine: LoadedMachine
-) -> None:
-    plain = DRIFT | {
-        "of": None, "degree": 0, "coefficients": [[1, 2]], "covariance": [[1, 0], [0, 1]],
-        "leftover_covariance": [[1]], "position_range_mm": None,
-    }  # fmt: skip
-    found = thermal_from_report(machine, report(tmp_path, pos_y=plain))
-    assert found["pos_y"].degree == 0
-
-
 def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> None:
     found = report(
         tmp_path,

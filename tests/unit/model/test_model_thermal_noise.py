@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from thermal_machines import IDS, POINTS, SENSORS, angle, line, machine
 
-from mtu_cli.model.machine_model import MachineModel, design
+from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict
-from mtu_cli.model.temperatures import temperature_gradients
 from mtu_cli.stats.least_squares import FloatArray
 
 U = {"T_a_degC": 0.1, "T_b_degC": 0.2, "T_c_degC": 0.05}
@@ -20,7 +19,6 @@ EACH = {
     "T_b_degC": np.array([20.0, 19.0, 24.0, 22.0]),
     "T_c_degC": np.array([18.0, 20.0, 20.5, 25.0]),
 }
-AT: tuple[dict[str, FloatArray | float], ...] = (dict(ROOM), dict(EACH))
 DRAWS = 20_000
 
 
@@ -77,35 +75,6 @@ def test_a_reading_for_each_point(tmp_path: Path) -> None:
         for j in range(4):
             if i != j:
                 assert np.abs(found[2 * i : 2 * i + 2, 2 * j : 2 * j + 2]).max() < 1e-20
-
-
-def test_components_that_use_one_sensor_are_wrong_together(tmp_path: Path) -> None:
-    """At (x, y): dEx/dT_b = px' + y yaw', dEy/dT_b = px'/2 - x yaw', squared and multiplied."""
-    x, y = POINTS[2, 0], POINTS[2, 1]
-    slope, turn = (-0.8 + 0.004 * x) * 1e-3, 2.0 * np.pi / 648000
-    of_b = np.array([slope + y * turn, 0.5 * slope - x * turn])
-    of_a = (1.5 + 0.01 * x) * 1e-3 * np.array([1.0, 0.5])
-    of_c = -np.pi / 648000 * np.array([y, -x])
-    expected = sum(
-        (
-            U[name] ** 2 * np.outer(g, g)
-            for name, g in zip(SENSORS, (of_a, of_b, of_c), strict=True)
-        ),
-        np.zeros((2, 2)),
-    )
-    for found in (added(noisy(tmp_path), at, tmp_path) for at in AT):
-        assert found[4:6, 4:6] == pytest.approx(expected, rel=1e-9)
-
-
-def test_gradients_are_finite_differences(tmp_path: Path) -> None:
-    model = noisy(tmp_path)
-    rows = design(model, POINTS, EACH)
-    found = temperature_gradients(model, POINTS, rows.levers)
-    assert set(found) == set(SENSORS)
-    for name in SENSORS:
-        moved = {**EACH, name: EACH[name] + 1.0}
-        step = predict(model, IDS, POINTS, moved).mean - predict(model, IDS, POINTS, EACH).mean
-        assert found[name] == pytest.approx(step, rel=1e-9, abs=1e-15)
 
 
 def lagged(covariates: dict[str, FloatArray], taus: dict[str, float]) -> dict[str, FloatArray]:

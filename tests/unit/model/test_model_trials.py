@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from model_examples import FloatArray, estimate, model_of, run_command
+from model_examples import FloatArray, estimate, model_of
 from scipy import stats
 
 from mtu_cli.model.prediction import Prediction, predict
@@ -60,15 +58,6 @@ def check_covariance(values: FloatArray, mean: FloatArray, wanted: FloatArray) -
     error = np.sqrt((np.outer(variances, variances) + wanted**2) / m)
     assert (np.abs(seen - wanted) < 4.5 * error).all()
     assert (np.abs(values.mean(axis=1) - mean) < 4.5 * np.sqrt(variances / m)).all()
-
-
-@pytest.mark.parametrize("dof", [np.inf, 5.0])
-def test_values_alone_are_those_of_the_draws(dof: float) -> None:
-    combine = np.vstack([np.eye(6), np.full(6, 1 / 6)])
-    model = trials(prediction(), combine, np.array([dof, *[np.inf] * 6]))
-    whole = model.draw(np.random.default_rng(3), 500).values.copy()
-    alone = model.values(np.random.default_rng(3), 500)
-    assert alone == pytest.approx(whole, rel=1e-12, abs=1e-15)
 
 
 def test_mean_and_covariance_of_the_draws() -> None:
@@ -154,65 +143,3 @@ def test_outputs_have_the_first_order_variance_where_D_is_negative() -> None:
     assert float((mean @ given.covariance @ mean.T)[0, 0]) < 0
     values = drawn(trials(given, mean, np.array([np.inf])))
     assert values.var() == pytest.approx(wanted[0], rel=4.5 * np.sqrt(2 / TRIALS))
-
-
-def test_an_axis_without_error_is_exactly_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Rounding in Ey = 0.001 x is no uncertainty that trials could converge on or fail."""
-    given = prediction()
-    combine = np.array([[1.0, 0, 0.3, 0, 0, 0], [0, 0, 0, 0, 0, 0], [0, 0.7, 0, 0, 0, -1]])
-    model = trials(given, combine, np.full(3, np.inf))
-    assert (model.factor[[1, 4]] == 0).all()
-    (tmp_path / "machine.yaml").write_text(
-        "schema: mtu/machine/1\nname: m\n"
-        "components: {a: {of: x, unit: um, coefficients: [1, 0.3], s_repeat: 1.7}}\n"
-        "equations: {Ex: a, Ey: 0.001*x}\n"
-    )
-    (tmp_path / "part.yaml").write_text(
-        "schema: mtu/part/1\nname: p\n"
-        "features: {a: {x_mm: 3.3, y_mm: 0}, b: {x_mm: 97.1, y_mm: 0}, c: {x_mm: 7, y_mm: 9}}\n"
-        "lengths: [{from: a, to: b}, {from: a, to: c}]\n"
-    )
-    for command in ("predict-points", "lengths"):
-        code, report, _ = run_command(
-            monkeypatch, tmp_path, command, "-m", "machine.yaml", "-p", "part.yaml"
-        )
-        assert code == 0
-        assert report["warnings"] == []
-
-
-def test_two_degrees_of_freedom_give_null_u_and_a_warning(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Three readings of a constant and nothing else: u of the Monte Carlo cannot be had."""
-    (tmp_path / "machine.yaml").write_text(
-        "schema: mtu/machine/1\nname: m\n"
-        "components: {axy: {unit: arcsec}}\nequations: {Ex: -y*axy, Ey: 0}\n"
-    )
-    (tmp_path / "part.yaml").write_text(
-        "schema: mtu/part/1\nname: p\n"
-        "features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 100, y_mm: 0}, c: {x_mm: 0, y_mm: 100}}\n"
-        "orthogonality: [{id: xy, row: [a, b], column: [a, c]}]\n"
-    )
-    (tmp_path / "lbb.csv").write_text(
-        "component,pass,error,unit\naxy,1,10,arcsec\naxy,2,13,arcsec\naxy,3,11,arcsec\n"
-    )
-    code, report, text = run_command(
-        monkeypatch, tmp_path, "orthogonality", "-m", "machine.yaml", "-p", "part.yaml",
-        "--lbb", "lbb.csv",
-    )  # fmt: skip
-    assert code == 0
-    angle = report["results"]["orthogonality"][0]
-    assert angle["u_arcsec"] is None
-    assert angle["U_arcsec"] is None
-    assert all(np.isfinite(angle["interval95_arcsec"]))
-    # -b1(column): the column leans by -axy; t of two degrees of freedom, s sqrt(4/3).
-    error = np.array([10.0, 13, 11])
-    half = stats.t(2).ppf(0.975) * error.std(ddof=1) * np.sqrt(4 / 3)
-    low, high = angle["interval95_arcsec"]
-    assert (low + high) / 2 == pytest.approx(error.mean(), abs=0.05 * half)
-    assert (high - low) / 2 == pytest.approx(half, rel=0.05)
-    codes = {item["code"] for item in report["warnings"]}
-    assert "few-degrees-of-freedom" in codes
-    assert "few-degrees-of-freedom" in text

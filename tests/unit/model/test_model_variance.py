@@ -155,33 +155,6 @@ def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bo
         np.testing.assert_array_equal(getattr(own, name), getattr(multiplied, name))
 
 
-@STEADY
-@given(seeds, st.floats(0.01, 100.0))
-def test_variance_scales_with_the_square_of_all_errors(seed: int, factor: float) -> None:
-    from dataclasses import replace
-
-    found = case(seed, 3, 3, joint=False)
-    larger = [
-        replace(
-            term,
-            estimate=replace(
-                term.estimate,
-                coefficients=factor * term.estimate.coefficients,
-                covariance=factor**2 * term.estimate.covariance,
-                pass_covariance=factor**2 * term.estimate.pass_covariance,
-                s_repeat=factor * term.estimate.s_repeat,
-            ),
-        )
-        for term in found.model.terms
-    ]
-    A = np.random.default_rng(seed).normal(size=(4, 6))
-    one = predict(found.model, list("abc"), found.points)
-    two = predict(replace(found.model, terms=tuple(larger)), list("abc"), found.points)
-    assert two.mean == pytest.approx(factor * one.mean, rel=1e-12)
-    assert two.variance(A).total == pytest.approx(factor**2 * one.variance(A).total, rel=1e-10)
-    assert two.variance(A).dof == pytest.approx(one.variance(A).dof, rel=1e-9)
-
-
 def test_a_feature_used_twice_is_one_visit() -> None:
     """The middle of three features in L1 - L2 moves with its whole error, not two draws."""
     part = estimate("c", "x", [0.0, 0.0], s=2.0)

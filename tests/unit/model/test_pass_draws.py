@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from model_examples import FloatArray, estimate, model_of
 
-from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate, JointPasses
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.simulate import (
@@ -118,19 +116,3 @@ def test_passes_of_components_read_together_vary_together() -> None:
     wanted = X @ D @ X.T
     wanted[:2, 2] = wanted[2, :2] = 0.0
     assert agree(np.column_stack([back, alone]), wanted)
-
-
-def test_what_is_not_known_of_passes_together_is_drawn_apart() -> None:
-    """A report has null where readings do not tell it; alone, nothing can be drawn from it."""
-    model, D = together()
-    (group,) = model.joint
-    none = np.full_like(D, np.nan)
-    apart, alike = replace(group, pass_covariance=none), replace(group, covariance=none)
-    single = D * [[1, 1, 0], [1, 1, 0], [0, 0, 1]]
-    for changed, wanted in ((apart, single), (alike, D)):
-        unknown = replace(model, joint=(changed,))
-        root = pass_root(unknown)
-        np.testing.assert_allclose(root @ root.T, wanted, rtol=1e-6, atol=1e-18)
-    alone = estimate("a", "x", [0.0, 0.0], D=np.full((2, 2), np.nan))
-    with pytest.raises(InputError, match="pass-to-pass covariance of a"):
-        pass_root(model_of([(alone, {"x": "1"})], axes=("x",)))

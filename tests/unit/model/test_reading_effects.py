@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pytest
 
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.model.fit import effects_on_readings
@@ -49,17 +48,3 @@ def test_an_effect_is_divided_by_the_lever_arm_of_its_component(tmp_path: Path) 
     # y, which the readings do not tell, falls out.
     rate = 2 * np.pi / 648_000 / 1000
     np.testing.assert_allclose(total, rate * (PLACES[:, 0] - 100), rtol=1e-12)
-
-
-def test_a_covariate_that_readings_lack_is_said(tmp_path: Path) -> None:
-    total, warned = effects_on_readings(machine(tmp_path), "dx", PLACES, {})
-    assert not total.any()
-    assert [item.code for item in warned] == ["not-used"]
-    assert "dir_x" in warned[0].message
-
-
-@pytest.mark.parametrize("component", ["ey", "axy"])
-def test_components_without_effects_are_left_alone(tmp_path: Path, component: str) -> None:
-    total, warned = effects_on_readings(machine(tmp_path), component, PLACES, {})
-    assert not total.any()
-    assert not warned

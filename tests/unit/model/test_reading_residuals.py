@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from machine_trials import Drift, read_machine
-from machine_trials import machine as machine_of_trials
 from model_examples import Segment, estimate, loaded, permuted, readings
 from numpy.typing import NDArray
 from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run, tables_of
 from thermal_machines import drift
 
-from mtu_cli.files.readings import Readings, read_readings
+from mtu_cli.files.readings import (
+    Readings,
+)
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.units import ARCSEC, UM
 
@@ -55,34 +55,6 @@ def test_order_of_rows_does_not_matter(tmp_path: Path) -> None:
     for one, other in zip(first, second, strict=True):
         np.testing.assert_allclose(one.errors, other.errors, atol=1e-15)
         assert one.features == other.features
-
-
-def test_degree_unit_and_missing_targets(tmp_path: Path) -> None:
-    whole = readings([run(3, name="yaw")])
-    found = permuted(whole, np.flatnonzero(np.arange(24) != 5))
-    table = only(tables_of(machine(tmp_path), None, found))
-    assert table.unit == "arcsec"
-    assert table.fitted_degree == 2
-    assert table.axes == ("y",)
-    assert (table.repeats == 0).sum() == 1
-    assert np.isnan(table.errors).sum() == 1
-    assert table.places[..., 1].tolist() == [np.repeat(TARGETS, 2).tolist()] * 3
-    # The second order is gone.
-    bent = replace(found, error=found.error + 1e-6 * (found.position_mm - 7) ** 2)
-    again = only(tables_of(machine(tmp_path), None, bent))
-    np.testing.assert_allclose(again.errors, table.errors, atol=1e-14)
-
-
-@pytest.mark.parametrize("shape", ["shape: table", "degree: auto"])
-def test_the_bends_of_a_declared_table_are_no_news(shape: str, tmp_path: Path) -> None:
-    known = loaded(
-        tmp_path, f"components: {{yaw: {{of: y, unit: arcsec, {shape}}}}}\nequations: {{Ex: y*yaw}}"
-    )
-    found = readings([run(3, name="yaw")])
-    table = only(tables_of(known, None, found))
-    bent = replace(found, error=found.error + 1e-8 * (found.position_mm - 7) ** 3)
-    again = only(tables_of(known, None, bent))
-    np.testing.assert_allclose(again.errors, table.errors, atol=1e-13)
 
 
 def test_what_was_known_goes_with_its_covariances(tmp_path: Path) -> None:
@@ -187,64 +159,6 @@ def test_targets_are_recorded_as_reached(tmp_path: Path) -> None:
     assert only(tables_of(machine(tmp_path), None, dense)).errors.shape == (1, 30_001, 1)
 
 
-def test_texts_of_all_components_are_told_once(tmp_path: Path) -> None:
-    given = read_machine(np.random.default_rng(3), Drift(0.0))
-    n = len(given)
-    worn = np.array(["2", "n/a"] * n, object)[:n]
-    known = machine_of_trials(tmp_path)
-    given = replace(given, covariates={"worn": worn})
-    tables, warned = tables_of(known, None, given)
-    assert len(tables) > 5
-    (told,) = (item for item in warned if item.code == "not-tested")
-    assert f"({n // 2} of {n} cells, such as 'n/a')" in told.message
-
-
-def test_directions_with_gaps_and_text_covariates(tmp_path: Path) -> None:
-    segment = run(2)
-    assert segment.direction is not None
-    direction = segment.direction.copy()
-    direction[3] = 0
-    found = readings([replace(segment, direction=direction, setup="a")])
-    (table,), warned = tables_of(machine(tmp_path), None, found)
-    assert "dir_x" not in table.covariates
-    assert [item.code for item in warned] == ["not-tested", "missing-values"]
-    assert "40" in table.features
-    assert "setup" not in table.covariates
-
-
-CSV = """component,position_mm,pass,direction,error,unit,time_min
-px,{p0},1,forward,11.11,um,0.0
-px,{p1},1,forward,-0.97,um,0.47
-px,{p1},1,reverse,-21.5,um,0.95
-px,{p0},1,reverse,-9.2,um,1.4
-px,{p0},2,forward,12.3,um,1.9
-px,{p1},2,forward,0.4,um,2.4
-px,{p1},2,reverse,-20.1,um,2.9
-px,{p0},2,reverse,-8.7,um,3.3
-"""
-
-
-def test_a_file_in_the_layout_of_axis_runs(tmp_path: Path) -> None:
-    """Integer and decimal positions, `forward`/`reverse`, with times and without."""
-    for number, (low, high) in enumerate((("-20", "-15"), ("15.0", "25.2"))):
-        path = tmp_path / f"run{number}.csv"
-        text = CSV.format(p0=low, p1=high)
-        if number:
-            text = "\n".join(line.rsplit(",", 1)[0] for line in text.splitlines()) + "\n"
-        path.write_text(text)
-        own = machine(tmp_path)
-        found = read_readings([(path, "laser")], own.machine.components, for_fit=False)
-        (table,), warned = tables_of(own, None, found)
-        assert warned == ()
-        names = [f"{float(p):g} {sign}" for p in (low, high) for sign in "+-"]
-        assert table.features == tuple(names)
-        assert table.parts == ("1", "2")
-        assert ("time_min" in table.covariates) == (number == 0)
-        # Half the reversal value of both targets: what is left beside the line.
-        turn = np.nanmean(table.errors[:, 0::2] - table.errors[:, 1::2]) / 2 / UM
-        assert turn == pytest.approx((20.31 + 20.53 + 21.0 + 20.5) / 8, abs=1e-9)
-
-
 def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     """Numbered one there, one back, they are the same table as there and back in one pass."""
     together = readings([run(4)])
@@ -270,9 +184,6 @@ def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     # Of one pass both ways it is no habit.
     mixed = replace(apart, pass_number=np.where(apart.pass_number < 3, 1, apart.pass_number))
     assert len(only(tables_of(machine(tmp_path), None, mixed)).parts) == 7
-
-
-# Gaps in covariates.
 
 
 def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:
@@ -301,51 +212,6 @@ def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Pa
     expected = (found.error - X @ line)[in_table_order(found)].reshape(before.errors.shape)
     there = table.repeats > 0
     np.testing.assert_allclose(table.errors[there], expected[there], atol=1e-14)
-
-
-@pytest.mark.parametrize("gone", [[3, 11, 17], [40]])
-def test_many_readings_or_the_only_one_of_a_target_stay(tmp_path: Path, gone: list[int]) -> None:
-    """Then the covariate goes: 3 of 41, or the one that was read at 60 mm."""
-    one = replace(run(1), position=np.array([60.0]), error=np.zeros(1), passes=np.array([5]),
-                  direction=np.array([1]), time=np.array([99.0]))  # fmt: skip
-    found = readings([run(5), one])
-    load = np.linspace(0.0, 9.0, len(found))
-    load[gone] = np.nan
-    (table,), (told,) = tables_of(
-        machine(tmp_path), None, replace(found, covariates={"load": load})
-    )
-    assert "load" not in table.covariates
-    assert told.code == "missing-values"
-    assert table.repeats.sum() == len(found)
-
-
-@pytest.mark.parametrize("passes", [None, np.repeat(np.arange(20) + 1, 3)])
-def test_passes_without_an_axis_keep_their_count(
-    tmp_path: Path, passes: NDArray[np.int64] | None
-) -> None:
-    """A reading that is a whole pass stays, and one of three goes: 60 or 20 passes are left."""
-    error = 1e-6 * np.arange(60.0) ** 2
-    found = readings([Segment(name="ort", position=None, error=error, passes=passes)])
-    load = np.linspace(0.0, 9.0, 60)
-    load[3] = np.nan
-    (table,), (told,) = tables_of(
-        machine(tmp_path), None, replace(found, covariates={"load": load})
-    )
-    assert told.code == "missing-values"
-    assert ("load" in table.covariates) == (passes is not None)
-    assert table.parts == tuple(str(i + 1) for i in range(60 if passes is None else 20))
-    assert table.repeats.sum() == (60 if passes is None else 59)
-
-
-def test_a_reading_without_a_direction_stays(tmp_path: Path) -> None:
-    found = readings([run(5)])
-    direction = found.direction.copy()
-    direction[3] = 0
-    (table,), _ = tables_of(machine(tmp_path), None, replace(found, direction=direction))
-    assert table.repeats.sum() == 40
-
-
-# Known drifts.
 
 
 def with_temperature(found: Readings, values: Floats | None = None) -> Readings:

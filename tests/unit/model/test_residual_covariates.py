@@ -11,14 +11,10 @@ from compare_trials import made, study
 from model_examples import stated
 from numpy.typing import NDArray
 from residual_examples import (
-    GROWING,
     MACHINE,
     by_cell,
-    check_against_loop,
     codes,
     measured,
-    rows,
-    warm,
 )
 from thermal_machines import SENSORS, line
 from thermal_machines import machine as warm_machine
@@ -26,7 +22,11 @@ from thermal_machines import machine as warm_machine
 from mtu_cli.analyses.correct import correct
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.covariates import FEW_ROWS, FEWEST, without_gaps, without_repeated
+from mtu_cli.model.covariates import (
+    FEW_ROWS,
+    without_gaps,
+    without_repeated,
+)
 from mtu_cli.model.residuals import residual_table
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows
@@ -81,45 +81,6 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     ].shape == (3, 1)  # fmt: skip
 
 
-def test_untimed_points_have_no_time(tmp_path: Path) -> None:
-    points = measured(3, 2, 1)
-    bare = replace(points, time_min=np.full(len(points), np.nan))
-    table, _ = residual_table(stated(tmp_path, MACHINE), bare, {})
-    assert sorted(table.covariates) == ["dir_x", "dir_y", "sequence"]
-
-
-def test_given_values_stand_in_for_columns(tmp_path: Path) -> None:
-    model = stated(tmp_path, GROWING)
-    points = measured(3, 2, 2)
-    table, _ = residual_table(model, points, {"T_bed_degC": 24.0})
-    check_against_loop(model, points, table, {"T_bed_degC": 24.0})
-    assert "T_bed_degC" not in table.covariates
-    own, warned = residual_table(model, warm(points), {"T_bed_degC": 24.0})
-    assert codes(warned) == ["not-used"]
-    assert not np.allclose(own.errors, table.errors)
-
-
-def test_covariates_that_are_missing_or_not_numbers(tmp_path: Path) -> None:
-    model = stated(tmp_path, GROWING)
-    points = measured(3, 2, 2)
-    near = replace(points, covariates={"T_bad_degC": np.zeros(len(points))})
-    with pytest.raises(InputError, match="there is 'T_bad_degC'"):
-        residual_table(model, near, {})
-    both = near.covariates | {"T_bed": np.full(len(points), "20", object)}
-    with pytest.raises(InputError, match="there is 'T_bed'"):
-        residual_table(model, replace(points, covariates=both), {})
-    texts = np.array(["20"] * len(points), object)
-    texts[4], texts[5] = "warm", ""
-    with pytest.raises(InputError) as found:
-        residual_table(model, replace(points, covariates={"T_bed_degC": texts}), {})
-    told = [(problem.text, problem.row) for problem in found.value.findings]
-    wanted = [("not a number", points.row[4]), ("empty cell", points.row[5])]
-    assert told == sorted(wanted, key=lambda one: one[1])
-    # Numbers beside texts in other rows are numbers, where all the rows that count are.
-    texts[4:6] = "20"
-    assert codes(residual_table(model, replace(points, covariates={"T_bed_degC": texts}))[1]) == []
-
-
 def thermal_points(parts: int, features: int, *, same_time: bool) -> Points:
     """Measured where they should be, while the machine warms up; a reading a minute."""
     points = measured(parts, features, 2, sigma=0.0)
@@ -139,20 +100,6 @@ def test_lags_have_the_history_that_correct_gives_them(tmp_path: Path, same_time
     assert not [w for w in warned if "lag" in w.code or "settled" in w.code]
     expected = by_cell(points, -told.error[:, :2])
     for (part, feature), own in expected.items():
-        place = table.parts.index(part), table.features.index(feature)
-        np.testing.assert_allclose(table.errors[place], sum(own) / len(own), rtol=0, atol=1e-12)
-
-
-def test_all_measurements_of_a_moment_count_in_a_lag(tmp_path: Path) -> None:
-    """Holes of one moment with temperatures of their own, some measured once and some twice."""
-    model = warm_machine(tmp_path, line(time_constants=(25.0, 10.0)))
-    points = thermal_points(5, 4, same_time=True)
-    points = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature == 1)))
-    uneven = {name: T + 0.01 * points.feature for name, T in points.covariates.items()}
-    points = replace(points, covariates=uneven)
-    table, _ = residual_table(model, points, {})
-    told = correct(model, None, points, Settings())
-    for (part, feature), own in by_cell(points, -told.error[:, :2]).items():
         place = table.parts.index(part), table.features.index(feature)
         np.testing.assert_allclose(table.errors[place], sum(own) / len(own), rtol=0, atol=1e-12)
 
@@ -197,9 +144,6 @@ def test_noise_of_temperatures_goes_where_it_is_shared(tmp_path: Path) -> None:
     assert np.abs(added(each, "common")).max() < 1e-15
 
 
-# Gaps.
-
-
 def with_gaps(**rows: list[int]) -> Points:
     """Points with covariates of which some rows are empty."""
     points = measured(5, 8, 2)
@@ -241,13 +185,6 @@ def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
     assert names == [["rare"], ["often (4 of 79 rows", "most (29 of 79 rows"]]
 
 
-def test_a_column_without_any_value_is_told(tmp_path: Path) -> None:
-    points = with_gaps(T_room_degC=list(range(80)))
-    table, (told,) = residual_table(stated(tmp_path, MACHINE), points)
-    assert told.message.startswith("cells missing (T_room_degC (80 of 80 rows, ")
-    assert "T_room_degC" not in table.covariates
-
-
 def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
     machine = MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1)
     assert machine != MACHINE
@@ -270,17 +207,6 @@ def test_no_part_or_feature_goes_for_a_covariate(whole: str) -> None:
     points = replace(points, covariates={"batch": column, "empty": column * np.nan})
     assert np.isnan(column).sum() <= FEW_ROWS * len(points)
     assert without_gaps(points, ()) == (points, [])
-
-
-def test_gaps_are_told_where_the_datum_takes_points_too(tmp_path: Path) -> None:
-    points = with_gaps(tool_parts=[17])
-    alone = (points.part != 0) | (points.feature == 0)
-    kept = only_rows(points, alone)
-    _, warned = residual_table(stated(tmp_path, MACHINE), kept, None, "offset")
-    assert {"missing-values", "not-measured"} <= set(codes(warned))
-
-
-# Errors again.
 
 
 def written(seed: int = 1, digits: int = 4) -> Points:
@@ -319,15 +245,6 @@ def test_what_a_measuring_machine_writes_of_the_error_is_taken_out(words: str) -
     assert repeats(found, own, needed=("own",)) is None
 
 
-def test_the_nominal_places_are_called_so() -> None:
-    """Their distances are no last digit, within which the places as measured agree as well."""
-    found = written()
-    for column in (found.nominal[:, 0], 1e3 * found.nominal[:, 0]):
-        message = repeats(found, column)
-        assert message is not None
-        assert "'own' (the nominal x)): they repeat the nominal place" in message
-
-
 def test_what_only_goes_with_the_error_stays() -> None:
     """A cause of nearly all of it, the error less a part's own, one entry that is another; and
     errors that are hardly more than the digits they are given to.
@@ -341,12 +258,3 @@ def test_what_only_goes_with_the_error_stays() -> None:
         assert repeats(found, column) is None
     coarse = written(digits=2)
     assert repeats(coarse, (coarse.measured - coarse.nominal)[:, 0]) is None
-
-
-@pytest.mark.parametrize("count", [FEWEST - 1, FEWEST])
-def test_of_few_points_nothing_is_said(count: int) -> None:
-    """Of one feature, so that the last digit of the coordinates shows."""
-    found = written()
-    few = only_rows(found, np.flatnonzero(found.feature == found.feature[0])[:count])
-    message = repeats(few, (few.measured - few.nominal)[:, 0])
-    assert (message is not None) == (count == FEWEST)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from model_examples import stated
-from numpy.typing import NDArray
 from residual_examples import (
     GROWING,
     MACHINE,
@@ -29,9 +28,8 @@ from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.residuals import ResidualTable, filled, residual_table
+from mtu_cli.model.residuals import ResidualTable, residual_table
 
-Floats = NDArray[np.float64]
 ROTATION: Datum = "offset,rotation"
 FREE: list[Datum] = ["offset", ROTATION]
 
@@ -76,40 +74,6 @@ def test_factors_are_the_covariances_of_predictions(tmp_path: Path) -> None:
         check_factors(plain, measured(3, 4, 2, keep=0.5), table)
 
 
-def test_coefficients_without_uncertainty_have_factors_of_no_width(tmp_path: Path) -> None:
-    model = stated(
-        tmp_path, "components: {px: {of: x, unit: um, coefficients: [1, 2]}}\nequations: {Ex: px}\n"
-    )
-    table, warned = residual_table(model, measured(3, 4, 1), {})
-    assert table.common.shape == (1, 4, 1, 0) == table.of_part.shape
-    assert codes(warned) == ["axis-without-equation"]
-    assert table.axes == ("x",)
-
-
-def test_factors_at_cells_that_were_not_measured_are_finite(tmp_path: Path) -> None:
-    model = stated(tmp_path, GROWING)
-    table, _ = residual_table(model, warm(measured(6, 5, 1, keep=0.3)), {})
-    assert (table.repeats == 0).any()
-    for values in (table.common, table.of_part, table.places[..., :2]):
-        assert np.isfinite(values).all()
-    missing = np.argwhere(table.repeats == 0)[0]
-    there = table.repeats[:, missing[1]] > 0
-    np.testing.assert_allclose(
-        table.common[tuple(missing)], table.common[there, missing[1]].mean(axis=0), atol=1e-15
-    )
-
-
-def test_missing_cells_have_the_digits_of_their_equals() -> None:
-    """The sum of three 0.1 is not 0.3; a column without any has the mean of its part."""
-    table = np.full((4, 3, 1), np.nan)
-    table[:3, 0], table[:3, 1] = 0.1, [[1.0], [2.0], [6.0]]
-    table[3, 1] = 3.0
-    found = filled(table, np.isfinite(table[..., 0]))
-    assert found[:, 0].tolist() == [[0.1]] * 4
-    assert found[:3, 1].tolist() == [[1.0], [2.0], [6.0]]
-    np.testing.assert_allclose(found[:, 2, 0], [0.55, 1.05, 3.05, 3.0], rtol=1e-15)
-
-
 def test_operations_are_columns_of_their_own(tmp_path: Path) -> None:
     model = stated(tmp_path, MACHINE)
     points = with_operations(measured(3, 4, 2), ["drilled", "milled"])
@@ -147,33 +111,6 @@ def test_parts_stand_in_order_of_manufacture(tmp_path: Path) -> None:
     assert table.features == points.features
 
 
-@pytest.mark.parametrize("shape", [(1, 6, 3), (6, 1, 3), (1, 1, 2), (5, 3, 1)])
-def test_few_parts_and_few_features(tmp_path: Path, shape: tuple[int, int, int]) -> None:
-    model = stated(tmp_path, MACHINE)
-    points = measured(*shape)
-    table, warned = residual_table(model, points, {})
-    assert warned == ()
-    assert table.errors.shape == (*shape[:2], 2)
-    check_against_loop(model, points, table)
-    check_factors(model, points, table)
-
-
-def test_one_feature_a_part_and_parts_measured_half(tmp_path: Path) -> None:
-    model = stated(tmp_path, MACHINE)
-    points = measured(5, 5, 2)
-    single = rows(points, np.flatnonzero(points.part == points.feature))
-    table, _ = residual_table(model, single, {})
-    assert (table.repeats == 2 * np.eye(5, dtype=int)).all()
-    check_against_loop(model, single, table)
-    assert np.isfinite(table.common).all()
-    assert np.isfinite(table.places[..., :2]).all()
-    half = rows(points, np.flatnonzero((points.part > 1) | (points.feature < 2)))
-    table, _ = residual_table(model, half, {})
-    assert table.repeats[:2].tolist() == [[2, 2, 0, 0, 0]] * 2
-    check_against_loop(model, half, table)
-    check_factors(model, half, table)
-
-
 def test_z_is_an_axis_with_an_equation_and_a_coordinate(tmp_path: Path) -> None:
     points = measured(4, 3, 2, z=True)
     table, warned = residual_table(stated(tmp_path, MACHINE), points, {})
@@ -195,35 +132,6 @@ def test_z_is_an_axis_with_an_equation_and_a_coordinate(tmp_path: Path) -> None:
     only = stated(tmp_path, high.replace("Ex: px + y*sq + 0.002*dir_x", "").replace("Ey: py", ""))
     with pytest.raises(InputError, match="the machine 'm' has equations for z"):
         residual_table(only, replace(points, measured=lost), {})
-
-
-def test_a_coordinate_that_the_machine_fixes_is_the_machines(tmp_path: Path) -> None:
-    fixed = "constants: {z: 127.0}\n" + MACHINE.strip() + "\n"
-    table, _ = residual_table(stated(tmp_path, fixed), measured(3, 2, 1), {})
-    assert (table.places[..., 2] == 127.0).all()
-
-
-def test_places_that_differ_between_parts_are_used(tmp_path: Path) -> None:
-    model = stated(tmp_path, MACHINE)
-    points = measured(4, 3, 2)
-    shift = np.where(points.part[:, None] == 2, [50.0, -20.0, 0.0], 0.0)
-    turned = replace(points, nominal=points.nominal + shift, measured=points.measured + shift)
-    table, _ = residual_table(model, turned, {})
-    check_against_loop(model, turned, table)
-    check_factors(model, turned, table)
-    assert len(table.common) == 4
-
-
-def test_places_and_temperatures_beyond_the_fit_are_told(tmp_path: Path) -> None:
-    model = stated(tmp_path, MACHINE)
-    terms = tuple(
-        replace(term, estimate=replace(term.estimate, position_range=(0.0, 10.0)))
-        if term.estimate.of
-        else term
-        for term in model.terms
-    )
-    _, warned = residual_table(replace(model, terms=terms), measured(3, 2, 1), {})
-    assert set(codes(warned)) == {"outside-measured-range"}
 
 
 # What a datum frees.

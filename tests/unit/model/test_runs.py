@@ -9,23 +9,14 @@ import numpy as np
 import pytest
 from machine_trials import Drift, machine, read_machine
 from model_examples import Segment, loaded, readings
-from numpy.typing import NDArray
 from reading_examples import only
 
-from mtu_cli.analyses.fit_components import fit_result
-from mtu_cli.files.reports_read import components_from
-from mtu_cli.files.source import Source
-from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.fit_warnings import scatter_warnings
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_residuals import reading_tables
-from mtu_cli.reports.fit_components import document
-
-FloatArray = NDArray[np.float64]
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
@@ -104,17 +95,6 @@ def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
         assert found == [(n, n + step) for n in there if n + step != lost]
 
 
-def test_a_run_is_of_one_file_unless_files_have_one_direction(tmp_path: Path) -> None:
-    """A pass that is missing leaves its fellow alone."""
-    known = loaded(tmp_path, MACHINE)
-    given = [
-        replace(item, **{key: getattr(item, key)[item.passes != 4] for key in COLUMNS})
-        for item in there_and_back(1, one_way=True)
-    ]
-    fit = fit_machine(known, readings(given)).components["a"].instruments[0].fit
-    assert fit.pairs.tolist() == [[0, 1], [3, 4], [5, 6], [7, 8]]
-
-
 def test_components_are_joint_only_where_their_runs_are_the_same(tmp_path: Path) -> None:
     """Passes of the same numbers, ways and times: a's are the runs 1/2, 3/4 and 5/6; b's first
     stands in another file, alone.
@@ -139,44 +119,6 @@ def test_components_are_joint_only_where_their_runs_are_the_same(tmp_path: Path)
     pairs = {name: item.instruments[0].fit.pairs.tolist() for name, item in fit.components.items()}
     assert pairs == {"a": [[0, 1], [2, 3], [4, 5]], "b": [[2, 3], [4, 5]]}
     assert fit.joint == ()
-
-
-def test_one_run_alone_has_two_passes(tmp_path: Path) -> None:
-    """They differ by what a run's do, a line each: one degree of freedom, and a word of it."""
-    known = loaded(tmp_path, MACHINE)
-    given = [
-        replace(item, **{key: getattr(item, key)[item.passes == 1] for key in COLUMNS})
-        for item in there_and_back(1)
-    ]
-    fit = fit_machine(known, readings(given))
-    found = fit.components["a"]
-    assert found.instruments[0].fit.separated
-    assert (found.estimate.pass_dof, found.estimate.half_differences) == (1, None)
-    codes = [item.code for item in scatter_warnings(fit)]
-    assert codes == ["no-scatter-known"]
-    assert not scatter_warnings(fit_machine(known, readings(there_and_back(1))))
-
-
-def test_runs_that_differ_by_the_same_are_read_back(tmp_path: Path) -> None:
-    """A coarse display: reverse is forward and a constant in every run, S_h but rounding."""
-    known = loaded(tmp_path, MACHINE)
-    given = []
-    for item in there_and_back(5):
-        lines = np.round(item.error.reshape(RUNS, 2, len(P)), 1)
-        lines[:, 1] = lines[:, 0] - 0.3
-        given.append(replace(item, error=lines.ravel()))
-    fit = fit_machine(known, readings(given))
-    results = document(fit_result("m", fit, estimates_from_fit(known, fit))).record()
-    source = Source(role="components", path=tmp_path, shown="c.json", sha256="", rows=0)
-    report = components_from(source, {"schema": "mtu/fit-components/1", "results": results})
-    assert fit.components["a"].estimate.half_differences is not None
-    found = report.components["a"].half_difference_mean_square
-    assert found is not None
-    np.testing.assert_allclose(found, 0, atol=1e-12)
-    for damaged, told in (([[None, 0], [0, 0]], "wrong value: 'null'"), ([[1.0]], "not 2 x 2")):
-        results["components"]["a"]["half_difference_mean_square"] = damaged
-        with pytest.raises(InputError, match=told):
-            components_from(source, {"schema": "mtu/fit-components/1", "results": results})
 
 
 @pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])

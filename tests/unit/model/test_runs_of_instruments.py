@@ -19,7 +19,6 @@ from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.reading_residuals import reading_tables
-from mtu_cli.model.variance import drawable_passes
 from mtu_cli.reports.fit_components import document
 
 FloatArray = NDArray[np.float64]
@@ -102,20 +101,6 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
         results["components"]["a"]["run_covariance"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": SCHEMA, "results": results})
-
-
-def test_what_each_way_and_both_scatter_by_is_what_passes_do(tmp_path: Path) -> None:
-    """Of three runs there and back and twelve passes one way: K is of the runs, D of all."""
-    known = loaded(tmp_path, MACHINE)
-    for seed in range(8):
-        both = [segment("lbb", 3, seed), segment("laser", 12, seed + 50, one_way=True)]
-        estimate = fit_machine(known, readings(both)).components["a"].estimate
-        one = Estimates(components={"a": estimate})
-        table = only(reading_tables(known, one, readings([segment("laser", 5, 3)])))
-        X = np.column_stack([np.ones(2 * len(P)), table.places[0, :, 0]])
-        D = drawable_passes(estimate.pass_covariance, estimate.covariance)
-        R = table.of_part[0, :, 0]
-        np.testing.assert_allclose(np.diag(R @ R.T), np.diag(X @ D @ X.T), rtol=1e-6)
 
 
 @pytest.mark.parametrize("way", [1, -1])

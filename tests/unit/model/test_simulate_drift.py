@@ -17,7 +17,6 @@ from mtu_cli.model.simulate_drift import (
     SimulatedDrift,
     followed,
     sensors_for,
-    settled,
     simulate_drift,
 )
 from mtu_cli.stats.lag import first_order_lag
@@ -147,12 +146,6 @@ def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
     assert 6 * (5 * drawn[0] - 2 * drawn[1] + 5 * change[0] - 2 * change[1]) == pytest.approx(6)
 
 
-def test_drifts_above_the_limit_are_brought_to_it() -> None:
-    limited = plan(limits={1: 10e-3, 0: 1.0})
-    shares = sensors_for([drift()], limited, 1).shares
-    assert [30 * shares[0] - 12 * shares[1], 30 * shares[0]] == pytest.approx([10, 10])
-
-
 def test_drifts_that_the_sensors_cannot_give() -> None:
     impossible = plan(
         positions={"p": np.array([0.0, 0.0])}, settled={"p": np.array([12e-3, 18e-3])}
@@ -163,37 +156,3 @@ def test_drifts_that_the_sensors_cannot_give() -> None:
     # The nearest to both is halfway between.
     for word in ("--settled-drift", "give p", "at 0 mm", "'p: 12 18'", "about 15 um"):
         assert word in message
-
-
-def test_limits_that_the_sensors_cannot_keep_are_left_alone() -> None:
-    """One sensor drives both: what brings the one to its limit takes the other off its own."""
-    one = replace(drift("p"), sensors=(A,), coefficients=np.array([[5e-3], [0.0]]))
-    one = replace(one, time_constants=np.zeros(1), sensor_u=np.zeros(1))
-    other = replace(one, component="q", coefficients=np.array([[1e-3], [0.0]]))
-    places = {"p": np.array([0.0, 200.0]), "q": np.array([0.0])}
-    both = plan(positions=places, limits={1: 10e-3, 0: 1.0})
-    drawn = sensors_for([one, other], replace(both, limits={1: 1.0, 0: 1.0}), 1).shares
-    assert sensors_for([one, other], both, 1).shares == pytest.approx(drawn)
-    assert sensors_for([one], both, 1).shares * 30 == pytest.approx([10])
-    # What is asked for comes before both.
-    asked = replace(both, settled={"q": np.array([3e-3])})
-    assert sensors_for([one, other], asked, 1).shares * 6 == pytest.approx([3])
-
-
-CLIMATE = Climate(
-    reference=20.0, low=18.0, high=26.0, room_lag=60.0, room_wobble=0.2, sensor_lag=(5.0, 50.0),
-    sensor_spread=0.1, sensor_wobble=0.1, sensor_noise=0.01,
-)  # fmt: skip
-SENSORS = Sensors(names=("a", "b"), lags=np.array([5.0, 50.0]), shares=np.array([0.9, 1.1]))
-ROOMS = np.array([20.0, 30.0, 15.0])
-
-
-def test_draughts_are_of_the_stated_size_and_each_sensors_own() -> None:
-    """400 draws: the deviation to 4.5 of its standard errors, no correlation beyond as many."""
-    rooms = np.full(400, 24.0)
-    draughts = settled(CLIMATE, SENSORS, rooms, 0.3, seed=2) - settled(
-        CLIMATE, SENSORS, rooms, 0.0, seed=2
-    )
-    assert (np.abs(draughts.std(axis=0) / 0.3 - 1) < 4.5 / np.sqrt(800)).all()
-    together = float((draughts[:, 0] * draughts[:, 1]).mean()) / 0.3**2
-    assert abs(together) < 4.5 / np.sqrt(400)

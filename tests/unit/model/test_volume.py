@@ -40,20 +40,9 @@ def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
     assert len(grid(tmp_path, "4")[0]) == 16
 
 
-def test_one_place_of_an_axis_is_its_middle(tmp_path: Path) -> None:
-    assert grid(tmp_path, "1,2,7")[1][:, :2].tolist() == [[50.0, 20.0], [50.0, 60.0]]
-
-
 def test_an_axis_that_a_constant_fixes_has_that_place(tmp_path: Path) -> None:
     fixed = SPACE + "constants: {y: 30.0}\n"
     assert grid(tmp_path, "2,5", fixed)[1][:, :2].tolist() == [[0.0, 30.0], [100.0, 30.0]]
-
-
-def test_an_axis_of_what_is_no_component_is_needed(tmp_path: Path) -> None:
-    """A stated slope has nothing to estimate, and is an error that depends on y all the same."""
-    line = "  sq: {unit: urad, coefficients: [50], u_future: 1}\n"
-    known = SPACE.replace(line, "").replace("{Ex: px + y*sq}", "{Ex: px, Ey: 1e-6*y}")
-    assert len(grid(tmp_path, "3,2", known)[0]) == 6
 
 
 def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import pytest
-from matplotlib.quiver import Quiver
 from matplotlib.text import Text
 from measured_examples import part_file, points, study, with_measured
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance
 from mtu_cli.files.points import Points
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import figures
 from mtu_cli.reports.anova import document
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.part_figures import anova as figure
@@ -98,12 +95,6 @@ def test_undefined_figures_are_null_and_have_no_column() -> None:
     assert shown(result).startswith("Too few parts or repeats")
 
 
-def test_without_repeats_parts_and_cmm_are_one_column() -> None:
-    text = shown(analysed(study(8, 1, 4))).replace("\n", " ")
-    assert text.count("s_part+repeat") == 2
-    assert " s_part " not in text
-
-
 def test_limits_below_zero_are_marked_as_no_bound() -> None:
     """Repeats to and fro about means that are alike: [0, 0] is no statement on the parts."""
     rows = [
@@ -123,30 +114,6 @@ def test_limits_below_zero_are_marked_as_no_bound() -> None:
     assert not any(entry["var_part_limits_below_zero"] for entry in even["features"])
 
 
-def test_csv_holds_every_kind_in_its_unit(planted: AnovaResult) -> None:
-    header, rows = document(planted).rows()
-    assert header[:4] == ["kind", "operation", "feature", "axis"]
-    assert len(set(header)) == len(header)
-    listed = [dict(zip(header, row, strict=True)) for row in rows]
-    kinds = ["feature"] * 6 + ["length"] * 2 + ["orthogonality"]
-    assert [row["kind"] for row in listed] == kinds
-    results = recorded(planted)
-    entries = [*results["features"], *results["lengths"], *results["orthogonality"]]
-    for row, entry in zip(listed, entries, strict=True):
-        angle = row["kind"] == "orthogonality"
-        unit, other = ("arcsec", "um") if angle else ("um", "arcsec")
-        scalars = {k for k in entry if "interval" not in k}
-        assert scalars <= set(header)
-        assert all(row[name] == entry[name] for name in scalars)
-        for name, interval in ((f"var_part_{{}}95_{unit}2", f"var_part_interval95_{unit}2"),
-                               (f"future_{{}}95_{unit}", f"interval95_future_{unit}")):  # fmt: skip
-            assert [row[name.format(end)] for end in ("low", "high")] == entry[interval]
-        assert row["id"] == entry.get("id", entry.get("feature"))
-        assert all(row[name] is None for name in header if f"_{other}" in name)
-    assert [row["id"] for row in listed[6:]] == ["a-b", "c-a", "xy"]
-    assert all(row["feature"] is None for row in listed[6:])
-
-
 def test_tables_and_verdict(planted: AnovaResult) -> None:
     text = shown(planted)
     assert max(map(len, text.splitlines())) <= 100
@@ -164,40 +131,6 @@ def test_tables_and_verdict(planted: AnovaResult) -> None:
 def test_pictures_of_any_number_of_parts(parts: int) -> None:
     result = analyse_variance(study(parts, 1 + parts % 2, 2), None, "reml", Settings())
     assert figure_bytes(figure(result), "png").startswith(b"\x89PNG")
-
-
-def test_one_part_is_drawn_as_a_map() -> None:
-    found = study(1, 1, 2)
-    drawn = figure(analyse_variance(found, None, "reml", Settings()))
-    (panel,) = drawn.axes
-    assert drawn.get_suptitle().startswith("Part P0: errors of 3 features, actual minus nominal")
-    (arrows,) = [item for item in panel.collections if isinstance(item, Quiver)]
-    errors = (found.measured - found.nominal)[:, :2] / 1e-3
-    drawn_at = np.column_stack([arrows.U, arrows.V])
-    # One scale for all of them.
-    scale = drawn_at[0, 0] / errors[0, 0]
-    np.testing.assert_allclose(drawn_at, scale * errors, rtol=1e-9)
-
-
-@pytest.mark.parametrize(("count", "longest"), [(12, 2), (40, 2), (40, 9)])
-def test_names_of_parts_do_not_run_into_one_another(count: int, longest: int) -> None:
-    rng = np.random.default_rng(2)
-    rows = [(f"{p:0{longest}d}", "a", 0, *(0.01 * rng.standard_normal(2))) for p in range(count)]
-    page = figure(analyse_variance(points(rows), None, "reml", Settings()))
-    with figures.house_style():
-        page.draw_without_rendering()
-    for panel in page.axes[:2]:
-        boxes = [label.get_window_extent() for label in panel.get_xticklabels()]
-        assert len(boxes) >= count / 2
-        assert not any(a.overlaps(b) for a, b in pairwise(boxes))
-
-
-def test_picture_marks_outliers(planted: AnovaResult) -> None:
-    drawn = figure(planted)
-    titles = [panel.get_title(loc="left") for panel in drawn.axes]
-    assert sorted(titles[:6:2]) == ["a x", "b x", "c x"]
-    (legend,) = drawn.legends
-    assert "outlier among the parts" in [t.get_text() for t in legend.get_texts()]
 
 
 @pytest.mark.parametrize("operations", [1, 6])

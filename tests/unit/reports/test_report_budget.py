@@ -12,13 +12,11 @@ from budget_examples import evaluated
 
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.files.write import report_bytes
-from mtu_cli.model.settings import validation_warnings
 from mtu_cli.reports.budget import document
 from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.monte_carlo_figures import budget as figure
 from mtu_cli.reports.tables import plain_text
-from mtu_cli.stats.validation import Validation
 
 CONTRACT = {"value", "u", "second_order", "dof_effective", "k", "U", "rows", "monte_carlo"}
 ROW = {"name", "value", "u", "distribution", "dof", "sensitivity", "contribution", "share"}
@@ -129,12 +127,6 @@ def test_tables_fit_a_hundred_columns(text: str) -> None:
             assert words in lines
 
 
-def test_values_are_rounded_to_their_uncertainty(one: BudgetResult) -> None:
-    """u = 0.468..: the value 7.15 with two decimals, c with those of its own u."""
-    first = rows(one, 1)[0]
-    assert (first["value"], first["u"]) == ("7.15", f"{one.outputs[0].first.u:.2f}")
-
-
 def test_the_verdict_states_the_interval_that_holds(one: BudgetResult) -> None:
     output = one.outputs[0]
     value = f"l = 7.15 ± {output.expanded:.2f} mm (k = {output.k:.2f})"
@@ -173,25 +165,6 @@ def test_figures_are_drawn(text: str) -> None:
     assert "by Monte Carlo" in titles[1]
 
 
-def test_intervals_are_rounded_by_their_width_where_u_is_beyond_it() -> None:
-    """1/a with a within two u of 0: the quantiles of 1/a are finite, its u is not."""
-    result = evaluated("equation: 1/a\ninputs:\n  a: {value: 1, u: 0.5}\n", trials=200_000)
-    assert result.run.u[0] > result.run.high[0] - result.run.low[0]
-    assert f"[{result.run.low[0]:.1f}, {result.run.high[0]:.1f}]" in shown(result)
-
-
-def test_no_shortest_interval_that_is_longer_than_the_symmetric_one() -> None:
-    plain = evaluated("equation: a\ninputs:\n  a: {value: 1, u: 0.5}\n", trials=20_000)
-    assert None not in document(plain).record()["monte_carlo"]["shortest"]
-    width = plain.run.high - plain.run.low
-    for longer in (1.1, -1.0):
-        run = replace(plain.run, shortest_high=plain.run.shortest_low + longer * width)
-        output = replace(plain.outputs[0], run=run)
-        result = replace(plain, run=run, outputs=(output,))
-        found = document(result).record()["monte_carlo"]
-        assert found["shortest"] == found["interval"]
-
-
 def test_the_factor_of_the_interval_stands_beside_a_stated_one() -> None:
     """U is k u with the 2 asked for, the 95.45 % interval takes t of 4 degrees of freedom, 2.87.
 
@@ -203,31 +176,6 @@ def test_the_factor_of_the_interval_stands_beside_a_stated_one() -> None:
     assert "95.45 %; of first order: value ± k u with k = 2.87 (t of 4 dof)" in lines
     normal = evaluated(text.replace(", dof: 4", ""))
     assert "with k = 2.00 (normal)" in " ".join(shown(normal).split())
-
-
-@pytest.mark.parametrize(("unit", "said"), [("", "2.8"), ("um", "2.8 um")])
-def test_a_ratio_has_no_unit_in_warnings(unit: str, said: str) -> None:
-    failed = Validation(passed=False, d_low=2.8, d_high=1.0, tolerance=0.05)
-    (warning,) = validation_warnings(["u.i"], [failed], unit, 1.0)
-    assert warning.facts == {"names": ["u.i"], "difference": f"up to {said}"}
-
-
-def test_a_share_of_nothing_has_no_sign() -> None:
-    """x has no sensitivity and is correlated with what has a negative one."""
-    text = (
-        "equation: 0*x - y\ninputs:\n  x: {value: 1, u: 1}\n  y: {value: 1, u: 1}\n"
-        "correlations: [[x, y, 0.5]]\n"
-    )
-    result = evaluated(text, trials=1000)
-    shares = {row["input"]: row["share"] for row in rows(result, 0)}
-    assert shares == {"x": "0.0", "y": "100.0"}
-
-
-def test_no_u_by_monte_carlo_is_said_in_words() -> None:
-    result = evaluated("equation: x\ninputs: {x: {value: 1, u: 1, dof: 1}}\n", trials=1000)
-    title = figure(result).axes[1].get_title(loc="left")
-    assert title.endswith(", none by Monte Carlo")
-    assert "-" not in title
 
 
 def test_half_of_a_covariance_belongs_to_each_input() -> None:

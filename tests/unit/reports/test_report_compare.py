@@ -21,7 +21,6 @@ from mtu_cli.reports import arrows
 from mtu_cli.reports.compare import document, verdict_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.numbers import significant
-from mtu_cli.reports.part_figures import ITEMS
 from mtu_cli.reports.part_figures import compare as figure
 from mtu_cli.reports.tables import plain_text
 from mtu_cli.stats.anova import Cells
@@ -165,13 +164,6 @@ def test_report_names_and_units(two: CompareResult) -> None:
     assert "all_at_once" not in results["summary"]["lengths"][0]
 
 
-def test_csv_has_both_kinds(two: CompareResult) -> None:
-    header, rows = document(two).rows()
-    listed = [dict(zip(header, row, strict=True)) for row in rows]
-    assert [row["kind"] for row in listed] == ["feature"] * 96 + ["length"] * 4
-    assert listed[96]["predicted_mean_um"] == recorded(two)["lengths"][0]["predicted"]["mean_um"]
-
-
 def test_undefined_figures_are_null(two: CompareResult) -> None:
     none = np.full(len(two.features.labels), np.nan)
     found = replace(two.features, ratio_u=none, E_n=none)
@@ -221,36 +213,6 @@ def test_what_only_the_pooled_scatter_shows_is_stated(two: CompareResult) -> Non
     assert entry[1]["all_at_once"] is None
 
 
-def test_words_for_what_was_not_tested(two: CompareResult) -> None:
-    m = len(two.features.labels)
-    nothing: tuple[None, ...] = (None,) * m
-    none = replace(two.features, biased=nothing, under_predicted=nothing, over_predicted=nothing)
-    few = replace(none, biased=(True, *(False,) * (m - 1)))
-    assert verdict_text(summarised(none)[0]) == "drilled features: not tested"
-    drilled, milled = map(verdict_text, summarised(few))
-    assert drilled.startswith("drilled features: biased (1 of 48: mean off by ")
-    assert drilled.endswith("; scatter not tested")
-    assert milled == "milled features: consistent; scatter not tested"
-    assert (none.stated(0), few.stated(0)) == ("not tested", "biased")
-
-
-def test_of_many_features_the_clearest_faults_come_first(two: CompareResult) -> None:
-    count = len(two.features.labels)
-    faulty = (7, 3, 20)
-    p = np.ones(count)
-    p[list(faulty)] = (1e-6, 0.01, 1e-3)
-    decided = replace(
-        decreed(two.features, biased=faulty), p_bias=p, p_scatter=np.full(count, np.nan)
-    )
-    assert decided.by_interest()[:3] == [7, 20, 3]
-    listed = shown(with_features(two, decided)).partition(": faults first, 40 of 96 features\n")[2]
-    labels = [" ".join(word for word in two.features.labels[i] if word) for i in (7, 20, 3)]
-    places = [listed.index(label) for label in labels]
-    assert places == sorted(places)
-    assert listed.count("biased") == len(faulty)
-    assert "Lengths and features\n" in shown(result_of(ring()[:3]))
-
-
 def test_arrows_are_the_errors_at_the_nominal_places_on_one_scale(two: CompareResult) -> None:
     """Of each operation what was measured over what was predicted; the scale is in words."""
     found = quivers(figure(two))
@@ -272,21 +234,6 @@ def test_arrows_are_the_errors_at_the_nominal_places_on_one_scale(two: CompareRe
         assert panel.get_aspect() == 1.0
         assert panel.get_xlim() == first.get_xlim()
         assert panel.get_ylim() == first.get_ylim()
-
-
-def test_differences_that_would_not_be_seen_beside_the_errors_are_drawn_alone() -> None:
-    found = result_of(ring(), ("drilled",))
-    near = found.features.predicted.mean + 1.0
-    measured = replace(found.features.measured, mean=near + 1e-3 * np.arange(len(near)))
-    features = replace(
-        found.features, predicted=replace(found.features.predicted, mean=near), measured=measured
-    )
-    page = figure(with_features(found, features))
-    ((_, item),) = quivers(page)
-    drawn = np.column_stack([np.asarray(item.U), np.asarray(item.V)])
-    expected = np.arange(48.0).reshape(2, 24).T
-    np.testing.assert_allclose(drawn, drawn[1, 0] * expected, rtol=1e-9, atol=1e-9)
-    assert any("measured minus predicted" in part.get_suptitle() for part in page.subfigs)
 
 
 def test_nothing_is_written_over_or_outside(two: CompareResult) -> None:
@@ -329,36 +276,3 @@ def test_pictures_of_any_study(result: CompareResult, maps: int) -> None:
     for panel in page.axes[:maps]:
         names = sum(text.get_text().isdigit() for text in panel.texts)
         assert names == (len(result.ids) if len(result.ids) <= arrows.NAMED else 0)
-
-
-def test_of_many_items_those_with_a_fault_are_drawn_however_small_their_bias() -> None:
-    """Parts that scatter too much may lie where they should in the mean."""
-    found = result_of(ring(), lengths=False)
-    size = np.abs(found.features.E_n)
-    least, rest = np.argsort(size)[:3], np.argsort(-size)[: ITEMS - 3]
-    under = tuple(least.tolist())
-    panel = figure(with_features(found, decreed(found.features, under=under))).axes[-1]
-    names = [" ".join(label[1:]) for label in found.features.labels]
-    drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
-    assert drawn == sorted([*under, *rest.tolist()])
-    assert f": faults and the largest |E_n|, {ITEMS} of 48" in panel.get_title(loc="left")
-    # Of more faults than there is room for, the clearest.
-    p = np.random.default_rng(1).permutation(48) / 1000
-    faulty = replace(decreed(found.features, biased=tuple(range(40))), p_bias=p, p_scatter=p)
-    panel = figure(with_features(found, faulty)).axes[-1]
-    drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
-    assert drawn == sorted(np.argsort(p[:40])[:ITEMS].tolist())
-
-
-def test_both_kinds_are_drawn_with_their_verdicts(two: CompareResult) -> None:
-    result = with_features(two, decreed(two.features, under=(0,), biased=(0, 5)))
-    lengths, features = figure(result).axes[-2:]
-    assert lengths.get_title(loc="left").startswith("Lengths")
-    assert f": faults and the largest |E_n|, {ITEMS // 2} of 96" in features.get_title(loc="left")
-    for panel, found in ((lengths, result.lengths), (features, result.features)):
-        assert found is not None
-        names = [" ".join(word for word in label if word) for label in found.labels]
-        drawn = [names.index(label.get_text()) for label in panel.get_yticklabels()]
-        assert [text.get_text() for text in panel.texts] == [found.stated(i) for i in drawn]
-    colours = {text.get_text(): text.get_color() for text in lengths.texts}
-    assert len(set(colours.values())) == len(colours) == 2

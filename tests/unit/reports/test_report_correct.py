@@ -11,7 +11,6 @@ import pytest
 from correct_examples import error_at, machine, ring_part, ring_places, ring_points, seen
 
 from mtu_cli.analyses.correct import CorrectResult, correct
-from mtu_cli.analyses.correct.scatter import PointScatter
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import document
 from mtu_cli.reports.fields import csv_text
@@ -111,38 +110,6 @@ def test_pictures(tmp_path: Path, kind: str) -> None:
         assert [axes.get_title(loc="left") for axes in page.axes] == ["Ex and Ey"]
         assert [text.get_text() for text in page.legends[0].get_texts()] == ["before", "after"]
     assert len(figure_bytes(page, ".png")) > 5000
-
-
-def test_many_lengths_are_drawn_over_the_nominal_length(tmp_path: Path) -> None:
-    found = result(tmp_path, parts=2, more="lengths: [{from: r0, to: r5}]\n")
-    known = found.of_kind("length")
-    sizes = tuple(
-        replace(item, id=f"{item.id} {i}", reference=item.reference + i)
-        for i in range(30)
-        for item in known
-    )
-    page = figure(replace(found, sizes=sizes))
-    (panel,) = page.axes
-    assert panel.get_xlabel() == "nominal length, mm"
-    before, after = (line for line in panel.lines if line.get_marker() == "o")
-    assert np.size(before.get_xdata()) == np.size(after.get_xdata()) == 30
-    assert page.get_suptitle() == "Errors of the lengths before and after the correction"
-    figure_bytes(page, ".png")
-
-
-def test_detail_has_the_scatter_of_points_and_what_is_exact(tmp_path: Path) -> None:
-    found = result(tmp_path)
-    assert results(found)["point_scatter"] == {"s_um": 0.0, "dof": 16.0, "from": "form"}
-    text = " ".join(table(found, detail=True).split())
-    assert "a scatter of the points of 0 um beyond the model" in text
-    assert "no U_um of ring: the calibration counts as exact" in text
-    wide = replace(found, scatter=PointScatter(variance=4e-6, spread=1e-12, dof=16, origin="form"))
-    assert results(wide)["point_scatter"]["s_um"] == pytest.approx(2)
-    text = " ".join(table(wide, detail=True).split())
-    assert "2.0 um beyond the model, from radial residuals, form included (16 dof)" in text
-    nothing = replace(found, scatter=None)
-    assert set(results(nothing)["point_scatter"].values()) == {None}
-    assert "the scatter of the points is unknown" in table(nothing, detail=True)
 
 
 def test_what_the_correction_leaves_is_in_the_verdict(tmp_path: Path) -> None:

@@ -15,19 +15,14 @@ from mtu_cli.findings import InputError
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import (
-    lengths,
     machine_figures,
-    monte_carlo_figures,
     predict_points,
     prediction_figures,
 )
-from mtu_cli.reports.arrows import SHORTEST
 from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.labels import cut
 from mtu_cli.reports.tables import plain_text
 
 CASES: dict[str, dict[str, Any]] = {
-    "one instrument": {},
     "two instruments": {"passes": 3, "roles": ("lbb", "laser")},
     "stated": {
         "passes": 4,
@@ -40,37 +35,6 @@ CASES: dict[str, dict[str, Any]] = {
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
     return example(tmp_path_factory.mktemp("paper"))
-
-
-@pytest.fixture(scope="module")
-def spatial(tmp_path_factory: pytest.TempPathFactory) -> Example:
-    """With an equation for z and a component from the machine file."""
-    return example(
-        tmp_path_factory.mktemp("spatial"),
-        passes=3,
-        stated="  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], u_future: 1.9}",
-        equation="  Ez: ez0 + x*ex_y\n",
-    )
-
-
-@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_figures_are_the_same_bytes_every_time(paper: Example, suffix: str) -> None:
-    points, long, right = paper.points(), paper.lengths(), paper.angles()
-    drawn: list[list[bytes]] = []
-    for _ in range(2):
-        pages = [
-            prediction_figures.points(points),
-            prediction_figures.lengths(long),
-            monte_carlo_figures.orthogonality(right),
-        ]
-        drawn.append([figure_bytes(page, suffix) for page in pages])
-    assert drawn[0] == drawn[1]
-
-
-def test_a_third_axis_has_a_panel_of_its_own(spatial: Example, paper: Example) -> None:
-    page = prediction_figures.points(spatial.points())
-    assert [panel.get_xlabel() for panel in page.axes] == ["x, mm", "x, mm"]
-    assert len(prediction_figures.points(paper.points()).axes) == 1
 
 
 def test_ellipses_are_k_sigma_of_the_covariance(paper: Example) -> None:
@@ -134,30 +98,6 @@ def test_names_of_the_holes_keep_clear_of_arrows_and_one_another(paper: Example)
         assert not any(box.contains(x, y) for x, y in marks)
 
 
-@pytest.mark.parametrize("name", ["7", "bore7", "the seventh hole at the left edge"])
-def test_one_long_name_is_shortened_and_the_others_stay(paper: Example, name: str) -> None:
-    result = paper.points()
-    ids = tuple(name if own == "7" else own for own in result.prediction.ids)
-    (panel,) = prediction_figures.points(
-        replace(result, prediction=replace(result.prediction, ids=ids))
-    ).axes
-    texts = {t.get_text() for t in panel.texts if t.get_text() and " um" not in t.get_text()}
-    (shown,) = texts - {str(i) for i in range(1, 25) if i != 7}
-    assert shown == cut(name, len(shown))
-    assert len(shown) >= min(len(name), SHORTEST)
-
-
-def test_no_tolerance_runs_through_a_number(paper: Example) -> None:
-    result = paper.lengths()
-    page = prediction_figures.lengths(result)
-    figure_bytes(page, "png")
-    (panel,) = page.axes
-    edge = panel.get_window_extent().x1
-    texts: list[Any] = list(panel.texts)
-    assert len(texts) == len(result.ids)
-    assert all(text.get_window_extent().x0 > edge for text in texts)
-
-
 def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
     result = paper.points(SETTINGS)
     still = replace(
@@ -219,49 +159,6 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     assert len(set(colours)) == 4
 
 
-def test_an_instrument_has_its_marks_in_every_panel(tmp_path: Path) -> None:
-    """One that alone read a component too: the legend names them by instrument."""
-    text = "components: {a: {of: x, unit: um}, q: {unit: arcsec}}\nequations: {Ex: a - y*q}\n"
-    known = loaded(tmp_path, text)
-    rng = np.random.default_rng(1)
-    number, way = np.repeat(np.arange(8) // 2 + 1, 8), np.repeat([1, -1] * 4, 8)
-    line = Segment(
-        name="a", position=np.tile(np.linspace(0.0, 350.0, 8), 8), error=1e-3 * rng.normal(size=64),
-        passes=number, direction=way, role="laser",
-    )  # fmt: skip
-    angle = Segment(
-        name="q", position=None, error=1e-6 * rng.normal(size=8), passes=number[::8],
-        direction=way[::8],
-    )  # fmt: skip
-
-    def drawn(*segments: Segment) -> tuple[list[set[Any]], dict[str, Any]]:
-        fit = fit_machine(known, readings(segments))
-        page = machine_figures.components(fit, estimates_from_fit(known, fit), 2.0)
-        marks = [{x.get_marker() for x in panel.lines} - {"None"} for panel in page.axes]
-        (legend,) = page.legends
-        handles: list[Any] = legend.legend_handles
-        return marks, {str(x.get_label()): x.get_marker() for x in handles if hasattr(x, "_marker")}
-
-    marks, named = drawn(line, angle)
-    assert marks[:2] == [{">", "<"}, {"^", "v"}]
-    assert named == named | {
-        "laser, forward": ">", "laser, reverse": "<", "lbb, forward": "^", "lbb, reverse": "v"
-    }  # fmt: skip
-    marks, named = drawn(replace(line, role="lbb"), angle)
-    assert marks[:2] == [{">", "<"}, {">", "<"}]
-    assert named == named | {"forward": ">", "reverse": "<"}
-
-
-def test_figures_beside_the_lengths_have_the_places_of_the_table(paper: Example) -> None:
-    """U of 14.0 um beside an error of -3.5 um, for u is 7.0 um: not -3 ± 14."""
-    long = paper.lengths()
-    for digits in (1, 2, 3):
-        page = prediction_figures.lengths(long, digits)
-        shown = [text.get_text() for text in page.axes[0].texts]
-        rows = lengths.document(long, digits).tables[0].sheet(digits, detail=False).rows
-        assert shown == [f"{row[2]} ± {row[4]} um" for row in rows]
-
-
 @pytest.mark.parametrize("different", [36, 3])
 def test_many_lengths_are_drawn_over_the_nominal_length(paper: Example, different: int) -> None:
     """Equal ones side by side in groups, which do not touch."""
@@ -302,8 +199,3 @@ def test_a_grid_that_is_no_plane_says_why(points: list[list[float]], why: str) -
         prediction_figures.roles(np.array(points, np.float64))
     (told,) = raised.value.findings
     assert (told.code, told.value) == ("not-applicable", why)
-
-
-def test_the_axes_with_the_most_places_span_the_map() -> None:
-    points = np.array([[x, y, 7.0] for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0)])
-    assert prediction_figures.roles(points) == (0, 1, 2)

@@ -14,7 +14,6 @@ from mtu_cli.files.write import report_bytes
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document
-from mtu_cli.reports.fields import rows_of
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 
@@ -22,11 +21,6 @@ POINT = [
     "id", "x_mm", "y_mm", "z_mm", "Ex_um", "Ey_um", "u_x_um", "u_y_um", "var_x_um2",
     "var_y_um2", "U_x_um", "U_y_um", "dof_effective_x", "dof_effective_y", "interval95_x_um",
     "interval95_y_um", "independent",
-]  # fmt: skip
-LENGTH = [
-    "id", "from", "to", "nominal_mm", "estimated_mm", "error_um", "variance_um2", "u_um",
-    "shares", "U_um", "k", "dof_effective", "interval_um", "interval95_um", "independent",
-    "conformance",
 ]  # fmt: skip
 ANGLE = [
     "id", "mean_arcsec", "u_arcsec", "U_arcsec", "interval95_arcsec", "trials", "converged",
@@ -106,24 +100,6 @@ def test_under_independence_u_is_not_split(paper: Example) -> None:
     assert right["orthogonality"][0]["first_order"]["shares"] is None
 
 
-def test_lengths_hold_the_contract_fields(paper: Example) -> None:
-    result = paper.lengths()
-    found = results(lengths.document(result))
-    for item, source in zip(found["lengths"], rows_of(result, 3), strict=True):
-        assert set(LENGTH) <= set(item)
-        assert item["error_um"] == pytest.approx(source.error * 1e3, rel=1e-12)
-        assert item["estimated_mm"] == source.nominal + source.error
-        low, high = item["interval_um"]
-        assert high - low == pytest.approx(2 * item["U_um"], rel=1e-9)
-        assert item["interval95_um"][0] == pytest.approx(source.interval95[0] * 1e3, rel=1e-12)
-        assert item["between_components"]["u_bounds_um"][0] <= item["u_um"] + 1e-9
-        assert item["validation"]["tolerance_um"] > 0
-        assert sum(item["shares"].values()) == pytest.approx(1, rel=1e-12)
-    assert found["lengths"][0]["conformance"]["tolerance_um"] == pytest.approx(12.0)
-    assert found["lengths"][2]["conformance"] is None
-    assert found["joint_conformance"]["lengths"] == ["3-9", "9-15"]
-
-
 def test_orthogonality_holds_the_contract_fields(paper: Example) -> None:
     result = paper.angles()
     (item,) = results(orthogonality.document(result))["orthogonality"]
@@ -167,38 +143,3 @@ def test_tables_fit_and_round_to_the_uncertainty(
     assert float(u) == pytest.approx(np.sqrt(known.variance[2]) * 1e3, rel=0.05)
     assert float(error) == pytest.approx(known.error[2] * 1e3, abs=0.05)
     assert len(error.partition(".")[2]) == len(u.partition(".")[2])
-
-
-def test_the_verdict_names_what_is_worst(paper: Example) -> None:
-    points, long, right = (each.verdict for each in documents(paper))
-    result = paper.points()
-    worst = int(np.argmax(abs(result.prediction.mean)))
-    assert f"E{'xy'[worst % 2]} of {result.prediction.ids[worst // 2]}," in points
-    known = zip(paper.lengths().ids, paper.lengths().conformance, strict=True)
-    chances = {name: each.probability for name, each in known if each}
-    assert f", of {min(chances, key=lambda name: chances[name])};" in long
-    assert right.startswith("xy is predicted ")
-    sure = paper.lengths().joint_conformance
-    assert sure is not None
-    sure = sure._replace(probability=0.999995, se=7e-6)
-    surely = lengths.document(replace(paper.lengths(), joint_conformance=sure))
-    assert "of all in one part >99.99 %" in surely.verdict
-
-
-def test_rows_beyond_the_measured_range_are_marked_alike(paper: Example) -> None:
-    points, long, right = paper.points(), paper.lengths(), paper.angles()
-    beyond = (("9", "dy_y", 140.0, 0.0, 120.0), ("15", "dx_x", 140.0, 0.0, 120.0))
-
-    def marked(document: Document) -> list[str]:
-        sheet = document.tables[0].sheet(2, detail=False)
-        names = [row[0] for row in sheet.rows if row[0].endswith("†")]
-        assert ("† outside the measured range of a component" in sheet.notes[0]) == bool(names)
-        return names
-
-    off = replace(points, prediction=replace(points.prediction, outside=beyond))
-    assert marked(predict_points.document(off)) == ["9†", "15†"]
-    one = replace(long, outside=(True, False, False))
-    assert marked(lengths.document(one)) == ["3-9†"]
-    angle = replace(right.angles[0], outside=True)
-    assert marked(orthogonality.document(replace(right, angles=(angle,)))) == ["xy†"]
-    assert [marked(each) for each in documents(paper)] == [[], [], []]

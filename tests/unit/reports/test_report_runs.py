@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 from model_examples import Segment, loaded, readings
-from numpy.typing import NDArray
 
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.machine import LoadedMachine
@@ -18,7 +17,6 @@ components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}, c: {of: x, unit: mm}}
 equations: {Ex: a + c, Ey: b}
 """
 P = np.linspace(0.0, 90.0, 4)
-IntArray = NDArray[np.int64]
 
 
 def codes_of(known: LoadedMachine, fit: MachineFit) -> set[str]:

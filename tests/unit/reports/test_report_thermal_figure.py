@@ -80,12 +80,3 @@ def test_nothing_is_written_over_anything(build: Any) -> None:
     for (first, box), (second, other) in combinations(boxes.items(), 2):
         assert not box.overlaps(other), (first, second)
     assert all(box.x0 >= 0 and box.x1 <= page.bbox.x1 for box in boxes.values())
-
-
-def test_components_left_out_are_named() -> None:
-    items = [replace(constant(), name=f"c{i}") for i in range(8)]
-    page = figure(example(*items))
-    assert len(page.axes) == 12
-    assert page.get_suptitle().startswith("Drift with temperature of 6 of 8 components")
-    assert page.get_suptitle().endswith("(not drawn: c6, c7)")
-    assert "not drawn" not in figure(example(*items[:6])).get_suptitle()

@@ -11,18 +11,16 @@ import numpy as np
 import pytest
 from thermal_examples import (
     CYCLES,
-    GRADIENTS,
     constant,
     cubic,
     example,
-    many_positions,
     without_sensors,
 )
 
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift, CycleRms
+from mtu_cli.analyses.thermal_fit.result import (
+    ComponentDrift,
+)
 from mtu_cli.model.estimates import ThermalEstimate
-from mtu_cli.reports.labels import cut, spread
-from mtu_cli.reports.tables import plain_text
 from mtu_cli.reports.thermal_fit import document
 from mtu_cli.units import UNITS
 
@@ -40,13 +38,6 @@ def written(*components: ComponentDrift) -> dict[str, Any]:
     text = json.dumps(document(example(*components)).record(), allow_nan=False)
     found: dict[str, Any] = json.loads(text)["components"]
     return found
-
-
-def shown(*components: ComponentDrift, detail: bool = True) -> str:
-    """What a terminal shows, with one blank between words."""
-    text = plain_text(document(example(*components)).shown(detail=detail))
-    assert max(map(len, text.splitlines())) <= 100
-    return " ".join(text.split())
 
 
 def names(value: object) -> set[str]:
@@ -91,16 +82,6 @@ def test_names_and_units() -> None:
     )
 
 
-def test_units_other_than_um_keep_their_coefficients_and_report_rms_in_um() -> None:
-    found = cubic()
-    mm = replace(found.estimate, unit=UNITS["mm"])
-    entry = written(replace(found, unit=UNITS["mm"], estimate=mm))["pos_y"]
-    assert entry["unit"] == "mm"
-    assert entry["rms_before_um"] == pytest.approx(31.2)
-    assert entry["coefficients"][0] == pytest.approx(GRADIENTS[:, 0] * 1e-3)
-    assert entry["leftover_covariance"][0][0] == pytest.approx((0.3e-3) ** 2)
-
-
 @pytest.mark.parametrize("build", [cubic, constant])
 def test_report_holds_the_whole_model(build: Any) -> None:
     known = build().estimate
@@ -132,28 +113,6 @@ def test_what_cannot_be_had_is_null() -> None:
     assert written(without_sensors())["still"]["coefficients"] == [[]]
 
 
-def test_csv_has_a_row_a_component_position_and_sensor() -> None:
-    header, found = document(example(cubic(), constant(), without_sensors())).rows()
-    listed = [dict(zip(header, row, strict=True)) for row in found]
-    assert header == [
-        "component", "of", "unit", "model", "degree", "position_mm", "sensor", "stands_for",
-        "gradient_per_degC", "u_gradient_per_degC", "interval95_gradient_low",
-        "interval95_gradient_high", "separable", "u_by", "share_rms", "time_constant_min", "vif",
-        "temperature_low_degC", "temperature_high_degC",
-    ]  # fmt: skip
-    assert len(listed) == 4 * 5 + 2 + 1
-    twin = listed[16]
-    assert (twin["component"], twin["position_mm"], twin["sensor"]) == ("pos_y", 300.0, "T_02_degC")
-    assert twin["gradient_per_degC"] == pytest.approx(5.03)
-    assert twin["stands_for"] == ["T_03_degC", "T_04_degC"]
-    assert (twin["unit"], twin["time_constant_min"], twin["vif"]) == ("um", 12.0, 812.3)
-    assert (listed[20]["position_mm"], listed[20]["u_gradient_per_degC"]) == (
-        None,
-        pytest.approx(0.02),
-    )
-    assert (listed[22]["component"], listed[22]["sensor"]) == ("still", None)
-
-
 def test_uncertainty_of_a_gradient_is_propagated_with_covariances() -> None:
     rng = np.random.default_rng(8)
     root = rng.normal(size=(20, 20))
@@ -168,50 +127,3 @@ def test_uncertainty_of_a_gradient_is_propagated_with_covariances() -> None:
     drawn = root @ rng.normal(size=(20, n))
     spread_of = np.polynomial.polynomial.polyval(p, drawn[s::5]).std()
     assert spread_of == pytest.approx(variance**0.5, rel=4 / np.sqrt(2 * n))
-
-
-def test_the_table_has_what_temperatures_gain_and_detail_the_evidence() -> None:
-    text = shown(detail=False)
-    assert text.startswith(
-        "On held-out cycles the thermal models reduce the rms drift by 97.0 % or more (least: "
-        "yaw_y); not validated: roll_x. Thermal models"
-    )
-    assert "pos_y um lagged 3 5 02, spindle, 05, 31.2 0.251 30.9 0.310 99.0" in text
-    assert "yaw_y arcsec stepwise 0 2 01, 02 8.10 0.220 8.00 0.240 97.0" in text
-    assert "roll_x arcsec stepwise 0 2 01, 02 8.10 0.220 - - -" in text
-    text = shown()
-    assert "812 <0.001" in text
-    assert "T_02_degC, T_03_degC, T_04_degC move alike" in text
-    assert "pos_y um 300 T_02_degC 5.03 ± 0.10 44.0 12 812" in text
-    assert shown(constant(held_out=False)).startswith("No cycle is held out")
-
-
-def test_cycles_that_were_held_out_together_are_reported() -> None:
-    found = cubic()
-    assert found.held_out is not None
-    cycles = tuple(CycleRms(f"c{i}", 30.0, 0.3) for i in range(40))
-    many = replace(found, held_out=replace(found.held_out, cycles=cycles, blocks=12))
-    assert written(many)["pos_y"]["held_out"]["blocks"] == 12
-    assert " 0.540 12 " in shown(many)
-
-
-def test_a_model_that_makes_it_worse_falls_by_less_than_nothing() -> None:
-    found = cubic()
-    assert found.held_out is not None
-    worse = replace(found, held_out=replace(found.held_out, after=2 * found.held_out.before))
-    assert "30.9 61.8 -100.0" in shown(worse)
-    nothing = replace(found, held_out=replace(found.held_out, before=0.0, after=0.0))
-    assert "nan" not in shown(nothing)
-
-
-def test_tables_of_large_and_of_empty_fits_stay_in_their_columns() -> None:
-    others = [replace(constant(), name=f"c{i}") for i in range(6)]
-    text = shown(many_positions(), without_sensors(), *others)
-    assert "still arcsec stepwise 0 0 8.10" in text
-
-
-def test_names_are_cut_in_their_middle() -> None:
-    assert cut("T_spindle_degC", 14) == "T_spindle_degC"
-    assert cut("T_front_bearing_07", 14) == "T_front…ing_07"
-    assert spread(9, 4) == [0, 3, 5, 8]
-    assert spread(3, 4) == [0, 1, 2]

@@ -32,17 +32,6 @@ def blocks(table: Sheet) -> list[str]:
     return [line for line in plain_text([table]).splitlines() if line.startswith("nnnnnnnn")]
 
 
-def test_columns_stand_side_by_side_where_there_is_room() -> None:
-    assert blocks(sheet([44, 44])) == [f"{'n' * 8}  {'1' * 44}  {'1' * 44}"]
-    assert blocks(sheet([45, 45])) == [f"{'n' * 8} {'1' * 45} {'1' * 45}"]
-    assert [len(line) for line in blocks(sheet([46, 45]))] == [56, 55]
-
-
-def test_a_group_rather_ends_before_what_begins() -> None:
-    assert [line.count(" 1") for line in blocks(sheet([20] * 6, begins=(0, 3)))] == [3, 3]
-    assert [line.count(" 1") for line in blocks(sheet([20] * 6))] == [4, 2]
-
-
 @pytest.mark.parametrize(
     ("name", "width", "lines"),
     [
@@ -57,13 +46,6 @@ def test_a_group_rather_ends_before_what_begins() -> None:
 )
 def test_names_break_at_their_joints(name: str, width: int, lines: list[str]) -> None:
     assert broken(name, width) == lines
-
-
-def test_names_break_before_columns_stand_below_each_other() -> None:
-    columns = [Column(title="name", text=True), Column(title="number")]
-    for digits, lines in ((87, 3), (10, 1)):
-        table = Sheet(title="t", columns=columns, rows=[["n" * 36, "1" * digits]])
-        assert len(plain_text([table]).splitlines()) == 2 + lines
 
 
 @given(st.lists(st.integers(1, 120), min_size=1, max_size=12), st.integers(1, 120))
@@ -98,24 +80,3 @@ def test_no_digit_and_no_name_is_lost_on_any_terminal(width: int) -> None:
     assert len(heads) == shown.count("bore_of_the_") > 1
     if width >= 34:
         assert max(map(len, shown.splitlines())) <= min(width, 100)
-
-
-def test_a_pipe_has_the_same_groups() -> None:
-    first, second = plain_text([SHEET]).split("\n\n")
-    assert first.startswith("Errors\nfeature")
-    assert second.startswith("feature")
-    assert second.endswith("a note\n")
-    assert max(map(len, plain_text([SHEET]).splitlines())) <= 100
-
-
-def test_numbers_that_name_a_row_are_repeated_as_names_are() -> None:
-    numbers = [Column(title=f"n{i}") for i in range(2)]
-    wide = Sheet(
-        title="t",
-        columns=[Column(title="repeat", names=True), *numbers],
-        rows=[["17", "1" * 70, "2" * 70]],
-    )
-    assert plain_text([wide]).count("17") == 2
-    # The first column names the row where no text does.
-    bare = Sheet(title="t", columns=[Column(title="round"), *numbers], rows=wide.rows)
-    assert plain_text([bare]).count("17") == 2

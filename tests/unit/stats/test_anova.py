@@ -94,14 +94,6 @@ def test_interval_covers(ratio: float) -> None:
     assert 0.93 <= np.mean((low <= ratio**2) & (ratio**2 <= high)) <= 0.97
 
 
-def test_interval_at_no_part_variance_misses_on_one_side_only() -> None:
-    """At 0 the upper limit cannot miss, so that 97.5 % is what an equal-tailed interval covers."""
-    found = drawn(PAPER, TABLES, 0.0, 1.0, 12)
-    low = part_interval(found, one_way(found))[:, 0]
-    share = np.mean(low == 0)
-    assert abs(share - 0.975) < 4 * np.sqrt(0.975 * 0.025 / TABLES)
-
-
 @pytest.mark.parametrize("repeats", [(2,) * 5, (1, 2, 3, 4, 5, 1, 2)])
 @pytest.mark.parametrize("ratio", [0.0, 0.1, 0.5])
 def test_interval_covers_with_its_empty_ones_as_misses(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 
 import numpy as np
@@ -12,7 +11,6 @@ from scipy.special import ndtri
 from trial_models import Bent
 
 from mtu_cli.stats.blocks import BlockPlan, BlockSummariser, Draws
-from mtu_cli.stats.workspace import Workspace
 
 FloatArray = NDArray[np.float64]
 
@@ -57,25 +55,3 @@ def test_quantiles_are_those_of_a_full_sort(f: Callable[[FloatArray], FloatArray
     assert lower == pytest.approx(ordered[: len(weights)] @ weights, rel=1e-12, abs=1e-12)
     assert upper == pytest.approx(ordered[::-1][: len(weights)] @ weights, rel=1e-12, abs=1e-12)
     assert np.array_equal(block, before)
-
-
-def test_workspace_reuses_arrays_and_keeps_threads_apart() -> None:
-    work = Workspace()
-    first = work.array("z", (2, 8))
-    assert work.array("z", (2, 8)) is first
-    assert work.array("z", (2, 9)) is not first
-    seen: list[FloatArray] = []
-    thread = threading.Thread(target=lambda: seen.append(work.array("z", (2, 9))))
-    thread.start()
-    thread.join()
-    assert seen[0] is not work.array("z", (2, 9))
-
-
-def test_a_smaller_shape_takes_the_memory_there_is() -> None:
-    work = Workspace()
-    large = work.array("z", (3, 100))
-    small = work.array("z", (3, 7))
-    assert small.flags.c_contiguous
-    assert np.shares_memory(large, small)
-    assert work.array("z", (3, 7)) is small
-    assert not np.shares_memory(large, work.array("z", (4, 100)))

@@ -135,15 +135,6 @@ def test_distribution_functions_of_sums(name: str) -> None:
     assert np.max(np.abs(below(found(p)) - p)) <= 1e-6
 
 
-def test_a_heavy_tail_beside_a_rectangle() -> None:
-    """Out to 30 standard deviations, by the mean of t over the rectangle (midpoint rule)."""
-    t, a = Distribution(kind="t", u=1.0, dof=3.0), math.sqrt(3.0)
-    found = known((1.0, t), (a, bounded("rectangular", 1 / 3)))
-    beside = a * ((np.arange(20_000) + 0.5) / 10_000 - 1.0)
-    for p in (0.6, 0.9, 0.99, 0.9999, 1.0 - 2e-5):
-        assert float(np.mean(stdtr(3.0, at(found, p) - beside))) == pytest.approx(p, abs=1e-6)
-
-
 @pytest.mark.parametrize("kind", ["triangular", "trapezoidal"])
 def test_inexact_limits_of_other_shapes(kind: Kind) -> None:
     """Against the mean over half-widths of the shape's own ranks, by a fine midpoint rule."""
@@ -182,17 +173,3 @@ def test_where_it_is_not_known() -> None:
     assert sum_quantile([heavy, (1.0, bounded("rectangular", 1 / 3))]) is None
     assert sum_quantile([(0.0, Distribution(kind="normal", u=1.0))]) is None
     assert sum_quantile([]) is None
-
-
-def test_all_normal_terms_are_one() -> None:
-    found = known(*((c, Distribution(kind="normal", u=2.0)) for c in (3.0, -4.0)))
-    assert at(found, 0.975) == pytest.approx(10.0 * float(ndtri(0.975)), rel=1e-14)
-
-
-@pytest.mark.parametrize("half_width", [1e-3, 1e-6, 1e-9])
-def test_a_negligible_input_changes_nothing(half_width: float) -> None:
-    """Inexact limits of a trapezoid cancel at small phases."""
-    terms = [(1.0, Distribution(kind="normal", u=1.0)), (1.0, bounded("rectangular", 1 / 3))]
-    small = (half_width, bounded("triangular", 1 / 6, inexact=0.1))
-    for p in (0.6, 0.975, 0.9999):
-        assert at(known(*terms, small), p) == pytest.approx(at(known(*terms), p), abs=2e-6)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from pass_designs import (
     DRIFT,
     NO_DRIFT,
-    PLACES,
     UNBALANCED,
     Design,
     balanced,
@@ -22,7 +21,6 @@ from pass_designs import (
 from scipy.special import stdtrit
 
 from mtu_cli.stats.coverage import coverage_factor
-from mtu_cli.stats.least_squares import polynomial
 from mtu_cli.stats.mixed_model import PassFit, fit_passes
 
 FloatArray = NDArray[np.float64]
@@ -30,29 +28,6 @@ FloatArray = NDArray[np.float64]
 
 def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
     return fit_passes(y, design.position, degree, design.group, design.direction)
-
-
-@pytest.mark.parametrize("both", [False, True], ids=["one direction", "both directions"])
-def test_balanced_design_by_hand(both: bool) -> None:
-    """Mean squares by textbook formulas; M is diag(1/m, 1/Sxx) where passes are alike."""
-    design = balanced(6, both=both)
-    y = drawn(design, np.random.default_rng(4), reversal=5.0)
-    fit, plain = fitted(design, y), plain_passes(design, y)
-    M = np.diag([1 / 8, 1 / np.sum((PLACES - PLACES.mean()) ** 2)])
-    at_zero = np.array([[1.0, -PLACES.mean()], [0.0, 1.0]])
-    slope, level = np.polyfit(design.position, y, 1)
-    np.testing.assert_allclose(fit.plain.coefficients, [level, slope], rtol=1e-9)
-    np.testing.assert_allclose(
-        fit.plain.coefficients, at_zero @ plain.lines.mean(axis=0), rtol=1e-9
-    )
-    np.testing.assert_allclose(fit.pass_coefficients, plain.lines, rtol=1e-9)
-    np.testing.assert_allclose(fit.between, plain.S, rtol=1e-9)
-    np.testing.assert_allclose(fit.D_moment, plain.S - plain.s2 * M, rtol=1e-9)
-    np.testing.assert_allclose(fit.D, fit.D_moment, rtol=1e-9)
-    np.testing.assert_allclose(fit.covariance, at_zero @ plain.S @ at_zero.T / 6, rtol=1e-9)
-    assert fit.s2 == pytest.approx(plain.s2, rel=1e-9)
-    assert (fit.pass_dof, fit.within_dof) == (4 if both else 5, 48 - 12)
-    assert (fit.center, fit.n_passes, fit.separated) == (PLACES.mean(), 6, True)
 
 
 @pytest.mark.parametrize("name", UNBALANCED)
@@ -120,19 +95,6 @@ def test_against_reml_of_statsmodels(seed: int, both: bool) -> None:
     assert fit.s2 == pytest.approx(found.scale, rel=2e-4)
 
 
-@pytest.mark.parametrize("name", UNBALANCED)
-def test_moments_are_unbiased_on_unbalanced_designs(name: str) -> None:
-    """D, s2 and C hit their true values on average over 1500 simulated fits."""
-    design = UNBALANCED[name]
-    rng = np.random.default_rng(21)
-    truth = 0.3 * DRIFT
-    fits = [fitted(design, drawn(design, rng, truth)) for _ in range(1500)]
-    found = np.array([[*f.D_moment[np.triu_indices(2)], f.s2, f.covariance[0, 0]] for f in fits])
-    C = dense_covariance(design, 1, 1.0, truth)
-    error = found.mean(axis=0) - [*truth[np.triu_indices(2)], 1.0, C[0, 0]]
-    assert (np.abs(error) < 4 * found.std(axis=0, ddof=1) / np.sqrt(len(fits))).all()
-
-
 HALVES = balanced(6).without({(0, i) for i in range(4, 8)} | {(1, i) for i in range(4)})
 
 
@@ -156,21 +118,6 @@ def test_moments_are_unbiased_exactly(design: Design, degree: int, D: FloatArray
     scale = np.sqrt(np.outer(np.diag(D), np.diag(D)))
     np.testing.assert_allclose(sum(f.D_moment for f in fits) / scale, D / scale, atol=1e-6)
     assert sum(f.s2 for f in fits) == pytest.approx(s2, rel=1e-6)
-
-
-def test_direction_is_a_fixed_effect() -> None:
-    """A reversal of level and slope moves neither D nor s2."""
-    design = balanced(8, both=True)
-    y = drawn(design, np.random.default_rng(5))
-    plain = fitted(design, y)
-    reversed_too = fitted(design, y + (design.direction < 0) * (7.0 + 0.05 * design.position))
-    for name in ("D", "D_moment", "between", "deviations", "s2", "pass_dof"):
-        np.testing.assert_allclose(
-            getattr(reversed_too, name), getattr(plain, name), rtol=1e-9, atol=1e-12
-        )
-    np.testing.assert_allclose(reversed_too.covariance, plain.covariance, rtol=1e-9)
-    without = fit_passes(y, design.position, 1, design.group)
-    assert (without.pass_dof, plain.pass_dof) == (7, 6)
 
 
 @settings(derandomize=True, deadline=None, database=None, max_examples=25)
@@ -204,36 +151,18 @@ def test_units_order_and_names_of_passes_do_not_matter(
     assert other.s2 == pytest.approx(unit**2 * fit.s2, rel=1e-9)
 
 
-@pytest.mark.parametrize("degree", [1, 2, 3])
-def test_the_origin_does_not_matter(degree: int) -> None:
-    design = UNBALANCED["two readings missing"]
-    y = drawn(design, np.random.default_rng(6))
-    fit = fitted(design, y, degree)
-    moved = fit_passes(y, design.position + 400.0, degree, design.group, design.direction)
-    points = np.array([10.0, 200.0, 360.0])
-    here, there = polynomial(points, degree), polynomial(points + 400.0, degree)
-    np.testing.assert_allclose(
-        there @ moved.plain.coefficients, here @ fit.plain.coefficients, rtol=1e-7
-    )
-    np.testing.assert_allclose(
-        there @ moved.covariance @ there.T, here @ fit.covariance @ here.T, rtol=1e-5
-    )
-    np.testing.assert_allclose(moved.D_moment, fit.D_moment, rtol=1e-7)
-    assert moved.center == pytest.approx(fit.center + 400.0)
-
-
 @pytest.mark.parametrize("D", [NO_DRIFT, DRIFT], ids=["no drift", "drift"])
 def test_coverage_of_the_coefficients(D: FloatArray) -> None:
-    """95 % intervals with t of pass_dof hold the truth in 95 % of 1500 simulated fits."""
+    """95 % intervals with t of pass_dof hold the truth in 95 % of 800 simulated fits."""
     design = balanced(6, both=True)
     rng = np.random.default_rng(31)
     truth, at = np.array([3.0, -0.02]), np.array([[1.0, 0.0], [0.0, 1.0], [1.0, 185.0]])
     hits = np.zeros(3)
-    for _ in range(1500):
+    for _ in range(800):
         fit = fitted(design, drawn(design, rng, D, reversal=3.0))
         u = np.sqrt(np.einsum("ij,jk,ik->i", at, fit.covariance, at))
         hits += np.abs(at @ (fit.plain.coefficients - truth)) <= stdtrit(fit.pass_dof, 0.975) * u
-    assert (np.abs(hits / 1500 - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / 1500)).all()
+    assert (np.abs(hits / 800 - 0.95) < 3.3 * np.sqrt(0.95 * 0.05 / 800)).all()
 
 
 def test_what_is_not_a_covariance_falls_back_to_the_clipped_drift() -> None:

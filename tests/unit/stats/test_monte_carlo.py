@@ -83,12 +83,6 @@ def test_covariance_of_several_outputs() -> None:
     assert result.covariance == pytest.approx(mixing @ mixing.T, abs=5 * 5 / np.sqrt(50_000))
 
 
-def test_covariance_carries_the_controlled_u() -> None:
-    result = monte_carlo(Bent(0.02), seed=2, trials=200_000)
-    assert result.gain.u[0] > 10.0
-    assert result.covariance[0, 0] == pytest.approx(result.u[0] ** 2, rel=1e-12)
-
-
 @pytest.mark.parametrize("quantile", [ndtri, np.log, lambda p: p], ids=["normal", "exp", "even"])
 def test_ends_of_one_block_are_as_sure_as_stated(quantile: Callable[..., FloatArray]) -> None:
     """Two standard errors hold 95 % but for four standard deviations of a share of 2000 samples."""

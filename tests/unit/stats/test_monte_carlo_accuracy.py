@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
-from scipy.special import chdtri, ndtri, stdtrit
-from trial_models import Bent, Grown, Other, ScaledT, Smooth, Z
+from scipy.special import ndtri, stdtrit
+from trial_models import Bent, Grown, ScaledT, Smooth
 
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.monte_carlo import monte_carlo
-
-FloatArray = NDArray[np.float64]
 
 
 @pytest.mark.parametrize("control", [False, True])
@@ -23,28 +20,6 @@ def test_bent_normal(bend: float, control: bool) -> None:
         # The ends are exact up to the far branch of the parabola, beyond 10 u.
         error = getattr(result, name)[0] - exact
         assert abs(error) <= 4 * getattr(result, f"se_{name}")[0] + 1e-8, name
-
-
-def test_control_variate_gains_and_says_so() -> None:
-    plain = monte_carlo(Bent(0.02, control=False), seed=8, trials=200_000)
-    controlled = monte_carlo(Bent(0.02), seed=8, trials=200_000)
-    assert all(g[0] == 1.0 for g in plain.gain)
-    assert min(g[0] for g in controlled.gain) > 10.0
-    assert controlled.gain.low[0] > 1000.0
-    observed = (plain.se_mean[0] / controlled.se_mean[0]) ** 2
-    assert controlled.gain.mean[0] == pytest.approx(observed, rel=1e-6)
-
-
-def test_a_useless_control_does_no_harm() -> None:
-    class Unrelated(Bent):
-        def draw(self, rng: np.random.Generator, m: int) -> Draws:
-            linear = 3.0 + 2.0 * rng.standard_normal((1, m))
-            return Draws(values=rng.standard_normal((1, m)), linear=linear)
-
-    for seed in range(20):
-        result = monte_carlo(Unrelated(), seed=seed, trials=40_000)
-        assert all(1.0 <= g[0] < 4.0 for g in result.gain)
-        assert abs(result.mean[0]) < 5 / np.sqrt(40_000)
 
 
 def test_first_order_form_that_is_not_normal_serves_mean_and_u() -> None:
@@ -66,28 +41,7 @@ def test_first_order_form_that_is_not_normal_serves_mean_and_u() -> None:
     assert result.u[0] == pytest.approx(exact, abs=4 * result.se_u[0])
 
 
-def test_shortest_interval_of_a_skew_output_is_not_the_symmetric_one() -> None:
-    """Chi-square with 2 degrees of freedom: density falls from 0, so [0, -2 ln 0.05]."""
-    model = Other(
-        lambda rng, m: np.square(rng.standard_normal((2, m))).sum(axis=0, keepdims=True), ("q",)
-    )
-    result = monte_carlo(model, seed=6, trials=1_000_000)
-    assert result.shortest_low[0] == pytest.approx(0.0, abs=0.01)
-    assert result.shortest_high[0] == pytest.approx(-2.0 * np.log(0.05), abs=0.04)
-    assert result.low[0] == pytest.approx(chdtri(2, 0.975), abs=4 * result.se_low[0])
-    assert result.high[0] == pytest.approx(chdtri(2, 0.025), abs=4 * result.se_high[0])
-
-
-def test_shortest_interval_of_a_symmetric_output() -> None:
-    controlled = monte_carlo(Bent(), seed=6, trials=200_000)
-    assert controlled.shortest_low[0] == pytest.approx(3.0 - 2.0 * Z, abs=1e-3)
-    assert controlled.shortest_high[0] == pytest.approx(3.0 + 2.0 * Z, abs=1e-3)
-    plain = monte_carlo(Bent(control=False), seed=6, trials=2_000_000)
-    width = plain.shortest_high[0] - plain.shortest_low[0]
-    assert width == pytest.approx(4.0 * Z, abs=4 * np.hypot(plain.se_low[0], plain.se_high[0]))
-
-
-@pytest.mark.parametrize("probability", [0.5, 0.9, 0.99, 0.999])
+@pytest.mark.parametrize("probability", [0.5, 0.999])
 def test_other_probabilities(probability: float) -> None:
     result = monte_carlo(Bent(control=False), seed=6, trials=1_100_000, probability=probability)
     k = 2.0 * float(ndtri(0.5 + probability / 2.0))
@@ -107,14 +61,6 @@ def test_a_t_that_is_its_own_first_order_form(dof: float) -> None:
         assert result.u[0] == pytest.approx(np.sqrt(dof / (dof - 2.0)), abs=5 * result.se_u[0])
 
 
-def test_known_variance_of_the_first_order_form_gains_more_for_u() -> None:
-    drawn = monte_carlo(ScaledT(8.0, normal=1.0, known=False), seed=3, trials=100_000)
-    known = monte_carlo(ScaledT(8.0, normal=1.0), seed=3, trials=100_000)
-    assert drawn.u[0] == pytest.approx(np.sqrt(1.0 + 8.0 / 6.0), abs=4 * drawn.se_u[0])
-    assert known.u[0] == pytest.approx(np.sqrt(1.0 + 8.0 / 6.0), abs=1e-6)
-    assert (drawn.gain.u[0], known.gain.u[0] > 10.0) == (1.0, True)
-
-
 @pytest.mark.parametrize("dof", [1.0, 2.0])
 def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     result = monte_carlo(ScaledT(dof), seed=3)
@@ -128,8 +74,8 @@ def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     assert np.isfinite(few.high[0])
 
 
-@pytest.mark.parametrize("trials", [5_000, 8_003, None])
-@pytest.mark.parametrize("model", [Smooth(0.003), Smooth(0.05), Grown(0.01), Grown(0.5)])
+@pytest.mark.parametrize("trials", [8_003, None])
+@pytest.mark.parametrize("model", [Smooth(0.05), Grown(0.5)])
 def test_few_trials_of_a_smooth_model(model: Smooth | Grown, trials: int | None) -> None:
     """Unbiased, with the scatter stated, over 200 seeds; se^2 of ten blocks has 2/9 itself."""
     seeds = 200

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import optimize
-from scipy.special import ndtr, ndtri, stdtrit
-from trial_models import ScaledT
+from scipy.special import ndtr, ndtri
 
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
@@ -40,7 +39,7 @@ def least_width(quantile: Callable[[FloatArray], FloatArray], first: float) -> f
     return float(np.min(quantile(a + 0.95) - quantile(a)))
 
 
-@pytest.mark.parametrize("sigma", [0.5, 1.0, 2.0, 3.0, 5.0])
+@pytest.mark.parametrize("sigma", [0.5, 2.0, 5.0])
 def test_shortest_interval_of_a_lognormal_beside_its_first_order_form(sigma: float) -> None:
     """The form has the slope sigma, the output's quantiles sigma Q: far apart from rank to rank.
 
@@ -56,27 +55,6 @@ def test_shortest_interval_of_a_lognormal_beside_its_first_order_form(sigma: flo
         z = optimize.brentq(lambda z: ndtr(z) - ndtr(-z - 2 * sigma) - 0.95, 1.0, 3.0)
         assert exact == pytest.approx(np.exp(sigma * z) - np.exp(sigma * (-z - 2 * sigma)))
     assert width < 0.96 * (result.high[0] - result.low[0])
-
-
-def test_shortest_interval_of_a_reciprocal() -> None:
-    """1/x for rectangular x: Q(p) = 1/(1 - p (1 - e)), least from the lower limit 1 on."""
-    e = 1e-4
-    result = monte_carlo(
-        Curved(lambda z: 1.0 / (e + (1.0 - e) * ndtr(-z)), 1.0), seed=8, trials=1_000_000
-    )
-    exact = least_width(lambda p: 1.0 / (1.0 - p * (1.0 - e)), 1.0 / 8193)
-    width = result.shortest_high[0] - result.shortest_low[0]
-    assert width == pytest.approx(exact, abs=4 * result.se_high[0])
-
-
-@pytest.mark.parametrize("dof", [1.0, 3.0])
-def test_shortest_interval_of_a_t_that_is_its_own_first_order_form(dof: float) -> None:
-    """Symmetric, so -+t_0.975 exactly, but for terms beyond the second order in the rank."""
-
-    result = monte_carlo(ScaledT(dof), seed=8, trials=400_000)
-    exact = float(stdtrit(dof, 0.975))
-    assert result.shortest_low[0] == pytest.approx(-exact, rel=1e-4)
-    assert result.shortest_high[0] == pytest.approx(exact, rel=1e-4)
 
 
 class Chances:

@@ -77,7 +77,3 @@ def test_a_reversal_without_scatter_is_known_to_the_last_digit() -> None:
     assert (fine.value, fine.u) == pytest.approx((10, np.sqrt(2 / 12)))
     assert fine.p < 1e-4
     assert coarse.p > 0.05
-
-
-def test_numbers_that_are_no_counts() -> None:
-    assert step_of(np.array([1e18, 2e18, 3e18, 4e18, 9.3e18])) == 1.0

@@ -39,7 +39,7 @@ def alarmed(table: FloatArray, seed: int) -> np.ndarray:
 @pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(("rho", "missing"), [(0.0, 0.0), (0.8, 0.0), (0.5, 0.1)])
 def test_false_alarms_of_a_whole_table(rho: float, missing: float) -> None:
-    runs = 300
+    runs = 150
     alarms = sum(alarmed(clean(s, rho, missing), s).any() for s in range(runs)) / runs
     error = np.sqrt(0.05 * 0.95 / runs)
     assert alarms <= 0.05 + 3 * error
@@ -102,41 +102,6 @@ def test_constant_columns_and_few_rows() -> None:
     assert outstanding_rows(clean(1, 0)[:4], GROUPS, 1).by_row.shape == (4,)
 
 
-@pytest.mark.parametrize("rows", [20, 70])
-def test_rotations_keep_what_they_must(rows: int) -> None:
-    rng = np.random.default_rng(2)
-    d = rng.standard_normal((rows, 6))
-    d -= d.mean(axis=0)
-    rotate = rotation._rotations(d, rng)
-    for turned in rotate(3):
-        np.testing.assert_allclose(turned.mean(axis=0), 0, atol=1e-12)
-        np.testing.assert_allclose(turned.T @ turned, d.T @ d, rtol=1e-9, atol=1e-9)
-        assert np.abs(turned - d).max() > 0.1
-    # However many at a time.
-    one = rotation._rotations(d, np.random.default_rng(3))
-    np.testing.assert_array_equal(
-        rotation._rotations(d, np.random.default_rng(3))(4),
-        np.concatenate([one(1), one(2), one(1)]),
-    )
-
-
-def test_uniform_rotations_have_no_preferred_direction() -> None:
-    """The first entry of a rotated unit vector has mean 0 and variance 1/(rows - 1) of its
-    share, as a uniform direction has.
-    """
-    rng = np.random.default_rng(4)
-    rows = 6
-    d = np.zeros((rows, 1))
-    d[:2, 0] = [1.0, -1.0]
-    rotate = rotation._rotations(d, rng)
-    found = rotate(4000)[:, :, 0]
-    # E over the sphere of the complement of ones: |d|^2/(rows - 1) (I - 11'/rows).
-    expected = 2 / (rows - 1) * (np.eye(rows) - 1 / rows)
-    error = 4 * 2 / (rows - 1) / np.sqrt(4000) * np.sqrt(3)
-    assert np.abs(found.mean(axis=0)).max() < 4 * np.sqrt(2 / rows / 4000)
-    assert np.abs(found.T @ found / 4000 - expected).max() < error
-
-
 def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rotation, "ENTRIES", 0)
     table = clean(6, 0.3)
@@ -149,7 +114,7 @@ def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     found = outstanding_rows(many, np.zeros(40, np.int64), 1)
     assert found.by_row[8] <= 0.05
     assert found.by_cell[200, 6] <= 0.001
-    runs = 200
+    runs = 120
     alarms = sum(alarmed(clean(s, 0.5), s).any() for s in range(runs)) / runs
     assert alarms <= 0.05 + 3 * np.sqrt(0.05 * 0.95 / runs)
 

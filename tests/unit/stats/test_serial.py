@@ -43,7 +43,7 @@ def test_white_errors_are_least_squares() -> None:
     assert found.u == pytest.approx(u, rel=0.5)
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.8, 0.95])
+@pytest.mark.parametrize("phi", [0.0, 0.95])
 def test_intervals_cover(phi: float) -> None:
     held, sets = [], 60
     for rng in np.random.default_rng(2).spawn(sets):

@@ -51,10 +51,6 @@ def test_it_does_not_depend_on_units(slope_unit: float) -> None:
     assert np.linalg.matrix_rank(D, tol=1e-12) == 1
 
 
-def test_nothing_less_something_is_nothing() -> None:
-    assert not positive_part(np.zeros((2, 2)), np.eye(2), 1.0).any()
-
-
 def test_the_nearest_matrix_without_negative_eigenvalues() -> None:
     V = np.linalg.qr(np.random.default_rng(45).normal(size=(3, 3)))[0]
     found = positive_part(V @ np.diag([2.0, 0.5, -1.0]) @ V.T)
