@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 from fuzz.extremes import EQUATION_PIECES
-from fuzz.messages import unclean, within_time
+from fuzz.messages import unclean
+from fuzz.readers import within_time
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from property_settings import tried
