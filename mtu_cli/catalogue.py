@@ -205,27 +205,16 @@ CATALOGUE: dict[str, Kind] = {
         "an offset (x {x_um:.3g}, y {y_um:.3g} um) and a rotation explain {percent} % of the mean "
         "errors{operation}: parts set up by hand? --datum offset,rotation removes it"
     ),
-    "feature-scatters": _warning(
-        "{what} scatters far more than the others, which no effect explains: {s} um, they {others} "
-        "um ({p})"
-    ),
     "axis-without-equation": _warning("the machine has no equation E{axis}: {consequence}"),
     "axis-not-measured": _warning("{what} have no {axis}_mm: {consequence}"),
     # The closed loop.
     "too-few": _warning("not judged: {what}"),
-    "sparse-table": _warning(
-        "more than half of the cells{of} were not measured: the search has little power"
-    ),
     "outliers-set-aside": _warning("excluded as outliers from the search{of}: {entries}"),
     "max-effects": _warning(
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
     ),
     "datum-freed": _warning(
         "the best-fit alignment ({datum}) was removed from each part: unseen are {unseen}"
-    ),
-    "passes-apart": _warning(
-        "the passes of {component} stand {apart:.2g} {unit} apart (standard deviation), single "
-        "readings scatter by {s:.2g} {unit}: it counts as scatter from pass to pass"
     ),
     "covariate-is-the-error": _warning(
         "{covariate} explains all of the errors{of}: it seems to be the measurement itself under "

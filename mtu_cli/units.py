@@ -185,11 +185,6 @@ def parameter_units_of(powers: Powers, like: str) -> list[str]:
     return alike or [name for name in found if not name.startswith("arcsec")] or found
 
 
-def p_text(p: float) -> str:
-    """A p value for messages: "p = 0.012", "p <0.001"."""
-    return "p <0.001" if p < 1e-3 else f"p = {p:.3f}"
-
-
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}
 _PREFIXED = {
     "m": (1,), "s": (0, 0, 1), "A": (0, 0, 0, 1), "K": (0, 0, 0, 0, 1), "V": (2, 1, -3, -1),

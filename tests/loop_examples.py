@@ -9,7 +9,9 @@ import numpy as np
 from effect_tables import readings_table
 from effect_tables import table as points_table
 
+from mtu_cli.analyses.close_loop.estimate import Searched
 from mtu_cli.analyses.close_loop.experiment import Experiment
+from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -17,10 +19,9 @@ from mtu_cli.analyses.close_loop.result import (
     Judged,
     Parameter,
     Scores,
-    Searched,
-    SmoothTable,
     TableResult,
 )
+from mtu_cli.analyses.close_loop.smooth import SmoothEffect
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.units import PARAMETER_UNITS
 
@@ -34,40 +35,41 @@ def parameter(name: str, unit: str, value: float, u: float, role: str = "own") -
     return Parameter(name=name, unit=unit, value=value, u=u, dof=20, interval95=ends, role=role)
 
 
+def searched(name: str, value: float, *intervals: tuple[float, float]) -> Searched:
+    """What was searched, with its 95 % set alone."""
+    return Searched(
+        name=name, value=value, intervals=intervals, values=np.zeros(0), shares=np.zeros(0)
+    )
+
+
 def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
     """A mean effect with parameters that are not correlated."""
     family, _, axis = name.rpartition("-")
-    own = tuple(p for p in parameters if p.role == "own")
     found = FoundEffect(
-        name=name,
-        family=family or name,
-        kind="mean",
-        axis=axis if family else None,
-        component=None,
-        covariate=None,
-        says=f"what {family} does",
-        sentence=FAMILIES[family].sentence if family in FAMILIES else "",
-        separates="reverse the program",
-        parameters=own,
-        beside=tuple(p for p in parameters if p.role != "own"),
+        candidate=Candidate(
+            name=name,
+            family=family or name,
+            axis=axis if family else None,
+            says=f"what {family} does",
+            sentence=FAMILIES[family].sentence if family in FAMILIES else "",
+            separates="reverse the program",
+        ),
+        parameters=parameters,
         covariance=np.diag([p.u**2 for p in parameters]),
         rows=tuple(range(len(parameters))),
         equations={f"E{axis}": " + ".join(p.name for p in parameters)},
-        table=None,
-        chosen=None,
-        ratio=None,
-        searched={},
         p_familywise=0.003,
         log_bayes_factor=31.2,
         posterior=0.99,
         explained_share=0.25,
         classes=((name, 0.99),),
-        aliases=(),
-        nameless=0.0,
-        experiment=None,
-        folds=(4, 5),
     )
     return replace(found, **changed)
+
+
+def of_candidate(found: FoundEffect, **changed: Any) -> FoundEffect:
+    """The effect of a candidate that differs."""
+    return replace(found, candidate=replace(found.candidate, **changed))
 
 
 BACKLASH = effect(
@@ -83,7 +85,7 @@ CYCLIC = effect(
     parameter("cosine", "um", 4.0, 0.2),
     parameter("pitch_mm_change", "um", 0.0, 0.4, "searched"),
     equations={"Ey": "sine*sin(y) + cosine*cos(y) + pitch_mm_change*y"},
-    searched={"pitch_mm": Searched(value=12.5, intervals=((12.3, 12.7),))},
+    searched=searched("pitch_mm", 12.5, (12.3, 12.7)),
 )
 CLASS = replace(
     BACKLASH,
@@ -91,20 +93,21 @@ CLASS = replace(
     experiment=Experiment(do="turn the part", predicted_d=6.3, now_d=0.8),
 )
 SMOOTH = replace(
-    effect("profile-x", parameter("rms", "um", 2.5, 0.3)),
-    kind="smooth",
-    says="a smooth error of x along x",
+    of_candidate(
+        effect("profile-x", parameter("rms", "um", 2.5, 0.3)), says="a smooth error of x along x"
+    ),
     equations={"Ex": "profile_x"},
-    table=SmoothTable(
-        of="x",
-        at_mm=np.array([0.0, 50.0, 100.0, 150.0]),
+    table=SmoothEffect(
+        along="x",
+        knots=np.array([0.0, 50.0, 100.0, 150.0]),
         values=np.array([0.0, 3e-3, -1e-3, 2e-3]),
         covariance=np.diag([1e-7, 2e-7, 2e-7, 1e-7]),
         roughness=1e-11,
+        dof=20,
     ),
 )
 SCATTER = replace(
-    effect("operation-scatter"), kind="scatter", axis=None, says="one operation scatters more",
+    of_candidate(effect("operation-scatter"), axis=None, says="one operation scatters more"),
     equations={}, chosen="milled", ratio=2.5,
 )  # fmt: skip
 
@@ -122,7 +125,6 @@ def judged(name: str, factor: float | None, why: str | None = None) -> Judged:
     return Judged(
         name=name,
         family=name.rpartition("-")[0],
-        component=None,
         p_familywise=None if factor is None else 0.5,
         log_bayes_factor=factor,
         posterior=None if factor is None else 0.1,
@@ -131,10 +133,11 @@ def judged(name: str, factor: float | None, why: str | None = None) -> Judged:
     )
 
 
-def _of_readings(found: FoundEffect, component: str) -> FoundEffect:
-    family = FAMILIES.get(found.family)
-    sentence = (family and family.sentence_readings) or found.sentence
-    return replace(found, component=component, sentence=sentence)
+def _of_readings(found: FoundEffect) -> FoundEffect:
+    family = FAMILIES.get(found.candidate.family)
+    return of_candidate(
+        found, sentence=(family and family.sentence_readings) or found.candidate.sentence
+    )
 
 
 def on_table(
@@ -145,7 +148,7 @@ def on_table(
     own = points_table(9, 12)
     if component:
         own = readings_table(name="x", component=component, unit=unit)
-        effects = tuple(_of_readings(item, component) for item in effects)
+        effects = tuple(_of_readings(item) for item in effects)
     rng = np.random.default_rng(5)
     scale = PARAMETER_UNITS[unit].to_internal
     own = replace(own, errors=3 * scale * rng.standard_normal(own.errors.shape))
@@ -162,7 +165,8 @@ def on_table(
         checks=(("pattern", 0.61), ("walk", 0.002)),
         fired=("walk",) if verdict == "unexplained" else (),
         nameless=False,
-        set_aside=(),
+        excluded=(),
+        found_at={},
         explained=0.3 * own.errors if effects else np.zeros_like(own.errors),
         before=before,
         after=after,

@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.close_loop.result import (
         CloseLoopResult,
         FoundEffect,
-        SmoothTable,
         TableResult,
     )
+    from mtu_cli.analyses.close_loop.smooth import SmoothEffect
     from mtu_cli.files.extend_machine import ExtendedMachine, WrittenEffect
     from mtu_cli.model.estimates import EffectEstimates
     from mtu_cli.model.residuals import ResidualTable
@@ -127,17 +127,21 @@ def _written(
     if not targets:
         return {}, []
     pairs = [(effect, item) for item in result.tables for effect in item.effects]
-    reasons = {effect.name: effect.not_written for effect, _ in pairs if effect.not_written}
-    kept = [(effect, item) for effect, item in pairs if effect.name not in reasons]
+    kept = [(effect, item) for effect, item in pairs if not effect.not_written]
     extended = extended_machine(inputs.machine, [_entry(inputs, *pair) for pair in kept])
     contents = {"write_machine": extended.content}
     if "write_components" in targets:
-        own = _components(inputs, earlier, settings, extended, joint(kept))
-        contents["write_components"] = own
-    warnings = [finding("effect-not-written", effect=n, reason=why) for n, why in reasons.items()]
-    several = [effect.name for effect, _ in kept if len(effect.classes) > 1]
-    tentative = [effect.name for effect, item in kept if item.verdict == "unexplained"]
-    doubts = {"written-class": several, "written-unexplained": tentative}
+        covariance = joint(kept)
+        contents["write_components"] = _components(inputs, earlier, settings, extended, covariance)
+    warnings = [
+        finding("effect-not-written", effect=effect.name, reason=effect.not_written)
+        for effect, _ in pairs
+        if effect.not_written
+    ]
+    doubts = {
+        "written-class": [effect.name for effect, _ in kept if len(effect.classes) > 1],
+        "written-unexplained": [e.name for e, item in kept if item.verdict == "unexplained"],
+    }
     warnings += [finding(code, names=names) for code, names in doubts.items() if names]
     warnings += [] if kept else [finding("nothing-added")]
     files = {path: contents[name] for name, path in targets.items()}
@@ -145,52 +149,49 @@ def _written(
 
 
 def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEffect:
-    """An effect as the machine file has it; a smooth one is a component with an own table."""
-    from mtu_cli.analyses.close_loop.result import component_name
+    """An effect as the machine file has it; a smooth one is a component with a table of its own."""
     from mtu_cli.files.extend_machine import WrittenEffect
     from mtu_cli.language import names as names_of
     from mtu_cli.language import parse
 
-    equations, components = dict(effect.equations), {}
-    kept = effect.written
-    parameters = [effect.all_parameters[i] for i in kept]
-    if effect.table:
-        components = {component_name(effect.name): _stated_table(effect.table, item.table.unit)}
+    kept, components, covariance = effect.written, {}, None
+    parameters = [effect.parameters[i] for i in kept]
+    if effect.table is not None:
+        components = {effect.component: _stated_table(effect.table, item.table.unit)}
     f = np.array([PARAMETER_UNITS[p.unit].to_internal for p in parameters])
-    C = effect.covariance[np.ix_(kept, kept)] / np.outer(f, f) if kept else None
-    names = {*components, *(p.name for p in parameters)}
+    if parameters:
+        C = effect.covariance[np.ix_(kept, kept)] / np.outer(f, f)
+        covariance = ((C + C.T) / 2).tolist()
+    equations, candidate = dict(effect.equations), effect.candidate
+    used = dict.fromkeys(name for text in equations.values() for name in names_of(parse(text)))
+    columns = used.keys() - {*components, *(p.name for p in parameters)}
     return WrittenEffect(
         name=effect.name,
-        family=effect.family,
-        axis=effect.axis,
+        family=candidate.family,
+        axis=candidate.axis,
         covariate=effect.covariate,
-        says=effect.says,
+        says=candidate.says,
         parameters={
             p.name: (float(p.value / scale), float(p.u / scale), p.unit)
             for p, scale in zip(parameters, f, strict=True)
         },
         components=components,
-        covariance=None if C is None else ((C + C.T) / 2).tolist(),
-        equations=_through_component(inputs, effect.component, equations),
-        seen=item.table.ranges(
-            name
-            for text in equations.values()
-            for name in names_of(parse(text))
-            if name not in names
-        ),
-        within=item.table.ranges(effect.found_at),
-        found=_where(inputs, effect, item),
+        covariance=covariance,
+        equations=_through_component(inputs, item.table.component, equations),
+        seen=item.table.ranges(name for name in used if name in columns),
+        within=item.table.ranges(item.found_at),
+        found=_provenance(inputs, effect, item),
     )
 
 
-def _stated_table(table: SmoothTable, unit: str) -> dict[str, Any]:
+def _stated_table(table: SmoothEffect, unit: str) -> dict[str, Any]:
     """A table as a component of the machine file."""
     f = UNITS[unit].to_internal
     return {
-        "of": table.of,
+        "of": table.along,
         "unit": unit,
         "shape": "table",
-        "at_mm": table.at_mm.tolist(),
+        "at_mm": table.knots.tolist(),
         "coefficients": (table.values / f).tolist(),
         "covariance": ((table.covariance + table.covariance.T) / 2 / f**2).tolist(),
         "roughness_um2_per_mm3": table.roughness / f**2,
@@ -207,55 +208,53 @@ def _through_component(
     """
     if component is None:
         return equations
-    (own,) = equations.values()
+    (text,) = equations.values()
     forms = inputs.machine.forms.items()
     levers = {key: x.coefficients[component] for key, x in forms if component in x.coefficients}
     return {
-        key: own if lever == Number(1.0, lever.column) else f"({to_text(lever)})*({own})"
+        key: text if lever == Number(1.0, lever.column) else f"({to_text(lever)})*({text})"
         for key, lever in levers.items()
     }
 
 
-def _where(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
+def _provenance(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
     """`found` of the machine file: by what, in which files, how surely, what it is worth."""
-    from mtu_cli.reports.close_loop_words import held_out_by
-
     judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in judged]
-    component = {} if effect.component is None else {"component": effect.component}
-    scale, rms = UNITS[item.table.unit].to_internal, f"rms_{item.table.unit}"
-    scores = {"before": item.before.rms, "after": item.after.rms}
+    component, unit = item.table.component, item.table.unit
     found: dict[str, Any] = {
         "by": f"mtu close-loop {__version__}",
         "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
-        "passes" if component else "parts": len(item.table.parts),
-        **component,
-        "p_familywise": effect.p_familywise,
+        item.plurals[0]: len(item.table.parts),
     }
+    if component is not None:
+        found["component"] = component
+    found["p_familywise"] = effect.p_familywise
     if len(effect.classes) > 1:
         found["class"] = list(effect.class_names)
-    if effect.searched:
-        found["searched"] = {
-            name: {"value": each.value, "intervals": [list(ends) for ends in each.intervals]}
-            for name, each in effect.searched.items()
-        }
-    worth = {side: {rms: value / scale} for side, value in scores.items()}
-    return found | {"held_out": {"by": held_out_by(item), **worth}}
+    if (searched := effect.searched) is not None:
+        intervals = [list(ends) for ends in searched.intervals]
+        found["searched"] = {searched.name: {"value": searched.value, "intervals": intervals}}
+    scale = UNITS[unit].to_internal
+    rms = {"before": item.before.rms, "after": item.after.rms}
+    worth = {side: {f"rms_{unit}": value / scale} for side, value in rms.items()}
+    return found | {"held_out": {"by": item.held_out, **worth}}
 
 
 def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     """The covariance over the parameters of effects one after the other, in internal units: of
     those that were estimated together by their table's.
     """
-    rows = [(i, r) for i, (effect, _) in enumerate(kept) for r in effect.written]
-    whole = np.zeros((len(rows), len(rows)))
-    for k, (i, r) in enumerate(rows):
-        for m, (j, s) in enumerate(rows):
-            (one, item), (other, of) = kept[i], kept[j]
-            if i == j:
-                whole[k, m] = one.covariance[r, s]
-            elif item is of and one.table is None and other.table is None:
-                whole[k, m] = item.covariance[one.rows[r], other.rows[s]]
+    from scipy.linalg import block_diag
+
+    blocks = [effect.covariance[np.ix_(effect.written, effect.written)] for effect, _ in kept]
+    whole = np.asarray(block_diag(np.zeros((0, 0)), *blocks))
+    ends = np.cumsum([0, *(len(block) for block in blocks)])
+    for i, (one, item) in enumerate(kept):
+        for j, (other, its) in enumerate(kept):
+            if i != j and item is its and one.table is None and other.table is None:
+                block = item.covariance[np.ix_(one.rows, other.rows)]
+                whole[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = block
     return np.asarray((whole + whole.T) / 2)
 
 

@@ -38,7 +38,7 @@ from mtu_cli.files.covariates import (
 from mtu_cli.files.machine_contract import AxisName, EquationText, ParameterUnitName
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import YamlPath, read_yaml
-from mtu_cli.findings import Finding, InputError, error, finding, nearest
+from mtu_cli.findings import InputError, error, finding, nearest
 from mtu_cli.language import Node, check_dimension, check_known, linear_form, names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.language.parser import BRACED
@@ -132,9 +132,6 @@ class Search(Contract):
     count: Annotated[int, Field(ge=2, le=MAX_GRID)] | None = optional(
         "Number of values; the largest number of a frequency grid"
     )
-    margin: Annotated[int, Field(ge=1)] = optional(
-        "Values on either side of a grid between values", 2
-    )
 
 
 Searched = Annotated[dict[Name, Search], Field(max_length=1)]
@@ -176,10 +173,10 @@ class Family(Contract):
     equations: EffectEquations | None = optional("mm; linear in the parameters")
     search: Searched = optional("A parameter that is searched", {})
     members: Annotated[list[MemberTemplate], Field(min_length=1)] | None = optional(
-        "Several forms of the family, tested apart"
+        "Several forms of the family, each tested by itself"
     )
     margins: list[MemberTemplate] = optional(
-        "Terms of lower order that are estimated beside a product wherever it is", []
+        "Terms of lower order that are estimated with a product wherever it is", []
     )
 
 
@@ -207,7 +204,7 @@ class Template:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """What the equations name beside their parameters: columns, positions, numbers of them."""
+        """What the equations name besides their parameters: columns, positions, numbers of them."""
         used = dict.fromkeys(name for tree in self.trees.values() for name in names(tree))
         return tuple(name for name in used if name not in {*self.units, self.searched, CHOSEN})
 
@@ -250,10 +247,7 @@ def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLi
             loaded = _loaded(family, here, faults)
             families.extend([loaded] if len(faults.findings) == before else [])
 
-    try:
-        document = read_yaml(path, "effects")
-    except InputError as fault:
-        raise InputError([_braces_hint(own, path) for own in fault.findings]) from None
+    document = read_yaml(path, "effects")
     if isinstance(document.data, list):
         lines = {("effects", *own): line for own, line in document.lines.items()}
         lines[()] = document.line_of() or 1
@@ -261,18 +255,6 @@ def load_effects(path: Path, taken: Mapping[str, str] | None = None) -> EffectLi
         document = replace(document, data=data, lines=lines)
     check_contract(document, Effects, "effects", check)
     return EffectLibrary(families=tuple(families), sources=(document.source,))
-
-
-def _braces_hint(fault: Finding, path: Path) -> Finding:
-    """YAML takes braces for keys within [...] and {...}."""
-    if fault.line is None or fault.code != "not-readable":
-        return fault
-    text = path.read_text("utf-8-sig", "replace").splitlines()[fault.line - 1 : fault.line]
-    if not marks(*text):
-        return fault
-    example = "['dir_{a}']" if "[" in text[0] else "{'E{a}': k*x}"
-    hint = f"names with braces on lines of their own, or in quotes: {example}"
-    return replace(fault, expected=hint, meant=())
 
 
 def marks(*texts: str) -> set[str]:
@@ -286,7 +268,7 @@ def marks(*texts: str) -> set[str]:
 
 
 def filled(text: str, binding: Mapping[str, str]) -> str:
-    """A text with its names in braces filled in, numbers of the data left as they are."""
+    """A text with its names in braces filled in, numbers of the data as they are."""
     for mark, name in binding.items():
         text = text.replace("{" + mark + "}", name)
     return text

@@ -75,21 +75,19 @@ def check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
     """Raises InputError for names that are neither a family's nor an effect's of a library, on
     whatever axes: backlash-z is no mistake where the data has no z.
     """
-    known = list(dict.fromkeys(family.family.family for family in library.families))
+    families = list(dict.fromkeys(family.family.family for family in library.families))
     bindings = [dict(zip("abn", axes, strict=True)) for axes in product(AXES, repeat=3)]
     effects = {filled(family.name, own) for family in library.families for own in bindings}
     expected = (
-        f"a family ({', '.join(known)}) or one of its effects, such as backlash-x; --csv FILE "
+        f"a family ({', '.join(families)}) or one of its effects, such as backlash-x; --csv FILE "
         "lists all that your data allows"
     )
     faults = []
     for name in exclude:
-        if name in known or name in effects:
-            continue
-        text = name.strip().casefold()
-        meant = tuple(own for own in known if text and text in own)
-        facts = {"meant": meant or nearest(name, [*known, *sorted(effects)]), "value": name}
-        faults.append(finding("unknown-name", what="effect to exclude", expected=expected, **facts))
+        if name not in families and name not in effects:
+            facts = {"value": name, "meant": nearest(name, [*families, *sorted(effects)])}
+            facts |= {"what": "effect to exclude", "expected": expected}
+            faults.append(finding("unknown-name", **facts))
     if faults:
         raise InputError(faults)
 
@@ -450,6 +448,8 @@ def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str
 # Grids of what is searched.
 
 DEFAULT_COUNT = 40
+MARGIN = 2
+"""Values on either side of a grid between values."""
 MOST_FREQUENCIES = 2000
 """Frequencies where no number is asked for: as many as the places demand, up to here."""
 PER_SPAN = 4.0
@@ -459,11 +459,10 @@ LARGEST_COLUMNS = 2_000_000
 """Numbers that the columns of one parameter may take."""
 FEWEST_VALUES = 24
 FEWEST_FOR_WAVES = 6
-"""Different values from which on more is known than a wave's size, phase and period take beside a
-line.
-"""
+"""Different values from which on more is known than a wave's size, phase and period and a line
+take."""
 MANY_PLACES = 30
-"""Different values from which on waves are told apart well, and those that lie unevenly show
+"""Different values from which on waves are well separable, and those that lie unevenly show
 periods shorter than their steps."""
 ALIKE = 0.9
 """Of all values' phases together: from which on a frequency looks like a constant at them."""
@@ -478,13 +477,13 @@ def grid_of(search: Search, values: FloatArray | None, size: int) -> FloatArray:
 
     `values` are those of the position or column searched along, `size` the entries of one
     column. A frequency grid runs from the longest to the shortest value, so that of two that
-    the data cannot tell apart the longer one stands first.
+    the data cannot separate the longer one stands first.
     """
     distinct = np.zeros(0) if values is None else np.unique(values)
     most = max(FEWEST_VALUES, LARGEST_COLUMNS // size)
     if search.grid == "between":
         middles = (distinct[1:] + distinct[:-1]) / 2.0
-        inside = middles[search.margin - 1 : len(middles) - search.margin + 1]
+        inside = middles[MARGIN - 1 : len(middles) - MARGIN + 1]
         count = min(search.count or len(inside), most)
         every = math.ceil(len(inside) / count) if count else 1
         return inside[(every - 1) // 2 :: every]
@@ -517,10 +516,10 @@ def _known(distinct: FloatArray) -> dict[str, float]:
 
 
 def _spacing(distinct: FloatArray, step: float) -> float:
-    """The period that the values (D,) cannot tell from a constant: their step where it is even, or
+    """The period at which a wave is a constant on the values (D,): their step where it is even, or
     they are few; of many uneven ones a shorter one, as far as it is looked for.
 
-    They tell frequencies apart up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
+    Frequencies are separable up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
     height of an alias in the spectral window (Lomb, Astrophys. Space Sci. 39 (1976) 447).
     """
     first = 0.5 / step

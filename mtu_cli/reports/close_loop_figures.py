@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
     FoundEffect,
-    SmoothTable,
     TableResult,
 )
+from mtu_cli.analyses.close_loop.smooth import SmoothEffect
 from mtu_cli.language import names, parse
 from mtu_cli.model.basis import TableShape
 from mtu_cli.model.machine_model import AXES
@@ -41,8 +41,8 @@ CURVE = 200
 """Places at which the curve of a smooth effect is drawn."""
 MM = ", mm"
 SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
-FEW, NEAR, APART = 4, 0.006, 0.04
-"""Different values up to which errors before and after stand further apart, shares of the width."""
+SHIFT = 0.01
+"""Of errors before and after, to either side, as a share of the width."""
 
 
 class Over(NamedTuple):
@@ -83,7 +83,7 @@ def figure(result: CloseLoopResult, item: TableResult) -> Figure:
 
 
 def _maps(item: TableResult) -> Maps | None:
-    """Mean errors before and after, of several operations apart; None where there is no plane."""
+    """Mean errors before and after, of each operation; None where there is no plane."""
     table = item.table
     if table.component is not None or not {"x", "y"} <= set(table.axes):
         return None
@@ -122,12 +122,15 @@ def _overs(item: TableResult) -> Iterator[Over]:
     table = item.table
     for effect in item.effects:
         if effect.table is not None:
-            used = [effect.table.of]
+            used = [effect.table.along]
         else:
-            own = {p.name for p in effect.all_parameters}
-            used = [n for text in effect.equations.values() for n in names(parse(text))]
-            used = sorted(set(used) - own, key=lambda n: n in AXES)
-        a = table.axes.index(effect.axis) if effect.axis in table.axes else 0
+            known = {p.name for p in effect.parameters}
+            trees = [parse(text) for text in effect.equations.values()]
+            # In their order: that of a set differs from run to run.
+            used = list(dict.fromkeys(n for tree in trees for n in names(tree) if n not in known))
+            used.sort(key=lambda n: n in AXES)
+        axis = effect.candidate.axis
+        a = table.axes.index(axis) if axis in table.axes else 0
         for name in used[:1]:
             if name in AXES:
                 yield Over(f"{name}{MM}", table.places[..., AXES.index(name)], a, effect)
@@ -148,14 +151,11 @@ def _errors(panel: Axes, item: TableResult, over: Over) -> None:
     table, scale = item.table, UNITS[item.table.unit].to_internal
     there = table.there & np.isfinite(over.x)
     both = (table.errors, table.errors - item.explained)[: 1 + bool(item.effects)]
-    values = np.unique(over.x[there])
-    few = len(values) <= FEW and not over.label.endswith(MM)
-    shift = (APART if few else NEAR) * float(np.ptp(values) or 1.0)
+    shift = SHIFT * float(np.ptp(over.x[there]) or 1.0)
     for i, ((label, colour), values) in enumerate(zip(SIDES, both, strict=False)):
-        x = over.x[there] + shift * (2 * i - len(both) + 1)
-        errors = values[..., over.a][there] / scale
         panel.plot(
-            x, errors, ".", color=colour, markersize=3.0, alpha=0.45,
+            over.x[there] + shift * (2 * i - len(both) + 1),
+            values[..., over.a][there] / scale, ".", color=colour, markersize=3.0, alpha=0.45,
             label=f"error {label}" if len(both) > 1 else None,
         )  # fmt: skip
     panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
@@ -171,17 +171,17 @@ def _errors(panel: Axes, item: TableResult, over: Over) -> None:
     panel.set_title("residuals" if over.effect is None else cut(over.effect.name, NAME))
 
 
-def _curve(smooth: SmoothTable) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _curve(smooth: SmoothEffect) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Places of a smooth effect, its values there, and their u, which grows between the table's."""
-    shape = TableShape(at=smooth.at_mm, roughness=smooth.roughness, between=smooth.between)
-    at = np.union1d(smooth.at_mm, np.linspace(smooth.at_mm[0], smooth.at_mm[-1], CURVE))
+    shape = TableShape(at=smooth.knots, roughness=smooth.roughness)
+    at = np.union1d(smooth.knots, np.linspace(smooth.knots[0], smooth.knots[-1], CURVE))
     W = shape.columns(at)
     variance = np.einsum("ni,ij,nj->n", W, smooth.covariance, W) + np.diag(shape.left_open(at))
     return at, W @ smooth.values, np.sqrt(np.maximum(variance, 0.0))
 
 
 def _ranking(panel: Axes, item: TableResult, alpha: float) -> None:
-    """Log Bayes factors of the likeliest candidates, each beside the known model alone."""
+    """Log Bayes factors of the likeliest candidates, each added to the known model alone."""
     tested = [x for x in item.candidates if x.log_bayes_factor is not None]
     best = sorted(tested, key=lambda x: -(x.log_bayes_factor or 0.0))[:CANDIDATES]
     marked = {name for effect in item.effects for name in effect.class_names}

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, Searched, TableResult
+from mtu_cli.analyses.close_loop.estimate import Searched
+from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
+from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
 CHOICE = re.compile(r"\(([\w ]+)\|([\w ]+)\)")
-"""Of ``(gains|loses)`` the first is said where the first parameter is positive."""
+"""Of ``(gains|loses)`` the first is used where the first parameter is positive."""
 CHECKS = {
     "pattern": "{columns} share a pattern that some {rows} have more of",
     "walk": "{rows} follow one another too smoothly to be scatter",
@@ -31,8 +33,7 @@ WORTH_WHILE = 1.0
 
 def effect_text(effect: FoundEffect, item: TableResult) -> str:
     """Such as "X loses 8.2 ± 0.6 um at reversal"."""
-    words = _words(effect, item)
-    template = effect.sentence
+    words, template = _words(effect, item), effect.candidate.sentence
     used = set(re.findall(r"{(\w+)}", template))
     if not template or not effect.parameters or not used <= words.keys():
         template = "{says}: {values}" if words["values"] else "{says}"
@@ -41,11 +42,16 @@ def effect_text(effect: FoundEffect, item: TableResult) -> str:
 
 
 def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
-    """What sentences may name of an effect."""
+    """What sentences may name of an effect (`files.effects.WORDS`)."""
     row, column = item.nouns
-    words = {"says": effect.says, "row": row, "column": column}
-    words |= dict(zip("AB", _subjects(effect, item), strict=False))
-    words["values"] = ", ".join(f"{p.name} {_size(p)}" for p in effect.parameters)
+    words = {"says": effect.candidate.says, "row": row, "column": column}
+    axis = effect.candidate.axis
+    subjects = tuple(axis.upper()) if axis else ("all axes",)
+    if item.table.component is not None:
+        subjects = (item.table.component,)
+    words |= dict(zip("AB", subjects, strict=False))
+    sizes = effect.of_role("own")
+    words["values"] = ", ".join(f"{p.name} {_size(p)}" for p in sizes)
     if effect.ratio is not None:
         words["values"] = f"{significant(effect.ratio)} times the rest"
     if effect.chosen is not None:
@@ -53,23 +59,17 @@ def _words(effect: FoundEffect, item: TableResult) -> dict[str, str]:
         words["says"] += f" ({effect.chosen})"
     if effect.covariate is not None:
         words["covariate"] = effect.covariate
-    for name, found in effect.searched.items():
-        words |= {"searched": _searched(name, found), "at": _first_after(found.value, item)}
-    if len(effect.parameters) == 1:
-        (only,) = effect.parameters
+    if (searched := effect.searched) is not None:
+        words |= {"searched": _searched(searched), "at": _first_after(searched.value, item)}
+    if len(sizes) == 1:
+        (only,) = sizes
         words["value"] = _size(only)
         words["size"] = _size(only, abs(only.value))
         # The reversal value is twice the parameter, which acts both ways (ISO 230-2, 2.13).
         words["twice"] = _size(only, 2 * abs(only.value), 2 * only.u)
-    elif len({p.unit for p in effect.parameters}) == 1:
-        words["wave"] = _amplitude(effect)
+    elif len({p.unit for p in sizes}) == 1:
+        words["wave"] = _amplitude(sizes, effect.covariance)
     return words
-
-
-def _subjects(effect: FoundEffect, item: TableResult) -> tuple[str, ...]:
-    if item.table.component is not None:
-        return (item.table.component,)
-    return tuple(effect.axis.upper()) if effect.axis else ("all axes",)
 
 
 def _size(parameter: Parameter, value: float | None = None, u: float | None = None) -> str:
@@ -78,25 +78,23 @@ def _size(parameter: Parameter, value: float | None = None, u: float | None = No
     return f"{plus_minus(value / scale, u / scale)} {parameter.unit}"
 
 
-def _amplitude(effect: FoundEffect) -> str:
+def _amplitude(sizes: Sequence[Parameter], covariance: FloatArray) -> str:
     """Root of the sum of squares of the parameters, with its u (JCGM 100, 5.2.2)."""
-    values = np.array([p.value for p in effect.parameters])
+    values = np.array([p.value for p in sizes])
     k, length = len(values), float(np.linalg.norm(values))
     J = values / length if length > 0 else np.full(k, k**-0.5)
-    u = float(np.sqrt(J @ effect.covariance[:k, :k] @ J))
-    return _size(effect.parameters[0], length, u)
+    return _size(sizes[0], length, float(np.sqrt(J @ covariance[:k, :k] @ J)))
 
 
-def _searched(name: str, found: Searched) -> str:
+def _searched(searched: Searched) -> str:
     """Such as "pitch 12.34 mm", or the middles of the ranges that fit alike."""
-    word, _, unit = name.rpartition("_")
-    values = [found.value]
-    if len(found.intervals) > 1:
-        values = [(low + high) / 2 for low, high in found.intervals]
+    word, _, unit = searched.name.rpartition("_")
+    values = [searched.value]
+    if len(searched.intervals) > 1:
+        values = [(low + high) / 2 for low, high in searched.intervals]
     texts = [significant(value, SEARCHED_DIGITS) for value in values]
-    if len(texts) > MOST_SEARCHED:
-        texts[MOST_SEARCHED:] = ["..."]
-    return f"{word or name} {' or '.join(texts)} {unit}".strip()
+    texts[MOST_SEARCHED:] = ["..."] if len(texts) > MOST_SEARCHED else []
+    return f"{word or searched.name} {' or '.join(texts)} {unit}".strip()
 
 
 def _first_after(at: float, item: TableResult) -> str:
@@ -108,16 +106,6 @@ def _first_after(at: float, item: TableResult) -> str:
         if after:
             return after[0]
     return significant(at, 3)
-
-
-def held_out_by(item: TableResult) -> str | None:
-    """What was held out in turn, such as ``passes``."""
-    row, column = _several(item)
-    return {"parts": row, "columns": column, None: None}[item.held_out_by]
-
-
-def _several(item: TableResult) -> tuple[str, str]:
-    return ("parts", "features") if item.table.component is None else ("passes", "positions")
 
 
 def verdict_text(item: TableResult, alpha: float) -> str:
@@ -155,9 +143,8 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         subject = f"{each.axis.upper()} is right" if each.whole else f"{each.effect} is zero"
         unit = next((u for ends, u in UNITS_OF.items() if each.covariate.endswith(ends)), "")
         yield f"{subject} at {each.covariate} = {plus_minus(each.value, each.u)}{unit}."
-    at = {name: T for effect in item.effects for name, T in effect.found_at.items()}
-    if at:
-        where = listed(f"{name} = {T:.4g}" for name, T in at.items())
+    if item.found_at:
+        where = listed(f"{name} = {T:.4g}" for name, T in item.found_at.items())
         yield f"All this data is of {where}: what these effects are at 20 degC is not known."
 
 
@@ -184,7 +171,8 @@ def _named(effect: FoundEffect, item: TableResult) -> str:
 def _separated(effect: FoundEffect) -> str:
     names = listed(effect.class_names)
     if effect.experiment is None or effect.experiment.predicted_d < WORTH_WHILE:
-        do = f": {effect.separates}" if effect.separates else " by more data"
+        separates = effect.candidate.separates
+        do = f": {separates}" if separates else " by more data"
         return f"To separate {names}{do}."
     d = significant(effect.experiment.predicted_d), significant(effect.experiment.now_d)
     return (
@@ -195,19 +183,18 @@ def _separated(effect: FoundEffect) -> str:
 
 def _worth(item: TableResult) -> str:
     """The error before and after the correction."""
-    held = held_out_by(item)
+    held = item.held_out
     of = "all data (nothing could be held out)" if held is None else f"held-out {held}"
     before, after = (_shown(item, scores.rms) for scores in (item.before, item.after))
     unit = item.table.unit
-    if all(effect.kind == "scatter" for effect in item.effects):
+    if all(effect.ratio is not None for effect in item.effects):
         return f"no equation corrects that: the rms error of {of} is {before} {unit}"
     moves = "falls" if item.after.rms < item.before.rms else "goes"
     return f"with the correction the rms error of {of} {moves} from {before} to {after} {unit}"
 
 
 def _left(item: TableResult) -> str:
-    row, _ = item.nouns
-    rows, columns = _several(item)
+    (row, _), (rows, columns) = item.nouns, item.plurals
     p = dict(item.checks)
     texts = [
         f"{CHECKS.get(name, name).format(row=row, rows=rows, columns=columns)} "

@@ -47,31 +47,6 @@ def deviation_limit(count: FloatArray, p: float) -> FloatArray:
     return np.where(count >= FEWEST, limit, np.nan)
 
 
-def larger_scatter(left: FloatArray, taken: int = 1) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Of residuals (n, k), nan where there are none, that lost `taken` degrees of freedom each:
-    standard deviations (k,) of the columns, the median of those of the others, and p of a larger
-    variance than theirs, without the largest residual of each: a single one is an outlier. The
-    larger p of the F test and of ln s^2, whose variance is (2 + excess kurtosis)/dof (Box,
-    Biometrika 40 (1953) 318).
-    """
-    from scipy.special import fdtrc, ndtr
-
-    count = np.isfinite(left).sum(axis=0)
-    dof = np.maximum(count - float(taken), 1.0)
-    total, largest = np.nansum(left**2, axis=0), np.nanmax(left**2, axis=0, initial=0.0)
-    square = total / dof
-    k = len(square)
-    others = np.array([np.median(np.delete(square, i)) for i in range(k)])
-    smaller = (total - largest) / np.maximum(dof - 1.0, 1.0)
-    ratio = np.divide(smaller, others, out=np.ones(k), where=others > 0)
-    rest = dof.sum() - dof
-    z = left / np.sqrt(np.maximum(square, np.finfo(np.float64).tiny))
-    heavy = 2.0 + max(float(np.nanmean(z**4)) - 3.0, 0.0)
-    tails = ndtr(-np.log(ratio) / np.sqrt(heavy * (1 / dof + 1 / rest)))
-    p = np.where(count >= FEWEST, np.maximum(fdtrc(dof, rest, ratio), tails), 1.0)
-    return np.sqrt(square), np.sqrt(others), p
-
-
 SAMPLED = 100_000
 """Values that are enough for a median and a deviation to half a percent."""
 OUTLYING_P = 1e-4

@@ -168,7 +168,8 @@ def test_every_command_takes_the_extended_machine(extended: Path) -> None:
     points = report("predict-points", *EXTENDED, *at, cwd=extended)["results"]["points"]
     lost, level = by_name["backlash-x"].values()
     scale = by_name["scale-y"]["scale"]
-    (backlash,) = (item for item in found["effects"] if item["name"] == "backlash-x")
+    written = yaml.safe_load((extended / "extended.yaml").read_text())["effects"]
+    (backlash,) = (item for item in written if item["name"] == "backlash-x")
     for point in points:
         assert point["Ex_um"] == pytest.approx(lost["value"] + level["value"], rel=1e-9)
         assert point["u_x_um"] ** 2 == pytest.approx(np.sum(backlash["covariance"]), rel=1e-9)

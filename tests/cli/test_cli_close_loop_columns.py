@@ -195,7 +195,7 @@ def test_an_own_effect_with_a_constant_is_told_to_leave_it_out(
     done(result)
     reasons = {c["name"]: c["unavailable"] for c in found["results"]["candidates"]}
     assert reasons["ramp-x"] == (
-        "a parameter of it is a constant, which every effect has beside it: leave it out"
+        "a parameter of it is a constant, which is estimated with every effect: leave it out"
     )
 
 

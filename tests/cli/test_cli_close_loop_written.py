@@ -11,18 +11,16 @@ import numpy as np
 import pytest
 import yaml
 from cli_runner import Result, done, mtu, report
-from loop_examples import BACKLASH, CLASS, CYCLIC, SCATTER, SMOOTH, effect, parameter
+from loop_examples import BACKLASH, CLASS, CYCLIC, SCATTER, SMOOTH, effect, parameter, searched
 from support import CONFIGS, DATA
 
 from mtu_cli.analyses import close_loop
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect, Searched
+from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
 from mtu_cli.cli.close_loop import joint
 
 UNDECLARED = CONFIGS / "undeclared"
-OFFSET = replace(effect("offset-x", parameter("shift", "um", 0.2, 0.3)), kind="offset")
-OPEN = replace(
-    CYCLIC, searched={"pitch_mm": Searched(value=12.5, intervals=((9.0, 9.1), (12.3, 12.7)))}
-)
+OFFSET = effect("offset-x", parameter("shift", "um", 0.2, 0.3))
+OPEN = replace(CYCLIC, searched=searched("pitch_mm", 12.5, (9.0, 9.1), (12.3, 12.7)))
 
 
 KNOWN: list[CloseLoopResult] = []

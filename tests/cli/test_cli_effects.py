@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from cli_runner import prepared
-from loop_examples import effect, on_table, parameter, result
+from loop_examples import effect, on_table, parameter, result, searched
 from model_examples import run_command
 from support import read_components
 
-from mtu_cli.analyses.close_loop.result import FoundEffect, Searched
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.cli import close_loop
 from mtu_cli.cli.emit import (
     Outcome,
@@ -128,7 +128,7 @@ def untold(work: Path) -> str:
     line = 1 + content.decode().splitlines().index("- name: cyclic-x")
     return (
         f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) not separable from 3 others that "
-        "fit alike at its places: it holds at those places alone"
+        "fit its data as well: it holds where it was found alone"
     )
 
 
@@ -142,7 +142,7 @@ def test_a_pitch_that_was_not_told_is_told_of(
     assert code == 0, told
     found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
     assert [(item["code"], item["message"]) for item in found] == [("not-separable", untold)]
-    assert told.count("that fit alike") == 1
+    assert told.count("that fit its data as well") == 1
     last = 5 if command in PREDICTIONS else 4
     (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
     assert beyond["message"] == (
@@ -205,7 +205,7 @@ TURN = effect(
     parameter("scale", "um/m", 7.0, 0.2),
     covariance=JOINT[1:, 1:] * np.outer(FACTORS, FACTORS)[1:, 1:],
     equations={"Ex": "-angle*(y - 40) + scale*(x - 50)", "Ey": "angle*(x - 50)"},
-    searched={"pitch_mm": Searched(value=10.0, intervals=((9.5, 10.5),))},
+    searched=searched("pitch_mm", 10.0, (9.5, 10.5)),
     rows=(1, 2),
 )
 FOUND = [BACKLASH, TURN]
@@ -221,11 +221,19 @@ def inputs_of(work: Path, monkeypatch: pytest.MonkeyPatch, **values: Any) -> Inp
     return Inputs(Options("close-loop", paths))
 
 
-def made(inputs: Inputs, effects: Sequence[FoundEffect]) -> list[str]:
-    """Writes what is asked for as if `effects` were found, and gives the codes of the warnings."""
+def made(inputs: Inputs, effects: Sequence[FoundEffect], *components: str) -> list[str]:
+    """Writes what is asked for as if `effects` were found, each in the readings of one of some
+    components or all in points, and gives the codes of the warnings.
+    """
     tables, earlier, _ = close_loop._tables(inputs, "none")
+    by_name = {table.component: table for table in tables}
     covariance = JOINT * np.outer(FACTORS, FACTORS)
-    found = result(on_table(*effects, table=tables[0], covariance=covariance))
+    points = on_table(*effects, table=replace(tables[0], component=None), covariance=covariance)
+    items = [
+        on_table(own, table=by_name[component])
+        for own, component in zip(effects, components, strict=False)
+    ]
+    found = result(*items or [points])
     files, warnings = close_loop._written(inputs, earlier, Settings(), found)
     for path, content in files.items():
         path.write_bytes(content)
@@ -334,16 +342,14 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
         "step",
         parameter("jump", "urad", 5.0, 1.0),
         equations={"Ex": "jump*step(time_min - 3)"},
-        component="axy",
     )
     shift = effect(
         "backlash",
         parameter("shift", "um", 1.0, 0.001),
         equations={"Ex": "shift*dir_x"},
-        component="dx_x",
     )
     inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    assert made(inputs, [jump, shift]) == []
+    assert made(inputs, [jump, shift], "axy", "dx_x") == []
     effects = load_machine(work / "new.yaml").machine.effects
     assert [item.equations for item in effects] == [
         {"Ex": "(-y)*(jump*step(time_min - 3))"},

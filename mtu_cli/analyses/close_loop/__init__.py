@@ -1,7 +1,7 @@
 """What does the model lack? The residual traced to effects, with error rates that hold.
 
 1. Errors are split into strata, each with one variance (`strata`, `posed`); single entries far off
-   are set aside (`missing`).
+   are excluded (`missing`).
 2. Every candidate of the library is evaluated as columns with its margins (`forms`, `design`).
 3. One family-wise test says whether anything is there (`gate`); a set of models is searched through
    it, and evidence says what (`likelihood`, `model_set`).
@@ -12,20 +12,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.crossings import crossings
-from mtu_cli.analyses.close_loop.describe import compared, described
+from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import Estimates, estimated
 from mtu_cli.analyses.close_loop.forms import candidates_of
 from mtu_cli.analyses.close_loop.held_out import averaged, corrected, held_out, of_written
-from mtu_cli.analyses.close_loop.likelihood import Fit
-from mtu_cli.analyses.close_loop.posed import Posed
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -60,75 +58,64 @@ def close_loop(
     """Searches residuals for undeclared effects at the family-wise rate `alpha`.
 
     One table of points, or one a component of readings: these share the rate (Bonferroni). The
-    verdict is the weakest of all tables. `progress` hears (done, total) meanwhile.
+    verdict is the weakest of all tables. `progress` is called with (done, total).
 
     Raises InputError for a name in `exclude` that the library does not have.
     """
-    found = []
+
+    def one_table(number: int, table: ResidualTable) -> TableResult:
+        state = (0, 1)
+
+        def tick() -> None:
+            done, total = state
+            if progress is not None:
+                progress(number * total + done, len(tables) * total)
+
+        def folds_done(done: int, count: int) -> None:
+            nonlocal state
+            state = (1 + done, count + 1)
+            tick()
+
+        def diagnose(some: ResidualTable) -> Diagnosis:
+            candidates = candidates_of(some, library, exclude)
+            rate = alpha / len(tables)
+            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed, tell=tick)
+
+        found = diagnose(table)
+        held = held_out(table, diagnose, folds_done)
+        return _result(found, held, table, library, rate=alpha / len(tables), tables=len(tables))
+
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
-        for number, table in enumerate(tables):
-
-            def tell(done: int, of: int | None, number: int = number) -> None:
-                if progress is not None and of is not None:
-                    progress(number * of + done, len(tables) * of)
-
-            found.append(
-                _one_table(
-                    table, library, exclude, alpha / len(tables), max_effects, seed,
-                    len(tables), tell,
-                )
-            )  # fmt: skip
+        results = tuple(one_table(number, table) for number, table in enumerate(tables))
     return CloseLoopResult(
-        verdict=min((item.verdict for item in found), key=WORST.index),
-        tables=tuple(found),
+        verdict=min((item.verdict for item in results), key=WORST.index),
+        tables=results,
         alpha=alpha,
         datum=tables[0].datum,
     )
 
 
-def _one_table(
+def _result(
+    found: Diagnosis,
+    held: tuple[str, FloatArray] | None,
     table: ResidualTable,
     library: EffectLibrary,
-    exclude: Collection[str],
-    alpha: float,
-    most: int,
-    seed: int,
+    *,
+    rate: float,
     tables: int,
-    tell: Progress,
 ) -> TableResult:
-    shown = (0, 1)
-
-    def diagnose(own: ResidualTable) -> Diagnosis:
-        candidates = candidates_of(own, library, exclude)
-        return diagnosed(own, candidates, alpha=alpha, most=most, seed=seed, tell=again)
-
-    def again() -> None:
-        tell(*shown)
-
-    def show(done: int, of: int) -> None:
-        nonlocal shown
-        shown = (1 + done, of + 1)
-        again()
-
-    found = diagnose(table)
+    """The diagnosis of one of `tables` at its rate, with the errors that were `held` out."""
     sizes = estimated(found.models, found.model)
-    out = held_out(table, diagnose, show)
-    effects = described(found, sizes)
-    found_at = _constant_temperatures(found, library)
+    effects = described(found, sizes, compare=True)
+    effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
     seen = table.there & ~found.outliers.any(axis=2)
     after, mean = (
         corrected(table, predicted, seen)
         for predicted in (of_written(effects, table), averaged(found, effects, table))
     )
-    effects = tuple(
-        replace(item, p_familywise=min(1.0, item.p_familywise * tables), found_at=found_at)
-        for item in compared(effects, found, sizes, () if out is None else out.names)
-    )
-    # Chi^2 against the strata's variances, of one coordinate.
     variance = _entry_variance(found, sizes)
     covariance = sizes.covariance * found.posed.scale**2
-    scored = (table.errors, after, mean)
-    held = scored if out is None else (out.before, out.after, out.averaged)
+    by, errors = (None, (table.errors, after, mean)) if held is None else held
 
     def score(errors: FloatArray) -> Scores:
         return scores(np.where(seen[..., None], errors, np.nan), table.axes, variance)
@@ -137,40 +124,45 @@ def _one_table(
         table=table,
         verdict=found.verdict,  # type: ignore[arg-type]
         effects=effects,
-        candidates=_judged(found, tables, minimum_detectable(found, alpha)),
+        candidates=_judged(found, rate, tables),
         checks=tuple((name, min(1.0, p * tables)) for name, p in found.checks),
         fired=found.fired,
         nameless=found.nameless,
-        set_aside=_set_aside(found, table),
+        excluded=tuple(
+            (table.features[h], table.parts[p], table.axes[a], float(table.errors[p, h, a]))
+            for p, h, a in np.argwhere(found.outliers)
+        ),
         explained=table.errors - after,
-        before=score(held[0]),
-        after=score(held[1]),
-        after_averaged=score(held[2]),
+        before=score(errors[0]),
+        after=score(errors[1]),
+        after_averaged=score(errors[2]),
         in_sample_before=score(table.errors),
         in_sample_after=score(after),
-        held_out_by=None if out is None else out.by,
-        floor=_repeatability(found.posed, sizes.fit),
+        held_out_by=by,
+        floor=_repeatability(found, sizes),
+        found_at=_constant_temperatures(found, library),
         crossings=crossings(effects, covariance, table),
         covariance=covariance,
         stopped=found.models.stopped,
     )
 
 
-def _repeatability(posed: Posed, fit: Fit) -> float | None:
-    """Standard deviation of single entries beside the means of parts and of features, at least
-    that of rounding; None where there are no such.
+def _repeatability(found: Diagnosis, sizes: Estimates) -> float | None:
+    """Standard deviation of single entries about the means of parts and of features, at least that
+    of rounding; None where there are no such.
     """
-    strata, variances = posed.strata, []
-    for s in strata.of(INTERACTION):
-        rest = fit.residual[strata.slices[s]]
-        rounding = posed.steps[strata.axis[s]] ** 2 / 12
+    posed, fit = found.posed, sizes.fit
+    variances = []
+    for s in posed.strata.of(INTERACTION):
+        rest = fit.residual[posed.strata.slices[s]]
+        rounding = posed.steps[posed.strata.axis[s]] ** 2 / 12
         variances.append(max(float(rest @ rest / fit.dof[s]), float(rounding)))
     return posed.scale * float(np.sqrt(np.mean(variances))) if variances else None
 
 
 def _constant_temperatures(found: Diagnosis, library: EffectLibrary) -> dict[str, float]:
-    """Temperatures, degC, that are the same in all data of points and not near 20 degC, where an
-    effect of a temperature is a candidate: what any effect is at 20 degC is then not known.
+    """Temperatures, degC, that are the same in all data of points and not near 20 degC, where there
+    are effects, and one of a temperature is a candidate: what these are at 20 degC is not known.
     """
     table = found.posed.table
     thermal = {own.family.family for own in library.families if "T" in marks(str(own.family))}
@@ -178,7 +170,7 @@ def _constant_temperatures(found: Diagnosis, library: EffectLibrary) -> dict[str
         return {}
     data = TableData.of(table)
     steady = [name for name in data.values if is_temperature(name) and name not in data.changing]
-    at = {name: data.number(name, "0") for name in steady}
+    at = {name: data.number(name, "0") for name in steady if found.names}
     return {name: T for name, T in at.items() if abs(T - REFERENCE_TEMPERATURE) > NEAR_K}
 
 
@@ -195,20 +187,20 @@ def _entry_variance(found: Diagnosis, sizes: Estimates) -> FloatArray:
 
 def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Scores:
     """Of errors (P, H, A), nan where they do not count."""
-    there = np.isfinite(errors).all(axis=2)
-    own = errors[there]
-    length = np.sqrt((own**2).sum(axis=1))
+    known = errors[np.isfinite(errors).all(axis=2)]
+    length = np.sqrt((known**2).sum(axis=1))
     return Scores(
-        rms=float(np.sqrt(np.mean(own**2))),
-        by_axis={axis: float(np.sqrt(np.mean(own[:, a] ** 2))) for a, axis in enumerate(axes)},
+        rms=float(np.sqrt(np.mean(known**2))),
+        by_axis={axis: float(np.sqrt(np.mean(known[:, a] ** 2))) for a, axis in enumerate(axes)},
         p95=float(np.quantile(length, 0.95)),
         largest=float(length.max()),
-        chi2_per_dof=float(np.mean(own**2 / variance)) if (variance > 0).all() else None,
+        chi2_per_dof=float(np.mean(known**2 / variance)) if (variance > 0).all() else None,
     )
 
 
-def _judged(found: Diagnosis, tables: int, smallest: Mapping[str, float]) -> tuple[Judged, ...]:
-    models, table = found.models, found.posed.table
+def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
+    """All candidates, each added to the known model alone."""
+    models, smallest = found.models, minimum_detectable(found, rate)
     p = models.gate(()).p | dict(found.scatter)
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
@@ -216,26 +208,18 @@ def _judged(found: Diagnosis, tables: int, smallest: Mapping[str, float]) -> tup
     shares = shares / max(float(shares.sum()), 1e-300)
     judged = []
     for i, candidate in enumerate(models.design.candidates):
-        seen = np.isfinite(total[i]) or candidate.name in p
-        reason = candidate.unavailable or models.design.unavailable.get(candidate.name)
-        finite = bool(np.isfinite(total[i]))
+        name, finite = candidate.name, bool(np.isfinite(total[i]))
+        tested = finite or name in p
+        reason = candidate.unavailable or models.design.unavailable.get(name)
         judged.append(
             Judged(
-                name=candidate.name,
+                name=name,
                 family=candidate.family,
-                component=table.component,
-                p_familywise=min(1.0, p[candidate.name] * tables) if candidate.name in p else None,
+                p_familywise=min(1.0, p[name] * tables) if name in p else None,
                 log_bayes_factor=float(total[i]) if finite else None,
                 posterior=float(shares[i]) if finite else None,
-                unavailable=None if seen else reason or "this data cannot tell it apart",
-                minimum_detectable=smallest.get(candidate.name) if seen else None,
+                unavailable=None if tested else reason or "not separable on this data",
+                minimum_detectable=smallest.get(name) if tested else None,
             )
         )
     return tuple(judged)
-
-
-def _set_aside(found: Diagnosis, table: ResidualTable) -> tuple[tuple[str, str, str, float], ...]:
-    return tuple(
-        (table.features[h], table.parts[p], table.axes[a], float(table.errors[p, h, a]))
-        for p, h, a in np.argwhere(found.outliers)
-    )

@@ -41,7 +41,7 @@ class Term(NamedTuple):
 def crossings(
     effects: Sequence[FoundEffect], covariance: FloatArray, table: ResidualTable
 ) -> tuple[Crossing, ...]:
-    """All that are told to within the range of the data, and not farther than it from its middle;
+    """All that are known to within the range of the data, and not farther than it from its middle;
     of effects that are alone in their class. `covariance` is over the `rows` of the effects.
     """
     found: dict[tuple[str, str, frozenset[int]], Crossing] = {}
@@ -74,9 +74,9 @@ def crossings(
 
 
 def _terms(effect: FoundEffect, key: str) -> Iterator[Term]:
-    if effect.over is not None or effect.table is not None or not effect.rows:
+    if effect.candidate.over is not None or effect.table is not None or not effect.rows:
         return
-    sizes = {p.name: (p, row) for p, row in zip(effect.all_parameters, effect.rows, strict=True)}
+    sizes = {p.name: (p, row) for p, row in zip(effect.parameters, effect.rows, strict=True)}
     form = linear_form(parse(effect.equations[key]), sizes)
     for name, lever in form.coefficients.items():
         size, row = sizes[name]

@@ -10,12 +10,13 @@ from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 POWER_DEVIATE = 0.8416212335729143
 """Normal deviate of a power of 80 %."""
 LEAST = 1e-9
-"""Share of a column that must be left beside its margins and the coefficients."""
+"""Share of a column that its margins and the coefficients must leave."""
 
 
 def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     """Root mean square, mm or rad, over the cells of the smallest effect of each candidate that
-    passes the gate four times in five; the median over its members. What was found is no noise.
+    passes the gate four times in five; the median over its members. The effects that were found are
+    in the model.
 
     The deviance of k columns among v degrees of freedom passes its limit D where the statistic t of
     noncentral Student distribution is above c = sqrt(v (exp(D / v) - 1)). By (t (1 - 1/4v) - z) /
@@ -42,9 +43,9 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
         inner = np.einsum("s,smkk->m", fit.weights, crossed)
         # The fitted coefficients have a known variance.
         spread = np.tensordot(fit.weights, cross(low[:, None], low), 1) + np.diag(ridge(low))
-        beside = np.tensordot(fit.weights, cross(own[:, :, None], low), 1)
-        taken = beside @ np.linalg.pinv(spread, hermitian=True)
-        signal = (inner - np.einsum("mkz,mkz->m", taken, beside)) / k
+        across = np.tensordot(fit.weights, cross(own[:, :, None], low), 1)
+        taken = across @ np.linalg.pinv(spread, hermitian=True)
+        signal = (inner - np.einsum("mkz,mkz->m", taken, across)) / k
         shares = fit.weights[:, None] * np.einsum("smkk->sm", crossed)
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
         p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
@@ -54,11 +55,9 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
         cells = P * H * np.sum(axes, axis=1)
         seen = signal * k > LEAST * inner
         sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
-    found_at = {
-        design.candidates[c].name: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)
-    }
+    known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {
-        name: float(np.median(own)) * found.posed.scale
-        for name, own in found_at.items()
+        design.candidates[c].name: float(np.median(own)) * found.posed.scale
+        for c, own in known.items()
         if len(own)
     }

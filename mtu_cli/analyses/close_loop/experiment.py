@@ -1,4 +1,4 @@
-"""The experiment that would tell a class apart: the follow-up with the largest separation.
+"""The experiment that would separate a class: the follow-up with the largest separation.
 
 Further parts (or passes) are added to the table as they would be made; the separation of two
 rivals is the distance, in standard deviations, of what one of them makes from all that the other
@@ -7,7 +7,7 @@ could (T-optimality, Atkinson & Fedorov 1975).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from mtu_cli.analyses.close_loop.estimate import levers_on
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, Strata, strata_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -27,7 +28,8 @@ SHIFT = 0.25
 """Of the places' span, by which a fixture is shifted; of a pitch, where one is searched."""
 ENOUGH = 1.25
 """Times the separation that more of the same gives, from which another experiment is worth it."""
-COUNTS = ("sequence", "tool_parts")
+COUNTING = ("sequence", "tool_parts", "time_min")
+"""Columns that go on from part to part."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,39 +58,29 @@ def experiment(
     """
     if len(rivals) < 2:
         return None
-    variance = _variances(strata, weights)
-    now = separation(table, table, rivals, variance)
-    best: tuple[float, str] | None = None
-    for do, further in follow_ups(table, rivals):
-        d = separation(further, table, rivals, variance)
-        if best is None or d > ENOUGH * best[0]:
-            best = (d, do)
-    if best is None:
-        return None
-    return Experiment(do=best[1], predicted_d=best[0], now_d=now)
-
-
-def _variances(strata: Strata, weights: FloatArray) -> dict[tuple[str, int], float]:
-    """1/weights by kind and axis; the mean of a kind of which there are several."""
-    found: dict[tuple[str, int], list[float]] = {}
+    by_kind: dict[tuple[str, int], list[float]] = {}
     for s, kind in enumerate(strata.kinds):
         if weights[s] > 0:
-            found.setdefault((kind, strata.axis[s]), []).append(1 / weights[s])
-    return {key: float(np.mean(values)) for key, values in found.items()}
+            by_kind.setdefault((kind, strata.axis[s]), []).append(1 / weights[s])
+    variance = {key: float(np.mean(values)) for key, values in by_kind.items()}
+    now = separation(table, rivals, variance)
+    best: tuple[float, str] | None = None
+    for do, further in follow_ups(table, rivals):
+        d = separation(further, rivals, variance)
+        if best is None or d > ENOUGH * best[0]:
+            best = (d, do)
+    return None if best is None else Experiment(do=best[1], predicted_d=best[0], now_d=now)
 
 
 def separation(
-    table: ResidualTable,
-    origin: ResidualTable,
-    rivals: Sequence[Rival],
-    variance: dict[tuple[str, int], float],
+    table: ResidualTable, rivals: Sequence[Rival], variance: Mapping[tuple[str, int], float]
 ) -> float:
-    """The separation of the first rival from the others, weighed by their posterior, on a table
-    whose strata have the variances of another (`origin`).
+    """The separation of the first rival from the others, weighted by their posterior, on a table
+    with the `variance` of each kind of stratum and axis.
     """
     P, H, A = table.errors.shape
-    features = (FEATURE, 0) in variance
     lines = [np.zeros((H, 0))] * A
+    features = (FEATURE, 0) in variance
     strata = strata_of(P, A, lines, H=H, lines_scatter=False, features_scatter=features)
     default = variance.get((INTERACTION, 0), 1.0)
     w = np.array(
@@ -105,14 +97,13 @@ def separation(
         at, X = strata.of_levers(levers, 1)
         columns.append(np.zeros((len(levers), len(root))))
         columns[-1][:, at] = X[0]
-    k = len(rivals[0].sizes)
-    signal = (rivals[0].sizes @ columns[0][:k]) * root
+    signal = (rivals[0].sizes @ columns[0][: len(rivals[0].sizes)]) * root
     total, weight = 0.0, 0.0
     for rival, X in zip(rivals[1:], columns[1:], strict=True):
         Q, R = np.linalg.qr((X * root).T)
         Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
-        left = signal - Q @ (Q.T @ signal)
-        total += rival.posterior * float(np.linalg.norm(left))
+        rest = signal - Q @ (Q.T @ signal)
+        total += rival.posterior * float(np.linalg.norm(rest))
         weight += rival.posterior
     return total / weight if weight > 0 else 0.0
 
@@ -121,90 +112,69 @@ def follow_ups(
     table: ResidualTable, rivals: Sequence[Rival]
 ) -> Iterator[tuple[str, ResidualTable]]:
     """Further parts as before, then made otherwise in what the rivals depend on."""
-    noun, make = ("passes", "run") if table.component else ("parts", "make and measure")
-    P = len(table.parts)
-    used = {name for rival in rivals for name in rival.member.form.bound.used} | {
-        axis
-        for rival in rivals
-        for axis in "xyz"
-        if any(axis in text for text in rival.member.form.bound.texts().values())
-    }
-    yield f"{make} {MORE} more {noun} as before", extended(table)
+    readings = table.component is not None
+    noun, make = ("passes", "run") if readings else ("parts", "make and measure")
+    forms = [rival.member.form.bound for rival in rivals]
+    used = {name for form in forms for name in form.used}
+    used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
+    plain = extended(table)
+    yield f"{make} {MORE} more {noun} as before", plain
     names = [name for name in table.covariates if name in used]
-    turned = {n: -extended(table).covariates[n] for n in names if n.startswith("dir_")}
-    if turned and not table.component:
-        yield "run the program in the reverse direction", extended(table, turned)
-    counts = [n for n in table.covariates if n in COUNTS or n == "time_min"]
-    if set(counts) & used:
-        again = {n: _begun_again(table, n) for n in counts if n != "sequence"}
-        if again:
-            rest = "after a cold start" if "time_min" in used else "with a new tool"
-            yield f"{make} {MORE} more {noun} {rest}", extended(table, again)
-    hot = [n for n in names if is_temperature(n)]
-    if hot:
-        other = {n: extended(table).covariates[n] + OTHER_DAY_K for n in hot}
-        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, other)
-    for i, axis in enumerate("xyz"):
+    reversed_ = {n: -plain.covariates[n] for n in names if n.startswith("dir_")}
+    if reversed_ and not readings:
+        yield "run the program in the reverse direction", extended(table, reversed_)
+    counting = [n for n in table.covariates if n in COUNTING]
+    again = {n: table.covariates[n][:MORE] for n in counting if n != "sequence"}
+    if set(counting) & used and again:
+        rest = "after a cold start" if "time_min" in used else "with a new tool"
+        yield f"{make} {MORE} more {noun} {rest}", extended(table, again)
+    warmer = {n: plain.covariates[n] + OTHER_DAY_K for n in names if is_temperature(n)}
+    if warmer:
+        yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, warmer)
+    pitch = next((r.member.value for r in rivals if r.member.form.bound.is_periodic), None)
+    for i, axis in enumerate(AXES):
         known = table.places[..., i][np.isfinite(table.places[..., i])]
         span = float(np.ptp(known)) if len(known) else 0.0
-        if axis not in used or span == 0:
-            continue
-        pitches = [r.member.value for r in rivals if r.member.form.bound.is_periodic]
-        shift = SHIFT * (float(pitches[0] or span) if pitches else span)
-        what = "the positions" if table.component else "the fixture"
-        yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
-    if P == 1:
-        return
+        if axis in used and span > 0:
+            shift = SHIFT * (pitch or span)
+            what = "the positions" if readings else "the fixture"
+            yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
 
 
 def extended(
     table: ResidualTable,
-    changed: dict[str, FloatArray] | None = None,
-    shift: dict[int, float] | None = None,
+    changed: Mapping[str, FloatArray] | None = None,
+    shift: Mapping[int, float] | None = None,
 ) -> ResidualTable:
-    """The table with further parts, which repeat the last ones but for some covariates; those that
-    count parts or time go on.
+    """The table with further parts, which repeat the last ones but for `changed` columns and a
+    `shift` (mm) of places; those that count parts or time go on.
     """
-    P = len(table.parts)
-    last = np.arange(P - min(MORE, P), P)
-    again = last[np.arange(MORE) % len(last)]
+    P, changed = len(table.parts), changed or {}
+    again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
 
-    def longer(name: str, values: FloatArray) -> FloatArray:
-        if len(values) != P or P == 1:
-            whole = np.broadcast_to(values, (P, values.shape[1]))
-            if changed is None or name not in changed:
-                return values
-            values = np.array(whole)
-        more = values[again].copy()
-        if name in (*COUNTS, "time_min"):
+    def further(name: str, values: FloatArray) -> FloatArray:
+        if name in changed:
+            new = changed[name]
+            return new[-MORE:] if len(new) >= MORE else np.repeat(new[-1:], MORE, axis=0)
+        if name in COUNTING:
             step = np.diff(values, axis=0)
             rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-            more = values[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-        if changed is not None and name in changed:
-            own = np.broadcast_to(changed[name], (len(changed[name]), values.shape[1]))
-            more = own[-MORE:] if len(own) >= MORE else np.broadcast_to(own[-1:], more.shape)
-        return np.concatenate([values, more])
+            return values[-1:] + rise * np.arange(1, MORE + 1)[:, None]
+        return values[again]
 
+    covariates = dict(table.covariates)
+    for name, values in table.covariates.items():
+        if name in changed or len(values) == P > 1:
+            known = np.broadcast_to(values, (P, values.shape[1]))
+            covariates[name] = np.concatenate([known, further(name, known)])
     places = np.concatenate([table.places, table.places[again]])
     for i, by in (shift or {}).items():
         places[P:, :, i] += by
-
-    def repeated(factor: FloatArray) -> FloatArray:
-        return np.concatenate([factor, factor[again]]) if len(factor) == P > 1 else factor
-
     return replace(
         table,
         parts=(*table.parts, *(f"+{i + 1}" for i in range(MORE))),
         errors=np.zeros((P + MORE, *table.errors.shape[1:])),
         repeats=np.ones((P + MORE, len(table.features)), np.int64),
         places=places,
-        covariates={name: longer(name, values) for name, values in table.covariates.items()},
-        common=repeated(table.common),
-        of_part=repeated(table.of_part),
+        covariates=covariates,
     )
-
-
-def _begun_again(table: ResidualTable, name: str) -> FloatArray:
-    """A column that counts, from its start."""
-    values = table.covariates[name]
-    return values[:MORE] if len(values) >= MORE else values

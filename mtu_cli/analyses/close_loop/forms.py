@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 from mtu_cli.analyses.close_loop.strata import Levers
-from mtu_cli.files.effects import EffectLibrary, LoadedFamily, filled
+from mtu_cli.files.effects import EffectLibrary, LoadedFamily, Template, filled
 from mtu_cli.language import names
 from mtu_cli.model.effect_library import (
     Binding,
@@ -24,8 +24,8 @@ from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
-NOTHING_LEFT = "this data cannot tell it from an offset"
-CONSTANT = "a parameter of it is a constant, which every effect has beside it: leave it out"
+NOTHING_LEFT = "not separable from an offset on this data"
+CONSTANT = "a parameter of it is a constant, which is estimated with every effect: leave it out"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,16 +61,19 @@ class Form:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """An effect that may be lacking; `unavailable` says why the table cannot test it."""
+    """An effect that the model may lack, as the library describes it on one table; `unavailable` is
+    the reason why the table cannot test it.
+    """
 
     name: str
     family: str
-    axis: str | None
-    says: str
-    separates: str | None
-    sentence: str
-    kind: str
-    forms: tuple[Form, ...]
+    axis: str | None = None
+    kind: str = "mean"
+    over: str | None = None
+    says: str = ""
+    separates: str | None = None
+    sentence: str = ""
+    forms: tuple[Form, ...] = ()
     unavailable: str | None = None
 
 
@@ -83,45 +86,32 @@ def candidates_of(
     """
     check_excluded(exclude, library)
     data = TableData.of(table)
-    found = []
-    for family in library.families:
-        if family.family.family in exclude or len(table.axes) < family.family.least_axes:
-            continue
-        for binding in of_candidates(family, data):
-            candidate = _candidate(family, binding, data)
-            if candidate is not None and candidate.name not in exclude:
-                found.append(candidate)
-    return tuple(found)
+    candidates = [
+        _candidate(family, binding, data)
+        for family in library.families
+        if family.family.family not in exclude and len(table.axes) >= family.family.least_axes
+        for binding in of_candidates(family, data)
+    ]
+    return tuple(c for c in candidates if c is not None and c.name not in exclude)
 
 
 def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candidate | None:
-    own, reasons = family.family, dict[str, None]()
-    forms: list[Form] = []
-    over = own.over
+    """None where the table could not have such an effect."""
+    own, forms = family.family, list[Form]()
+    reasons: dict[str, None] = {}
     # Of two neither is the outlier.
     least = 3 if own.kind == OUTLIER else 2
-    if over is not None and (there := len(choices(data.table, over))) < least:
-        reasons[f"there {'is one' if there == 1 else f'are {there}'} {over} only"] = None
+    if own.over is not None and (there := len(choices(data.table, own.over))) < least:
+        reasons[f"there {'is one' if there == 1 else f'are {there}'} {own.over} only"] = None
     elif own.kind == SCATTER:
-        reasons = dict.fromkeys(_lacks(family, data))
+        reasons |= dict.fromkeys(_missing_columns(family, data))
     else:
         for template in family.templates:
             for item in of_members(template, binding, data):
-                if isinstance(item, str):
-                    reasons[item] = None
-                    continue
                 try:
-                    whole, *lower = (
-                        bound(own, one, item, data) for one in (template, *family.margins)
-                    )
-                    levers = [node for each in whole.levers.values() for node in each.values()]
-                    if own.kind != OFFSET and not all(any(names(node)) for node in levers):
-                        raise NoMember(CONSTANT)
-                    chosen = None if over is None else tuple(choices(data.table, over))
-                    forms.append(Form(bound=whole, margins=tuple(lower), chosen=chosen))
+                    forms.append(_form(family, template, item, data))
                 except NoMember as lack:
-                    if str(lack):
-                        reasons[str(lack)] = None
+                    reasons |= {str(lack): None} if str(lack) else {}
         if not forms and not reasons:
             return None
     readings = data.table.component is not None
@@ -131,16 +121,30 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
         name=filled(family.name, binding),
         family=own.family,
         axis=binding.get("n") or binding.get("a", "") + binding.get("b", "") or None,
+        kind=own.kind,
+        over=own.over,
         says=filled(own.says, binding),
         separates=None if separates is None else filled(separates, binding),
         sentence=(readings and own.sentence_readings) or own.sentence,
-        kind=own.kind,
         forms=tuple(forms),
         unavailable="; ".join(reasons) or NOTHING_LEFT if missing else None,
     )
 
 
-def _lacks(family: LoadedFamily, data: TableData) -> Iterator[str]:
+def _form(family: LoadedFamily, template: Template, item: Binding | str, data: TableData) -> Form:
+    """Raises NoMember where the table has none."""
+    if isinstance(item, str):
+        raise NoMember(item)
+    own = family.family
+    effect, *margins = (bound(own, one, item, data) for one in (template, *family.margins))
+    levers = [node for by_name in effect.levers.values() for node in by_name.values()]
+    if own.kind != OFFSET and not all(any(names(node)) for node in levers):
+        raise NoMember(CONSTANT)
+    chosen = None if own.over is None else tuple(choices(data.table, own.over))
+    return Form(bound=effect, margins=tuple(margins), chosen=chosen)
+
+
+def _missing_columns(family: LoadedFamily, data: TableData) -> Iterator[str]:
     for name in family.family.needs:
         try:
             check_column(name, data)

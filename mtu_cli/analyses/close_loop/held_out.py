@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.design import fitted_powers
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import estimated
-from mtu_cli.analyses.close_loop.result import FoundEffect, component_name
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.files.effects import CHOSEN
 from mtu_cli.language import evaluate, parse
 from mtu_cli.model.basis import TableShape
@@ -29,25 +30,12 @@ BoolArray = NDArray[np.bool_]
 Diagnose = Callable[[ResidualTable], Diagnosis]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOut:
-    """Errors (P, H, A) in mm of what was held out, `before` and `after` the correction by the
-    machine as it would be written, and by the `averaged` one; `by` parts or columns; `names` that
-    each fold found.
-    """
-
-    before: FloatArray
-    after: FloatArray
-    averaged: FloatArray
-    by: str
-    names: tuple[tuple[str, ...], ...]
-
-
 def held_out(
-    table: ResidualTable, diagnose: Diagnose, done: Callable[[int, int], None] | None = None
-) -> HeldOut | None:
-    """Scores of blocks of consecutive parts, or of every n-th column of few parts; None where
-    there are too few of both.
+    table: ResidualTable, diagnose: Diagnose, done: Callable[[int, int], None]
+) -> tuple[str, FloatArray] | None:
+    """What was held out, ``parts`` in blocks that follow each other or, of few parts, every n-th of
+    the ``columns``, and its errors (3, P, H, A), mm: before, after the correction by the machine as
+    it would be written, and by the model average. None where there are too few of both.
     """
     P, H, _ = table.errors.shape
     by = "parts" if P >= FEWEST else "columns"
@@ -57,63 +45,50 @@ def held_out(
     count = min(FOLDS, size)
     number = np.arange(size) * count // size if by == "parts" else np.arange(size) % count
     errors = np.full((3, *table.errors.shape), np.nan)
-    names = []
     for fold in range(count):
         out = number == fold
-        rest = only(table, ~out, by)
-        found = diagnose(rest)
+        cells = np.broadcast_to(out[:, None] if by == "parts" else out, (P, H))
+        found = diagnose(only(table, ~out, by))
         effects = described(found, estimated(found.models, found.model))
-        where = np.ix_(out) if by == "parts" else np.ix_(np.ones(P, bool), out)
-        seen = np.ones((P, H), bool)
-        seen[where] = False
-        predicted = (
-            0.0 * table.errors,
-            of_written(effects, table),
-            averaged(found, effects, table),
-        )
-        for own, values in zip(errors, predicted, strict=True):
-            own[where] = corrected(table, values, seen)[where]
-        names.append(tuple(found.names))
-        if done is not None:
-            done(fold + 1, count)
-    before, after, mean = errors
-    return HeldOut(before=before, after=after, averaged=mean, by=by, names=tuple(names))
+        predicted = (np.zeros(table.errors.shape), of_written(effects, table))
+        for i, values in enumerate((*predicted, averaged(found, effects, table))):
+            errors[i][cells] = corrected(table, values, ~cells)[cells]
+        done(fold + 1, count)
+    return by, errors
 
 
 def corrected(table: ResidualTable, predicted: FloatArray, seen: BoolArray) -> FloatArray:
     """Errors (P, H, A) less what is predicted, and less the components' polynomial fitted anew to
     what that leaves of the cells `seen` (P, H): readings that were fitted have seen themselves.
     """
-    left = table.errors - predicted
+    rest = table.errors - predicted
     powers = fitted_powers(table)
     if powers.shape[1]:
-        known = seen & table.there & np.isfinite(left).all(axis=2)
+        known = seen & table.there & np.isfinite(rest).all(axis=2)
         count = known.sum(axis=0)
-        mean = np.where(known[..., None], left, 0.0).sum(axis=0)[count > 0]
+        mean = np.where(known[..., None], rest, 0.0).sum(axis=0)[count > 0]
         sizes = np.linalg.lstsq(powers[count > 0], mean / count[count > 0, None], rcond=None)[0]
-        left = left - powers @ sizes
-    return left
+        rest = rest - powers @ sizes
+    return rest
 
 
 def only(table: ResidualTable, kept: BoolArray, by: str) -> ResidualTable:
     """The table of some of its parts, or of its columns."""
-    dimension = 0 if by == "parts" else 1
+    parts = by == "parts"
+    axis = 0 if parts else 1
 
     def cut(values: FloatArray) -> FloatArray:
-        if values.shape[dimension] != len(kept) or len(kept) == 1:
+        if values.shape[axis] != len(kept) or len(kept) == 1:
             return values
-        return np.compress(kept, values, axis=dimension)
+        return np.compress(kept, values, axis=axis)
 
-    def named(values: Sequence[str]) -> tuple[str, ...]:
-        return tuple(value for value, keep in zip(values, kept, strict=True) if keep)
-
-    parts = by == "parts"
+    names = tuple(compress(table.parts if parts else table.features, kept))
     return replace(
         table,
-        parts=named(table.parts) if parts else table.parts,
-        features=table.features if parts else named(table.features),
+        parts=names if parts else table.parts,
+        features=table.features if parts else names,
         errors=cut(table.errors),
-        repeats=np.compress(kept, table.repeats, axis=dimension),
+        repeats=np.compress(kept, table.repeats, axis=axis),
         places=cut(table.places),
         operation=table.operation if parts else table.operation[kept],
         covariates={name: cut(values) for name, values in table.covariates.items()},
@@ -126,7 +101,7 @@ def of_written(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArr
     """The contribution (P, H, A) of effects as a machine is written with them; what is off by
     itself, a feature or an operation, is known as well.
     """
-    kept = [effect for effect in effects if effect.table is not None or not effect.several]
+    kept = [effect for effect in effects if effect.table is not None or not effect.ambiguous]
     return contribution(kept, table)
 
 
@@ -136,14 +111,14 @@ def contribution(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatA
     columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
     columns |= table.covariates
     for effect in effects:
-        known = columns | {p.name: p.value for p in effect.all_parameters}
-        if effect.over is not None:
-            known[CHOSEN] = choices(table, effect.over).get(effect.chosen or "", 0.0)
+        known = columns | {p.name: p.value for p in effect.parameters}
+        if (over := effect.candidate.over) is not None:
+            known[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)
         if effect.table is not None:
-            shape = TableShape(at=effect.table.at_mm)
-            along = columns[effect.table.of]
+            shape = TableShape(at=effect.table.knots)
+            along = columns[effect.table.along]
             values = shape.columns(along.ravel()) @ effect.table.values
-            known[component_name(effect.name)] = values.reshape(along.shape)
+            known[effect.component] = values.reshape(along.shape)
         for key, text in effect.equations.items():
             total[..., table.axes.index(key[1:])] += evaluate(parse(text), known)
     return table.freed(total[..., None])[..., 0]

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
+from mtu_cli.analyses.close_loop.estimate import Searched
 from mtu_cli.analyses.close_loop.experiment import Experiment
-from mtu_cli.findings import Finding, listed
+from mtu_cli.analyses.close_loop.forms import Candidate
+from mtu_cli.analyses.close_loop.smooth import SmoothEffect
+from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["none", "named", "class", "unexplained"]
 WORST: tuple[Verdict, ...] = ("unexplained", "class", "named", "none")
-Kind = Literal["mean", "smooth", "scatter", "offset", "outlier"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,75 +35,40 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SmoothTable:
-    """A smooth effect as a table component: values (T,) at `at_mm` with their covariance (T, T)
-    along `of`; `roughness` (mm^2/mm^3) gives the u between them, `between` (mm^2) more of it.
-    """
-
-    of: str
-    at_mm: FloatArray
-    values: FloatArray
-    covariance: FloatArray
-    roughness: float
-    between: float = 0.0
-
-
-def component_name(name: str) -> str:
-    """What a smooth effect is called in equations."""
-    return name.replace("-", "_")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Searched:
-    """The value of what an effect is not linear in, and its 95 % set, a union of intervals."""
-
-    value: float
-    intervals: tuple[tuple[float, float], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FoundEffect:
-    """An effect that the model lacks. `rows` are its own in the covariance of the table.
+    """An effect that the model lacks: the `candidate`, and what the data say of it.
 
-    `parameters` are its own, `beside` those of its margins, levels and changes of what was
-    searched; `covariance` (k, k) over both. `equations` are in these and columns; in those of an
-    effect `over` features, parts or operations, which no machine has, `chosen` is 1 on that one; in
-    that of a smooth effect its component stands for its `table`. An effect on the scatter has none:
-    `ratio` says how much more an operation or a pattern of whole parts scatters. `classes` are the
-    names that the data cannot tell apart, itself first, with their posteriors; `aliases` those that
-    are the same here whatever the data; `found_at` temperatures
-    (degC) that did not change. `sentence` is the template of what it does (`files.effects`).
+    `parameters` are its own, then those of its margins, levels and changes of what was searched,
+    with their `covariance` (k, k), which is that of the table in its `rows`. `equations` are in
+    these and columns; where the candidate is `over` features, parts or operations, which no machine
+    has, `chosen` is the one for which ``chosen`` is 1; a smooth effect's component stands for its
+    `table` of values in mm or rad. An effect on the scatter has no equation: `ratio` is that of the
+    standard deviations. `classes` are the names that the data cannot separate, itself first, with
+    their posteriors; `aliases` names whose columns span the same, whatever the errors.
     """
 
-    name: str
-    family: str
-    kind: Kind
-    axis: str | None
-    component: str | None
-    covariate: str | None
-    says: str
-    sentence: str = ""
-    separates: str | None
-    parameters: tuple[Parameter, ...]
-    beside: tuple[Parameter, ...]
+    candidate: Candidate
+    covariate: str | None = None
+    parameters: tuple[Parameter, ...] = ()
     covariance: FloatArray
     rows: tuple[int, ...] = ()
     equations: Mapping[str, str]
-    table: SmoothTable | None
-    chosen: str | None
-    over: str | None = None
-    ratio: float | None
-    searched: Mapping[str, Searched]
+    table: SmoothEffect | None = None
+    chosen: str | None = None
+    ratio: float | None = None
+    searched: Searched | None = None
     p_familywise: float
-    log_bayes_factor: float | None
-    posterior: float | None
-    explained_share: float
+    log_bayes_factor: float | None = None
+    posterior: float | None = None
+    explained_share: float = 0.0
     classes: tuple[tuple[str, float], ...]
-    aliases: tuple[str, ...]
-    nameless: float
-    found_at: Mapping[str, float] = field(default_factory=dict)
+    aliases: tuple[str, ...] = ()
     experiment: Experiment | None = None
-    folds: tuple[int, int] = (0, 0)
+
+    @property
+    def name(self) -> str:
+        """The name of its candidate."""
+        return self.candidate.name
 
     @property
     def class_names(self) -> tuple[str, ...]:
@@ -109,39 +76,40 @@ class FoundEffect:
         return tuple(name for name, _ in self.classes)
 
     @property
-    def all_parameters(self) -> tuple[Parameter, ...]:
-        """Its parameters in the order of its covariance."""
-        return (*self.parameters, *self.beside)
+    def component(self) -> str:
+        """What a smooth effect is called in equations."""
+        return self.name.replace("-", "_")
+
+    def of_role(self, *roles: str) -> tuple[Parameter, ...]:
+        """Its parameters of some roles."""
+        return tuple(p for p in self.parameters if p.role in roles)
+
+    @property
+    def ambiguous(self) -> bool:
+        """Whether several intervals of what was searched fit."""
+        several = self.searched is not None and len(self.searched.intervals) > 1
+        return several and bool(self.of_role("searched"))
 
     @property
     def written(self) -> list[int]:
         """Which of its parameters its equations have: a table stands for sizes of its own."""
         used = {name for text in self.equations.values() for name in names(parse(text))}
-        return [i for i, parameter in enumerate(self.all_parameters) if parameter.name in used]
-
-    @property
-    def several(self) -> tuple[str, ...]:
-        """What was searched and has several ranges: each predicts other errors elsewhere."""
-        continuous = any(p.role == "searched" for p in self.beside)
-        each = self.searched.items() if continuous else ()
-        return tuple(name for name, found in each if len(found.intervals) > 1)
+        return [i for i, parameter in enumerate(self.parameters) if parameter.name in used]
 
     @property
     def not_written(self) -> str:
         """Why a machine is written without it; empty where it is not."""
-        if self.over is not None or not self.equations:
+        if self.candidate.over is not None or not self.equations:
             return "no equation of the machine can hold it"
-        if self.several and self.table is None:
-            return (
-                f"several ranges of {listed(self.several)} fit, and each predicts other errors "
-                "elsewhere"
-            )
+        if self.ambiguous and self.searched is not None and self.table is None:
+            name = self.searched.name
+            return f"several ranges of {name} fit, and each predicts other errors elsewhere"
         return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A candidate beside the known model alone; `unavailable` says why it could not be tested.
+    """A candidate added to the known model alone; `unavailable` says why it could not be tested.
 
     `minimum_detectable` is the root mean square, over the cells, of an effect that would be found
     four times in five.
@@ -149,7 +117,6 @@ class Judged:
 
     name: str
     family: str
-    component: str | None
     p_familywise: float | None
     log_bayes_factor: float | None
     posterior: float | None
@@ -193,8 +160,8 @@ class TableResult:
     `explained` (P, H, A) is the effects' contribution; `before` and `after` are scores of what was
     `held_out_by` parts or columns (None: in sample), without and with the correction of the machine
     as it is written, or of the average over each class; `floor` the repeatability of one
-    coordinate.
-    `set_aside` (feature, part, axis, error) are single entries that do not count.
+    coordinate. `found_at` are temperatures (degC) that did not change: what the effects are at
+    20 degC is not known. `excluded` (feature, part, axis, error) are single entries, outliers.
     """
 
     table: ResidualTable
@@ -204,7 +171,7 @@ class TableResult:
     checks: tuple[tuple[str, float], ...]
     fired: tuple[str, ...]
     nameless: bool
-    set_aside: tuple[tuple[str, str, str, float], ...]
+    excluded: tuple[tuple[str, str, str, float], ...]
     explained: FloatArray
     before: Scores
     after: Scores
@@ -213,6 +180,7 @@ class TableResult:
     in_sample_after: Scores
     held_out_by: str | None
     floor: float | None
+    found_at: Mapping[str, float]
     crossings: tuple[Crossing, ...]
     covariance: FloatArray
     stopped: bool
@@ -221,6 +189,17 @@ class TableResult:
     def nouns(self) -> tuple[str, str]:
         """What rows and columns of the table are called."""
         return ("part", "feature") if self.table.component is None else ("pass", "position")
+
+    @property
+    def plurals(self) -> tuple[str, str]:
+        """The same of several."""
+        return ("parts", "features") if self.table.component is None else ("passes", "positions")
+
+    @property
+    def held_out(self) -> str | None:
+        """What was held out in turn, such as ``passes``."""
+        by = self.held_out_by
+        return None if by is None else self.plurals[0 if by == "parts" else 1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,7 @@ from mtu_cli.stats.smooth_profile import averaged
 class SmoothEffect:
     """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
     with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
-    mm^3. In units of the scale.
+    mm^3, `between` a variance off the knots. In units of the scale.
     """
 
     along: str
@@ -26,6 +26,7 @@ class SmoothEffect:
     covariance: FloatArray
     roughness: float
     dof: float
+    between: float = 0.0
 
     @property
     def rms(self) -> float:

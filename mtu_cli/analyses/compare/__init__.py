@@ -26,8 +26,7 @@ from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.covariates import needed_covariates, point_columns, used_columns
-from mtu_cli.model.effect_columns import with_effect_columns
-from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.effect_ranges import effect_warnings_at, with_effect_columns
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
 from mtu_cli.model.measurands import differences, length_gradient

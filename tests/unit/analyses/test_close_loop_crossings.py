@@ -63,7 +63,7 @@ def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
 @pytest.mark.parametrize(
     "effects",
     [
-        # What is beside it along the axis depends on something else, or its name is not certain.
+        # Another effect along the axis depends on something else, or its name is not certain.
         (DRIFT, effect("scale-x", parameter("b", "um/m", 9, 1), equations={"Ex": "b*(x - 200)"})),
         (DRIFT, SMOOTH),
         (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
@@ -75,6 +75,6 @@ def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
 )
 def test_no_zero_is_told_where_there_is_none(effects: tuple[FoundEffect, ...]) -> None:
     rows = iter(range(9))
-    own = [replace(e, rows=tuple(next(rows) for _ in e.all_parameters)) for e in effects]
-    covariance = np.diag([p.u**2 for e in own for p in e.all_parameters])
+    own = [replace(e, rows=tuple(next(rows) for _ in e.parameters)) for e in effects]
+    covariance = np.diag([p.u**2 for e in own for p in e.parameters])
     assert crossings(own, covariance, TABLE) == ()

@@ -201,7 +201,7 @@ def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None
     )
     (effect,) = described(found, estimated(found.models, found.model))
     assert effect.name == "abbe-y"
-    (level,) = (p for p in effect.beside if p.role == "level")
+    (level,) = (p for p in effect.of_role("level"))
     assert abs(level.value) < 5 * level.u < 5 * NOISE_MM
 
 
@@ -250,9 +250,9 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     )  # fmt: skip
     (effect,) = described(found, estimated(found.models, found.model))
     assert effect.name == "cyclic-x"
-    assert len(effect.several) == 1
+    assert effect.ambiguous
     assert effect.table is not None
     assert not effect.not_written
-    (level,) = (p for p in effect.beside if p.role == "level")
+    (level,) = effect.of_role("level")
     assert effect.table.values + level.value == pytest.approx(wave, abs=5 * NOISE_MM / np.sqrt(P))
     assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)

@@ -144,16 +144,6 @@ def test_all_faults_of_a_file_at_once(tmp_path: Path) -> None:
     assert [item.line for item in found] == [4, 8]
 
 
-@pytest.mark.parametrize(
-    ("line", "example"),
-    [("equations: {E{a}: k*x}", "{'E{a}': k*x}"), ("needs: [dir_{a}]", "['dir_{a}']")],
-)
-def test_braces_within_braces_are_explained(tmp_path: Path, line: str, example: str) -> None:
-    (found,) = faults(tmp_path, f"- family: f\n  says: s\n  {line}\n")
-    assert (found.line, found.code) == (3, "not-readable")
-    assert str(found.expected).endswith(example)
-
-
 def test_names_of_built_in_families_and_of_other_files_are_taken(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(family(name="backlash"))
     (tmp_path / "b.yaml").write_text(family())

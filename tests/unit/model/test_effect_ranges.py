@@ -8,12 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from effect_tables import table
-from model_examples import FloatArray, part_of, stated
+from model_examples import (
+    FloatArray,
+    part_of,
+    stated,
+)
 
 from mtu_cli.analyses.lengths import predict_lengths
 from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.analyses.predict_points import predict_points
-from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.effect_ranges import (
+    effect_warnings_at,
+)
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 

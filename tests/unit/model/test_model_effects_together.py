@@ -184,10 +184,8 @@ def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> N
     ("found", "told"),
     [
         ("{class: [turn, scale-z]}", "scale-z"),
-        ("{class: [turn, scale-z, unnamed-drift-x, radial]}", "scale-z, radial"),
         ("{class: [a, b, turn, c, d, e, f]}", "a, b, c, d, e, f"),
         ("{class: [turn]}", None),
-        ("{class: [turn, unnamed-drift-x]}", None),
         # What stands there is free.
         ("{class: turn}", None),
         ("{class: [turn, 3, {a: b}]}", None),
