@@ -252,7 +252,8 @@ def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:
     ends = np.cumsum([0, *(len(block) for block in blocks)])
     for i, (one, item) in enumerate(kept):
         for j, (other, its) in enumerate(kept):
-            if i != j and item is its and one.table is None and other.table is None:
+            tables = one.table is not None or other.table is not None
+            if i != j and item is its and one.rows and other.rows and not tables:
                 block = item.covariance[np.ix_(one.rows, other.rows)]
                 whole[ends[i] : ends[i + 1], ends[j] : ends[j + 1]] = block
     return np.asarray((whole + whole.T) / 2)

@@ -43,6 +43,14 @@ OF_AXIS = """
         components and points independent (Gilsinn & Ling 2004) | u indep., detail
     independent.var_AXIS_um2 | prediction.independent_variance | its square | -, json
 """
+NATURES = """
+    variance_AXIS_um2.coefficients | split.coefficients | variance of what the readings leave \
+        open | -, json, unit=um2
+    variance_AXIS_um2.passes | split.passes | variance of the drift between passes \
+        | -, json, unit=um2
+    variance_AXIS_um2.repeatability | split.repeatability | variance of each visit \
+        | -, json, unit=um2
+"""
 
 
 def _outside(item: Any) -> list[str]:
@@ -77,6 +85,7 @@ def _of_axis(axis: str, j: int, count: int, independent: bool) -> Iterator[Field
 
     yield from _within(row, OF_AXIS.replace("AXIS", axis))
     yield shares(f"shares.{axis}", split)
+    yield from () if independent else _within(row, NATURES.replace("AXIS", axis))
 
 
 def _within(row: Any, text: str) -> Iterator[Field]:

@@ -82,7 +82,8 @@ def test_the_effect_is_named_alone(first: Run) -> None:
     assert abs(parameter["value"] - TRUE_UM) < 3 * parameter["u"]
     assert parameter["u"] < 0.3
     # Where it was found: the parts were machined in both directions.
-    assert "    seen:\n      dir_x: [-1.0, 1.0]\n" in first.machine.read_text()
+    (written,) = yaml.safe_load(first.machine.read_text())["effects"]
+    assert written["seen"] == {"dir_x": [-1.0, 1.0]}
     assert not results["unexplained"]["found"]
 
 

@@ -126,7 +126,7 @@ def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
     ("every", "words", "named"),
     [
         (50, "T_spindle_degC): 31 of 1512 rows left out", True),
-        (10, "T_spindle_degC (152 of 1512 rows)): no effect of such a column can be tested", False),
+        (10, "T_spindle_degC (152 of 1512 rows, the first cmm.csv, row 2)): no effect", False),
     ],
 )
 def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_columns_that_cannot_be_used_are_told(rows: list[dict[str, str]], tmp_pa
     said = " ".join(result.stdout.split())
     assert "not tested: backlash-x, wear-approach-x, backlash-step-x: no column dir_x" in said
     assert "dir_y does not change" in said
-    assert "cells missing (T_part_degC (24 of 192 rows)" in result.stderr
+    assert "cells missing (T_part_degC (24 of 192 rows, the first cmm.csv, row 74)" in result.stderr
     assert "backlash-x" not in [effect["name"] for effect in found["results"]["effects"]]
     assert picture.read_bytes().startswith(b"%PDF")
 
