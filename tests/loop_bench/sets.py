@@ -283,7 +283,9 @@ def _laser(kind: Kind, turn: Turn, folder: Path) -> Drawn:
         change = size * column
         parameter, factor = runs.UNITS.get(turn.family, ("", 0.0))
         sizes = {parameter: factor * size} if parameter else {}
-        drawn.add(f"{turn.family}-x", turn.family, sizes)
+        # Its two or three periods in the travel are a smooth profile as well as a wave.
+        also = ("profile-x",) if turn.family == "cyclic" else ()
+        drawn.add(f"{turn.family}-x", turn.family, sizes, also)
         drawn.covariate = "sequence" if turn.family == "trend" else None
     if turn.design == "B":
         (folder / "before.csv").write_text(run.readings(rng))
