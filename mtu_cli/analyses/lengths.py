@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -44,8 +44,8 @@ class LengthsResult:
     """All m lengths of a part, from and to the features `ends`; arrays (m,) in mm and mm^2.
 
     `variance` with its `dof` follows the settings' correlation; `interval95` (m, 2) by t.
-    `independent_variance` is that of the papers; `u_bounds` (m, 2) are what u could be if the two
-    largest
+    `independent_variance` is that of the papers, `u_uncorrelated` leaves out the measured
+    correlation between components; `u_bounds` (m, 2) are what u could be if the two largest
     contributors among components that do not share passes were correlated with -1 or +1 (`pair`
     names them, None where there are not two). `shares` split the variance; None under the papers'
     independence and where there is no variance. `outside`: whether an end is beyond the measured
@@ -61,6 +61,7 @@ class LengthsResult:
     dof: FloatArray
     interval95: FloatArray
     independent_variance: FloatArray
+    u_uncorrelated: FloatArray
     u_bounds: FloatArray
     pair: tuple[tuple[str, str] | None, ...]
     shares: tuple[Shares | None, ...]
@@ -108,6 +109,8 @@ def predict_lengths(
     )
     run, errors = settings.run(trials), trials.linear_mean
     half = np.array([coverage_factor(PROBABILITY, each) for each in dof]) * u
+    separate = predict(replace(model, joint=()), prediction.ids, prediction.points, covariates)
+    uncorrelated = separate.variance(gradient).total
     bounds = [_bounds(prediction, by_block) for by_block in shared.by_block.T]
     rows = list(zip(errors.tolist(), u.tolist(), dof.tolist(), strict=True))
     conformance = [
@@ -126,6 +129,7 @@ def predict_lengths(
         dof=dof,
         interval95=np.column_stack([errors - half, errors + half]),
         independent_variance=independent,
+        u_uncorrelated=np.sqrt(np.where(uncorrelated >= 0, uncorrelated, np.nan)),
         u_bounds=np.array([ends for ends, _ in bounds]),
         pair=tuple(pair for _, pair in bounds),
         shares=tuple(None if alone else shared.shares(i) for i in range(len(names))),

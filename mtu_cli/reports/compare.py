@@ -30,14 +30,17 @@ ITEM = """
     predicted.u_um | predicted.u | standard uncertainty of one future part
     predicted.U_um | predicted.U | k u | U / predicted, detail
     predicted.independent_u_um | independent.u | components and points independent
+    predicted.independent_U_um | independent.U | k times it
     measured.mean_um | measured.mean | mean error, actual minus nominal \
         | measured, plus-minus, u=measured.u
     measured.u_um | measured.u | standard uncertainty of one future part
     measured.U_um | measured.U | k u | U / measured, detail
     measured.parts | int(one_way.parts) | number of parts
     measured.n | int(one_way.N) | number of readings
+    measured.n0 | one_way.n0 | E ms_between = s_repeat^2 + n0 s_part^2
     measured.s_part_um | s_part | standard deviation from part to part
     measured.ms_between_um2 | one_way.ms_between | mean square between parts
+    measured.sqrt_ms_between_over_s_part | ms_share | the paper's scatter over s_part
     measured.paper_u_um | measured_paper.u | u with ms_between as the part variance
     bias_um | bias | measured minus predicted mean | bias, plus-minus, u=u_difference
     u_bias_um | u_difference | its standard uncertainty
@@ -46,6 +49,7 @@ ITEM = """
         | p / bias, p
     ratio_u | | of u of one future part | u / ratio, detail
     ratio_scatter | | of scatter from part to part | scatter / ratio
+    ratio_ms_between | ratio_ms | of ms_between and its expectation
     p_scatter_familywise | p_scatter | p of the scatter from part to part, adjusted for all tests \
         of the study (Holm) | p / scatter, p
     range_width_um.predicted | predicted.width | 2 (|mean| + k u) | -, unit=um

@@ -34,6 +34,8 @@ LENGTH = """
     independent.u_um | root(independent_variance) | standard uncertainty with ends and \
         components independent | u indep., detail
     independent.U_um | independent_U() | k times it
+    between_components.u_uncorrelated_um | u_uncorrelated | standard uncertainty without the \
+        measured correlation between components | -, csv=u_uncorrelated_um
     between_components.u_bounds_um | u_bounds | standard uncertainty if `pair` were correlated \
         with -1 and with +1 | -, interval, csv=u_bound_um
     between_components.pair | pair | the two components read in passes of their own that \

@@ -21,10 +21,13 @@ ANGLE = """
         or fewer | u, u=run.u.0
     U_arcsec | U() | expanded uncertainty k u | U, u=run.u.0
     k | | coverage factor | -, json
+    u_eq28_arcsec | eq28() | uncertainty of one more trial about the mean of all \
+        (Gilsinn & Ling 2004, eq. (28))
     trials | run.trials | Monte Carlo trials | trials, count, detail
     converged | run.converged | whether they reached the digits asked for
     interval95_arcsec | ends() | interval that holds 95 of 100 trials, as many beyond either end \
         | 95 % interval, interval, u=scale
+    shortest95_arcsec | shortest() | shortest interval that holds 95 of 100 trials | -, interval
     first_order.mean_arcsec | first_order.mean | the angle of the mean errors of the features
     first_order.u_arcsec | first_order.u | standard uncertainty of first order \
         | first order u, detail
@@ -43,6 +46,8 @@ ROW = declare(
     outside=MARK,
     U=lambda x: x.k * x.run.u[0],
     ends=lambda x: (x.run.low[0], x.run.high[0]),
+    shortest=lambda x: (x.run.shortest_low[0], x.run.shortest_high[0]),
+    eq28=lambda x: x.run.u[0] * (1.0 + 1.0 / x.run.trials) ** 0.5,
     conformance=[conformance("arcsec")],
     validation=[validation("arcsec", csv="validation_passed")],
     shares=[shares("first_order.shares", "shares")],

@@ -30,11 +30,11 @@ class Analysed:
     right angle "angle". `rounding` (tables,) is the variance of a mean that the last digit hides
     from the readings (`stats.resolution`). `components` by the chosen method, `reml` those that
     scale the part means; `interval` (tables, 2) for the part variance, nan by the paper's method,
-    which has none. `both` is MS_between where
+    which has none. `both` is MS_between, and `both_interval` (tables, 2) its interval, where
     without repeats it holds the part's and the CMM's variance together, else nan. `u_mean` of the
     grand mean, in which every reading counts alike, and `u_future` of a future part, with
     `dof_mean` and `dof_future`; `interval_future` (tables, 2): see `_half_width`. `p_parts` of F
-    is adjusted for all tables of the kind (Holm). `order`
+    and `p_mean` of a mean of zero (t test) are adjusted for all tables of the kind (Holm). `order`
     of the tables is that of |mean| + k u_future, the largest first; `unusual` are the outlying
     parts of each table by itself.
     """
@@ -50,11 +50,14 @@ class Analysed:
     reml: Components
     interval: FloatArray
     both: FloatArray
+    both_interval: FloatArray
     u_mean: FloatArray
     u_future: FloatArray
+    dof_mean: FloatArray
     dof_future: FloatArray
     interval_future: FloatArray
     p_parts: FloatArray
+    p_mean: FloatArray
     order: tuple[int, ...]
     unusual: tuple[tuple[str, ...], ...] = ()
 
@@ -71,17 +74,25 @@ class Analysed:
 
 def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> Analysed:
     """The analysis of one kind by one method, with the coverage factor k."""
+    from scipy.special import chdtri, stdtr
+
     table, by_reml = one_way(tables.cells, tables.rounding), reml(tables.cells)
     methods = {"paper": paper, "anova": moments}
     components = methods[method](table) if method in methods else by_reml
     # Without repeats MS_between is the scatter of the readings.
     scatter = np.where(np.isfinite(by_reml.part), by_reml.part + by_reml.repeat, table.ms_between)
     rounding = hidden(scatter, tables.rounding)
-    (u_mean, _), (u_future, dof_future) = _uncertainties(
+    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(
         table, tables.cells, rounding, components, method
     )
+    tail = (1 - PROBABILITY) / 2
     half = _half_width(table, tables.cells, rounding, u_future, dof_future, method)
+    known = (u_mean > 0) & np.isfinite(dof_mean)
+    t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=known)
+    p_zero = np.where(known, 2 * stdtr(np.where(known, dof_mean, 1.0), -t), np.nan)
     both = np.where((table.df_within < 1) & (table.df_between > 0), table.ms_between, np.nan)
+    df = np.maximum(table.df_between, 1.0)
+    ends = [both * df / chdtri(df, tail), both * df / chdtri(df, 1 - tail)]
     interval = part_interval(tables.cells, table)
     size = np.abs(table.mean) + np.nan_to_num(k * u_future)
     return Analysed(
@@ -96,11 +107,14 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         reml=by_reml,
         interval=np.full_like(interval, np.nan) if method == "paper" else interval,
         both=both,
+        both_interval=np.column_stack(ends),
         u_mean=u_mean,
         u_future=u_future,
+        dof_mean=dof_mean,
         dof_future=dof_future,
         interval_future=np.column_stack([table.mean - half, table.mean + half]),
         p_parts=holm(table.p),
+        p_mean=holm(p_zero),
         order=tuple(np.argsort(-size, kind="stable").tolist()),
     )
 
