@@ -142,6 +142,7 @@ CANDIDATE = """
     posterior | one.posterior | share among all candidates, each alone | posterior / %, percent1
     *smallest
     found | found() | whether it is one of the effects
+    in_class | in_class() | whether it is in the class of one
     unavailable | one.unavailable | why it could not be tested
 """
 SMALLEST = """
@@ -233,12 +234,16 @@ def _candidate(name: str, *units: str) -> Fields:
             SMALLEST.replace("UNIT", unit), smallest=partial(smallest, unit), sig2=_sig2
         )
     ]
-    in_class = {True: "*", False: ""}
+
+    def in_class(x: Of) -> bool:
+        return any(x.one.name in effect.class_names for effect in x.item.effects)
+
     return declare(
         CANDIDATE.replace("NAME", name),
         smallest=sizes,
         found=found,
-        star=lambda x: in_class[any(x.one.name in own.class_names for own in x.item.effects)],
+        in_class=in_class,
+        star=lambda x: "*" if in_class(x) else "",
     )
 
 
