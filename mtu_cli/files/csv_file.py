@@ -1,8 +1,8 @@
 """The one reader of CSV tables: typed columns, and every bad cell with its row, column and value.
 
-pandas reads the body once. That no row is short or long is proven by counting separators between
-line ends; only where that fails, or cells are quoted, records are taken one by one. Cells are
-examined only in columns that are not numeric though they should be.
+pandas reads the body once, in chunks. That no row is short or long is proven by counting separators
+between line ends; only where that fails, or cells are quoted, records are taken one by one. Cells
+are examined only in chunks of a column that are not numeric though they should be.
 """
 
 from __future__ import annotations
@@ -53,6 +53,8 @@ MAX_RATIO = 250
 """Bound of a compressed file: measured data compress by 3 to 20, a bomb by 1000."""
 INFLATED_FREE = 64 << 20
 SAMPLE_BYTES = 1 << 15
+CHUNK = 1 << 16
+"""Rows."""
 
 
 Convert = Callable[[Source, bytes], tuple[bytes, list[int]] | None]
@@ -248,10 +250,10 @@ class _Body:
         self.records: list[list[str]] = []
         rows = self._sound_rows()
         if rows is None:
-            rows, self.frame = self._one_by_one()
+            rows, self.frames = self._one_by_one()
         else:
             texts = [name for name in file.header if not spec.column(name).numeric]
-            self.frame = self._by_pandas(dtype=dict.fromkeys(texts, object))
+            self.frames = self._by_pandas(dtype=dict.fromkeys(texts, "category"))
         file.source = replace(file.source, rows=len(rows))
         self.own_rows = rows
         if file.lines is not None:
@@ -280,14 +282,14 @@ class _Body:
                 return None
         return np.delete(np.arange(len(counts)) + self.file.header_row + 1, odd)
 
-    def _by_pandas(self, **options: Any) -> pd.DataFrame:
-        """The rows; a cell that is no number makes texts of its column."""
+    def _by_pandas(self, **options: Any) -> list[pd.DataFrame]:
+        """The rows in chunks: a cell that is no number makes texts of its chunk alone."""
         import pandas as pd
 
         if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
             # Later versions read numbers exactly by themselves and warn of the option.
             options["float_precision"] = "round_trip"
-        return pd.read_csv(
+        with pd.read_csv(
             BytesIO(self.file.content[self.file.body :]),
             sep=self.file.separator,
             decimal=self.file.decimal,
@@ -298,10 +300,12 @@ class _Body:
             na_values=[""],
             quoting=csv.QUOTE_NONE,
             low_memory=False,
+            chunksize=CHUNK,
             **options,
-        )
+        ) as reader:
+            return list(reader)
 
-    def _one_by_one(self) -> tuple[Ints, pd.DataFrame]:
+    def _one_by_one(self) -> tuple[Ints, list[pd.DataFrame]]:
         """Records one by one; those with too few or too many cells are faults and left out."""
         import pandas as pd
 
@@ -323,7 +327,7 @@ class _Body:
             expected = 'a closing "' if "unexpected end" in str(fault) else None
             self.faults.add(finding("not-readable", reason=str(fault), expected=expected, **place))
         frame = pd.DataFrame(self.records, columns=[*file.header], dtype=object)
-        return np.array(rows, np.int64), frame
+        return np.array(rows, np.int64), [frame]
 
     def _row_length(self, cells: list[str], place: dict[str, Any]) -> Finding:
         wanted, separator = len(self.file.header), self.file.separator
@@ -335,28 +339,32 @@ class _Body:
 
     def _column(self, name: str, column: Column) -> None:
         """Reads a column; a free one holds numbers where every cell is one, else texts."""
-        values = self.frame[name]
-        if values.dtype.kind == "b":
-            values = self._by_pandas(usecols=[name], dtype=object)[name]
+        parts = [frame[name] for frame in self.frames]
+        if not column.numeric:
+            parts = self._unconverted(name, parts)
         is_text = column.kind == "text"
-        if column.numeric and values.dtype.kind in "iuf":
-            found = values.to_numpy(np.float64)
-            empty = np.isnan(found)
-        else:
+        numbers, empty = [np.zeros(0)], [np.zeros(0, bool)]
+        for values in parts:
+            if column.numeric and values.dtype.kind in "iuf":
+                numbers.append(values.to_numpy(np.float64))
+                empty.append(np.isnan(numbers[-1]))
+                continue
             codes, labels = self._labelled(values, column)
             of = partial(number, decimal=self.file.decimal)
             parsed = [*map(of if column.numeric else partial(self._value, column), labels)]
-            found = np.array(parsed, np.float64)[codes]
-            empty = np.array([not label for label in labels])[codes]
+            numbers.append(np.array(parsed, np.float64)[codes])
+            empty.append(np.array([not label for label in labels])[codes])
             cells = zip(labels, parsed, strict=True)
             is_text |= column.kind == "free" and any(label and x is None for label, x in cells)
-            if is_text:
-                self.table.texts[name] = stacked([(codes, labels)])
-            if is_text and column.kind == "free":
+        if is_text:
+            parts = self._unconverted(name, parts)
+            self.table.texts[name] = stacked([self._labelled(each, column) for each in parts])
+            if column.kind == "free":
                 return
+        found = np.concatenate(numbers)
         odd = _excluded(found, column)
         if column.may_be_empty:
-            odd &= ~empty
+            odd &= ~np.concatenate(empty)
         if odd.any():
             found = np.where(np.isinf(found), np.nan, found)
             fault = cache(partial(self._fault, name, column))
@@ -364,11 +372,22 @@ class _Body:
         if not is_text:
             self.table.numbers[name] = found
 
+    def _unconverted(self, name: str, parts: list[Any]) -> list[Any]:
+        """The parts of a column of texts: pandas makes numbers of texts that look like them, and
+        part 007 into part 7.
+        """
+        labels = [part.cat.categories if part.dtype == "category" else part for part in parts]
+        if any(each.dtype.kind in "iufb" for each in labels):
+            return [frame[name] for frame in self._by_pandas(usecols=[name], dtype=object)]
+        return parts
+
     def _labelled(self, values: Any, column: Column) -> tuple[Ints, list[str]]:
-        """The stripped cells `labels[codes[i]]` of a column; the last is empty."""
+        """The stripped cells `labels[codes[i]]` of a part of a column; the last is empty."""
         import pandas as pd
 
-        codes, labels = pd.factorize(values.astype(object))
+        codes, labels = pd.factorize(
+            values if values.dtype == "category" else values.astype(object)
+        )
         cells = [str(label).strip() for label in labels]
         if column.known is not None:
             # The sign for micro and the Greek letter look alike.

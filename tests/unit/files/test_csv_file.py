@@ -14,6 +14,7 @@ from csv_contract import SPEC, faults, names, table
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mtu_cli.files import csv_file
 from mtu_cli.files.contract import A_NAME
 from mtu_cli.files.csv_file import _Body, read_table
 from mtu_cli.files.csv_table import LISTED_FAULTS, CellFaults, perhaps_equal, time_of
@@ -197,7 +198,7 @@ CELLS = st.sampled_from(
 
 @given(st.lists(st.lists(CELLS, min_size=4, max_size=4), min_size=1, max_size=8), st.booleans())
 def test_the_quick_way_is_the_plain_one(rows: list[list[str]], semicolons: bool) -> None:
-    """Also where quotes or wrong lengths make it go record by record at once."""
+    """Also in chunks, and where quotes or wrong lengths make it go record by record at once."""
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:
@@ -206,7 +207,8 @@ def test_the_quick_way_is_the_plain_one(rows: list[list[str]], semicolons: bool)
             writer = csv.writer(file, delimiter=";" if semicolons else ",")
             writer.writerows([["name", "value", "size", "other"], *rows])
         told, exact = CellFaults(), CellFaults()
-        quick = read_table(path, "lbb", SPEC, told)
+        with patch.object(csv_file, "CHUNK", 3):
+            quick = read_table(path, "lbb", SPEC, told)
         with patch.object(_Body, "_sound_rows", return_value=None):
             plain = read_table(path, "lbb", SPEC, exact)
     assert {p.message for p in told.listed} == {p.message for p in exact.listed}
