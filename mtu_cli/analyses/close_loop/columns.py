@@ -182,10 +182,18 @@ class Columns:
         return found
 
     def in_strata(self, Y: FloatArray) -> list[FloatArray]:
-        """Products (rows, B) of the columns of each stratum with coordinates Y (B, N)."""
+        """Products (rows, B) of the columns of each stratum with coordinates Y (B, N), but for the
+        first of these in single precision: the others are random.
+        """
         self._settle()
-        own = zip(self._values, self._used, self.strata.slices, strict=True)
-        return [values[:used] @ Y[:, part].T for values, used, part in own]
+        products = []
+        for values, used, part in zip(self._values, self._used, self.strata.slices, strict=True):
+            own, drawn = values[:used], Y[1:, part].T.astype(np.float32)
+            found = np.empty((used, len(Y)))
+            found[:, 0] = own @ Y[0, part]
+            found[:, 1:] = own.astype(np.float32) @ drawn
+            products.append(found)
+        return products
 
     def taken(self, s: int, products: FloatArray, indices: IntArray) -> FloatArray:
         """Of products (rows, B) in a stratum those (..., B) of some columns."""

@@ -356,7 +356,7 @@ def _distinct(placed: list[Placed]) -> list[Placed]:
     kept: list[int] = []
     for width in sorted({len(item.basis) for item in placed}):
         alike = [i for i, item in enumerate(placed) if len(item.basis) == width]
-        bases = np.zeros((len(alike), width, len(used)))
+        bases = np.zeros((len(alike), width, len(used)), np.float32)
         for basis, i in zip(bases, alike, strict=True):
             basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
         rows = bases.reshape(len(alike) * width, len(used))

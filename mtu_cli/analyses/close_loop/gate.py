@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
@@ -32,6 +32,8 @@ LEAST_LEFT = 2e-3
 LEAST_SHARE = 1e-4
 """Of a column's information that a stratum has, to be asked."""
 ALMOST_ONE = 1 - 1e-9
+MEMBERS = 400
+"""Members that are tested at once."""
 AT_HAND = 100_000
 """Numbers of null tables that are made at once."""
 
@@ -188,6 +190,12 @@ class Gate:
             low = tuple(i for i in member.low if i not in held)
             if not set(member.own) <= held | set(low):
                 groups.setdefault((low, len(member.own)), []).append(m)
+        # As many at once as a processor keeps at hand.
+        chunks = [
+            (low, k, members[i : i + MEMBERS])
+            for (low, k), members in groups.items()
+            for i in range(0, len(members), MEMBERS)
+        ]
         U = columns.in_strata(Y)
         at: list[FloatArray] = []
         lps: list[FloatArray] = []
@@ -195,7 +203,7 @@ class Gate:
         # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
-        for (low, k), members in groups.items():
+        for low, k, members in chunks:
             own = np.array([design.members[m].own for m in members])
             good, tested = self._tested(own, np.array(low, int), base, w, U)
             known, vectors = np.linalg.eigh(tested.information)
@@ -209,7 +217,7 @@ class Gate:
                 power = max(float(fit.dof[s] - tested.used[s]) - 1 - k / 2, 0.5)
                 deviance = -power * np.log1p(-ratio)
                 total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
-            D = np.sum(total * np.linalg.solve(tested.information.sum(axis=0), total), axis=1).T
+            D = np.sum(total * (np.linalg.inv(tested.information.sum(axis=0)) @ total), axis=1).T
             at.append(np.array(members)[good])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         if not at:
@@ -354,7 +362,7 @@ class Gate:
         """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
         field, both; where more is left than rounding.
         """
-        strata, table, like = self.strata, self.design.table, self.likelihood
+        strata, like = self.strata, self.likelihood
         P, H, A = strata.shape
         names, found = [], []
         squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
@@ -374,27 +382,40 @@ class Gate:
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
             names.append("pattern")
             found.append(share)
-        lag = np.abs(np.subtract.outer(np.arange(P), np.arange(P)))
-        places = table.mean_places[:, np.isfinite(table.mean_places).all(axis=0)]
-        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
-        near = {
-            "walk": (PART, np.exp(-lag / 2), strata.of_parts),
-            "field": (FEATURE, np.exp(-apart / (0.15 * max(apart.max(), 1e-300))), None),
-        }
-        for name, (kind, K, basis) in near.items():
-            group = [s for s in strata.of(kind) if rough[s]]
+        for name, near in self._near.items():
+            group = [s for s in near if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
                 continue
             total = np.zeros(len(Y))
             for s in group:
-                n = int(strata.sizes[s])
-                B = strata.of_features[strata.axis[s]][:, -n:] if basis is None else basis[:, -n:]
                 own = Y[:, strata.slices[s]]
-                form = np.einsum("bn,bn->b", own @ (B.T @ K @ B), own)
+                form = np.einsum("bn,bn->b", own @ near[s], own)
                 total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
             names.append(name)
             found.append(total)
         return _calibrated(found, len(Y)), names
+
+    @cached_property
+    def _near(self) -> dict[str, dict[int, FloatArray]]:
+        """By stratum the covariances (n, n) of its coordinates: of a walk of the parts, and of a
+        smooth field over the features.
+        """
+        strata, places = self.strata, self.design.table.mean_places
+        places = places[:, np.isfinite(places).all(axis=0)]
+        number = np.arange(strata.shape[0])
+        lag = np.abs(np.subtract.outer(number, number))
+        apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+        kernels = {
+            PART: ("walk", np.exp(-lag / 2)),
+            FEATURE: ("field", np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))),
+        }
+        found: dict[str, dict[int, FloatArray]] = {name: {} for name, _ in kernels.values()}
+        for kind, (name, K) in kernels.items():
+            for s in strata.of(kind):
+                basis = strata.of_parts if kind == PART else strata.of_features[strata.axis[s]]
+                own = basis[:, -int(strata.sizes[s]) :]
+                found[name][s] = own.T @ K @ own
+        return found
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import compress
 from typing import Any
@@ -22,6 +23,7 @@ from mtu_cli.model.effect_library import choices
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.threads import available_threads
 
 FOLDS = 5
 FEWEST = 4
@@ -45,7 +47,8 @@ def held_out(
     count = min(FOLDS, size)
     number = np.arange(size) * count // size if by == "parts" else np.arange(size) % count
     errors = np.full((3, *table.errors.shape), np.nan)
-    for fold in range(count):
+
+    def predict(fold: int) -> None:
         out = number == fold
         cells = np.broadcast_to(out[:, None] if by == "parts" else out, (P, H))
         found = diagnose(only(table, ~out, by))
@@ -53,7 +56,10 @@ def held_out(
         predicted = (np.zeros(table.errors.shape), of_written(effects, table))
         for i, values in enumerate((*predicted, averaged(found, effects, table))):
             errors[i][cells] = corrected(table, values, ~cells)[cells]
-        done(fold + 1, count)
+
+    with ThreadPoolExecutor(min(count, available_threads())) as executor:
+        for fold, _ in enumerate(executor.map(predict, range(count))):
+            done(fold + 1, count)
     return by, errors
 
 
