@@ -370,7 +370,7 @@ def _distinct(placed: list[Placed]) -> list[Placed]:
             # The least cosine of all is at most their root mean square.
             squares = np.einsum("gkl,gkl->g", products, products)
             near = np.flatnonzero(single[:n] & (squares > width * np.cos(least) ** 2))
-            angles = _angles(products[near])
+            angles = _angles(products[near].astype(float))
             single[n] = not len(near) or angles.min() >= least
             if not single[n] and item.value is not None:
                 placed[alike[near[int(np.argmin(angles))]]].alike.append(item.value)

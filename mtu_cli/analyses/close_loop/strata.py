@@ -202,8 +202,9 @@ def strata_of(
     reflected: list[Reflections | None] = []
     shape = np.zeros(H)
     for a in range(axes):
-        reflected.append(Reflections.beginning_with(np.column_stack([level, lines[a]])))
-        basis = reflected[-1].turned(np.eye(H))
+        simple = Reflections.beginning_with(np.column_stack([level, lines[a]]))
+        reflected.append(simple)
+        basis = simple.turned(np.eye(H))
         k = 1 + lines[a].shape[1]
         spread = np.ones(H)
         if roughness is not None and k < H:
