@@ -101,8 +101,9 @@ class PointsData:
     def errors(self) -> Floats:
         """Measured minus nominal (n, axes) less the best-fit alignment, mm."""
         loose, _ = freed(self.table, self.axes, self.datum)
-        found: Floats = (loose.measured - loose.nominal)[:, self.axes]
-        return found
+        measured, nominal = loose.measured.T, loose.nominal.T
+        # Axis by axis, as the points lie in memory.
+        return np.array([measured[axis] - nominal[axis] for axis in self.axes]).T
 
 
 @dataclass(frozen=True)

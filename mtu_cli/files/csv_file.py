@@ -55,6 +55,8 @@ INFLATED_FREE = 64 << 20
 SAMPLE_BYTES = 1 << 15
 CHUNK = 1 << 16
 """Rows."""
+PIECE = 1 << 20
+"""Bytes that are looked through at once."""
 
 
 Convert = Callable[[Source, bytes], tuple[bytes, list[int]] | None]
@@ -267,17 +269,19 @@ class _Body:
         """The editor rows of the records; None where cells are quoted, or a row has another number
         of cells than the header.
         """
-        body, columns = self.file.content[self.file.body :], len(self.file.header)
+        content, body, columns = self.file.content, self.file.body, len(self.file.header)
         # pandas would take a second byte order mark away.
-        if b'"' in body or body.startswith(codecs.BOM_UTF8):
+        if content.find(b'"', body) >= 0 or content.startswith(codecs.BOM_UTF8, body):
             return None
         signs = self.file.separator.encode() + b"\n"
-        marks = body.translate(None, bytes({*range(256)} - {*signs}))
-        marks += b"" if body.endswith(b"\n") else b"\n"
+        others = bytes({*range(256)} - {*signs})
+        pieces = (content[i : i + PIECE] for i in range(body, len(content), PIECE))
+        marks = b"".join(piece.translate(None, others) for piece in pieces)
+        marks += b"" if content.endswith(b"\n") else b"\n"
         counts = np.diff(np.flatnonzero(np.frombuffer(marks, np.uint8) == signs[1]), prepend=-1)
         odd = np.flatnonzero(counts != columns)
         if len(odd):
-            lines = body.split(b"\n")
+            lines = content[body:].split(b"\n")
             if any(lines[i].strip() for i in odd.tolist()):
                 return None
         return np.delete(np.arange(len(counts)) + self.file.header_row + 1, odd)
@@ -289,8 +293,10 @@ class _Body:
         if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
             # Later versions read numbers exactly by themselves and warn of the option.
             options["float_precision"] = "round_trip"
+        rows = BytesIO(self.file.content)
+        rows.seek(self.file.body)
         with pd.read_csv(
-            BytesIO(self.file.content[self.file.body :]),
+            rows,
             sep=self.file.separator,
             decimal=self.file.decimal,
             header=None,

@@ -20,13 +20,14 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-DECIMALS: tuple[Decimal, ...] = (".", ",")
 LISTED_FAULTS = 10_000
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 MICROSECOND = timedelta(microseconds=1)
 MINUTE = 60_000_000
 """In microseconds."""
 ODD, SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
+AT_ONCE = 1 << 16
+"""Rows that are compared at once."""
 
 
 class CellFaults:
@@ -143,8 +144,10 @@ class Table:
         return self.numbers.get(name, np.broadcast_to(np.nan, len(self)))
 
     def whole(self, name: str) -> Ints:
-        """A column of whole numbers (n,), -1 where there is none."""
-        return np.nan_to_num(self.number(name), nan=-1.0).astype(np.int64)
+        """A column of whole numbers (n,), -1 where there is none; not to be written to."""
+        if name not in self.numbers:
+            return np.broadcast_to(np.int64(-1), len(self))
+        return np.nan_to_num(self.numbers[name], nan=-1.0).astype(np.int64)
 
     def labelled(self, name: str, known: Sequence[str] = ()) -> tuple[tuple[str, ...], Ints]:
         """Labels and each row's code (n,); -1 where there is none.
@@ -154,6 +157,8 @@ class Table:
         column = self.texts.get(name, Texts(np.full(len(self), -1), ()))
         rank = {label: i for i, label in enumerate(known)}
         labels = sorted(column.labels, key=lambda label: rank.get(label, len(rank)))
+        if tuple(labels) == column.labels:
+            return column.labels, column.codes
         place = {label: i for i, label in enumerate(labels)}
         return tuple(labels), np.array([*(place[x] for x in column.labels), -1])[column.codes]
 
@@ -233,14 +238,12 @@ def joined(tables: Sequence[Table]) -> Table:
 
 def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:
     """Parts of a column, each `cells[codes[i]]`, end to end: no text twice, none that is empty."""
-    every: list[str] = []
+    labels: dict[str, int] = {}
     codes = [np.zeros(0, np.int64)]
     for own, cells in parts:
-        codes.append(np.where(own < 0, -1, own + len(every)))
-        every += cells
-    labels = {label: i for i, label in enumerate(dict.fromkeys(filter(None, every)))}
-    lookup = np.array([*(labels.get(cell, -1) for cell in every), -1])
-    return Texts(lookup[np.concatenate(codes)], tuple(labels))
+        index = [labels.setdefault(cell, len(labels)) if cell else -1 for cell in cells]
+        codes.append(np.array([*index, -1])[own])
+    return Texts(np.concatenate(codes), tuple(labels))
 
 
 def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
@@ -250,12 +253,16 @@ def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
     others with probability 2^-64.
     """
     marks = np.zeros(len(columns[0]), np.uint64)
-    for column in columns:
-        floats = column.dtype == np.float64
-        # Adding 0.0 makes -0.0 the 0.0 that it equals.
-        marks ^= (column + 0.0).view(np.uint64) if floats else column.astype(np.uint64)
-        marks *= ODD
-        marks ^= marks >> SHIFT
+    for first in range(0, len(marks), AT_ONCE):
+        block = slice(first, first + AT_ONCE)
+        own = marks[block]
+        for column in columns:
+            values = column[block]
+            # Adding 0.0 makes -0.0 the 0.0 that it equals.
+            floats = values.dtype == np.float64
+            own ^= (values + 0.0).view(np.uint64) if floats else values.astype(np.uint64)
+            own *= ODD
+            own ^= own >> SHIFT
     ordered = np.sort(marks)
     return np.isin(marks, ordered[1:][ordered[1:] == ordered[:-1]])
 

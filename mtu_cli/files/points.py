@@ -84,8 +84,11 @@ def read_points(
 
 
 def _side_by_side(table: Table, name: str) -> Floats:
-    """The columns of x, y and z (n, 3), each contiguous in memory."""
-    return np.array([table.number(name.format(axis)) for axis in AXES]).T
+    """The columns of x, y and z (n, 3), each contiguous in memory; not to be written to."""
+    names = [name.format(axis) for axis in AXES]
+    if not any(each in table.numbers for each in names):
+        return np.broadcast_to(np.nan, (len(table), len(AXES)))
+    return np.array([table.number(each) for each in names]).T
 
 
 def _sequence(table: Table, faults: CellFaults) -> Ints:

@@ -164,7 +164,9 @@ def check_text(content: bytes, shown: str) -> None:
     at = content.find(b"\0")
     try:
         if at < 0:
-            content.decode()
+            # To find that all is ASCII makes no copy.
+            if not content.isascii():
+                content.decode()
             return
     except UnicodeDecodeError as fault:
         at = fault.start

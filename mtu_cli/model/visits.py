@@ -267,11 +267,11 @@ def freed(points: Points, axes: tuple[int, ...], datum: Datum) -> tuple[Points, 
     """The points with each visit's freedoms taken out, and whether all visits are complete:
     each has every feature of its operation.
     """
+    if datum == "none" or not axes:
+        return points, True
     chosen = list(axes)
     errors = points.measured[:, chosen] - points.nominal[:, chosen]
     left, _, complete = freed_errors(points, errors, axes, datum)
-    if left is errors:
-        return points, True
     measured = points.measured.copy()
     measured[:, chosen] = points.nominal[:, chosen] + left
     return replace(points, measured=measured), complete

@@ -79,9 +79,15 @@ def future_inside(record: Record) -> Iterator[bool]:
 
 
 def width_inside(records: Records) -> Figure:
-    """Of the intervals of future readings, over those of who knows all variances."""
-    rows = chain.from_iterable(judge.foretold(r, inside=True) for r in records)
-    return ratio((0.5 * (row[3] - row[2]), row[6]) for row in rows if row[6] is not None)
+    """Of the intervals of future readings, over those of who knows all variances; the readings of
+    a set are wide together.
+    """
+    sums = []
+    for record in records:
+        rows = [row for row in judge.foretold(record, inside=True) if row[6] is not None]
+        if rows:
+            sums.append((sum(0.5 * (row[3] - row[2]) for row in rows), sum(row[6] for row in rows)))
+    return ratio(sums)
 
 
 def before_the_step(record: Record) -> Iterator[bool]:
