@@ -128,9 +128,9 @@ def function_of(name: str) -> Callable[..., Result]:
         return simulate
     if name not in FUNCTIONS:
         raise AttributeError(name)
-    found = partial(_run, FUNCTIONS[name])
-    found.__doc__ = COMMANDS[FUNCTIONS[name]].text
-    return found
+    result = partial(_run, FUNCTIONS[name])
+    result.__doc__ = COMMANDS[FUNCTIONS[name]].text
+    return result
 
 
 def _run(command: str, *given: Any, **options: Any) -> Result:

@@ -118,10 +118,10 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """As reports list it: `file`, `line`, `row` and `column` where they apply."""
-        found = {"code": self.code, "severity": self.severity, "message": self.message}
+        result = {"code": self.code, "severity": self.severity, "message": self.message}
         facts = {name: _plain(value) for name, value in self.facts.items()}
         place = {"file": self.file, "line": self.line, "row": self.row, "column": self.column}
-        return {**found, "facts": facts, **{k: v for k, v in place.items() if v is not None}}
+        return {**result, "facts": facts, **{k: v for k, v in place.items() if v is not None}}
 
 
 class MtuError(Exception):
@@ -236,13 +236,13 @@ def nearest(name: str, names: Iterable[str]) -> tuple[str, ...]:
     known = {str(each).casefold(): str(each) for each in names}
     own = name.casefold()[:LONGEST_NAME]
     # Letters in another order ('azx' for 'axz') are likelier than other letters.
-    found = [each for each in known if sorted(each) == sorted(own)]
-    if not found and (close := difflib.get_close_matches(own, known, n=4, cutoff=0.65)):
+    result = [each for each in known if sorted(each) == sorted(own)]
+    if not result and (close := difflib.get_close_matches(own, known, n=4, cutoff=0.65)):
         ratios = [difflib.SequenceMatcher(None, each, own).ratio() for each in close]
-        found = [each for each, ratio in zip(close, ratios, strict=True) if ratio == ratios[0]]
-    if not found and own:
-        found = [each for each in known if each.startswith(own)]
-    return tuple(known[each] for each in known if each in found) if len(found) <= 3 else ()
+        result = [each for each, ratio in zip(close, ratios, strict=True) if ratio == ratios[0]]
+    if not result and own:
+        result = [each for each in known if each.startswith(own)]
+    return tuple(known[each] for each in known if each in result) if len(result) <= 3 else ()
 
 
 def closest(name: str, names: Iterable[str]) -> str | None:

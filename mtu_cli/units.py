@@ -179,10 +179,10 @@ def parameter_units_of(powers: Powers, like: str) -> list[str]:
     >>> parameter_units_of(UNITS["um"].powers / internal(minute=1), "um")
     ['um/min', 'um/h']
     """
-    found = [name for name, own in PARAMETER_UNITS.items() if own.powers.agrees(powers)]
+    result = [name for name, own in PARAMETER_UNITS.items() if own.powers.agrees(powers)]
     numerator = like.partition("/")[0]
-    alike = [name for name in found if name.partition("/")[0] == numerator]
-    return alike or [name for name in found if not name.startswith("arcsec")] or found
+    alike = [name for name in result if name.partition("/")[0] == numerator]
+    return alike or [name for name in result if not name.startswith("arcsec")] or result
 
 
 _PREFIXES = {"": 0, "p": -12, "n": -9, "u": -6, "m": -3, "k": 3, "M": 6, "G": 9}

@@ -152,8 +152,8 @@ def after(angle: FloatArray, sign: int, reversal: float) -> FloatArray:
 def circle_fit(angle: FloatArray, deviation: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean radius deviation and centre (3,) of the least-squares circle, and what is left (n,)."""
     X = np.column_stack([np.ones_like(angle), np.cos(angle), np.sin(angle)])
-    found = np.linalg.lstsq(X, deviation, rcond=None)[0]
-    return found, deviation - X @ found
+    result = np.linalg.lstsq(X, deviation, rcond=None)[0]
+    return result, deviation - X @ result
 
 
 class Fit(NamedTuple):
@@ -171,14 +171,14 @@ class Fit(NamedTuple):
 
 def _designs(traces: Traces) -> list[FloatArray]:
     """Of each trace (n, p): TERMS in common, a circle of each trace's own."""
-    count, found = len(traces.traces), []
+    count, result = len(traces.traces), []
     feeds = np.array([trace.feed for trace in traces.traces])
     speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
     for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
         t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
         circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
-        found.append(np.column_stack([terms(t, trace.sign, speed), circle]))
-    return found
+        result.append(np.column_stack([terms(t, trace.sign, speed), circle]))
+    return result
 
 
 def joint_fit(traces: Traces) -> Fit:
@@ -219,14 +219,14 @@ def waves(traces: Traces, axis: int, pitch: float) -> list[FloatArray]:
     """Of each trace (n, 4): sin and cos of 2 pi x/pitch of an axis, x = R cos t or R sin t, as
     radial deviations, where the axis moves forward and where in reverse.
     """
-    found = []
+    result = []
     for trace in traces.traces:
         along = np.cos(trace.angle - axis * math.pi / 2)
         forward = (-trace.sign * np.sin(trace.angle - axis * math.pi / 2) > 0)[:, None]
         phase = 2 * math.pi * traces.radius * along / pitch
         wave = np.column_stack([np.sin(phase), np.cos(phase)]) * along[:, None]
-        found.append(np.hstack([wave * forward, wave * ~forward]))
-    return found
+        result.append(np.hstack([wave * forward, wave * ~forward]))
+    return result
 
 
 def _cyclic(traces: Traces, pitches: tuple[float, float]) -> tuple[Traces, list[Cause]]:
@@ -347,7 +347,7 @@ def _instrument(
     features: Mapping[str, Mapping[str, Any]], causes: list[Cause] | tuple[()]
 ) -> tuple[Stated, ...]:
     """What the instrument states, each beside our figure of the same name and unit."""
-    own, found = {each.name: each for each in causes}, []
+    own, result = {each.name: each for each in causes}, []
     for file, stated in features.items():
         for feature, each in stated.items():
             name = re.sub(r"-(pos|neg)$", "", feature.removeprefix("AF_").lower().replace("_", "-"))
@@ -357,8 +357,8 @@ def _instrument(
             size = ours.size if ours and SAME_UNITS.get(unit, unit) == ours.unit else math.nan
             value, u = (ours.value / size, ours.u / size) if ours else (math.nan, math.nan)
             known = name if name in MEANING else None
-            found.append(Stated(file, feature, known, each["value"], unit, value, u))
-    return tuple(found)
+            result.append(Stated(file, feature, known, each["value"], unit, value, u))
+    return tuple(result)
 
 
 def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:

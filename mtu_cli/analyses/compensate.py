@@ -79,15 +79,15 @@ class AxisErrors:
         with its own degrees of freedom (the scale of the table's error and of the new test's).
         """
         rng, T = stream(seed, 49), len(self.targets)
-        found = np.zeros((trials, 2 * T))
+        result = np.zeros((trials, 2 * T))
         share = np.sqrt((2.0 if self.read else 1.0) / self.runs)
         for root, dof in self.blocks:
             scale = np.ones(trials) if np.isinf(dof) else np.sqrt(dof / rng.chisquare(dof, trials))
             z = rng.standard_normal((trials, root.shape[1]))
-            found += share * scale[:, None] * (z @ root.T)
+            result += share * scale[:, None] * (z @ root.T)
         if self.known is not None:
-            found += rng.standard_normal((trials, 2 * T)) @ root_of(self.known).T
-        return found.reshape(trials, 2, T)
+            result += rng.standard_normal((trials, 2 * T)) @ root_of(self.known).T
+        return result.reshape(trials, 2, T)
 
 
 def root_of(C: FloatArray) -> FloatArray:
@@ -380,27 +380,27 @@ def _moves(errors: AxisErrors, applied: FloatArray) -> tuple[Move, ...]:
     chosen = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
     chosen |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
-    found = []
+    result = []
     for way, name in enumerate(WAYS[: errors.ways]):
         for t in sorted(chosen, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
             place = float(errors.targets[t])
-            found.append(Move(place, name, e, e - change, e + change, float(u[way, t])))
-    return tuple(found)
+            result.append(Move(place, name, e, e - change, e + change, float(u[way, t])))
+    return tuple(result)
 
 
 def _warnings(errors: AxisErrors, component: str, after: Figures | None) -> list[Finding]:
-    found = []
+    result = []
     B, test = errors.backlash, errors.varies
     if B is not None and test is not None and not errors.angle:
         spread = float(np.ptp(B))
         if spread > VARIES_SHARE * abs(float(B.mean())) and test.p < VARIES_P:
             facts = {"component": component, "p": test.p, "range_um": spread / UM}
-            found.append(finding("backlash-varies", **facts, mean_um=float(B.mean()) / UM))
+            result.append(finding("backlash-varies", **facts, mean_um=float(B.mean()) / UM))
     if after is None:
         facts = {"quantity": "figures after compensation", "names": [component]}
-        found.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
-    return found
+        result.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
+    return result
 
 
 def verify(

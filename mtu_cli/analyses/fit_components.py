@@ -259,17 +259,17 @@ def _scatter(
 
 def _tests(estimate: ComponentEstimate, item: InstrumentFit, flags: Flags) -> dict[str, Tested]:
     """By name, those that the readings allow."""
-    found = {}
+    result = {}
     for name, test in TESTS.items():
         if (made := test(item)) is None:
             continue
         flag = (estimate.name, item.role) in flags[name]
         if isinstance(made, FTest):
             dof = (made.df_numerator, made.df_denominator)
-            found[name] = Tested(made.F, None, made.p, dof, flag, estimate.unit)
+            result[name] = Tested(made.F, None, made.p, dof, flag, estimate.unit)
         else:
-            found[name] = Tested(made.value, made.u, made.p, made.dof, flag, estimate.unit)
-    return found
+            result[name] = Tested(made.value, made.u, made.p, made.dof, flag, estimate.unit)
+    return result
 
 
 def _r2(item: InstrumentFit) -> float | None:

@@ -204,7 +204,7 @@ def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
     top, bottom = high(mean + band, axis=-1), low(mean - band, axis=-1)
     highest, lowest = high(mean, axis=-1), low(mean, axis=-1)
     two_way = np.where(np.isfinite(B).any(axis=-1), 0.0, np.nan)
-    found = {
+    result = {
         "A": top.max(axis=-1) - bottom.min(axis=-1) + two_way + scatters.sum(axis=-1),
         "E": highest.max(axis=-1) - lowest.min(axis=-1) + two_way,
         "R": high(R, axis=-1),
@@ -213,9 +213,9 @@ def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
         "B_mean": _average(B),
     }
     one_way = {"A": top - bottom + scatters, "E": highest - lowest, "R": high(R_way, axis=-1)}
-    found |= {f"{name}_{way}": values[..., i] for name, values in one_way.items()
+    result |= {f"{name}_{way}": values[..., i] for name, values in one_way.items()
               for i, way in enumerate(WAYS)}  # fmt: skip
-    return {name: found[name] for name in FIGURES}
+    return {name: result[name] for name in FIGURES}
 
 
 def vdi_figures(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
@@ -400,9 +400,9 @@ def _test(
     counts = np.bincount(cell, minlength=2 * len(targets))
     rank, order = np.empty(len(rows), int), np.argsort(cell, kind="stable")
     rank[order] = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
-    found = np.full((2, len(targets), int(counts.max())), np.nan)
-    found[way, of, rank] = readings.error[rows]
-    lines = np.zeros(found.shape, int)
+    result = np.full((2, len(targets), int(counts.max())), np.nan)
+    result[way, of, rank] = readings.error[rows]
+    lines = np.zeros(result.shape, int)
     lines[way, of, rank] = readings.row[rows]
     time = readings.time_min[rows]
     moves = np.count_nonzero(np.diff(of[np.argsort(time, kind="stable")]))
@@ -411,7 +411,7 @@ def _test(
         unit="um" if readings.dimension[rows[0]] == LENGTH else "arcsec",
         rotary=rotary,
         targets=targets,
-        readings=found,
+        readings=result,
         rows=lines,
         file=readings.sources[readings.file_index[rows[0]]].shown,
         directed=bool(readings.direction[rows].any()),
@@ -471,13 +471,13 @@ def outlying_runs(axis: Axis) -> Iterator[Finding]:
 
 def changes(axis: Axis, earlier: Axis) -> dict[str, Change]:
     """Every figure against that of an earlier test of the same axis."""
-    found = {}
+    result = {}
     for name, now in axis.figures.items():
         value, _, u, size = earlier.figures[name]
         off, bound = now.value - value, 2 * math.hypot(now.u_sampling, u)
         differs = None if math.isnan(bound + off) else abs(off) > bound
-        found[name] = Change(value, u, off, bound, differs, size)
-    return found
+        result[name] = Change(value, u, off, bound, differs, size)
+    return result
 
 
 def decisions(axes: Mapping[str, Axis], limits: Mapping[str, float]) -> Iterator[Decision]:

@@ -166,10 +166,10 @@ def _bounds(
 
 
 def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Finding]:
-    found = []
+    result = []
     for axis, along in zip(AXES, np.abs(delta).T, strict=True):
         if axis not in model.axes and (along > 1e-9).any():
             first = names[int(np.argmax(along > 1e-9))]
             consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
-            found.append(finding("axis-without-equation", axis=axis, consequence=consequence))
-    return found
+            result.append(finding("axis-without-equation", axis=axis, consequence=consequence))
+    return result

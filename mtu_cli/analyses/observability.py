@@ -36,22 +36,24 @@ class NotDetermined:
 
 def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
     """All that the readings of a machine do not determine, component by component."""
-    found: list[NotDetermined] = []
+    result: list[NotDetermined] = []
     for name in estimates.components:
         component = fit.components.get(name)
         if component is None:
             what = "drift, reversal and lack of fit"
             because = "it is known from the machine file only"
             would = "readings of it, given with --lbb or --laser"
-            found.append(NotDetermined(name, what, because, would))
+            result.append(NotDetermined(name, what, because, would))
             continue
         without_axis = component.estimate.of is None
         for item in component.instruments:
             by = f" by {item.role}" if len(component.instruments) > 1 else ""
             checks = [*_of_scatter(item, without_axis=without_axis)]
             checks += [] if without_axis else [*_of_shape(item)]
-            found += [NotDetermined(name, f"{what}{by}", why, would) for what, why, would in checks]
-    return found + list(_apart(fit, estimates))
+            result += [
+                NotDetermined(name, f"{what}{by}", why, would) for what, why, would in checks
+            ]
+    return result + list(_apart(fit, estimates))
 
 
 def not_estimable(found: Iterable[NotDetermined]) -> list[Finding]:

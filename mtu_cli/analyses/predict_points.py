@@ -77,7 +77,7 @@ def predict_points(
     Raises InputError for a missing covariate or coordinate.
     """
     ids, points, warnings = feature_points(part, model)
-    found = predict_places(model, ids, points, settings, covariates, warnings)
+    result = predict_places(model, ids, points, settings, covariates, warnings)
     zones = [part.part.features[name].position_um for name in ids]
     consequence = "positions have no predicted error along it"
     warnings = [
@@ -86,9 +86,9 @@ def predict_points(
         if axis not in model.axes and any(zones)
     ]
     return replace(
-        found,
-        conformance=position_conformance(found.prediction, zones, settings),
-        warnings=(*found.warnings, *warnings),
+        result,
+        conformance=position_conformance(result.prediction, zones, settings),
+        warnings=(*result.warnings, *warnings),
     )
 
 

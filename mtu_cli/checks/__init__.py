@@ -144,10 +144,10 @@ def run(of: Of, data: Data) -> list[Finding]:
 
 def warnings_of(of: Of, data: Data) -> list[Finding]:
     """Those of `run` that warn. Raises InputError with the errors where there are any."""
-    found = run(of, data)
-    if errors := [each for each in found if each.severity == "error"]:
+    result = run(of, data)
+    if errors := [each for each in result if each.severity == "error"]:
         raise InputError(errors[:LISTED_FAULTS], len(errors[LISTED_FAULTS:]))
-    return found
+    return result
 
 
 def split(rows: Rows | None, *columns: NDArray[Any]) -> list[Rows]:

@@ -45,7 +45,7 @@ def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
     honest = np.flatnonzero(twin == every)
     honest = honest[np.argsort(group[honest], kind="stable")]
     neighbours = np.array([honest[:-1], honest[1:]])
-    found = [np.zeros((0, 2), np.int64)]
+    result = [np.zeros((0, 2), np.int64)]
     for within in (True, False):
         known, pairs = (
             each[:, (group[each[0]] == group[each[1]]) == within]
@@ -60,8 +60,8 @@ def copies(values: Floats, group: Rows, least: float = 0.0) -> Rows:
             share = max(1.0 - MEAN_RANGE * least / (step_of(values) or 1.0), 0.0)
         count = np.isfinite(values[pairs[0]]).sum(axis=1)
         sure = (count >= FEWEST_EQUAL) & (len(values) ** 2 / 2 * share**count < CHANCE)
-        found.append(pairs[:, sure].T)
-    return np.concatenate(found)
+        result.append(pairs[:, sure].T)
+    return np.concatenate(result)
 
 
 @check("copied-values", of="readings")

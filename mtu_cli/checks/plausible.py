@@ -44,7 +44,7 @@ CHANCE = 1e-3
 FEWEST_EQUAL = 4
 """Equal values, and different ones, from which on there is something to judge."""
 FEWEST_POINTS = 3
-"""Points from which on an origin or an order can be told from single slips."""
+"""Points from which on an origin or an order can be distinguished from single slips."""
 NEARLY_ALL = 0.9
 """Share of the points that a mistake, undone, brings to their places ..."""
 EXPLAINED = 0.1

@@ -49,16 +49,16 @@ def mistake_of(data: PointsData, rows: Rows) -> Mistake:
         measured[part] -= measured[part].mean(axis=0)
         nominal[part] -= nominal[part].mean(axis=0)
     near = min(EXPLAINED * typical(measured - nominal), POINT_ERROR_MM)
-    found: dict[Mistake, list[str]] = {}
+    result: dict[Mistake, list[str]] = {}
     for k, axis in enumerate(data.axes):
         for mistake, errors in _undone(measured, nominal, k):
             if np.quantile(np.abs(errors), NEARLY_ALL) < near:
-                found.setdefault(mistake, []).append("xyz"[axis])
+                result.setdefault(mistake, []).append("xyz"[axis])
                 break
         else:
             return _together(measured, nominal, near)
-    looks = ", ".join(f"{' and '.join(found[each])} {each.looks}" for each in found if each.looks)
-    return Mistake(looks, any(each.unit for each in found)) if looks else UNKNOWN
+    looks = ", ".join(f"{' and '.join(result[each])} {each.looks}" for each in result if each.looks)
+    return Mistake(looks, any(each.unit for each in result)) if looks else UNKNOWN
 
 
 def _undone(measured: Floats, nominal: Floats, k: int) -> Iterator[tuple[Mistake, Floats]]:
@@ -212,7 +212,7 @@ def _repeats(errors: Floats, visits: Visits, r: float) -> tuple[Mask, float]:
     one = np.flatnonzero((np.diff(visits.part) == 0) & (np.diff(visits.operation) == 0))
     apart, s = outlying(errors[one + 1] - errors[one], r=2 * r)
     first = np.abs(errors[one]) > np.abs(errors[one + 1])
-    found = np.zeros(errors.shape, bool)
-    found[one] |= apart & first
-    found[one + 1] |= apart & ~first
-    return found, s / np.sqrt(2.0)
+    result = np.zeros(errors.shape, bool)
+    result[one] |= apart & first
+    result[one + 1] |= apart & ~first
+    return result, s / np.sqrt(2.0)

@@ -92,9 +92,9 @@ def _tables(
 
     machine = inputs.machine
     if inputs.files("cmm"):
-        found = modelled(inputs)
-        table, more = residual_table(found.model, inputs.points, inputs.at, datum)
-        return (table,), found.estimates.effects, [*found.warnings, *more]
+        result = modelled(inputs)
+        table, more = residual_table(result.model, inputs.points, inputs.at, datum)
+        return (table,), result.estimates.effects, [*result.warnings, *more]
     readings, report = inputs.readings, inputs.reports.components
     if readings is None:
         raise inputs.missing("--cmm FILE, --lbb FILE or --laser FILE", "cmm", "lbb", "laser")
@@ -222,23 +222,23 @@ def _provenance(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[
     judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in judged]
     component, unit = item.table.component, item.table.unit
-    found: dict[str, Any] = {
+    result: dict[str, Any] = {
         "by": f"mtu close-loop {__version__}",
         "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
         item.plurals[0]: len(item.table.parts),
     }
     if component is not None:
-        found["component"] = component
-    found["p_familywise"] = effect.p_familywise
+        result["component"] = component
+    result["p_familywise"] = effect.p_familywise
     if len(effect.classes) > 1:
-        found["class"] = list(effect.class_names)
+        result["class"] = list(effect.class_names)
     if (searched := effect.searched) is not None:
         intervals = [list(ends) for ends in searched.intervals]
-        found["searched"] = {searched.name: {"value": searched.value, "intervals": intervals}}
+        result["searched"] = {searched.name: {"value": searched.value, "intervals": intervals}}
     scale = UNITS[unit].to_internal
     rms = {"before": item.before.rms, "after": item.after.rms}
     worth = {side: {f"rms_{unit}": value / scale} for side, value in rms.items()}
-    return found | {"held_out": {"by": item.held_out, **worth}}
+    return result | {"held_out": {"by": item.held_out, **worth}}
 
 
 def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:

@@ -202,15 +202,15 @@ COMMANDS = {
 
 def function_name(name: str) -> str:
     """The name of a command in Python."""
-    found = name.replace("-", "_").replace(" ", "_")
-    return f"{found}_" if iskeyword(found) else found
+    result = name.replace("-", "_").replace(" ", "_")
+    return f"{result}_" if iskeyword(result) else result
 
 
 def analysis_of(name: str) -> Callable[..., Any]:
     """The function of a command in its chapter, imported now."""
     module = import_module(f"mtu_cli.{COMMANDS[name].chapter}")
-    found: Callable[..., Any] = getattr(module, function_name(name))
-    return found
+    result: Callable[..., Any] = getattr(module, function_name(name))
+    return result
 
 
 def _called(name: str) -> Callable[..., None]:

@@ -212,9 +212,9 @@ def _rows(readings: Readings, name: str) -> IntArray:
 
 def _degrees(readings: Readings) -> FloatArray:
     """Positions of rotary axes, nan of others."""
-    found = readings.covariates.get("position_deg")
-    known = found is not None and found.dtype == np.float64
-    return found.astype(np.float64) if known else np.full(len(readings), np.nan)  # type: ignore[union-attr]  # known
+    result = readings.covariates.get("position_deg")
+    known = result is not None and result.dtype == np.float64
+    return result.astype(np.float64) if known else np.full(len(readings), np.nan)  # type: ignore[union-attr]  # known
 
 
 def _columns(

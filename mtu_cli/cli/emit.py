@@ -222,7 +222,7 @@ def asked_gates(options: Options) -> dict[str, float]:
     """
     known = (SUSPICIOUS, *options.gates)
     limited = {name.partition("=")[0]: "=" in name for name in known}
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     problems = []
     for text in (part.strip() for item in options.fail_if or () for part in item.split(",")):
         name, equals, limit = text.partition("=")
@@ -234,12 +234,12 @@ def asked_gates(options: Options) -> dict[str, float]:
         elif share is None or not 0 <= share < 1:
             expected = "a probability from 0 to below 1, such as 0.01 for 1 %"
             problems.append(finding("out-of-range", **place, expected=expected))
-        elif equals and name in found:
+        elif equals and name in result:
             problems.append(finding("appears-twice", what=place["path"], value=text))
-        found[name] = share or 0.0
+        result[name] = share or 0.0
     if problems:
         raise InputError(problems)
-    return found
+    return result
 
 
 def _gates_met(asked: Mapping[str, float], result: Result) -> dict[str, str]:

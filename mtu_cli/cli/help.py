@@ -67,11 +67,11 @@ def overview() -> str:
 
 def paragraphs() -> dict[str, str]:
     """The paragraph of each code in help/findings.md; the loop's codes stand there alone."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for section in re.split(r"^## ", topic(FINDINGS), flags=re.MULTILINE)[1:]:
         heading, _, text = section.partition("\n")
-        found |= dict.fromkeys(heading.split(", "), text.strip())
-    return found
+        result |= dict.fromkeys(heading.split(", "), text.strip())
+    return result
 
 
 def paragraph(code: str) -> str:

@@ -51,26 +51,26 @@ def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
     elements = Counter(path for path, _ in elements_of(file.xml)) if file.xml is not None else {}
     if known is None and not elements and not is_contract(file.content):
         raise unknown(file)
-    found, faults = Imported(format=CONTRACT if known is None else known.name), list[Finding]()
+    result, faults = Imported(format=CONTRACT if known is None else known.name), list[Finding]()
     if known is not None:
         try:
-            found = read(file, ask)
+            result = read(file, ask)
         except InputError as fault:
             faults = list(fault.findings)
     elif is_contract(file.content):
-        found = contract_rows(file)
+        result = contract_rows(file)
     else:
-        found.format = "xml"
+        result.format = "xml"
     return {
-        "format": found.format,
+        "format": result.format,
         "title": known.title if known else "columns of the contract" if not elements else "XML",
         "importable_as": list(known.gives) if known else [],
         "code_page": file.encoding,
-        "rows": len(found.rows),
-        "facts": found.facts,
-        "says": found.says,
-        "left_out": found.left_out,
-        "doubts": found.doubts,
+        "rows": len(result.rows),
+        "facts": result.facts,
+        "says": result.says,
+        "left_out": result.left_out,
+        "doubts": result.doubts,
         "faults": [each.message for each in faults],
         "elements": dict(elements),
     }

@@ -133,15 +133,15 @@ class Inputs:
         """Role and path of the files that the call, its study or that of this folder names to be
         read; of a study that is faulty its own alone.
         """
-        found = [(role, path) for role in ROLES for path in self.given(role)]
+        result = [(role, path) for role in ROLES for path in self.given(role)]
         if study := self.study_file:
-            found.append(("study", study))
+            result.append(("study", study))
             try:
                 files = load_study(study).files
             except InputError:
-                return found
-            found += [(role, path) for role, paths in files.items() for path in paths]
-        return found
+                return result
+            result += [(role, path) for role, paths in files.items() for path in paths]
+        return result
 
     def files(self, role: str) -> tuple[Path, ...]:
         """The files of a role: the option's where it is given, else the study's but for those that
@@ -161,10 +161,10 @@ class Inputs:
 
     def only(self, role: str, option: str) -> Path:
         """The one file of a role that the command cannot do without."""
-        found = self.files(role)
-        if not found:
+        result = self.files(role)
+        if not result:
             raise self.missing(f"{option} FILE", role)
-        return found[0]
+        return result[0]
 
     def missing(self, options: str, *roles: str) -> InputError:
         """That files of none of the `roles` are given, and why no study names one."""
@@ -178,9 +178,9 @@ class Inputs:
     def names(self) -> list[str]:
         """What the files of the call call themselves: machine, part, study; at least one."""
         read = self.__dict__
-        found = [getattr(read[kind], kind).name for kind in ("machine", "part") if kind in read]
-        found += [self.study.source.shown] if self.study else []
-        return found or [source.shown for source in self.sources]
+        result = [getattr(read[kind], kind).name for kind in ("machine", "part") if kind in read]
+        result += [self.study.source.shown] if self.study else []
+        return result or [source.shown for source in self.sources]
 
     @cached_property
     def machine(self) -> LoadedMachine:
@@ -216,10 +216,10 @@ class Inputs:
     @cached_property
     def drift(self) -> Readings:
         """The drift readings."""
-        found = self._readings("drift")
-        if found is None:
+        result = self._readings("drift")
+        if result is None:
             raise self.missing("--drift FILE", "drift")
-        return found
+        return result
 
     @cached_property
     def before(self) -> Readings | None:
@@ -313,9 +313,9 @@ class Inputs:
 
         def value(name: str, text: str) -> float:
             sign = direction_sign(text) if name.startswith("dir_") else None
-            found = number_of(f"--at {name}", text) if sign is None else float(sign)
-            check_cell(name, found)
-            return found
+            result = number_of(f"--at {name}", text) if sign is None else float(sign)
+            check_cell(name, result)
+            return result
 
         example = "--at T_02_degC=23.5"
         return assigned("--at", self.options.at, "=", "NAME=VALUE", example, value)

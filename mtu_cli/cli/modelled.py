@@ -172,15 +172,15 @@ def _carried(
     report: ComponentsReport | ThermalReport, codes: Collection[str], used: Collection[str]
 ) -> list[Finding]:
     """Warnings of a report, of some `codes` and components, that hold for what is made of it."""
-    entries, found = report.document.get("warnings"), []
+    entries, result = report.document.get("warnings"), []
     for item in entries if isinstance(entries, list) else ():
         code, facts = (item.get("code"), item.get("facts")) if isinstance(item, dict) else ("", {})
         # Earlier versions reported no facts.
         component = facts.get("component") if isinstance(facts, dict) else None
         if code in codes and (component is None or component in used):
             what = {"of": code, "message": str(item.get("message"))}
-            found.append(finding("reported", file=report.source.shown, **what))
-    return list(dict.fromkeys(found))
+            result.append(finding("reported", file=report.source.shown, **what))
+    return list(dict.fromkeys(result))
 
 
 def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> Finding:

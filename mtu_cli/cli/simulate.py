@@ -161,25 +161,25 @@ def _positions(inputs: Inputs, model: MachineModel, needed: set[str]) -> dict[st
         low, high, count = ends(option, span, SPAN, example, ordered=True)
         return np.linspace(low, high, int(count))
 
-    found: dict[str, FloatArray] = {}
+    result: dict[str, FloatArray] = {}
     if text is not None and "=" in text:
         form = f"AXIS={SPAN}"
-        found = assigned(option, text.split(","), "=", form, example, over, AXES, "axis")
+        result = assigned(option, text.split(","), "=", form, example, over, AXES, "axis")
     elif text is not None:
-        found = dict.fromkeys(needed, over("", text))
-    for axis in sorted(needed & found.keys() & travels.keys()):
-        within(option, found[axis], travels[axis], f"mm of {axis}")
-    if needed <= found.keys():
-        return found
+        result = dict.fromkeys(needed, over("", text))
+    for axis in sorted(needed & result.keys() & travels.keys()):
+        within(option, result[axis], travels[axis], f"mm of {axis}")
+    if needed <= result.keys():
+        return result
     _, points, _ = feature_points(inputs.part, model)
-    for axis in needed - found.keys():
+    for axis in needed - result.keys():
         column = points[:, AXES.index(axis)]
         low, high = np.nanmin(column), np.nanmax(column)
         if not low < high:
             reason = f"the part does not extend along {axis}"
             raise error("not-applicable", reason=reason, expected=f"{option} {SPAN}")
-        found[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
-    return found
+        result[axis] = np.linspace(low, high, DEFAULT_POSITIONS)
+    return result
 
 
 def _points(inputs: Inputs, model: MachineModel, seed: int) -> Made:
@@ -196,14 +196,14 @@ def _points(inputs: Inputs, model: MachineModel, seed: int) -> Made:
         columns |= {name: columns[of] for name, of in sensors.twins}
         given = {name: np.repeat(each[:, None], len(ids), axis=1) for name, each in columns.items()}
         plan = replace(plan, given=given)
-    found = simulate_points(model, ids, points, plan, seed)
+    result = simulate_points(model, ids, points, plan, seed)
     if options.cmm_room:
         # The sensors read with a noise of each point's own.
-        read = as_read(test.climate, sensors, found.covariates, seed, part=1)
-        found = replace(found, covariates=found.covariates | read)
+        read = as_read(test.climate, sensors, result.covariates, seed, part=1)
+        result = replace(result, covariates=result.covariates | read)
     # Points of calibrated circles lie on the diameter that they have at their temperature.
-    grown = found.measured + growth(found, ids, points, inputs.part.part.circles)
-    return points_file(replace(found, measured=grown)), []
+    grown = result.measured + growth(result, ids, points, inputs.part.part.circles)
+    return points_file(replace(result, measured=grown)), []
 
 
 def _parts_plan(options: Options, model: MachineModel) -> PartsPlan:
@@ -308,25 +308,25 @@ def _drift_positions(inputs: Inputs, drifts: Sequence[ThermalEstimate]) -> dict[
     """
     machine = inputs.machine.machine
     asked = _by_component("--drift-positions", inputs.options.drift_positions, drifts)
-    found: dict[str, FloatArray] = {}
+    result: dict[str, FloatArray] = {}
     for drift in drifts:
         name, thermal = drift.component, machine.components[drift.component].thermal
         travel = machine.travels.get(drift.of or "")
         if name in asked:
-            found[name], option = asked[name], f"--drift-positions {name}"
-            if len(np.unique(found[name])) < len(found[name]):
+            result[name], option = asked[name], f"--drift-positions {name}"
+            if len(np.unique(result[name])) < len(result[name]):
                 raise error("appears-twice", what=f"a position of {option}")
             if travel is not None:
-                within(option, found[name], travel, f"mm of {drift.of}")
+                within(option, result[name], travel, f"mm of {drift.of}")
         elif thermal is not None and thermal.positions_mm is not None:
-            found[name] = np.array(thermal.positions_mm)
+            result[name] = np.array(thermal.positions_mm)
         elif drift.of is None:
-            found[name] = np.array([np.nan])
+            result[name] = np.array([np.nan])
         elif drift.position_range is not None:
-            found[name] = np.linspace(*drift.position_range, drift.degree + 1)
+            result[name] = np.linspace(*drift.position_range, drift.degree + 1)
         else:
-            found[name] = np.array([np.mean(travel) if travel else 0.0])
-    return found
+            result[name] = np.array([np.mean(travel) if travel else 0.0])
+    return result
 
 
 def _by_component(

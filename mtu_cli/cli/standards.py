@@ -76,10 +76,10 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
 def _limits(texts: list[str] | None, known: list[str]) -> dict[str, float]:
     def value(name: str, text: str) -> float:
         option = f"--limit {name}"
-        found = number_of(option, text)
-        if found <= 0:
+        result = number_of(option, text)
+        if result <= 0:
             raise error("out-of-range", path=option, value=text, expected="a number above 0")
-        return found
+        return result
 
     return assigned("--limit", texts, "=", "NAME=VALUE", "A=10", value, known, "figure")
 
@@ -155,11 +155,11 @@ def _above_zero(option: str, text: str | None) -> list[float]:
     """The numbers of an option with commas, above 0."""
     from mtu_cli.files.traces import words
 
-    found = words(text, lambda each: number_of(option, each))
-    for value in found:
+    result = words(text, lambda each: number_of(option, each))
+    for value in result:
         if value <= 0:
             raise error("out-of-range", path=option, value=f"{value:g}", expected="above 0")
-    return found
+    return result
 
 
 def _is_xml(path: Path) -> bool:
@@ -173,15 +173,15 @@ def _ballbar(
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
 
-    found, planes = {}, dict[str, str]()
+    result, planes = {}, dict[str, str]()
     for path in paths:
         file = raw_file(path, "traces")
         inputs.sources.append(file.source)
         known = features_of(file)
-        found[file.source.shown] = known["features"]
+        result[file.source.shown] = known["features"]
         if "test_plane" in known:
             planes.setdefault(known["test_plane"].upper(), file.source.shown)
     if len(planes) > 1:
         (one, _), (other, file_) = [*planes.items()][:2]
         raise error("contradicts", file=file_, other="another file", value=other, expected=one)
-    return found, next(iter(planes), None)
+    return result, next(iter(planes), None)

@@ -48,13 +48,13 @@ def ends(
     items = text.split(":")
     if len(items) != len(form.split(":")) or not all(item.strip() for item in items):
         raise error("wrong-type", path=option, kind=form, value=text, expected=f"{example}, say")
-    found = [number_of(option, item, whole=whole or i == 2) for i, item in enumerate(items)]
-    if len(found) == 3 and not 2 <= found[2] <= MOST_STEPS:
+    result = [number_of(option, item, whole=whole or i == 2) for i, item in enumerate(items)]
+    if len(result) == 3 and not 2 <= result[2] <= MOST_STEPS:
         expected = f"a COUNT from 2 to {MOST_STEPS}"
         raise error("out-of-range", path=option, value=text, expected=expected)
-    if ordered and (found[0] > found[1] or (found[0] == found[1] and len(found) == 3)):
+    if ordered and (result[0] > result[1] or (result[0] == result[1] and len(result) == 3)):
         raise error("out-of-range", path=option, value=text, expected="LOW below HIGH")
-    return found
+    return result
 
 
 def within(option: str, values: Iterable[float], bounds: Sequence[float], unit: str = "") -> None:
@@ -88,7 +88,7 @@ def assigned(
     Raises InputError with every text that is of another form, has a name that is not `known` or
     stands twice, or a value that cannot be read.
     """
-    found: dict[str, T] = {}
+    result: dict[str, T] = {}
     faults: list[Finding] = []
     for text in texts or ():
         name, _, content = (side.strip() for side in text.partition(sign))
@@ -98,11 +98,11 @@ def assigned(
                 raise error("wrong-type", path=option, kind=kind, value=text, expected=expected)
             if known is not None:
                 known_name(option, what, name, known)
-            if name in found:
+            if name in result:
                 raise error("appears-twice", what=f"{option} {name}", value=text)
-            found[name] = value(name, content)
+            result[name] = value(name, content)
         except InputError as fault:
             faults += fault.findings
     if faults:
         raise InputError(faults)
-    return found
+    return result

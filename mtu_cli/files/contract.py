@@ -227,8 +227,8 @@ class Faults:
 
     def keys(self, *path: str | int) -> tuple[str, ...]:
         """The keys of a mapping as they stand in the file, those with faults included."""
-        found = self.document.at(*path)
-        return tuple(found) if isinstance(found, dict) else ()
+        result = self.document.at(*path)
+        return tuple(result) if isinstance(result, dict) else ()
 
     def given(self, *path: str | int) -> tuple[str, ...]:
         """The keys that have a value, if a wrong one: ``key: ~`` says as much as no key."""

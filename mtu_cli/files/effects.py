@@ -263,8 +263,8 @@ def marks(*texts: str) -> set[str]:
     >>> sorted(marks("{a0}*dir_{b}"))
     ['a', 'b']
     """
-    found = {name for text in texts for name, _ in _BRACES.findall(text)}
-    return found & {*AXIS_MARKS, *COLUMN_MARKS}
+    result = {name for text in texts for name, _ in _BRACES.findall(text)}
+    return result & {*AXIS_MARKS, *COLUMN_MARKS}
 
 
 def filled(text: str, binding: Mapping[str, str]) -> str:
@@ -286,11 +286,11 @@ def number_of(raw: str) -> tuple[str, str] | None:
 
 def _forms(family: Family, path: YamlPath) -> list[tuple[MemberTemplate, YamlPath]]:
     """The sound forms of a family, each with its path."""
-    found = [(own, (*path, "members", index)) for index, own in present(family.members)]
+    result = [(own, (*path, "members", index)) for index, own in present(family.members)]
     if family.parameters is None or family.equations is None:
-        return found
+        return result
     of_family = {key: getattr(family, key) for key in ("parameters", "equations", "search")}
-    return [(MemberTemplate.model_construct(**of_family), path), *found]
+    return [(MemberTemplate.model_construct(**of_family), path), *result]
 
 
 def _texts(form: MemberTemplate) -> list[str]:

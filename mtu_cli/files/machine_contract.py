@@ -135,13 +135,13 @@ class Thermal(Contract):
         if not isinstance(data, dict):
             return data
         positions, noise = data.get("positions_mm"), data.get("sensor_u_degC")
-        found = dict(data)
-        if found.get("degree") is None:
-            found["degree"] = max(0, len(positions) - 1) if isinstance(positions, list) else 0
+        result = dict(data)
+        if result.get("degree") is None:
+            result["degree"] = max(0, len(positions) - 1) if isinstance(positions, list) else 0
         if is_number(noise):
             sensors = gradients if isinstance(gradients := data.get("gradients"), dict) else ()
-            found["sensor_u_degC"] = dict.fromkeys(sensors, noise)
-        return found
+            result["sensor_u_degC"] = dict.fromkeys(sensors, noise)
+        return result
 
 
 class Component(Contract):

@@ -143,7 +143,7 @@ def _traces(table: Table) -> list[Trace]:
     """Rows of one file, pass, direction and feed are a trace."""
     labels, way = table.labelled("direction")
     feed, number = table.number("feed_mm_min"), table.whole("pass")
-    found, faults = [], CellFaults()
+    result, faults = [], CellFaults()
     _, group = np.unique(
         np.column_stack([table.file_index, number, way, np.nan_to_num(feed)]),
         axis=0,
@@ -165,7 +165,7 @@ def _traces(table: Table) -> list[Trace]:
             )
             faults.add(finding("too-little-data", what=what, expected=expected, **place))
         else:
-            found.append(
+            result.append(
                 Trace(
                     file=str(place["file"]),
                     number=int(number[first]) if number[first] >= 0 else None,
@@ -176,7 +176,7 @@ def _traces(table: Table) -> list[Trace]:
                 )
             )
     faults.raise_if_any()
-    return found
+    return result
 
 
 def words(text: str | None, read: Callable[[str], Any]) -> list[Any]:

@@ -205,16 +205,16 @@ class _Builder:
         if isinstance(node, yaml.ScalarNode):
             return node.value if node.style else plain_scalar(node.value)
         self.open.add(id(node))
-        found: Any
+        result: Any
         if isinstance(node, yaml.MappingNode):
             entries = self.entries(node)
-            found = {key: self.value(item, (*path, key), at) for key, item, at in entries}
+            result = {key: self.value(item, (*path, key), at) for key, item, at in entries}
         else:
             items = enumerate(node.value)
-            found = [self.value(item, (*path, i), item.start_mark.line + 1) for i, item in items]
-            self.check_commas(node, found, path, line)
+            result = [self.value(item, (*path, i), item.start_mark.line + 1) for i, item in items]
+            self.check_commas(node, result, path, line)
         self.open.discard(id(node))
-        return found
+        return result
 
     def entries(self, node: yaml.MappingNode) -> Iterator[tuple[str, yaml.Node, int]]:
         """Key, value and line of every entry whose key is a text."""

@@ -178,8 +178,8 @@ def unit_in(text: str) -> str | None:
     bracketed = re.search(r"[\[(]([^\])]*)[\])]", plain)
     names = [bracketed[1].strip()] if bracketed else re.split(r"[\s_,:]+", plain)[1:]
     known = {name.casefold(): name for name in UNITS} | {"micron": "um", "'": "", '"': "arcsec"}
-    found = [known.get(name.casefold(), "") for name in names]
-    return next((name for name in reversed(found) if name), None)
+    result = [known.get(name.casefold(), "") for name in names]
+    return next((name for name in reversed(result) if name), None)
 
 
 def need_component(file: RawFile, ask: Ask) -> str:

@@ -32,8 +32,8 @@ def sniff(file: RawFile) -> bool:
     """Whether a header begins with time and has channels, with rows below."""
     if not file.text or file.text.lstrip().startswith("<"):
         return False
-    found = _header(file)
-    return found is not None and len(found[0].rows) > found[1] + 1
+    result = _header(file)
+    return result is not None and len(result[0].rows) > result[1] + 1
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
@@ -43,21 +43,21 @@ def read(file: RawFile, ask: Ask) -> Imported:
         raise file.error("missing-input", what="a header that begins with time")
     grid, at = header
     names, rows = grid.rows[at].cells, grid.rows[at + 1 :]
-    found, faults = Imported(format="logger", kind=DRIFT), Faults(file)
+    result, faults = Imported(format="logger", kind=DRIFT), Faults(file)
     units = [_unit(name) for name in names]
     if rows and not rows[0].cells[0].strip("-[]() ").replace("s", ""):
         stated = [_unit(f"x [{cell.strip('[]()')}]") for cell in rows.pop(0).cells]
         units = [own or unit for own, unit in zip(stated, units, strict=False)]
-        found.says.append("one row of units")
-    found.drop("lines above the header", at)
+        result.says.append("one row of units")
+    result.drop("lines above the header", at)
     columns = Columns(faults, names, rows, ask.decimal, grid.separator)
     times = _times(columns)
     values = [columns.numbers(i) for i in range(1, len(names))]
     faults.raise_if_any()
     lines = [row.line for row in rows]
-    _assemble(file, ask, found, names[1:], units[1:], times, values, lines)
-    found.says[:0] = [said(grid, columns.signs)]
-    return found
+    _assemble(file, ask, result, names[1:], units[1:], times, values, lines)
+    result.says[:0] = [said(grid, columns.signs)]
+    return result
 
 
 def _unit(name: str) -> str | None:
@@ -121,15 +121,15 @@ def _times(columns: Columns) -> tuple[str, list[Any]]:
     if slashed and not day_first and not any(int(match[3]) > 12 for match in slashed):
         what, expected = "day or month first in the times", "a day after the 12th, or ISO 8601"
         raise faults.file.error("undecided", what=what, expected=expected)
-    found = list[Any]()
+    result = list[Any]()
     for row, match in zip(columns.rows, matches, strict=True):
         try:
             if match is None:
                 raise ValueError
-            found.append(_iso(match, day_first or match[2] != "/"))
+            result.append(_iso(match, day_first or match[2] != "/"))
         except ValueError:
             faults.cell(row.line, name, row.cells[0], "a date and time")
-    return "time", found
+    return "time", result
 
 
 def _iso(match: re.Match[str], day_first: bool) -> str:
@@ -152,9 +152,9 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
         raise file.error("not-readable", reason=f"damaged TDMS ({type(fault).__name__})") from None
     channels = [each for group in groups[:1] for each in group.channels() if len(each)]
     count = min(map(len, channels), default=0)
-    found = Imported(format="tdms", kind=DRIFT)
-    found.drop("groups beyond the first", max(0, len(groups) - 1))
-    found.drop("samples beyond the shortest channel", sum(len(each) - count for each in channels))
+    result = Imported(format="tdms", kind=DRIFT)
+    result.drop("groups beyond the first", max(0, len(groups) - 1))
+    result.drop("samples beyond the shortest channel", sum(len(each) - count for each in channels))
     step = channels[0].properties.get("wf_increment") if channels else None
     if not step or not all(each.dtype.kind in "iuf" for each in channels):
         raise file.error("missing-input", what="wf_increment of numeric channels")
@@ -163,8 +163,8 @@ def read_tdms(file: RawFile, ask: Ask) -> Imported:
              for each in channels]  # fmt: skip
     values = [[float(x) for x in each[:count]] for each in channels]
     times = [n * float(step) / 60.0 for n in range(count)]
-    _assemble(file, ask, found, names, units, ("time_min", times), values, [1] * count)
-    return found
+    _assemble(file, ask, result, names, units, ("time_min", times), values, [1] * count)
+    return result
 
 
 FORMATS = (

@@ -70,7 +70,7 @@ def _parsed(file: RawFile, faults: Faults) -> _Data:
 
 def read(file: RawFile, ask: Ask) -> Imported:
     """Values of characteristics named ``feature.X``: the n-th value of each is the n-th part."""
-    found, faults = Imported(format="dfq", kind=POINTS), Faults(file)
+    result, faults = Imported(format="dfq", kind=POINTS), Faults(file)
     data = _parsed(file, faults)
     faults.raise_if_any()
     coordinates, seen = list[Coordinate](), dict[int, int]()
@@ -82,18 +82,18 @@ def read(file: RawFile, ask: Ask) -> Imported:
         if index not in data.fields:
             faults.cell(line, "characteristic", str(index), f"one of {data.count}")
         elif attribute in INVALID:
-            found.drop("values with attribute 255 or 256, that is invalid")
+            result.drop("values with attribute 255 or 256, that is invalid")
         elif other or match is None or not feature:
-            found.drop("values of characteristics that are no X, Y or Z in mm")
+            result.drop("values of characteristics that are no X, Y or Z in mm")
         else:
             own = (match[2].lower(), text, data.of(index, "K2101"))
             coordinates.append(Coordinate(line, str(seen[index]), feature, *own))
-    collect(file, ask, found, coordinates, faults)
-    found.facts = {PART[key]: text for key, text in data.fields.get(0, {}).items() if key in PART}
-    found.facts["characteristics"] = [data.of(i, "K2002") for i in sorted(data.fields) if i]
-    found.facts["values"] = len(data.values)
-    found.says = ["the n-th value of a characteristic is of the n-th part, in mm"]
-    return found
+    collect(file, ask, result, coordinates, faults)
+    result.facts = {PART[key]: text for key, text in data.fields.get(0, {}).items() if key in PART}
+    result.facts["characteristics"] = [data.of(i, "K2002") for i in sorted(data.fields) if i]
+    result.facts["values"] = len(data.values)
+    result.says = ["the n-th value of a characteristic is of the n-th part, in mm"]
+    return result
 
 
 FORMATS = (

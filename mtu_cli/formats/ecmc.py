@@ -44,12 +44,12 @@ def read(file: RawFile, ask: Ask) -> Imported:
     if unit not in ("mm", "deg"):
         facts = {"what": "unit", "value": unit, "expected": "mm or deg"}
         faults.found.append(file.finding("unknown-name", **facts))
-    component, found = need_component(file, ask), Imported(format="ecmc-iso230")
+    component, result = need_component(file, ask), Imported(format="ecmc-iso230")
     for line, way, index, cycle, value in rows:
         if index not in targets:
             faults.cell(line, "TGT_DATA", str(index), "the index of a target")
             continue
-        found.add(line, component=component, position_mm=targets[index], **{"pass": cycle},
+        result.add(line, component=component, position_mm=targets[index], **{"pass": cycle},
                   direction=way, error=value - targets[index], unit=unit)  # fmt: skip
     cycles = len({row[3] for row in rows})
     if stated and int(stated) != cycles:
@@ -58,14 +58,14 @@ def read(file: RawFile, ask: Ask) -> Imported:
     faults.raise_if_any()
     if not rows:
         raise file.error("empty-file", what="reference positions", expected="a whole file")
-    found.says = [f"errors in {unit}: reference minus target", "directions as labelled"]
+    result.says = [f"errors in {unit}: reference minus target", "directions as labelled"]
     if not as_data:
-        found.doubts.append(
+        result.doubts.append(
             "reports of this evaluator exchange the directions against their data file: read the "
             ".dat where there is one"
         )
-    found.facts = {"targets": sorted(targets.values()), "runs": cycles, "unit": unit}
-    return found
+    result.facts = {"targets": sorted(targets.values()), "runs": cycles, "unit": unit}
+    return result
 
 
 def _data(file: RawFile, faults: Faults) -> tuple[dict[int, float], Rows]:

@@ -122,7 +122,7 @@ def decimals(
     whole: set[str] = set().union(*signs) if signs else set()
     if separator == "," and not whole:
         whole = {"."}
-    found: list[Decimal] = []
+    result: list[Decimal] = []
     for number, (own, each) in enumerate(zip(signs, seen, strict=True), 1):
         if len(own) > 1 or (each[OPEN] and not own and len(whole) != 1):
             kind = "both signs in one column" if len(own) > 1 else "numbers as 1.234 or 1,234 alone"
@@ -130,8 +130,8 @@ def decimals(
             what = f"the decimal sign of column {number}: {kind}"
             raise file.error("undecided", what=what, expected=expected)
         sign = next(iter(own), None) or (next(iter(whole)) if len(whole) == 1 else ".")
-        found.append("," if sign == "," else ".")
-    return found
+        result.append("," if sign == "," else ".")
+    return result
 
 
 def number(cell: str, decimal: Decimal) -> float | None:
@@ -146,8 +146,8 @@ def number(cell: str, decimal: Decimal) -> float | None:
 def said(grid: Grid, signs: Iterable[Decimal]) -> str:
     """Separator and decimal sign in words."""
     words = {".": "decimal points", ",": "decimal commas"}
-    found = " and ".join(words[sign] for sign in sorted(set(signs)))
-    return f"{NAMES[grid.separator]} between columns, {found or 'whole numbers'}"
+    result = " and ".join(words[sign] for sign in sorted(set(signs)))
+    return f"{NAMES[grid.separator]} between columns, {result or 'whole numbers'}"
 
 
 class Faults:

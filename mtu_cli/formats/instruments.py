@@ -107,9 +107,9 @@ def converter(
         file = of_content(source, content)
         if not ask.profile and identify(file) is None:
             return None
-        found = read(file, ask)
-        heard(file, found)
-        return found.csv(list(SPECS[found.kind].columns)).encode(), found.rows
+        result = read(file, ask)
+        heard(file, result)
+        return result.csv(list(SPECS[result.kind].columns)).encode(), result.rows
 
     return convert
 
@@ -118,8 +118,8 @@ def contract_rows(file: RawFile) -> Imported:
     """What the contract's own CSV holds, for `mtu inspect`."""
     grid = grid_of(file.lines)
     names = grid.rows[0].cells if grid.rows else []
-    found = Imported(format=CONTRACT, rows=[row.line for row in grid.rows[1:]])
-    found.kind = POINTS if {"part", "x_mm"} & {*names} else READINGS
-    found.facts = {"columns": names, "separator": NAMES[grid.separator]}
-    found.drop("comment lines", grid.comments)
-    return found
+    result = Imported(format=CONTRACT, rows=[row.line for row in grid.rows[1:]])
+    result.kind = POINTS if {"part", "x_mm"} & {*names} else READINGS
+    result.facts = {"columns": names, "separator": NAMES[grid.separator]}
+    result.drop("comment lines", grid.comments)
+    return result

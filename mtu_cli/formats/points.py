@@ -78,7 +78,7 @@ def read_calypso(file: RawFile, ask: Ask) -> Imported:
     """Actual and nominal of the characteristics X, Y, Z of each feature, by heading."""
     grid = grid_of(file.lines, separator="\t")
     header, rows = _plain(grid.rows[0].cells), grid.rows[1:]
-    found, faults = Imported(format="calypso", kind=POINTS), Faults(file)
+    result, faults = Imported(format="calypso", kind=POINTS), Faults(file)
     if not rows or rows[-1].cells[0].upper() != "END":
         raise file.error("missing-input", what="the last line END", expected="a whole file")
     needed = max(map(header.index, CALYPSO)) + 1
@@ -89,24 +89,24 @@ def read_calypso(file: RawFile, ask: Ask) -> Imported:
         texts = (cells.get(name, "") for name in ("idsymbol", "type", "id"))
         axis = next((m[2].lower() for text in texts if (m := OF_AXIS.fullmatch(text))), None)
         if axis is None or cells.get("unit", "mm") not in ("", "mm"):
-            found.drop("other characteristics")
+            result.drop("other characteristics")
             continue
         part = cells.get("partnb") or file.source.path.stem
         coordinates.append(
             Coordinate(row.line, part, cells["featureid"], axis, cells["actual"], cells["nominal"])
         )
-    signs = collect(file, ask, found, coordinates, faults, "\t")
-    found.says = [said(grid, signs), "actual X, Y, Z in mm by the headings"]
-    return found
+    signs = collect(file, ask, result, coordinates, faults, "\t")
+    result.says = [said(grid, signs), "actual X, Y, Z in mm by the headings"]
+    return result
 
 
 def _header(file: RawFile) -> list[int] | None:
     """Indices of feature, axis and nominal in the header; None where it has not all of them."""
     grid = grid_of(file.lines[:20])
     header = _plain(grid.rows[0].cells) if grid.rows else []
-    found = [next((i for i, name in enumerate(header) if name in known), -1)
+    result = [next((i for i, name in enumerate(header) if name in known), -1)
              for known in (FEATURE, AXIS, NOMINAL)]  # fmt: skip
-    return None if -1 in found or len(header) < 4 else found
+    return None if -1 in result or len(header) < 4 else result
 
 
 def read_wide_points(file: RawFile, ask: Ask) -> Imported:
@@ -115,7 +115,7 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
     grid, faults = grid_of(file.lines), Faults(file)
     header, rows = grid.rows[0].cells, grid.rows[1:]
     faults.widths(rows, len(header))
-    found, coordinates = Imported(format="wide-points", kind=POINTS), list[Coordinate]()
+    result, coordinates = Imported(format="wide-points", kind=POINTS), list[Coordinate]()
     parts = {i: name for i, name in enumerate(header) if i not in place}
     for i, part in parts.items():
         for row in rows:
@@ -125,20 +125,23 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
             elif not nominal:
                 faults.cell(row.line, header[place[2]], nominal)
             elif not row.cells[i]:
-                found.drop("empty cells")
+                result.drop("empty cells")
             else:
                 own = (feature, axis.casefold(), row.cells[i], nominal)
                 coordinates.append(Coordinate(row.line, part, *own))
-    signs = collect(file, ask, found, coordinates, faults, grid.separator)
+    signs = collect(file, ask, result, coordinates, faults, grid.separator)
     pairs = [(a, b) for axis in "xyz" for a, b in zip(
-        found.columns.get(f"{axis}_mm", []), found.columns.get(f"nominal_{axis}_mm", []),
+        result.columns.get(f"{axis}_mm", []), result.columns.get(f"nominal_{axis}_mm", []),
         strict=True) if None not in (a, b)]  # fmt: skip
     if sum(abs(a - b) for a, b in pairs) > 0.5 * sum(abs(b) for _, b in pairs) > 0:
         kind = "deviations, no coordinates (they do not follow the nominal places)"
         raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
-    found.says = [said(grid, signs), f"{len(parts)} parts, coordinates in mm"]
-    found.facts = {"parts": list(parts.values()), "features": len({x.feature for x in coordinates})}
-    return found
+    result.says = [said(grid, signs), f"{len(parts)} parts, coordinates in mm"]
+    result.facts = {
+        "parts": list(parts.values()),
+        "features": len({x.feature for x in coordinates}),
+    }
+    return result
 
 
 def _is_pcdmis(file: RawFile) -> bool:
@@ -147,7 +150,7 @@ def _is_pcdmis(file: RawFile) -> bool:
 
 def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
     """Measured X, Y, Z of each feature, by the heading line of its block."""
-    found, faults = Imported(format="pcdmis-text", kind=POINTS), Faults(file)
+    result, faults = Imported(format="pcdmis-text", kind=POINTS), Faults(file)
     units = re.search(r"UNITS\s*=\s*(MM|IN)", file.text, re.I)
     if units and units[1].upper() == "IN":
         raise file.error("wrong-type", kind="millimetres", value="IN", expected="UNITS=MM")
@@ -163,7 +166,7 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
         elif not (feature and heading and cells):
             continue
         elif cells[0] not in ("X", "Y", "Z"):
-            found.drop("rows of other characteristics")
+            result.drop("rows of other characteristics")
         elif len(cells) < len(heading):
             facts = {"cells": f"{len(cells)} cells", "expected": " ".join(heading)}
             faults.found.append(file.finding("row-length", row=line, **facts))
@@ -172,9 +175,9 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
             values = (own["AX"].lower(), own["MEAS"], own.get("NOMINAL", ""))
             coordinates.append(Coordinate(line, part, feature, *values))
     faults.raise_if_any()
-    collect(file, ask, found, coordinates, faults)
-    found.says = ["actual X, Y, Z in mm, by the heading of each block"]
-    return found
+    collect(file, ask, result, coordinates, faults)
+    result.says = ["actual X, Y, Z in mm, by the heading of each block"]
+    return result
 
 
 def _under(element: Element, ending: str) -> Iterator[Element]:
@@ -189,7 +192,7 @@ def _text(element: Element, name: str) -> str:
 
 def read_qif(file: RawFile, ask: Ask) -> Imported:
     """Locations of measured features in mm, joined by id to their items; others are counted."""
-    root, found = file.xml, Imported(format="qif", kind=POINTS)
+    root, result = file.xml, Imported(format="qif", kind=POINTS)
     assert root is not None
     factor = 1.0
     for unit in [*_under(root, "LinearUnit")][:1]:
@@ -203,15 +206,15 @@ def read_qif(file: RawFile, ask: Ask) -> Imported:
         for n, actual in enumerate(_under(results, "FeatureActual"), 1):
             cells, item = _text(actual, "Location").split(), _text(actual, "FeatureItemId")
             if len(cells) != 3:
-                found.drop("features without a location")
+                result.drop("features without a location")
                 continue
             feature = names.get(item) or item or str(n)
             coordinates += [Coordinate(1, part, feature, *own)
                             for own in zip("xyz", cells, strict=True)]  # fmt: skip
-    found.drop("characteristics", sum(1 for _ in _under(root, "CharacteristicActual")))
-    collect(file, Ask(kind=ask.kind, decimal="."), found, coordinates, Faults(file), scale=factor)
-    found.says = [f"locations times {factor:g} in mm", "nominal places from the part file"]
-    return found
+    result.drop("characteristics", sum(1 for _ in _under(root, "CharacteristicActual")))
+    collect(file, Ask(kind=ask.kind, decimal="."), result, coordinates, Faults(file), scale=factor)
+    result.says = [f"locations times {factor:g} in mm", "nominal places from the part file"]
+    return result
 
 
 FORMATS = (

@@ -69,7 +69,7 @@ def _entry(lines: Lines, *names: str) -> tuple[int, str] | None:
 
 def _targets(lines: Lines, faults: Faults) -> list[float]:
     """All numbers from ``Targets :`` to the next key, however they are wrapped and signed."""
-    found: list[float] = []
+    result: list[float] = []
     inside = False
     for row, line in lines:
         if key := _KEY.match(line):
@@ -79,9 +79,9 @@ def _targets(lines: Lines, faults: Faults) -> list[float]:
             if value is None:
                 faults.cell(row, "Targets", cell)
             else:
-                found.append(value)
-    _check_count(lines, "Target-count", len(found), "targets", faults)
-    return found
+                result.append(value)
+    _check_count(lines, "Target-count", len(result), "targets", faults)
+    return result
 
 
 def _check_count(lines: Lines, key: str, count: int, what: str, faults: Faults) -> None:
@@ -94,7 +94,7 @@ def _deviations(
     lines: Lines, targets: int, faults: Faults
 ) -> dict[tuple[int, int], tuple[int, float]]:
     """Line and deviation by run and index of the target, in the order of the file."""
-    found: dict[tuple[int, int], tuple[int, float]] = {}
+    result: dict[tuple[int, int], tuple[int, float]] = {}
     for row, line in lines:
         cells = line.split()
         value = number(cells[-1], ".") if len(cells) == 3 else None
@@ -106,12 +106,12 @@ def _deviations(
         place = int(cells[0]), int(cells[1])
         if not 1 <= place[1] <= targets or place[0] < 1:
             faults.cell(row, "Target", cells[1], f"an index from 1 to {targets}")
-        elif place in found:
-            other = f"row {found[place][0]}: run {place[0]}, target {place[1]}"
+        elif place in result:
+            other = f"row {result[place][0]}: run {place[0]}, target {place[1]}"
             faults.found.append(faults.file.finding("copied-rows", row=row, other=other))
         else:
-            found[place] = (row, value)
-    return found
+            result[place] = (row, value)
+    return result
 
 
 def read(file: RawFile, ask: Ask) -> Imported:
@@ -137,19 +137,19 @@ def read(file: RawFile, ask: Ask) -> Imported:
     faults.raise_if_any()
     if not values:
         raise file.error("empty-file", what="deviations", expected="rows below DEVIATIONS::")
-    found = Imported(format=kind)
+    result = Imported(format=kind)
     flags = (_entry(sections["TARGET DATA"], "Flags") or (0, ""))[1].split()
     one_way = flags[1:2] == ["1"]
     even = [value for (run, _), (_, value) in values.items() if run % 2 == 0]
     padded = one_way and bool(even) and not any(even) and any(v for _, v in values.values())
     if padded:
-        found.drop("zeros that fill reverse runs of a file flagged as one-way", len(even))
-        found.doubts.append("reverse runs of zeros in a file that is flagged as one-way")
+        result.drop("zeros that fill reverse runs of a file flagged as one-way", len(even))
+        result.doubts.append("reverse runs of zeros in a file that is flagged as one-way")
     component, pairs = need_component(file, ask), padded or not one_way
     for (run, index), (row, value) in values.items():
         if padded and run % 2 == 0:
             continue
-        found.add(
+        result.add(
             row,
             component=component,
             position_mm=targets[index - 1],
@@ -158,11 +158,11 @@ def read(file: RawFile, ask: Ask) -> Imported:
             error=value,
             unit=UNITS[kind],
         )
-    found.says = [f"targets in {TARGET_UNITS[kind]}, deviations in {UNITS[kind]}",
+    result.says = [f"targets in {TARGET_UNITS[kind]}, deviations in {UNITS[kind]}",
                   "one-way runs" if one_way else "odd runs forward, even runs reverse"]  # fmt: skip
-    found.facts = _facts(found, sections)
-    found.facts |= {"targets": targets, "runs": runs, "one_way": one_way}
-    return found
+    result.facts = _facts(result, sections)
+    result.facts |= {"targets": targets, "runs": runs, "one_way": one_way}
+    return result
 
 
 def _facts(found: Imported, sections: dict[str, Lines]) -> dict[str, Any]:
@@ -215,12 +215,12 @@ def read_rtx(file: RawFile, ask: Ask) -> Imported:
         facts = {"found": f"{len(body)} bytes of samples", "expected": f"{8 * count} and EOF::"}
         raise file.error("wrong-count", **facts)
     samples = struct.unpack(f"<{count}d", body[: 8 * count])
-    found = Imported(format="rtx", kind=OTHER, rows=[1] * count)
-    found.facts = {name: value for name, value in header.items() if value and len(value) < 80}
+    result = Imported(format="rtx", kind=OTHER, rows=[1] * count)
+    result.facts = {name: value for name, value in header.items() if value and len(value) < 80}
     if samples:
-        found.facts |= {"least": min(samples), "largest": max(samples)}
-    found.says = ["the order of day and month in Date is not known"]
-    return found
+        result.facts |= {"least": min(samples), "largest": max(samples)}
+    result.says = ["the order of day and month in Date is not known"]
+    return result
 
 
 def _is_rtx(file: RawFile) -> bool:
@@ -233,7 +233,7 @@ def features_of(file: RawFile) -> dict[str, Any]:
 
     Raises InputError where it has no feature.
     """
-    found, features = dict[str, Any](), dict[str, Any]()
+    result, features = dict[str, Any](), dict[str, Any]()
     for element in file.xml.iter() if file.xml is not None else ():
         name = local(element.tag) if isinstance(element.tag, str) else ""
         known = {local(key).upper(): value for key, value in element.attrib.items()}
@@ -250,23 +250,23 @@ def features_of(file: RawFile) -> dict[str, Any]:
             features[known["NAME"]] = {"value": value, "unit": unit}
         for key in ("TEST_PLANE", "OPERATOR", "DATE_STARTED", "SERIAL_NUMBER", "LAST_CALIBRATED"):
             if key in known:
-                found.setdefault(key.lower(), known[key])
+                result.setdefault(key.lower(), known[key])
         if name in ("MACHINE_TESTED", "TEST_SPEC") and known.get("NAME"):
-            found.setdefault(name.lower(), known["NAME"])
+            result.setdefault(name.lower(), known["NAME"])
     if not features:
         raise file.error("empty-file", what="FEATURE with NAME, DT and value", expected="a .b5r")
-    return {**found, "features": features}
+    return {**result, "features": features}
 
 
 def read_b5r(file: RawFile, ask: Ask) -> Imported:
     """The features, to be shown: the elements of the raw samples are not documented."""
     known = features_of(file)
     features = known.pop("features")
-    found = Imported(format="b5r", kind=OTHER, rows=[1] * len(features))
+    result = Imported(format="b5r", kind=OTHER, rows=[1] * len(features))
     shown = {name: f"{each['value']:g} {each['unit']}".strip() for name, each in features.items()}
-    found.facts = known | shown
-    found.says = ["A and B are first and second axis of the plane; raw samples are not read"]
-    return found
+    result.facts = known | shown
+    result.says = ["A and B are first and second axis of the plane; raw samples are not read"]
+    return result
 
 
 def _is_b5r(file: RawFile) -> bool:

@@ -91,7 +91,7 @@ def read_with(
     if len(grid.rows) < 2:
         raise file.error("empty-file", what="rows", expected="a header and rows below it")
     header, rows = grid.rows[0].cells, grid.rows[1:]
-    found, faults = Imported(format="table", kind=kind), Cells(file)
+    result, faults = Imported(format="table", kind=kind), Cells(file)
     place = _places(file, grid.rows[0], profile, faults)
     table = Columns(faults, header, rows, ask.decimal or profile.decimal, grid.separator)
     columns, others = dict[str, list[Any]](), [*profile.subtract.values()]
@@ -117,19 +117,19 @@ def read_with(
         base = {**profile.constants, **{name: values[i] for name, values in columns.items()}}
         for named, values in zip(made_rows, turned, strict=True):
             if unpivot and values[i] is None:
-                found.drop("empty cells")
+                result.drop("empty cells")
                 continue
             own = base | ({unpivot.into: values[i]} if unpivot else {}) | named
-            found.add(row.line, **_worked(profile, own))
+            result.add(row.line, **_worked(profile, own))
     unused = [cell for i, cell in enumerate(header) if i not in place.values()]
-    found.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
-    found.drop("lines above the header", skip)
-    if kind != POINTS and found.rows:
-        _complete(file, ask, found)
+    result.drop(f"columns ({', '.join(unused[:6])})" if unused else "columns", len(unused))
+    result.drop("lines above the header", skip)
+    if kind != POINTS and result.rows:
+        _complete(file, ask, result)
     less = [f"{name} less {other}" for name, other in profile.subtract.items()]
     times = [f"{name} times {by:g}" for name, by in profile.scale.items()]
-    found.says[:0] = [said(grid, table.signs), *less, *times]
-    return found
+    result.says[:0] = [said(grid, table.signs), *less, *times]
+    return result
 
 
 def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict[str, int]:
@@ -138,15 +138,15 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
     def plain(text: object) -> str:
         return re.sub(r"\s+", " ", str(text)).casefold()
 
-    names, found = [plain(cell) for cell in header.cells], dict[str, int]()
+    names, result = [plain(cell) for cell in header.cells], dict[str, int]()
     others = [*profile.subtract.values(), *([profile.cycles.from_] if profile.cycles else [])]
     others += profile.unpivot.columns if profile.unpivot else []
     wanted = {name: name for name in others if name not in profile.constants} | profile.columns
     for name, heading in wanted.items():
         if isinstance(heading, int) and 1 <= heading <= len(names):
-            found[name] = heading - 1
+            result[name] = heading - 1
         elif names.count(plain(heading)) == 1:
-            found[name] = names.index(plain(heading))
+            result[name] = names.index(plain(heading))
         else:
             twice = plain(heading) in names
             code = "appears-twice" if twice else "missing-column"
@@ -154,17 +154,17 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
             facts |= {"expected": f"one of: {', '.join(header.cells[:12])}"}
             faults.found.append(file.finding(code, row=header.line, column=str(heading), **facts))
     faults.raise_if_any()
-    return found
+    return result
 
 
 def _cycles(levels: list[str]) -> list[str]:
     """Cycles are counted where the set-point returns to its first value."""
-    found, cycle, left = list[str](), 1, False
+    result, cycle, left = list[str](), 1, False
     for level in levels:
         cycle += left and level == levels[0]
         left = level != levels[0]
-        found.append(str(cycle))
-    return found
+        result.append(str(cycle))
+    return result
 
 
 def _turned(unpivot: Unpivot, ask: Ask) -> list[dict[str, Any]]:

@@ -80,8 +80,8 @@ def way_of(heading: str) -> str | None:
     words = re.findall(r"[^\W\d_]+|[+\-\u2212\u2191\u2193]", plain)
     # A single letter counts where no word does: "r1 forward" is the first run.
     known = [word for word in words if word in WAYS]
-    found = {WAYS[word] for word in known if len(word) > 1} or {WAYS[word] for word in known}
-    return found.pop() if len(found) == 1 else None
+    result = {WAYS[word] for word in known if len(word) > 1} or {WAYS[word] for word in known}
+    return result.pop() if len(result) == 1 else None
 
 
 def sniff(file: RawFile) -> bool:
@@ -107,11 +107,11 @@ def read_laser(file: RawFile, ask: Ask) -> Imported:
     start = next(i for i, line in enumerate(file.lines) if line.startswith("Raw Data:"))
     end = next((i for i in range(start + 1, len(file.lines))
                 if re.match(r"[A-Z][\w ]+:\s*$", file.lines[i])), len(file.lines))  # fmt: skip
-    found = Imported(format="laser-text")
+    result = Imported(format="laser-text")
     others = sum(map(bool, map(str.strip, file.lines[:start] + file.lines[end:])))
-    found.drop("lines of the other blocks (comments, environment, statistics)", others)
+    result.drop("lines of the other blocks (comments, environment, statistics)", others)
     # Blank lines keep the numbers of the file's own.
-    return _read(file, ask, [""] * (start + 1) + file.lines[start + 1 : end], found)
+    return _read(file, ask, [""] * (start + 1) + file.lines[start + 1 : end], result)
 
 
 def _read(file: RawFile, ask: Ask, lines: list[str], found: Imported) -> Imported:

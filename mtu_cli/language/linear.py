@@ -44,12 +44,12 @@ def _split(node: Node, linear: Mapping[str, str]) -> Parts:
         case Call("neg", (operand,), column):
             return {name: _negative(part, column) for name, part in _split(operand, linear).items()}
         case Call("+" | "-" as sign, (left, right), column):
-            found = _split(left, linear)
+            result = _split(left, linear)
             for key, part in _split(right, linear).items():
                 signed = _negative(part, column) if sign == "-" else part
-                own = found.get(key)
-                found[key] = signed if own is None else Call("+", (own, signed), column)
-            return found
+                own = result.get(key)
+                result[key] = signed if own is None else Call("+", (own, signed), column)
+            return result
         case Call("*", (left, right), column):
             of_left, of_right = _split(left, linear), _split(right, linear)
             if set(of_left) == {""}:

@@ -170,5 +170,5 @@ class _Parser:
 
 
 def _arguments(token: _Token, number: int, expected: str) -> InputError:
-    found = f"{token.text} has {number} arguments"
-    return error("wrong-count", found=found, column=token.column, expected=expected)
+    result = f"{token.text} has {number} arguments"
+    return error("wrong-count", found=result, column=token.column, expected=expected)

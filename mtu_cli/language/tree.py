@@ -55,11 +55,11 @@ def walk(node: Node) -> Iterator[Node]:
 
 def names(node: Node) -> dict[str, int]:
     """The names in the tree with the column of their first use."""
-    found: dict[str, int] = {}
+    result: dict[str, int] = {}
     for item in walk(node):
         if isinstance(item, Name):
-            found[item.name] = min(item.column, found.get(item.name, item.column))
-    return found
+            result[item.name] = min(item.column, result.get(item.name, item.column))
+    return result
 
 
 def check_known(node: Node, known: Collection[str], what: str = "name") -> None:

@@ -107,8 +107,8 @@ class Algebra:
         return simple_fraction(value) if self.factor is None else self.factor
 
     def _raised(self, node: Node, power: float) -> Powers:
-        found = self.of(node) ** power
-        return found if self.empirical else found.whole
+        result = self.of(node) ** power
+        return result if self.empirical else result.whole
 
     def differ(self, one: Powers, other: Powers) -> bool:
         """Whether two units that should be one are not."""

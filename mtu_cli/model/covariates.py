@@ -113,9 +113,9 @@ def numbers_of(
     become problems.
     """
     texts = column.tolist() if column.dtype == object else None
-    found = np.array([number(text) for text in texts]) if texts else column.astype(np.float64)
-    chosen = np.arange(len(found)) if rows is None else rows
-    for i in chosen[~np.isfinite(found[chosen])][:MOST_TOLD].tolist():
+    result = np.array([number(text) for text in texts]) if texts else column.astype(np.float64)
+    chosen = np.arange(len(result)) if rows is None else rows
+    for i in chosen[~np.isfinite(result[chosen])][:MOST_TOLD].tolist():
         text = texts[i] if texts else ""
         problems.append(
             finding(
@@ -127,7 +127,7 @@ def numbers_of(
                 **_row(points, i),
             )
         )
-    return found
+    return result
 
 
 def number(text: str) -> float:
@@ -179,16 +179,16 @@ def table_covariates(
     """
     numeric = {name: x.astype(np.float64) for name, x in columns.items() if x.dtype != object}
     lost = {name: ~np.isfinite(column) for name, column in numeric.items()}
-    found = {name: _smallest(x, cells) for name, x in numeric.items() if not lost[name].any()}
+    result = {name: _smallest(x, cells) for name, x in numeric.items() if not lost[name].any()}
     gaps = [
         f"{name} ({int(own.sum())} of {len(own)} rows, the first {_shown(measured, rows, own)})"
         for name, own in lost.items()
         if own.any()
     ]
     if not gaps:
-        return found, []
+        return result, []
     consequence = "no effect of such a column can be tested"
-    return found, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
+    return result, [finding("missing-values", what="cells", names=gaps, consequence=consequence)]
 
 
 def _shown(measured: Points | Readings, rows: IntArray, chosen: BoolArray) -> str:

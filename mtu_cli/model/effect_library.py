@@ -215,14 +215,14 @@ def choices(table: ResidualTable, over: str) -> dict[str, FloatArray]:
     if over == "operation":
         codes = enumerate(table.operations)
         return {name: (table.operation == code)[None] * 1.0 for code, name in codes}
-    found = dict(zip(table.features, np.eye(len(table.features))[:, None], strict=True))
+    result = dict(zip(table.features, np.eye(len(table.features))[:, None], strict=True))
     places: dict[str, list[FloatArray]] = {}
     for name in table.features if table.component is not None else ():
         place, _, sign = name.partition(" ")
         if sign:
-            places.setdefault(place, []).append(found[name])
+            places.setdefault(place, []).append(result[name])
     both = {place: np.sum(own, axis=0) for place, own in places.items() if len(own) > 1}
-    return found | (both if len(both) >= FEWEST_PLACES else {})
+    return result | (both if len(both) >= FEWEST_PLACES else {})
 
 
 # Names in braces.
@@ -302,14 +302,14 @@ class BoundTemplate:
             values[str(self.template.searched)] = searched[:, None, None]
         if self.family.over is not None:
             values[CHOSEN] = np.stack([*choices(self.data.table, self.family.over).values()])
-        found: dict[str, Levers] = {name: {} for name in self.parameters}
+        result: dict[str, Levers] = {name: {} for name in self.parameters}
         for axis, levers in self.levers.items():
             for name, node in levers.items():
                 lever = np.asarray(evaluate(node, values), float)
                 if not (np.abs(lever) < LARGEST).all():
                     raise NoMember("its equation has no finite value in some places")
-                found[name][axis] = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
-        return tuple(found.values())
+                result[name][axis] = lever.reshape((1,) * (3 - lever.ndim) + lever.shape)
+        return tuple(result.values())
 
     def slopes(self) -> dict[int, dict[str, Node]]:
         """By index of the axis the derivatives of the levers with respect to what is searched."""

@@ -87,7 +87,7 @@ def not_given(
     """Of effects that hold within a range of a column of which nothing is known, or not at all
     points: no equation needs it.
     """
-    found: Groups = {}
+    result: Groups = {}
     for effect in effects:
         for column in effect.within:
             low, high = effect.seen[column]
@@ -96,15 +96,15 @@ def not_given(
                 lack = f"{known.size - int(known.sum())} of {known.size} points have no value"
                 lack = lack if known.any() else f"no value is given (--at {column})"
                 key = (column, _between(low, high, high - low), lack)
-                found.setdefault(key, []).append(effect)
-    return _findings(found)
+                result.setdefault(key, []).append(effect)
+    return _findings(result)
 
 
 def outside_seen(
     effects: Sequence[DeclaredEffect], values: Mapping[str, FloatArray | float]
 ) -> list[Finding]:
     """Of effects that left a range that they were found on by more than a tenth of it."""
-    found: Groups = {}
+    result: Groups = {}
     for effect in effects:
         for column, (low, high) in effect.seen.items():
             given = np.atleast_1d(np.asarray(values.get(column, np.nan), float))
@@ -120,8 +120,8 @@ def outside_seen(
                 worst = _shown(float(given[int(np.argmax(excess))]), beyond)
                 seen = _between(low, high, high - low or beyond) + unit
                 key = (column, seen, f"extrapolated to {worst}{unit}")
-                found.setdefault(key, []).append(effect)
-    return _findings(found)
+                result.setdefault(key, []).append(effect)
+    return _findings(result)
 
 
 def _findings(found: Groups) -> list[Finding]:

@@ -71,8 +71,8 @@ class InstrumentFit:
     @property
     def way(self) -> int | None:
         """The direction that all readings have, +1 forward or -1; None of both, or of none."""
-        found = np.unique(self.direction).astype(int).tolist()
-        return found[0] if found in ([1], [-1]) else None
+        result = np.unique(self.direction).astype(int).tolist()
+        return result[0] if result in ([1], [-1]) else None
 
     @cached_property
     def scatter(self) -> FTest | None:
@@ -231,11 +231,11 @@ def reading_rounding(readings: Readings, rows: IntArray, stated: Unit) -> float:
     """
     units = None if readings.unit is None else readings.unit[rows]
     codes = readings.file_index[rows] * len(UNITS) + (0 if units is None else units)
-    found = [0.0]
+    result = [0.0]
     for code in np.unique(codes).tolist():
         unit = stated if units is None else list(UNITS.values())[code % len(UNITS)]
-        found.append(rounding_variance(readings.error[rows[codes == code]], unit.to_internal))
-    return max(found)
+        result.append(rounding_variance(readings.error[rows[codes == code]], unit.to_internal))
+    return max(result)
 
 
 def _estimate(name: str, component: Any, unit: Unit, found: InstrumentFit) -> ComponentEstimate:
@@ -320,14 +320,14 @@ def _at_both_ways(
     u(h)^2/4 more variance, h of one that ran both ways. Without such a one it stays as it is.
     """
     known = next((fit.reversal for fit in fits if fit.reversal is not None), None)
-    found = list(estimates)
+    result = list(estimates)
     for i, fit in enumerate(fits):
         if known is not None and fit.way is not None:
-            b, C = found[i].coefficients.copy(), found[i].covariance.copy()
+            b, C = result[i].coefficients.copy(), result[i].covariance.copy()
             b[0] -= fit.way * known.value / 2
             C[0, 0] += known.u**2 / 4
-            found[i] = replace(found[i], coefficients=b, covariance=C)
-    return found
+            result[i] = replace(result[i], coefficients=b, covariance=C)
+    return result
 
 
 def _weights(estimates: Sequence[ComponentEstimate], D: FloatArray, n: FloatArray) -> FloatArray:

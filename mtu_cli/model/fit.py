@@ -122,16 +122,16 @@ def reading_columns(
     readings: Readings, rows: IntArray, run: IntArray, axis: str
 ) -> dict[str, np.ndarray]:
     """Columns (n,) of the readings `rows` of a component, an error along `axis`; `run` of each."""
-    found: dict[str, np.ndarray] = {"sequence": run + 1.0}
+    result: dict[str, np.ndarray] = {"sequence": run + 1.0}
     sign = readings.direction[rows].astype(np.float64)
     if sign.any():
-        found[f"dir_{axis}"] = np.where(sign == 0, np.nan, sign)
+        result[f"dir_{axis}"] = np.where(sign == 0, np.nan, sign)
     others = {TIME: readings.time_min, **readings.covariates}
     for name, column in others.items():
         own = column[rows]
         if own.dtype == object or not np.isnan(own).all():
-            found.setdefault(name, own)
-    return found
+            result.setdefault(name, own)
+    return result
 
 
 def reading_places(readings: Readings, rows: IntArray, of: str | None) -> FloatArray:
@@ -194,11 +194,11 @@ def effects_on_readings(
 
 def estimates_from_fit(machine: LoadedMachine, fit: MachineFit | None) -> Estimates:
     """Readings win over coefficients in the machine file."""
-    found = from_machine_file(machine)
+    result = from_machine_file(machine)
     if fit is None:
-        return Estimates(components=found)
-    found |= {name: item.estimate for name, item in fit.components.items()}
-    return Estimates(components=found, joint=fit.joint)
+        return Estimates(components=result)
+    result |= {name: item.estimate for name, item in fit.components.items()}
+    return Estimates(components=result, joint=fit.joint)
 
 
 def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Finding]:
@@ -245,8 +245,8 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
     or degree.
     """
     _check_report(machine, report)
-    found = from_machine_file(machine)
-    found |= {name: _reported(name, item) for name, item in report.components.items()}
+    result = from_machine_file(machine)
+    result |= {name: _reported(name, item) for name, item in report.components.items()}
     effects, item = None, report.effects
     if item is not None:
         units = tuple(PARAMETER_UNITS[unit] for unit in item.units)
@@ -257,8 +257,8 @@ def estimates_from_report(machine: LoadedMachine, report: ComponentsReport) -> E
             values=np.asarray(item.values, float) * f,
             covariance=np.reshape(item.covariance, (len(f), len(f))) * np.outer(f, f),
         )
-    joint = tuple(_joint(group, found) for group in report.joint)
-    return Estimates(components=found, joint=joint, effects=effects)
+    joint = tuple(_joint(group, result) for group in report.joint)
+    return Estimates(components=result, joint=joint, effects=effects)
 
 
 def _check_report(machine: LoadedMachine, report: ComponentsReport | ThermalReport) -> None:

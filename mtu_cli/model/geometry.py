@@ -26,7 +26,7 @@ UPHILL = 1e-9
 """Share by which the sum of squares may grow in a step, by rounding."""
 ROUNDING = 16 * float(np.finfo(np.float64).eps)
 SAME = 1e-9
-"""Share of the extent below which points, or eigenvalues of a plane, are not told apart."""
+"""Share of the extent below which points, or eigenvalues of a plane, are not distinguished."""
 DIMENSIONS = {"circle": 2, "sphere": 3}
 KINDS = {d: kind for kind, d in DIMENSIONS.items()}
 
@@ -145,21 +145,21 @@ def _round(points: FloatArray) -> RoundFit:
     radius = max(float(start[d] + start[:d] @ start[:d]), 0.0) ** 0.5
     with np.errstate(invalid="ignore", divide="ignore"):
         centre, radii = round_figure(q.T[:, :, None], start[:d, None], radius, free=True)
-    found = np.append(centre[:, 0], radii)
-    if not np.isfinite(found).all():
+    result = np.append(centre[:, 0], radii)
+    if not np.isfinite(result).all():
         raise GeometryError(f"the {KINDS[d]} could not be fitted: the points hardly bend")
     for last in (False, True):
-        away = q - found[:d]
+        away = q - result[:d]
         distance = np.linalg.norm(away, axis=1)
         if distance.min() == 0:
             raise GeometryError("a point stands at the centre")
-        residuals, unit = distance - found[d], away / distance[:, None]
+        residuals, unit = distance - result[d], away / distance[:, None]
         if not last:
             # The far end of a short arc, to the last digit.
-            found = found + _solved(unit, residuals)
+            result = result + _solved(unit, residuals)
     return RoundFit(
-        centre=centroid + scale * found[:d],
-        radius=scale * float(found[d]),
+        centre=centroid + scale * result[:d],
+        radius=scale * float(result[d]),
         residuals=scale * residuals,
         away=unit,
         radius_gradient=_radius_gradient(unit, distance, residuals),

@@ -39,7 +39,7 @@ Covariates = Mapping[str, FloatArray | float]
 AXES = ("x", "y", "z")
 TIME = "time_min"
 MOST_SENSORS = 4
-"""Missing temperatures that are told one by one, or by name."""
+"""Missing temperatures that are reported one by one, or by name."""
 LARGEST = 1e30
 """Of a lever arm or error in mm: squares of larger ones are no numbers."""
 
@@ -77,16 +77,16 @@ def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> Floa
     temperature for all rows, or rows without times, count as settled. What lags is the mean over
     the rows of a moment; a sensor without lag is every row's own.
     """
-    found = np.empty((n, len(drift.sensors)))
+    result = np.empty((n, len(drift.sensors)))
     for s, sensor in enumerate(drift.sensors):
-        found[:, s] = covariates[sensor]
+        result[:, s] = covariates[sensor]
     times = row_times(covariates)
     if times is not None and drift.time_constants.any():
         order = np.argsort(times, kind="stable")
         constants, index = np.unique(drift.time_constants, return_inverse=True)
-        lagged = lag_of_moments(found[order], times[order], constants)
-        found[order] = lagged[index, :, np.arange(found.shape[1])].T
-    return found
+        lagged = lag_of_moments(result[order], times[order], constants)
+        result[order] = lagged[index, :, np.arange(result.shape[1])].T
+    return result
 
 
 def row_times(covariates: Covariates) -> FloatArray | None:
@@ -265,11 +265,11 @@ def missing_covariates(
 
 def sensors_of(model: MachineModel) -> dict[str, tuple[str, ...]]:
     """The components whose drift needs a sensor, by sensor."""
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for drift in model.drifts():
         for sensor in drift.sensors:
-            found[sensor] = (*found.get(sensor, ()), drift.component)
-    return found
+            result[sensor] = (*result.get(sensor, ()), drift.component)
+    return result
 
 
 class Design(NamedTuple):

@@ -106,9 +106,9 @@ def slope(line: Line) -> FloatArray:
     """b1 = sum u v / sum u u (m,) of the least-squares line; nan where u does not vary."""
     u, v = line
     squares = np.einsum("pm,pm->m", u, u)
-    found: FloatArray = np.full_like(squares, np.nan)
-    np.divide(np.einsum("pm,pm->m", u, v), squares, out=found, where=squares > 0)
-    return found
+    result: FloatArray = np.full_like(squares, np.nan)
+    np.divide(np.einsum("pm,pm->m", u, v), squares, out=result, where=squares > 0)
+    return result
 
 
 def angle_error(placed: tuple[Line, Line], nominal: tuple[Line, Line]) -> FloatArray:
@@ -117,8 +117,8 @@ def angle_error(placed: tuple[Line, Line], nominal: tuple[Line, Line]) -> FloatA
     dtheta = -b1(column) - b1(row), Gilsinn & Ling 2004, eqs. (24)-(26). Rows and columns that
     are not quite square by design have no error for it.
     """
-    found: FloatArray = -(slope(placed[0]) + slope(placed[1]))
-    return found + (slope(nominal[0]) + slope(nominal[1]))
+    result: FloatArray = -(slope(placed[0]) + slope(placed[1]))
+    return result + (slope(nominal[0]) + slope(nominal[1]))
 
 
 def check_square(part: LoadedPart, entries: Iterable[int]) -> None:

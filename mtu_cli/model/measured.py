@@ -61,14 +61,14 @@ def roundings(points: Points) -> FloatArray:
     """The variance r (3,) mm^2 of a coordinate by its last digit, of the coarsest file along each
     axis. A coordinate that is the nominal one has the digits of the drawing.
     """
-    found = np.zeros((len(points.sources), 3))
+    result = np.zeros((len(points.sources), 3))
     for code in range(len(points.sources)):
         rows = np.flatnonzero(points.file_index == code)
         rows = rows[:: len(rows) // SEEN + 1]
         measured, nominal = points.measured[rows], points.nominal[rows]
         for axis, values in enumerate(np.where(measured == nominal, np.nan, measured).T):
-            found[code, axis] = rounding_variance(values)
-    return found.max(axis=0)
+            result[code, axis] = rounding_variance(values)
+    return result.max(axis=0)
 
 
 def feature_tables(points: Points, rounding: FloatArray | None = None) -> MeasuredTables:
@@ -88,7 +88,7 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
         return cells_of(errors, cell, len(used), parts, spare=True)
 
     with ThreadPoolExecutor(3) as pool:
-        found = list(pool.map(along, axes))
+        result = list(pool.map(along, axes))
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
         labels=tuple(
@@ -97,7 +97,7 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
             for g in used.tolist()
         ),
         parts=points.parts,
-        cells=_stacked(found),
+        cells=_stacked(result),
         rounding=np.repeat(r[list(axes)], len(used)),
     )
 
@@ -234,16 +234,16 @@ def _visit_tables(
     the last digit; visits without a value are left out.
     """
     operations, _ = operations_of(points)
-    labels, found, of, parts = [], [], [], len(points.parts)
+    labels, result, of, parts = [], [], [], len(points.parts)
     for code, operation in enumerate(operations):
         for name, value, r in zip(ids, values, rounding, strict=True):
             kept = (visits.operation == code) & np.isfinite(value)
             if kept.any():
                 labels.append((operation, name, ""))
-                found.append(cells_of(value[kept], visits.part[kept], 1, parts))
+                result.append(cells_of(value[kept], visits.part[kept], 1, parts))
                 of.append(r)
-    if not found:
+    if not result:
         return None
     return MeasuredTables(
-        labels=tuple(labels), parts=points.parts, cells=_stacked(found), rounding=np.array(of)
+        labels=tuple(labels), parts=points.parts, cells=_stacked(result), rounding=np.array(of)
     )

@@ -87,10 +87,10 @@ def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[Int
 
 def _least(code: IntArray, values: FloatArray | IntArray, count: int) -> FloatArray:
     """The least of the `values` (n,) of each of `count` codes, nan where one of them is."""
-    found = np.full(count, np.inf)
+    result = np.full(count, np.inf)
     with np.errstate(invalid="ignore"):
-        np.minimum.at(found, code, values)
-    return found
+        np.minimum.at(result, code, values)
+    return result
 
 
 def _one_clock(keys: IntArray, starts: FloatArray, ends: FloatArray) -> bool:

@@ -107,10 +107,10 @@ class Prediction:
     @cached_property
     def beyond(self) -> dict[str, list[str]]:
         """The components beyond their measured range, by the point that is outside it."""
-        found: dict[str, list[str]] = {}
+        result: dict[str, list[str]] = {}
         for point, component, *_ in self.outside:
-            found.setdefault(point, []).append(component)
-        return found
+            result.setdefault(point, []).append(component)
+        return result
 
     @cached_property
     def covariance(self) -> FloatArray:
@@ -171,7 +171,7 @@ class Prediction:
 
     def pass_squares(self, A: FloatArray) -> list[PassSquare | None]:
         """What of the mean squares of `variance`, in their order, is of passes."""
-        return [found for block in self.blocks for found in pass_squares(block, A)]
+        return [result for block in self.blocks for result in pass_squares(block, A)]
 
     def variance(self, A: FloatArray | None = None) -> Variance:
         """Variance of the linear measurands A E, A (m, n*a): law of propagation with covariance.

@@ -132,15 +132,15 @@ def _together(
     name: str, readings: Readings, rows: IntArray, layout: ReadingLayout
 ) -> list[Finding]:
     """What is judged as one: readings of several instruments, and passes that run one way."""
-    found = []
+    result = []
     roles = dict.fromkeys(readings.roles[i] for i in readings.file_index[rows])
     if len(roles) > 1:
         listed = " and ".join(roles)
-        found.append(finding("instruments-together", component=name, instruments=listed))
+        result.append(finding("instruments-together", component=name, instruments=listed))
     if layout.pairs:
         pairs = ", ".join(layout.pairs[:SHOWN]) + " and so on" * (len(layout.pairs) > SHOWN)
-        found.append(finding("passes-paired", component=name, pairs=pairs))
-    return found
+        result.append(finding("passes-paired", component=name, pairs=pairs))
+    return result
 
 
 def _usable(

@@ -126,12 +126,12 @@ class ResidualTable:
         the table has, rounded outward to a millionth of the range.
         """
         values = {axis: self.places[..., i] for i, axis in enumerate(AXES)} | self.covariates
-        found = {}
+        result = {}
         for name in dict.fromkeys(columns):
             own = np.broadcast_to(values.get(name, np.nan), self.there.shape)[self.there]
             if len(own) and np.isfinite(own).all():
-                found[name] = _outward(float(own.min()), float(own.max()))
-        return found
+                result[name] = _outward(float(own.min()), float(own.max()))
+        return result
 
 
 def _outward(low: float, high: float) -> list[float]:

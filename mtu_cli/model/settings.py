@@ -19,7 +19,7 @@ DEFAULT_SEED = 20040126
 MOST_TRIALS, ENOUGH_TRIALS = 10_000_000, 300_000
 """Where the count adapts: of one output at most so many, of many at least these."""
 MOST_DRAWN = 60_000_000
-"""Values of all outputs together: some seconds. What clause 8 cannot decide by then is told."""
+"""Values of all outputs together: some seconds. What clause 8 cannot decide by then is reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

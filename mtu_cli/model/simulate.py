@@ -51,12 +51,12 @@ def pass_root(model: MachineModel) -> FloatArray:
     Raises InputError for passes of which nothing is known.
     """
     columns = model.columns
-    found, every = np.zeros((columns[-1].stop, columns[-1].stop)), np.arange(columns[-1].stop)
+    result, every = np.zeros((columns[-1].stop, columns[-1].stop)), np.arange(columns[-1].stop)
     place = {term.estimate.name: every[own] for term, own in zip(model.terms, columns, strict=True)}
     for block in _blocks(model):
         own = np.concatenate([place[name] for name in block.names])
-        found[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
-    return found
+        result[np.ix_(own, own)] = covariance_root(drawable_passes(block.D, block.C))
+    return result
 
 
 def _blocks(model: MachineModel) -> list[Block]:
@@ -69,8 +69,8 @@ def _blocks(model: MachineModel) -> list[Block]:
             joint.append(group)
     columns = model.columns
     nothing, none = np.zeros((0, columns[-1].stop)), np.zeros((0, len(columns)))
-    found = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
-    unknown = [block.names[0] for block in found if not np.isfinite(block.D).all()]
+    result = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
+    unknown = [block.names[0] for block in result if not np.isfinite(block.D).all()]
     if unknown:
         raise error(
             "too-little-data",
@@ -78,7 +78,7 @@ def _blocks(model: MachineModel) -> list[Block]:
             path=f"the pass-to-pass covariance of {', '.join(unknown)}",
             expected="a report of readings in several passes",
         )
-    return found
+    return result
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,14 +176,14 @@ def errors_by_axis(option: str, texts: Sequence[str], axes: Sequence[str]) -> Eq
 
 def covariate_equations(option: str, texts: Sequence[str]) -> Equations:
     """Declared covariates; none may take a column that the points have anyway."""
-    found: dict[str, Node] = {}
+    result: dict[str, Node] = {}
     for text in texts:
         name, node = named_equation(option, text, column=True)
-        if name in TAKEN or name in found:
+        if name in TAKEN or name in result:
             place = {"path": option, "value": text, "taken": "a column of the points"}
             raise error("name-taken", **place, expected="another name, such as T_spindle_degC")
-        found[name] = node
-    return tuple(found.items())
+        result[name] = node
+    return tuple(result.items())
 
 
 def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str, Node]:
@@ -280,29 +280,29 @@ class Part:
                 place = {"path": option, "column": names[name], "expected": expected}
                 meant = nearest(name, known)
                 raise error("unknown-name", what="name", value=name, meant=meant, **place)
-        found = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
-        if not np.isfinite(found).all():
-            i = int(np.argmin(np.isfinite(found)))
+        result = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
+        if not np.isfinite(result).all():
+            i = int(np.argmin(np.isfinite(result)))
             at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
             where = f" at {at} {self.named(i)}".rstrip()
             expected = "an equation that has one at every feature"
             what = {"what": "the equation", "where": where, "expected": expected}
             raise error("no-finite-value", path=option, **what)
-        beyond = (found < least) | (found > most)
+        beyond = (result < least) | (result > most)
         if beyond.any():
             i = int(np.argmax(beyond))
             unit = " mm" if most == LARGEST_MM else ""
             expected = f"at most {most:g}{unit} in size"
-            if found[i] < least == 0:
+            if result[i] < least == 0:
                 expected = "a standard deviation of 0 or more, mm"
-            place = {"path": f"{option} {self.named(i)}", "value": f"{found[i]:g}"}
+            place = {"path": f"{option} {self.named(i)}", "value": f"{result[i]:g}"}
             raise error("out-of-range", **place, expected=expected)
-        return found
+        return result
 
 
 def _parts(ids: Sequence[str], points: FloatArray, plan: PartsPlan) -> list[Part]:
     """Sequence, time and approach directions of every part's features, and the declared ones."""
-    n, found = len(points), []
+    n, result = len(points), []
     for part in range(plan.parts):
         backward = plan.reverse_every > 0 and (part + 1) % plan.reverse_every == 0
         order = np.arange(n)[:: -1 if backward else 1]
@@ -316,12 +316,12 @@ def _parts(ids: Sequence[str], points: FloatArray, plan: PartsPlan) -> list[Part
                 values[f"dir_{axis}"] = np.empty(n)
                 values[f"dir_{axis}"][order] = moves[last]
         values |= {name: columns[part] for name, columns in plan.given.items()}
-        found.append(Part(number=part + 1, ids=ids, points=points, values=values))
+        result.append(Part(number=part + 1, ids=ids, points=points, values=values))
         for name, node in plan.covariates:
             # One may use those before it.
             option, most = f"--covariate {name}", LARGEST_READING
-            values[name] = found[-1].evaluated(option, node, -most, most)
-    return found
+            values[name] = result[-1].evaluated(option, node, -most, most)
+    return result
 
 
 def simulate_points(

@@ -66,12 +66,12 @@ def followed(
     room = _lagged(driven, times, climate.room_lag) + _wobble(
         climate.room_wobble, n, step, stream(seed, _CLIMATE_STREAM, 1)
     )
-    found = np.empty((n, len(sensors.names)))
+    result = np.empty((n, len(sensors.names)))
     for s, (lag, share) in enumerate(zip(sensors.lags, sensors.shares, strict=True)):
         draught = _wobble(climate.sensor_wobble, n, step, stream(seed, _CLIMATE_STREAM, 2, s))
         air = climate.reference + share * (room - climate.reference) + draught
-        found[:, s] = _lagged(air, times, float(lag))
-    return found
+        result[:, s] = _lagged(air, times, float(lag))
+    return result
 
 
 def _lagged(signal: FloatArray, times: FloatArray, lag: float) -> FloatArray:

@@ -71,10 +71,10 @@ def output_of(machine: LoadedMachine, name: str, axis: str) -> str:
     """
     place = {each.name: i for i, each in enumerate(machine.machine.effects)}
     if name in place:
-        found = [equation[1:] for equation in machine.effect_forms[place[name]]]
+        result = [equation[1:] for equation in machine.effect_forms[place[name]]]
     else:
-        found = [key[1:] for key, form in machine.forms.items() if name in form.coefficients]
-    return found[0] if len(found) == 1 else axis
+        result = [key[1:] for key, form in machine.forms.items() if name in form.coefficients]
+    return result[0] if len(result) == 1 else axis
 
 
 def default_positions(machine: LoadedMachine, name: str, axis: str) -> FloatArray:

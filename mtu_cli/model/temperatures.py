@@ -46,10 +46,10 @@ def temperature_gradients(
     `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
     mm: what one standard uncertainty of a reading does to the errors once they have settled.
     """
-    found: dict[str, FloatArray] = {}
+    result: dict[str, FloatArray] = {}
     for sensor, _, column in _by_sensor(model, points, levers, noise=noise):
-        found[sensor] = found.get(sensor, 0.0) + column
-    return found
+        result[sensor] = result.get(sensor, 0.0) + column
+    return result
 
 
 def temperature_blocks(
@@ -71,7 +71,7 @@ def temperature_blocks(
     each, which = [column for column in given if column.ndim], np.zeros(n, np.int64)
     if each:
         which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
-    found = []
+    result = []
     for sensor, by_lag in columns.items():
         R = np.ones((n, 1))
         if np.ndim(covariates[sensor]):
@@ -85,13 +85,13 @@ def temperature_blocks(
             through[:, order] = lag_of_moments(R[order], times[order], lags)
         elif K == n > 1 and live:
             # Every row has a reading of its own.
-            found.append(normal_block(sensor, np.sum([*live.values()], axis=0), of_part=True))
+            result.append(normal_block(sensor, np.sum([*live.values()], axis=0), of_part=True))
             continue
         parts = zip(live.values(), through, strict=True)
         F = sum((g[:, None] * np.repeat(own, a, axis=0) for g, own in parts), np.zeros((n * a, K)))
         if live:
-            found.append(normal_block(sensor, F, of_part=True))
-    return found
+            result.append(normal_block(sensor, F, of_part=True))
+    return result
 
 
 def temperature_warnings(

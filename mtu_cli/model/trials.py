@@ -234,11 +234,11 @@ def position_conformance(
     101:2008, 6.4.9): every trial draws one W a source, and with it the errors along x and y
     together. An axis without equation has no error.
     """
-    found: list[PositionConformance | None] = [None] * len(position_um)
+    result: list[PositionConformance | None] = [None] * len(position_um)
     zones = {i: zone for i, zone in enumerate(position_um) if zone is not None}
     axes = [prediction.axes.index(axis) for axis in "xy" if axis in prediction.axes]
     if not (zones and axes):
-        return tuple(found)
+        return tuple(result)
     rows: IntArray = np.array([[i * len(prediction.axes) + axis for axis in axes] for i in zones])
     factor, dof = _plane_factor(prediction, rows, independent=settings.independent)
     mean, limit = prediction.mean[rows].reshape(-1, 1), np.array([*zones.values()]) * UM / 2
@@ -253,8 +253,8 @@ def position_conformance(
 
     names = tuple(prediction.ids[i] for i in zones)
     for i, p, se in zip(zones, *_counted(names, inside, settings), strict=True):
-        found[i] = PositionConformance(position_um=zones[i], probability=float(p), se=float(se))
-    return tuple(found)
+        result[i] = PositionConformance(position_um=zones[i], probability=float(p), se=float(se))
+    return tuple(result)
 
 
 def _plane_factor(

@@ -230,7 +230,7 @@ def motions_of(
     H, 3) mm have values where they are `there` (N, H); `operation` (H,) codes; `axes` (0, 1, 2)
     those of the errors.
     """
-    found: list[Motions] = []
+    result: list[Motions] = []
     for code in np.unique(operation) if datum != "none" else ():
         own = np.flatnonzero(operation == code)
         flat = np.nan_to_num(places[:, own]).reshape(len(places), -1)
@@ -241,8 +241,8 @@ def motions_of(
             if len(columns):
                 rows = np.flatnonzero(kind.reshape(-1) == k)
                 Q = basis(np.nan_to_num(places[row, columns]), axes, datum)
-                found.append(Motions(rows=rows, columns=columns, Q=Q))
-    return tuple(found)
+                result.append(Motions(rows=rows, columns=columns, Q=Q))
+    return tuple(result)
 
 
 def without_motions(values: FloatArray, motions: Sequence[Motions], rows: int) -> FloatArray:
@@ -348,9 +348,9 @@ class Cells:
 
     def table(self, means: FloatArray, fill: float = np.nan) -> FloatArray:
         """Values (m, ...) of the cells as (parts, columns, ...), `fill` where there is none."""
-        found = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
-        found[self.there] = means
-        return found.reshape(self.parts, self.columns, *means.shape[1:])
+        result = np.full((self.parts * self.columns, *means.shape[1:]), fill, means.dtype)
+        result[self.there] = means
+        return result.reshape(self.parts, self.columns, *means.shape[1:])
 
     @cached_property
     def repeats(self) -> IntArray:

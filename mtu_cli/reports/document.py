@@ -109,10 +109,10 @@ class Document:
 
     def record(self) -> dict[str, Any]:
         """`results` of the JSON report."""
-        found = record(*self.results)
+        result = record(*self.results)
         for fields, item in self.also:
-            found |= record(fields, item)
-        return found
+            result |= record(fields, item)
+        return result
 
     def rows(self) -> tuple[Sequence[str], Iterable[Sequence[Any]]]:
         """Header and rows of the CSV."""

@@ -301,16 +301,16 @@ def _getter(path: str) -> Callable[[Any], Any]:
 
 def record(fields: Fields | Callable[[Any], Fields], item: Any) -> dict[str, Any]:
     """The item as JSON holds it, keys in the order of the declaration."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for each in fields_of(fields, item):
         if not each.path:
             continue
         *outer, name = each.path.split(".")
-        inner = found
+        inner = result
         for key in outer:
             inner = inner.setdefault(key, {})
         inner[name] = each.json(item)
-    return found
+    return result
 
 
 def _divided(value: Any, size: Any) -> Any:

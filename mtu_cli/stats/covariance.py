@@ -75,8 +75,8 @@ def bounded(K: FloatArray, S: FloatArray) -> FloatArray:
     inverse = (vectors[:, live] / np.sqrt(values[live])).T / scale
     values, vectors = np.linalg.eigh(inverse @ K @ inverse.T)
     turned = root @ vectors
-    found: FloatArray = (turned * values.clip(-1.0, 1.0)) @ turned.T
-    return (found + found.T) / 2
+    result: FloatArray = (turned * values.clip(-1.0, 1.0)) @ turned.T
+    return (result + result.T) / 2
 
 
 def as_covariance(C: FloatArray) -> FloatArray:

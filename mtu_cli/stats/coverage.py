@@ -38,9 +38,9 @@ def effective_dof(total: FloatArray, squares: FloatArray, dof: FloatArray) -> Fl
     square with finite degrees of freedom is there.
     """
     spread = (squares**2 / dof[:, None]).sum(axis=0)
-    found: FloatArray = np.full_like(total, np.inf)
-    np.divide(total**2, spread, out=found, where=spread > 0)
-    return found
+    result: FloatArray = np.full_like(total, np.inf)
+    np.divide(total**2, spread, out=result, where=spread > 0)
+    return result
 
 
 def coverage_factor(probability: float, dof: float = math.inf) -> float:
@@ -62,8 +62,8 @@ def t_quantile(probability: FloatArray, dof: float) -> FloatArray:
     """Quantiles (n,) of Student's t at `probability` (n,); of the normal for infinite `dof`."""
     from scipy.special import ndtri, stdtrit
 
-    found = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
-    return np.asarray(found, dtype=np.float64)
+    result = ndtri(probability) if math.isinf(dof) else stdtrit(dof, probability)
+    return np.asarray(result, dtype=np.float64)
 
 
 def t_quantiles(probability: FloatArray, dof: FloatArray) -> FloatArray:

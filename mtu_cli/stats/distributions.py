@@ -202,17 +202,17 @@ def marginal(item: Distribution) -> Marginal:
 
     z, weight = _nodes()
     if not item.bounded:
-        found = np.zeros(TERMS)
-        found[1] = item.u
-        return Marginal(item=item, at=item.u * z, coefficients=found)
+        result = np.zeros(TERMS)
+        result[1] = item.u
+        return Marginal(item=item, at=item.u * z, coefficients=result)
     at = bounded_quantile(item, ndtr(z))
     q = at * weight
     before, own = np.zeros_like(z), np.ones_like(z)
-    found = np.empty(TERMS)
+    result = np.empty(TERMS)
     for k in range(TERMS):
-        found[k] = float(q @ own)
+        result[k] = float(q @ own)
         before, own = own, (z * own - math.sqrt(k) * before) / math.sqrt(k + 1.0)
-    return Marginal(item=item, at=at, coefficients=found)
+    return Marginal(item=item, at=at, coefficients=result)
 
 
 def largest_covariance(first: Marginal, second: Marginal) -> float:

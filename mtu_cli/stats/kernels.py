@@ -36,12 +36,12 @@ def weights(knots: FloatArray, position: FloatArray) -> FloatArray:
     fixed = line(a, 0.0)
     left = np.block([[wiener(a, a), fixed], [fixed.T, np.zeros((2, 2))]])
     right = np.vstack([wiener(a, b), line(b, 0.0).T])
-    found: FloatArray = np.linalg.solve(left, right)[: len(knots)].T
+    result: FloatArray = np.linalg.solve(left, right)[: len(knots)].T
     # At a knot the value itself, without rounding.
     at = np.minimum(np.searchsorted(knots, position), len(knots) - 1)
     there = knots[at] == position
-    found[there] = np.eye(len(knots))[at[there]]
-    return found
+    result[there] = np.eye(len(knots))[at[there]]
+    return result
 
 
 def left_open(knots: FloatArray, position: FloatArray) -> FloatArray:

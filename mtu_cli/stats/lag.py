@@ -52,6 +52,6 @@ def lag_of_moments(signal: FloatArray, time: FloatArray, time_constants: FloatAr
     # About one of them: equal rows keep their value to the last digit.
     more = np.add.reduceat(signal - first[moment], starts, axis=0)
     mean = first + more / np.bincount(moment)[:, None]
-    found = first_order_lag(mean, time[starts], time_constants)[:, moment]
-    found[np.asarray(time_constants) <= 0] = signal
-    return found
+    result = first_order_lag(mean, time[starts], time_constants)[:, moment]
+    result[np.asarray(time_constants) <= 0] = signal
+    return result

@@ -117,14 +117,14 @@ def _from_next_period(
     """
     from scipy.special import stdtr
 
-    found = np.zeros_like(x)
+    result = np.zeros_like(x)
     for c, item in terms:
         if not item.bounded and item.dof < LONG_TAILS:
             scale = sigma / (c * item.u)
             for period in (2.0 * reach, 4.0 * reach, 6.0 * reach):
-                found += stdtr(item.dof, scale * (x - period))
-                found -= stdtr(item.dof, -scale * (x + period))
-    return found
+                result += stdtr(item.dof, scale * (x - period))
+                result -= stdtr(item.dof, -scale * (x + period))
+    return result
 
 
 def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:
@@ -136,13 +136,13 @@ def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:
     # The half-width is rectangular: the mean of the shape's own function over it. In closed form
     # it cancels at small phases, where few nodes follow it.
     slow = item.inexact * item.half_width * omega <= SLOW
-    found = np.empty_like(omega)
-    found[slow] = _averaged(item, omega[slow])
+    result = np.empty_like(omega)
+    result[slow] = _averaged(item, omega[slow])
     if not np.all(slow):
         high = item.half_width * (1.0 + item.inexact) * omega[~slow]
         low = item.half_width * (1.0 - item.inexact) * omega[~slow]
-        found[~slow] = (_integral(item, high) - _integral(item, low)) / (high - low)
-    return found
+        result[~slow] = (_integral(item, high) - _integral(item, low)) / (high - low)
+    return result
 
 
 def _normal(item: Distribution, omega: FloatArray) -> FloatArray:
@@ -156,20 +156,20 @@ def _normal(item: Distribution, omega: FloatArray) -> FloatArray:
     logs = np.linspace(-spread, min(spread, 9.0 / math.sqrt(half)), SCALE_NODES)
     weights = np.exp(half * (logs - np.expm1(logs)))
     weights /= weights.sum()
-    found = np.zeros_like(omega)
+    result = np.zeros_like(omega)
     for log, weight in zip(logs, weights, strict=True):
         if weight > NEGLIGIBLE:
-            found += weight * np.exp(-square * math.exp(-log))
-    return found
+            result += weight * np.exp(-square * math.exp(-log))
+    return result
 
 
 def _averaged(item: Distribution, omega: FloatArray) -> FloatArray:
     nodes, weights = np.polynomial.legendre.leggauss(HALF_WIDTH_NODES)
-    found = np.zeros_like(omega)
+    result = np.zeros_like(omega)
     for node, weight in zip(nodes, weights, strict=True):
         width = item.half_width * (1.0 + item.inexact * node)
-        found += 0.5 * weight * _shape(item, width * omega)
-    return found
+        result += 0.5 * weight * _shape(item, width * omega)
+    return result
 
 
 def _shape(item: Distribution, x: FloatArray) -> FloatArray:

@@ -125,17 +125,17 @@ def fit_passes(
 def _separated(
     y: FloatArray, design: _PassDesign, plain: LeastSquares, center: float
 ) -> PassFit | None:
-    """Pass-to-pass scatter told from repeatability; None where the readings cannot."""
+    """Pass-to-pass scatter beside repeatability; None where the readings cannot."""
     rows, G = design.rows, len(design.ids)
     Z, common = design.Z[rows], design.X[rows, design.Z.shape[1] :]
-    found = _between_lines(y[rows], Z, common, design.own, design.fixed)
-    if found is None:
+    result = _between_lines(y[rows], Z, common, design.own, design.fixed)
+    if result is None:
         return None
-    s2, between = found.rss / max(found.dof, 1), found.S
-    within, D = s2 * found.M, positive_part(between, found.M, s2)
+    s2, between = result.rss / max(result.dof, 1), result.S
+    within, D = s2 * result.M, positive_part(between, result.M, s2)
     # Two or three may agree by chance far better than repeatability allows: D is not negative.
     moment = D if design.dof < FEW_PASSES else between - within
-    K = covariance_in_runs(found.deviations, design.pairs, between)
+    K = covariance_in_runs(result.deviations, design.pairs, between)
     halves = None
     if len(design.pairs) >= FEWEST_RUNS:
         # Passes without a fellow have no covariance: over all of them it is so much less. Where
@@ -154,13 +154,13 @@ def _separated(
         D_moment=moment,
         between=between,
         pass_dof=design.dof,
-        within_dof=found.dof,
-        within_rss=found.rss,
+        within_dof=result.dof,
+        within_rss=result.rss,
         separated=True,
         groups=design.ids,
         group_direction=design.sign,
-        pass_coefficients=found.coefficients,
-        deviations=found.deviations,
+        pass_coefficients=result.coefficients,
+        deviations=result.deviations,
         divisor=G - design.fixed.shape[1],
         pairs=design.pairs,
         half_differences=halves,

@@ -114,12 +114,12 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
     """
     from scipy.special import stdtrit
 
-    found = np.zeros(values.shape, bool)
+    result = np.zeros(values.shape, bool)
     usable = np.isfinite(values)
     known = values[usable]
     n, dof = len(known), len(known) - fitted - 1
     if dof < FEWEST:
-        return found, 0.0
+        return result, 0.0
     middle = np.median(known[:: n // SAMPLED + 1])
     rest = np.abs(known - middle)
     sample = rest[:: n // SAMPLED + 1]
@@ -134,8 +134,8 @@ def outlying(values: FloatArray, fitted: int = 0, r: float = 0.0) -> tuple[BoolA
     wide = far > FACTOR * np.append(rest[~beyond].max(initial=0.0), far[:-1])[: len(far)]
     wide[: max(len(far) - int(MOST * n), 0)] = False
     if wide.any():
-        found[usable] = rest >= far[wide][0]
-    return found, s
+        result[usable] = rest >= far[wide][0]
+    return result, s
 
 
 def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[BoolArray, float]:
@@ -155,8 +155,8 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
     """
     from scipy.special import stdtrit
 
-    found, s, usable = np.zeros(len(values), bool), 0.0, np.isfinite(values)
-    while len(rest := np.flatnonzero(usable & ~found)) >= 2 * FEWEST:
+    result, s, usable = np.zeros(len(values), bool), 0.0, np.isfinite(values)
+    while len(rest := np.flatnonzero(usable & ~result)) >= 2 * FEWEST:
         away, scatter = _off_neighbours(values[rest])
         known = scatter[np.isfinite(scatter)]
         s2 = (NORMAL_MAD * float(np.median(np.abs(known)))) ** 2
@@ -169,8 +169,8 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
         worst = (off > 0) & (off == top)
         if s == 0 or not worst.any():
             break
-        found[rest[worst]] = True
-    return found, s
+        result[rest[worst]] = True
+    return result, s
 
 
 def _off_neighbours(values: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -70,7 +70,7 @@ def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:
 
 
 def pass_scatter(fit: PassFit, r: float = 0.0) -> FTest | None:
-    """Do the passes differ by more than repeatability? None where that cannot be told. The extra
+    """Do the passes differ by more than repeatability? None where that is undecided. The extra
     sum of squares of one line a pass over one line a direction, against s_repeat^2 (Draper & Smith,
     Applied Regression Analysis, 6.1): exact on any design. What the last digit hides from
     s_repeat^2, `r` at most, counts as scatter (`stats.resolution`).

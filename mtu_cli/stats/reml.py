@@ -62,17 +62,17 @@ def reml(cells: Cells) -> Components:
 
 
 def _levels(cells: Cells) -> _Levels:
-    found = np.unique(cells.n)
-    found = found[found > 0]
-    count, mean, squares = (np.empty((len(cells.n), len(found))) for _ in range(3))
-    for k, n in enumerate(found):
+    result = np.unique(cells.n)
+    result = result[result > 0]
+    count, mean, squares = (np.empty((len(cells.n), len(result))) for _ in range(3))
+    for k, n in enumerate(result):
         own = cells.n == n
         count[:, k] = own.sum(axis=1)
         mean[:, k] = np.where(own, cells.mean, 0.0).sum(axis=1) / np.maximum(count[:, k], 1)
         away = np.where(own, cells.mean - mean[:, k, None], 0.0)
         squares[:, k] = np.einsum("ij,ij->i", away, away)
     N, within = cells.n.sum(axis=1), cells.within
-    return _Levels(n=found, count=count, mean=mean, squares=squares, within=within, N=N)
+    return _Levels(n=result, count=count, mean=mean, squares=squares, within=within, N=N)
 
 
 def _fit(levels: _Levels, r: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

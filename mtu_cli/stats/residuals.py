@@ -75,9 +75,9 @@ def variance_inflation(columns: FloatArray) -> FloatArray:
     """
     singular, Vt = _of_unit_columns(columns)
     tiny = singular <= DEPENDENT * singular[0]
-    found = ((Vt[~tiny].T / singular[~tiny]) ** 2).sum(axis=1)
+    result = ((Vt[~tiny].T / singular[~tiny]) ** 2).sum(axis=1)
     dependent = (Vt[tiny] ** 2).sum(axis=0) > DEPENDENT
-    return np.where(dependent, np.inf, found)
+    return np.where(dependent, np.inf, result)
 
 
 def _of_unit_columns(columns: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -213,7 +213,7 @@ def _clusters(
     blocks: Sequence[Block], white: _Whitened, beta: FloatArray, M: FloatArray
 ) -> tuple[tuple[FloatArray, FloatArray, FloatArray], ...]:
     """(R, A, Q'e) of each cluster: X = Q R, A = (I - R M R')^(-1/2) R M, residuals e."""
-    found = []
+    result = []
     for cluster in dict.fromkeys(block.cluster for block in blocks):
         mine = [i for i, block in enumerate(blocks) if block.cluster == cluster]
         X = np.vstack([white.X[i] for i in mine])
@@ -222,5 +222,5 @@ def _clusters(
         values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ M @ R.T)
         usable = values > _SINGULAR
         root = np.where(usable, 1 / np.sqrt(np.where(usable, values, 1.0)), 0.0)
-        found.append((R, (vectors * root) @ vectors.T @ R @ M, Q.T @ e))
-    return tuple(found)
+        result.append((R, (vectors * root) @ vectors.T @ R @ M, Q.T @ e))
+    return tuple(result)

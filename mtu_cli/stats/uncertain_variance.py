@@ -147,8 +147,8 @@ def _inverse_chi_squared(z: FloatArray, dof: FloatArray) -> FloatArray:
 
     own, which = np.unique(np.minimum(dof, 1e9), return_inverse=True)
     nu = own[:, None]
-    found: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
-    return np.where(np.isinf(dof)[:, None], 1.0, found[which])
+    result: FloatArray = nu / (2 * gammaincinv(nu / 2, ndtr(-z)))
+    return np.where(np.isinf(dof)[:, None], 1.0, result[which])
 
 
 def _gathered(sums: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -80,9 +80,9 @@ class Trend:
 def sequences(points: Points) -> dict[str, FloatArray]:
     """Of every operation the place (parts,) of each part in the sequence, nan where it is not."""
     operations, operation = operations_of(points)
-    found = np.full((len(operations), len(points.parts)), np.nan)
-    found[operation, points.part] = points.sequence
-    return dict(zip(operations, found, strict=True))
+    result = np.full((len(operations), len(points.parts)), np.nan)
+    result[operation, points.part] = points.sequence
+    return dict(zip(operations, result, strict=True))
 
 
 def trends(kinds: Sequence[Analysed], sequence: dict[str, FloatArray]) -> tuple[Trend, ...]:
@@ -91,7 +91,7 @@ def trends(kinds: Sequence[Analysed], sequence: dict[str, FloatArray]) -> tuple[
     """
     from scipy.special import stdtr
 
-    found: list[tuple[Label, float, float]] = []
+    result: list[tuple[Label, float, float]] = []
     p_values: list[FloatArray] = []
     for kind in kinds:
         cells = kind.tables.cells
@@ -109,11 +109,11 @@ def trends(kinds: Sequence[Analysed], sequence: dict[str, FloatArray]) -> tuple[
         known &= (u > 0) | (slope != 0)
         t = np.divide(np.abs(slope), u, out=np.full_like(u, np.inf), where=u > 0)
         p_values.append(np.where(known, 2 * stdtr(dof, -t), np.nan))
-        found += zip(kind.labels, slope.tolist(), u.tolist(), strict=True)
+        result += zip(kind.labels, slope.tolist(), u.tolist(), strict=True)
     p = np.minimum(holm(np.concatenate(p_values)) / TRENDS, 1.0).tolist()
     return tuple(
         Trend(where=where, slope=slope, u=u, p=each)
-        for (where, slope, u), each in zip(found, p, strict=True)
+        for (where, slope, u), each in zip(result, p, strict=True)
         if np.isfinite(each)
     )
 
@@ -129,7 +129,7 @@ def capabilities(
     kinds: Sequence[Analysed], part: LoadedPart | None, sequence: dict[str, FloatArray]
 ) -> tuple[Capability, ...]:
     """Of everything in the part file that has a tolerance, and was measured on two parts."""
-    limits, found = {} if part is None else _limits(part), []
+    limits, result = {} if part is None else _limits(part), []
     for kind in kinds:
         rows = {label: i for i, label in enumerate(kind.labels)}
         of: Of = "position" if kind.kind == "feature" else kind.kind
@@ -146,7 +146,7 @@ def capabilities(
                 continue
             (low, high), r = limits[of, name], float(kind.rounding[i])
             indices = _of_one if len(chosen) == 1 else _of_position
-            found.append(
+            result.append(
                 Capability(
                     kind=of,
                     operation=operation,
@@ -157,23 +157,23 @@ def capabilities(
                     **indices(values[order], low, high, r),
                 )
             )
-    return tuple(found)
+    return tuple(result)
 
 
 def _limits(part: LoadedPart) -> dict[tuple[Of, str], Interval]:
     """The tolerances of the part file, mm or rad."""
-    found: dict[tuple[Of, str], Interval] = {}
+    result: dict[tuple[Of, str], Interval] = {}
     for length in part.part.lengths:
         if length.tolerance is not None:
-            found["length", length.id] = length.tolerance.low * UM, length.tolerance.high * UM
+            result["length", length.id] = length.tolerance.low * UM, length.tolerance.high * UM
     for angle in part.part.orthogonality:
         if angle.tolerance is not None:
             low, high = angle.tolerance.low, angle.tolerance.high
-            found["angle", angle.id] = low * ARCSEC, high * ARCSEC
+            result["angle", angle.id] = low * ARCSEC, high * ARCSEC
     for name, feature in part.part.features.items():
         if feature.position_um is not None:
-            found["position", name] = 0.0, feature.position_um * UM / 2
-    return found
+            result["position", name] = 0.0, feature.position_um * UM / 2
+    return result
 
 
 def _of_one(values: FloatArray, low: float, high: float, r: float) -> dict[str, Any]:

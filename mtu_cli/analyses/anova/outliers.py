@@ -85,15 +85,15 @@ def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
     it is not known.
     """
     raws, scales = [], []
-    for found in kinds:
-        cells = found.tables.cells
-        raw = cells.mean - (found.one_way.mean - cells.origin)[:, None]
-        part, repeat = (np.nan_to_num(of)[:, None] for of in (found.reml.part, found.reml.repeat))
+    for result in kinds:
+        cells = result.tables.cells
+        raw = cells.mean - (result.one_way.mean - cells.origin)[:, None]
+        part, repeat = (np.nan_to_num(of)[:, None] for of in (result.reml.part, result.reml.repeat))
         variance = part + repeat / np.where(cells.present, cells.n, 1.0)
         raws.append(np.where(cells.present, raw, np.nan))
         scales.append(np.sqrt(np.where(variance > 0, variance, 1.0)))
     raw, scale = np.concatenate(raws).T, np.concatenate(scales).T
-    labels = tuple(label for found in kinds for label in found.labels)
+    labels = tuple(label for result in kinds for label in result.labels)
     parts = kinds[0].tables.parts
     return PartsTable(
         labels=labels,
@@ -101,7 +101,7 @@ def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
         raw=raw,
         scale=scale,
         scaled=raw / scale,
-        rounding=np.concatenate([found.rounding for found in kinds]),
+        rounding=np.concatenate([result.rounding for result in kinds]),
     )
 
 
@@ -116,11 +116,11 @@ def unusual_parts(
     names = [(operation, "", axis) for operation, _, axis in table.labels]
     codes = {name: code for code, name in enumerate(dict.fromkeys(names))}
     groups = np.array([codes[name] for name in names])
-    found = outstanding_rows(table.scaled, groups, seed, PARTS_RATE, table.rounding_scaled)
-    p = np.minimum(found.by_row, found.by_cell.min(axis=1))
+    result = outstanding_rows(table.scaled, groups, seed, PARTS_RATE, table.rounding_scaled)
+    p = np.minimum(result.by_row, result.by_cell.min(axis=1))
     outside = np.flatnonzero(p <= PARTS_RATE).tolist()
-    unusual = [_unusual(table, groups, list(codes), found, i) for i in outside]
-    return found.limit, tuple(sorted(unusual, key=lambda item: item.p))
+    unusual = [_unusual(table, groups, list(codes), result, i) for i in outside]
+    return result.limit, tuple(sorted(unusual, key=lambda item: item.p))
 
 
 def _unusual(

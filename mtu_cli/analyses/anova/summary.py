@@ -185,27 +185,27 @@ def anova_warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
     """Every figure that is missing has its reason here, for each kind of table by name, features
     first.
     """
-    found = []
+    result = []
     for code, (condition, facts) in CONDITIONS.items():
         met = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
         items = [some(rows, name) for name, rows in met if rows.any()]
         names = [f"u of a future part ({each})" for each in items]
         if all(rows.all() for _, rows in met):
             items, names = ["all"], ["u of a future part"]
-        found += [
+        result += [
             finding(code, items=each, names=[name], **facts)
             for each, name in zip(items, names, strict=True)
         ]
     if method == "paper":
-        found.append(finding("paper-method"))
+        result.append(finding("paper-method"))
     for kind in kinds:
         what = "measurements" if kind.kind == "feature" else KINDS[kind.kind]
-        found += missing_cells(kind.tables, ~kind.tables.cells.present, what)
+        result += missing_cells(kind.tables, ~kind.tables.cells.present, what)
     parts = len(kinds[0].tables.parts)
     if 2 <= parts < FEWEST_PARTS:
         consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
-        found.append(finding("few-parts", parts=parts, items="all", consequence=consequence))
-    return found
+        result.append(finding("few-parts", parts=parts, items="all", consequence=consequence))
+    return result
 
 
 def some(rows: BoolArray, name: str) -> str:

@@ -175,12 +175,12 @@ def _uncertainties(
     both = np.where(table.df_between > 0, table.ms_between, np.nan)
     separable = np.isfinite(components.part)
     share = (cells.n**2).sum(axis=1) / table.N**2
-    found = []
+    result = []
     for weight, of_both in ((share, 1 / table.N), (1 + share, 1 + 1 / table.N)):
         u2 = components.part * weight + components.repeat / table.N
         u = np.sqrt(np.where(separable, u2, both * of_both) + rounding)
-        found.append((u, np.where(separable, _satterthwaite(table, weight, u2), df_both)))
-    return found[0], found[1]
+        result.append((u, np.where(separable, _satterthwaite(table, weight, u2), df_both)))
+    return result[0], result[1]
 
 
 def _satterthwaite(table: OneWay, weight: FloatArray, u2: FloatArray) -> FloatArray:

@@ -125,7 +125,7 @@ def _judged(
     first: Sequence[FirstOrder], factors: Sequence[float], run: MonteCarloResult, digits: int
 ) -> list[Validation]:
     """Clause 8 of every output; undecided where there is no first order."""
-    found = []
+    result = []
     for i, item in enumerate(first):
         verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
         if not math.isnan(item.u):
@@ -133,8 +133,8 @@ def _judged(
             # The ends of a step's interval may agree: no u is still wrong where there is one.
             if item.u == 0.0 and run.u[i] > 0.0:
                 verdict = replace(verdict, passed=False)
-        found.append(verdict)
-    return found
+        result.append(verdict)
+    return result
 
 
 def _tolerance_ratio(first: Sequence[FirstOrder], run: MonteCarloResult, digits: int) -> float:

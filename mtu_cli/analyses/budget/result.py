@@ -171,29 +171,29 @@ class BudgetResult:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """All warnings, those of the file first."""
-        found, run = [*self.of_file, *_of_inputs(self.given)], self.run
+        result, run = [*self.of_file, *_of_inputs(self.given)], self.run
         for item in self.outputs:
-            found += [*_of_first_order(item, self.given.u), *_of_validation(item)]
+            result += [*_of_first_order(item, self.given.u), *_of_validation(item)]
         beyond = [item.k for item in self.outputs if item.k > item.k_probability]
         if beyond and run.probability >= LARGEST_PROBABILITY:
             percent = 100 * run.probability
-            found.append(finding("coverage-beyond-check", k=max(beyond), percent=percent))
+            result.append(finding("coverage-beyond-check", k=max(beyond), percent=percent))
         heavy = ~(np.isnan(run.u) | (run.se_u <= FEW * run.u)) & (run.trials >= MANY)
         if heavy.any():
             names = [self.outputs[i].first.name for i in np.flatnonzero(heavy)]
             reason = "a few trials far out make it, as of a ratio whose divisor may be 0"
             given = {"reason": reason, "remedy": "use the interval"}
-            found.append(finding("heavy-tails", outputs=names, **given))
+            result.append(finding("heavy-tails", outputs=names, **given))
         if not self.converged:
             goal = "the digits of u asked for (JCGM 101, 7.9.4)"
-            found.append(finding("not-converged", trials=run.trials, goal=goal))
-        return tuple(dict.fromkeys(found))
+            result.append(finding("not-converged", trials=run.trials, goal=goal))
+        return tuple(dict.fromkeys(result))
 
 
 def _of_inputs(inputs: Inputs) -> list[Finding]:
-    found = []
+    result = []
     if short := [item.name for item in inputs.quantities if item.without_u]:
-        found.append(finding("few-degrees-of-freedom", names=short, how=NO_U))
+        result.append(finding("few-degrees-of-freedom", names=short, how=NO_U))
     for source in inputs.sources:
         names, more = [inputs.quantities[row].name for row in source.rows], ""
         if not source.is_t and any(math.isfinite(item.dof) for item in source.members):
@@ -208,8 +208,8 @@ def _of_inputs(inputs: Inputs) -> list[Finding]:
         ):
             if met:
                 facts = {"names": names, "how": how, "assumed": what, "weaker": more}
-                found.append(finding("correlated-inputs", **facts))
-    return found
+                result.append(finding("correlated-inputs", **facts))
+    return result
 
 
 def _of_first_order(item: OutputBudget, u: FloatArray) -> list[Finding]:

@@ -81,9 +81,9 @@ def close_loop(
             rate = alpha / len(tables)
             return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed, tell=tick)
 
-        found = diagnose(table)
+        result = diagnose(table)
         held = held_out(table, diagnose, folds_done)
-        return _result(found, held, table, library, rate=alpha / len(tables), tables=len(tables))
+        return _result(result, held, table, library, rate=alpha / len(tables), tables=len(tables))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(tables))

@@ -101,11 +101,11 @@ class Columns:
         self._calculate(one, other)
         one, other = np.where(self._pivot_of[one] < 0, [other, one], [one, other])
         of_pivot = self._pivot_of[one] >= 0
-        found = np.zeros((len(self._values), len(one)))
-        found[:, of_pivot] = self._pivots[:, other[of_pivot], self._pivot_of[one[of_pivot]]]
+        result = np.zeros((len(self._values), len(one)))
+        result[:, of_pivot] = self._pivots[:, other[of_pivot], self._pivot_of[one[of_pivot]]]
         pairs = _pairs(one[~of_pivot], other[~of_pivot])
-        found[:, ~of_pivot] = self._of_pairs[:, np.searchsorted(self._pairs, pairs)]
-        return found.reshape(len(found), *shape)
+        result[:, ~of_pivot] = self._of_pairs[:, np.searchsorted(self._pairs, pairs)]
+        return result.reshape(len(result), *shape)
 
     def _calculate(self, one: IntArray, other: IntArray) -> None:
         """Cross products that are lacking: of a column with many others those with all, else one
@@ -175,11 +175,11 @@ class Columns:
     def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
         """(S, K, B) products of the columns from the first on with coordinates Y (B, N)."""
         self._settle()
-        found = np.zeros((len(self._values), self.count - first, len(Y)))
+        result = np.zeros((len(self._values), self.count - first, len(Y)))
         for s, part in enumerate(self.strata.slices):
             rows = self._rows[s, first : self.count]
-            found[s, rows > 0] = self._values[s][rows[rows > 0]] @ Y[:, part].T
-        return found
+            result[s, rows > 0] = self._values[s][rows[rows > 0]] @ Y[:, part].T
+        return result
 
     def in_strata(self, Y: FloatArray) -> list[FloatArray]:
         """Products (rows, B) of the columns of each stratum with coordinates Y (B, N), but for the
@@ -217,6 +217,6 @@ def _roomy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:
     if all(a >= b for a, b in zip(array.shape, shape, strict=True)):
         return array
     room = [a if n <= a else n + n // 4 for n, a in zip(shape, array.shape, strict=True)]
-    found = np.zeros(room, array.dtype)
-    found[tuple(slice(n) for n in array.shape)] = array
-    return found
+    result = np.zeros(room, array.dtype)
+    result[tuple(slice(n) for n in array.shape)] = array
+    return result

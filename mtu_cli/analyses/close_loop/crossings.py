@@ -44,7 +44,7 @@ def crossings(
     """All that are known to within the range of the data, and not farther than it from its middle;
     of effects that are alone in their class. `covariance` is over the `rows` of the effects.
     """
-    found: dict[tuple[str, str, frozenset[int]], Crossing] = {}
+    result: dict[tuple[str, str, frozenset[int]], Crossing] = {}
     for axis in table.axes:
         own = [effect for effect in effects if f"E{axis}" in effect.equations]
         terms = [term for effect in own for term in _terms(effect, f"E{axis}")]
@@ -61,7 +61,7 @@ def crossings(
                 if ends is None or ends[1] - ends[0] > 2 or abs(value) > 2:
                     continue
                 low, high = (centre + half * end for end in ends)
-                found[axis, name, frozenset(rows)] = Crossing(
+                result[axis, name, frozenset(rows)] = Crossing(
                     axis=axis,
                     covariate=name,
                     effect=max(group, key=lambda term: bool(names(term.lever))).effect.name,
@@ -70,7 +70,7 @@ def crossings(
                     u=half * u,
                     interval95=(low, high),
                 )
-    return tuple(found.values())
+    return tuple(result.values())
 
 
 def _terms(effect: FoundEffect, key: str) -> Iterator[Term]:

@@ -44,7 +44,7 @@ FEW = 30
 SEEN = 0.25
 """Share of a wave's amplitude that the targets must see."""
 FEWEST_PLACES = 6
-"""Different places along an axis from which on a smooth profile may be told."""
+"""Different places along an axis from which on a smooth profile is a candidate."""
 RANK = 1e-4
 """Share of a kernel's largest eigenvalue below which its directions are left out."""
 
@@ -315,8 +315,8 @@ def grid_values(form: Form) -> FloatArray | None:
     scale = np.log(grid) if search is not None and search.grid == "log" else grid
     if search is not None and search.grid == "frequency":
         return np.asarray(1 / np.interp(at, np.arange(len(grid)), 1 / grid))
-    found = np.interp(at, np.arange(len(grid)), scale)
-    return np.exp(found) if search is not None and search.grid == "log" else np.asarray(found)
+    result = np.interp(at, np.arange(len(grid)), scale)
+    return np.exp(result) if search is not None and search.grid == "log" else np.asarray(result)
 
 
 def arcs_of(items: Sequence[Placed]) -> FloatArray:
@@ -349,7 +349,7 @@ def _spaced(kept: list[Placed]) -> list[Placed]:
 
 
 def _distinct(placed: list[Placed]) -> list[Placed]:
-    """Without members that span what an earlier one spans, which is then told what else it is."""
+    """Without members that span what an earlier one spans, whose `alike` then holds their values."""
     if not placed:
         return []
     used = np.unique(np.concatenate([item.at for item in placed]))
@@ -512,8 +512,8 @@ def smooth_covariance(places: FloatArray) -> FloatArray:
     distance = np.abs(u[:, None] - u[None, :])
     Q = np.linalg.qr(np.column_stack([np.ones(len(u)), u]))[0]
     M = np.eye(len(u)) - Q @ Q.T
-    found: FloatArray = M @ (distance**3 / 12) @ M
-    return found
+    result: FloatArray = M @ (distance**3 / 12) @ M
+    return result
 
 
 def _of_parts(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:

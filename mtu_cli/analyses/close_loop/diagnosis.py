@@ -62,9 +62,9 @@ class Diagnosis:
     @property
     def classes(self) -> list[tuple[str, ...]]:
         """The class of each."""
-        found = [tuple(name for name, _, _ in entry.credible) for entry in self.entries]
-        found += [(name,) for name, _ in self.scatter]
-        return found + [tuple(name for name, _ in offset.credible) for offset in self.offsets]
+        result = [tuple(name for name, _, _ in entry.credible) for entry in self.entries]
+        result += [(name,) for name, _ in self.scatter]
+        return result + [tuple(name for name, _ in offset.credible) for offset in self.offsets]
 
 
 def diagnosed(
@@ -112,7 +112,7 @@ def diagnosed(
     if OF_PARTS & {name for name, _ in scatter}:
         fired = [name for name in fired if name != "pattern"]
     nameless = any(entry.overtaken for entry in entries) or models.nameless_wins(model)
-    found = Diagnosis(
+    result = Diagnosis(
         posed=problem,
         likelihood=likelihood,
         models=models,
@@ -127,7 +127,7 @@ def diagnosed(
         outliers=hit,
         verdict="none",
     )
-    return replace(found, verdict=_verdict(found))
+    return replace(result, verdict=_verdict(result))
 
 
 def _offset_class(

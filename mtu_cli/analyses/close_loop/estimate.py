@@ -152,7 +152,7 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Placed]) -> FloatArray:
     """
     labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].own)
     X = np.array([np.concatenate([item.own, item.low]) for item in items])
-    weights, found = base.weights, np.zeros(len(items))
+    weights, result = base.weights, np.zeros(len(items))
     Z, y = like.design.columns.dense(base.columns), base.residual
     for _ in range(2):
         root = np.sqrt(weights)[labels]
@@ -166,15 +166,15 @@ def _gains(like: Likelihood, base: Fit, items: Sequence[Placed]) -> FloatArray:
         beside = K[:, :k, k:] @ _inverse(K[:, k:, k:])
         own = _inverse(K[:, :k, :k] - beside @ K[:, k:, :k])
         free = c[:, :k] - beside @ c[:, k:]
-        found = (free.transpose(0, 2, 1) @ own @ free)[:, 0, 0]
-        best = int(np.argmax(found))
+        result = (free.transpose(0, 2, 1) @ own @ free)[:, 0, 0]
+        best = int(np.argmax(result))
         sizes = (_inverse(K[best : best + 1]) @ c[best : best + 1])[0, :, 0]
         left = target + Q @ (sizes @ across[best])
         left[at] -= sizes @ M[best]
         squares = np.bincount(labels, left**2, minlength=len(weights))
         R = np.divide(squares, weights, out=np.zeros(len(weights)), where=weights > 0) + like.extra
         weights = like.weights(np.maximum(R, 1e-12), base.dof)
-    return found
+    return result
 
 
 def _inverse(K: FloatArray) -> FloatArray:
@@ -317,7 +317,7 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
             role=role,
         )  # fmt: skip
 
-    told = tuple(
+    estimates = tuple(
         Estimate(
             member=member,
             sizes=tuple(size(first + i, *item) for i, item in enumerate(sizes)),
@@ -330,7 +330,7 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     axes = design.table.axes
     unit = design.table.unit
     levels = tuple(size(len(J) + a, f"level_{axes[a]}", unit, "level") for a in range(A))
-    return Estimates(effects=told, levels=levels, covariance=covariance, fit=fit)
+    return Estimates(effects=estimates, levels=levels, covariance=covariance, fit=fit)
 
 
 def _dof(fit: Fit, row: FloatArray) -> float:
@@ -355,9 +355,9 @@ def _parameters(member: Member) -> list[tuple[str, str, str]]:
 def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
     """Levers of all parameters of a member on other data, the numbers of its own data in place."""
     value = None if member.value is None else np.array([member.value])
-    found = []
+    result = []
     for bound in (member.form.bound, *member.form.margins):
         for lever in replace(bound, data=data).columns(value):
             g = member.chosen or 0
-            found.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
-    return found
+            result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})
+    return result

@@ -227,7 +227,7 @@ class Gate:
     def _tested(
         self, own: IntArray, low: IntArray, base: Columns, w: FloatArray, U: list[FloatArray]
     ) -> tuple[BoolArray, _Tested]:
-        """Which of the members' columns `own` (M, k) can be told from others, and these."""
+        """Which of the members' columns `own` (M, k) are separable from the others, and these."""
         inner = self.design.columns.cross
         b = np.array([*base, *self.design.common], int)
         bb, xb, zb = (inner(i[..., None], b) for i in (b, own, low))
@@ -275,7 +275,7 @@ class Gate:
 
     def _kernel(self, kernel: Kernel, fit: Fit, Y: FloatArray) -> FloatArray:
         """Twice the log likelihood ratio (B + 1,) of one more variance component."""
-        found = np.zeros((len(AMPLITUDES), len(Y)))
+        result = np.zeros((len(AMPLITUDES), len(Y)))
         for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
             part = Y[:, self.strata.slices[s]]
             total = (part**2).sum(axis=1) + self.likelihood.extra[s]
@@ -283,9 +283,9 @@ class Gate:
             rest = np.maximum(total - z2.sum(axis=1), 1e-9 * total)
             spread = 1 + AMPLITUDES[:, None] * k
             left = rest + (z2 @ (1 / spread).T).T
-            found += fit.dof[s] * np.log(np.maximum(total, 1e-300) / np.maximum(left, 1e-300))
-            found -= np.log(spread).sum(axis=1)[:, None]
-        return np.asarray(np.maximum(found.max(axis=0), 0.0))
+            result += fit.dof[s] * np.log(np.maximum(total, 1e-300) / np.maximum(left, 1e-300))
+            result -= np.log(spread).sum(axis=1)[:, None]
+        return np.asarray(np.maximum(result.max(axis=0), 0.0))
 
     def _offsets(self, rows: int, fit: Fit) -> tuple[FloatArray, list[str]]:
         """-log p of each axis' mean against the scatter of parts and features, and of the level
@@ -329,7 +329,7 @@ class Gate:
             return np.zeros((PERMUTATIONS + 1, 0)), []
         flat = cells.reshape(P * H, A)
         squares = (flat * flat).sum(axis=1)
-        found = np.zeros((PERMUTATIONS + 1, len(levers)))
+        result = np.zeros((PERMUTATIONS + 1, len(levers)))
 
         def parts(drawn: IntArray, of: FloatArray) -> None:
             """What of the sum of squares belongs to each effect, of some permutations."""
@@ -341,22 +341,22 @@ class Gate:
                     of[:, k] = ((E @ lever) ** 2).sum(axis=1)
 
         order = np.arange(P * H)
-        parts(order[None], found[:1])
+        parts(order[None], result[:1])
         for rows in self._blocks():
             drawn = self.rng.permuted(np.tile(order, (rows.stop - rows.start, 1)), axis=1)
-            parts(drawn, found[1:][rows])
+            parts(drawn, result[1:][rows])
         n = float(sum(self.likelihood.drawn[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
         kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
-        found = np.clip(found, 1e-9 * total, ALMOST_ONE * total)
+        result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)
         for k, lever in enumerate(levers.values()):
             share = float(chosen.mean())
             a, b = (n * share, n * (1 - share)) if lever is None else (P - 1.0, n - (P - 1.0))
-            one, other = found[:, k], total - found[:, k]
+            one, other = result[:, k], total - result[:, k]
             L = n * np.log(total / n) - a * np.log(one / a) - b * np.log(other / b)
             L = L / (1 + kurtosis / 2) if lever is None else np.where(one / a > other / b, L, 0.0)
-            found[:, k] = one_sided(L)
-        return found, list(levers)
+            result[:, k] = one_sided(L)
+        return result, list(levers)
 
     def _checks(self, fit: Fit, Y: FloatArray) -> tuple[FloatArray, list[str]]:
         """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
@@ -364,7 +364,7 @@ class Gate:
         """
         strata, like = self.strata, self.likelihood
         P, H, A = strata.shape
-        names, found = [], []
+        names, result = [], []
         squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
         rough = squares > fit.dof * like.least
         inner = [s for s in strata.of(INTERACTION) if rough[s]]
@@ -381,7 +381,7 @@ class Gate:
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
             names.append("pattern")
-            found.append(share)
+            result.append(share)
         for name, near in self._near.items():
             group = [s for s in near if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
@@ -392,8 +392,8 @@ class Gate:
                 form = np.einsum("bn,bn->b", own @ near[s], own)
                 total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
             names.append(name)
-            found.append(total)
-        return _calibrated(found, len(Y)), names
+            result.append(total)
+        return _calibrated(result, len(Y)), names
 
     @cached_property
     def _near(self) -> dict[str, dict[int, FloatArray]]:
@@ -409,13 +409,13 @@ class Gate:
             PART: ("walk", np.exp(-lag / 2)),
             FEATURE: ("field", np.exp(-apart / (0.15 * max(apart.max(), 1e-300)))),
         }
-        found: dict[str, dict[int, FloatArray]] = {name: {} for name, _ in kernels.values()}
+        result: dict[str, dict[int, FloatArray]] = {name: {} for name, _ in kernels.values()}
         for kind, (name, K) in kernels.items():
             for s in strata.of(kind):
                 basis = strata.of_parts if kind == PART else strata.of_features[strata.axis[s]]
                 own = basis[:, -int(strata.sizes[s]) :]
-                found[name][s] = own.T @ K @ own
-        return found
+                result[name][s] = own.T @ K @ own
+        return result
 
 
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:

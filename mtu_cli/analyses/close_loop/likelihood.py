@@ -90,26 +90,26 @@ class Likelihood:
         """Prior precisions of columns: those of fitted coefficients and of random functions have a
         known variance.
         """
-        found = np.full(columns.shape, TINY)
-        found[columns == PADDING] = 1.0
+        result = np.full(columns.shape, TINY)
+        result[columns == PADDING] = 1.0
         for index, deviation in self.design.deviations.items():
-            found[columns == index] = deviation**-2
-        return found
+            result[columns == index] = deviation**-2
+        return result
 
     def smooth(self, fit: Fit, kernel: Kernel) -> Columns:
         """The directions of a random function as columns; its variance is the likeliest beside a
         fit.
         """
         _, amplitude = self.kernel_gain(fit, kernel)
-        columns, found = self.design.columns, list[int]()
+        columns, result = self.design.columns, list[int]()
         for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
             part = self.design.strata.slices[s]
             at, means = np.arange(part.start, part.stop), np.zeros((len(k), len(self.grand)))
             indices = columns.add_alone(at, V.T, means).tolist()
             deviations = np.sqrt(amplitude * k / fit.weights[s]).tolist()
             self.design.deviations.update(zip(indices, deviations, strict=True))
-            found += indices
-        return tuple(found)
+            result += indices
+        return tuple(result)
 
     def weights(self, R: FloatArray, dof: FloatArray) -> FloatArray:
         """1/variance of the strata from their sums of squares; 0 where nothing of one is left."""

@@ -16,7 +16,7 @@ ROUNDS = 5
 MAD = 1.4826
 """Standard deviation over the median absolute deviation of a normal law."""
 FEWEST_FOR_OUTLIERS = 5
-"""Parts from which on one cell can be told from the others of its feature."""
+"""Parts from which on one cell can be judged by the others of its feature."""
 MOST_SHARE = 0.1
 """Share of the entries beyond which they are no outliers but heavy tails."""
 
@@ -47,9 +47,9 @@ class Missing:
         p, h = self.cells
         Y = np.where(self.there, table, 0.0)
         E = interaction(Y, self.lines)[..., p, h]
-        found = Y.copy()
-        found[..., p, h] = -E @ self.inverse
-        return found
+        result = Y.copy()
+        result[..., p, h] = -E @ self.inverse
+        return result
 
 
 def missing(there: BoolArray, lines: FloatArray) -> Missing:

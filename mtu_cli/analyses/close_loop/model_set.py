@@ -82,15 +82,15 @@ class ModelSet:
 
     def columns(self, model: Model) -> Columns:
         """The columns of a model, and the directions of its random functions."""
-        found = self.likelihood.closure(self.members(model))
+        result = self.likelihood.closure(self.members(model))
         for item in sorted(item for item in model if item < 0):
-            key = (*found, item)
+            key = (*result, item)
             if key not in self._smooth:
-                fit = self.likelihood.fit(found)
+                fit = self.likelihood.fit(result)
                 kernel = self.design.kernels[-1 - item]
                 self._smooth[key] = self.likelihood.smooth(fit, kernel)
-            found += self._smooth[key]
-        return found
+            result += self._smooth[key]
+        return result
 
     def evidence(self, model: Model) -> float:
         """Log marginal likelihood times prior, against no effect."""
@@ -165,8 +165,8 @@ class ModelSet:
         fit = self.likelihood.fit(self.likelihood.closure(self.members(model)))
         base = self._marginal(tuple(sorted(model)))
         gains = [self.likelihood.kernel_gain(fit, self.design.kernels[k])[0] for k in self.nameless]
-        found: FloatArray = base + np.array(gains) + np.log(ODDS)
-        return found
+        result: FloatArray = base + np.array(gains) + np.log(ODDS)
+        return result
 
     def _passing(self, model: Model) -> list[Item]:
         """Items that pass the gate beside a model, the likeliest first; beside others only those
@@ -254,8 +254,8 @@ class ModelSet:
         model = tuple(
             item for item in model if item < 0 or not set(self.design.members[item].own) <= low
         )
-        found = [self._entry(model, item) for item in model]
-        return model, tuple(sorted(found, key=lambda entry: -entry.gain))
+        result = [self._entry(model, item) for item in model]
+        return model, tuple(sorted(result, key=lambda entry: -entry.gain))
 
     def _entry(self, model: Model, item: Item) -> Entry:
         rest = tuple(x for x in model if x != item)
@@ -313,12 +313,12 @@ class ModelSet:
         """Scatter effects that pass beside a model and those `known`, one after another, with
         their p.
         """
-        found: list[tuple[str, float]] = []
+        result: list[tuple[str, float]] = []
         while True:
-            names = [*known, *(name for name, _ in found)]
+            names = [*known, *(name for name, _ in result)]
             p = self.gate(self.columns(model), tuple(names)).p
             hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
             if not hits:
-                return found
+                return result
             value, name = min(hits)
-            found.append((name, value))
+            result.append((name, value))

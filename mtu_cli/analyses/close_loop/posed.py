@@ -66,10 +66,10 @@ class Posed:
 
     def variance(self, fit: Fit, kind: str) -> FloatArray:
         """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
-        found = np.zeros(self.strata.shape[2])
+        result = np.zeros(self.strata.shape[2])
         for s in self.strata.of(kind):
-            found[self.strata.axis[s]] = self.scale**2 / fit.weights[s]
-        return found
+            result[self.strata.axis[s]] = self.scale**2 / fit.weights[s]
+        return result
 
     def filled(self, errors: FloatArray) -> FloatArray:
         """Errors (P, H, A) with what is missing filled in."""
@@ -106,11 +106,11 @@ class Posed:
 
     def _inner(self, y: FloatArray, n: FloatArray) -> FloatArray:
         """The interaction's variance (A,)."""
-        strata, found = self.strata, np.zeros(self.strata.shape[2])
+        strata, result = self.strata, np.zeros(self.strata.shape[2])
         for s in strata.of(INTERACTION):
             part = y[strata.slices[s]]
-            found[strata.axis[s]] = part @ part / max(n[s], 1.0)
-        return found
+            result[strata.axis[s]] = part @ part / max(n[s], 1.0)
+        return result
 
     def _known(self, variance: FloatArray, n: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D."""
@@ -161,7 +161,7 @@ def posed(
     if of_features is not None:
         strata = _with_moved_means(strata, errors / scale, len(scatter), of_features / scale**2)
     design = design_of(table, strata, candidates, scale, gaps, tell)
-    found = Posed(
+    result = Posed(
         table=table,
         design=design,
         missing=gaps,
@@ -169,9 +169,9 @@ def posed(
         steps=steps / scale,
         scatter=tuple(scatter),
     )
-    n = found._dof()
+    n = result._dof()
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
-    return found
+    return result
 
 
 def free_lines(table: ResidualTable) -> FloatArray:
@@ -212,18 +212,18 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
         along = _along(table)
         if along is not None and P >= FEWEST_FOR_BENDS:
             rough = smooth_covariance(along)
-    found = strata_of(
+    result = strata_of(
         P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
         roughness=rough, bends=0.0,
     )  # fmt: skip
     if rough is not None:
-        bends = own_bends(found, errors)
+        bends = own_bends(result, errors)
         if bends > 0:
-            found = strata_of(
+            result = strata_of(
                 P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
                 roughness=rough, bends=bends,
             )  # fmt: skip
-    return found
+    return result
 
 
 def _with_moved_means(
@@ -260,15 +260,15 @@ def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool
     if not table.of_part.shape[3]:
         return [np.zeros((H, 0))] * A, False
     F = table.of_part.mean(axis=0)
-    found = []
+    result = []
     for a in range(A):
         own = F[:, a] - F[:, a].mean(axis=0)
         size = np.sum(own**2)
         whole = np.sum(F[:, a].mean(axis=0) ** 2) * H
         U, s, _ = np.linalg.svd(own, full_matrices=False)
         kept = s**2 > NOTABLE * max(whole, 1e-300) if size > 0 else np.zeros(len(s), bool)
-        found.append(U[:, kept][:, :2])
-    return found, any(item.shape[1] for item in found)
+        result.append(U[:, kept][:, :2])
+    return result, any(item.shape[1] for item in result)
 
 
 def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:

@@ -34,10 +34,10 @@ def to_contrasts(tables: FloatArray) -> FloatArray:
     P = tables.shape[-2]
     j = np.arange(1.0, P)[:, None]
     sums = np.cumsum(tables, axis=-2)
-    found = np.empty(tables.shape)
-    found[..., :1, :] = sums[..., -1:, :] / np.sqrt(P)
-    found[..., 1:, :] = (sums[..., :-1, :] - j * tables[..., 1:, :]) / np.sqrt(j * (j + 1))
-    return found
+    result = np.empty(tables.shape)
+    result[..., :1, :] = sums[..., -1:, :] / np.sqrt(P)
+    result[..., 1:, :] = (sums[..., :-1, :] - j * tables[..., 1:, :]) / np.sqrt(j * (j + 1))
+    return result
 
 
 def from_contrasts(coordinates: FloatArray) -> FloatArray:
@@ -45,10 +45,10 @@ def from_contrasts(coordinates: FloatArray) -> FloatArray:
     P = coordinates.shape[-2]
     j = np.arange(1.0, P)[:, None]
     scaled = coordinates[..., 1:, :] / np.sqrt(j * (j + 1))
-    found = np.repeat(coordinates[..., :1, :] / np.sqrt(P), P, axis=-2)
-    found[..., :-1, :] += np.cumsum(scaled[..., ::-1, :], axis=-2)[..., ::-1, :]
-    found[..., 1:, :] -= j * scaled
-    return found
+    result = np.repeat(coordinates[..., :1, :] / np.sqrt(P), P, axis=-2)
+    result[..., :-1, :] += np.cumsum(scaled[..., ::-1, :], axis=-2)[..., ::-1, :]
+    result[..., 1:, :] -= j * scaled
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,15 +157,15 @@ class Strata:
         p, h = (max((own.shape[d] for own in values), default=1) for d in (1, 2))
         cells = self.at[axes, :p, :h]
         at = np.sort(cells[cells != NONE])
-        found = np.zeros((G, len(columns), len(at)))
+        result = np.zeros((G, len(columns), len(at)))
         for k, lever in enumerate(columns):
             for a, own in lever.items():
                 cells = self.at[a, : own.shape[1], : own.shape[2]]
                 there = cells != NONE
                 own_at = cells[there]
                 values = self._turned(a, own)[:, there] / self.spread[own_at]
-                found[:, k, np.searchsorted(at, own_at)] = values
-        return at, found
+                result[:, k, np.searchsorted(at, own_at)] = values
+        return at, result
 
     def table(self, coordinates: FloatArray) -> FloatArray:
         """Tables (..., P, H, A) of coordinates (..., N); those of no stratum are 0."""

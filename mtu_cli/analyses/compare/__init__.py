@@ -203,7 +203,7 @@ def predict_operations(
         reason = "--at gives one value for all points"
         warnings.append(finding("not-used", what="columns", names=overruled, reason=reason))
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
-    found: dict[str, Prediction] = {}
+    result: dict[str, Prediction] = {}
     moving: set[str] = set()
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
@@ -230,11 +230,11 @@ def predict_operations(
             measured[rows[:, None], along] -= errors - mean[of]
             shift = mean - _errors(model, place, means)
             prediction = replace(prediction, mean=prediction.mean + shift.ravel())
-        found[name] = prediction
+        result[name] = prediction
     if moving:
         warnings.append(finding("covariate-averaged", names=sorted(moving)))
         points = replace(points, measured=measured)
-    return found, points, warnings
+    return result, points, warnings
 
 
 def _errors(model: MachineModel, places: FloatArray, values: Values) -> FloatArray:
@@ -263,20 +263,20 @@ def _warnings(
     aside = "the points are not compared there, and lengths have no predicted error along it"
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
     lengths = kinds[1].labels if len(kinds) > 1 else ()
-    found = [
+    result = [
         *_sign(kinds),
         *not_measured(model.axes, points),
         *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
         *missing_entries("length", part.part.lengths, lengths),
     ]
     if missing:
-        found.append(finding("not-measured", names=missing, reason="not among the points"))
+        result.append(finding("not-measured", names=missing, reason="not among the points"))
     # Parts that an operation has, but not at every feature.
     _, operation = np.unique([label[0] for label in tables.labels], return_inverse=True)
     present = tables.cells.present
     known = np.array([present[operation == i].any(axis=0) for i in np.unique(operation)])
-    found += missing_cells(tables, ~present & known[operation], "measurements")
-    return found + _items(kinds)
+    result += missing_cells(tables, ~present & known[operation], "measurements")
+    return result + _items(kinds)
 
 
 def _items(kinds: list[Compared]) -> list[Finding]:
@@ -299,15 +299,15 @@ def _items(kinds: list[Compared]) -> list[Finding]:
         ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
         ("not-tested", untested, {"what": "the difference", "reason": nothing}),
     )
-    found = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
+    result = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
     ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
     for rows, quantity, reason in (
         (~(u > 0), "ratios to the predicted scatter", "no uncertainty is predicted"),
         ((s_part == 0) & (parts > 1), "the parts' share of MS_between", "they do not scatter"),
     ):
         if names := [*dict.fromkeys(ids[rows])]:
-            found.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
-    return found
+            result.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
+    return result
 
 
 def _sign(kinds: list[Compared]) -> list[Finding]:

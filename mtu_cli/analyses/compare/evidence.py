@@ -227,9 +227,9 @@ def _side(mean: FloatArray, variance: FloatArray, k: float) -> Side:
 
 def ratio(measured: FloatArray, predicted: FloatArray) -> FloatArray:
     """measured/predicted (items,), nan where nothing is predicted to compare with."""
-    found = np.full(len(measured), np.nan)
-    np.divide(measured, predicted, out=found, where=predicted > 0)
-    return found
+    result = np.full(len(measured), np.nan)
+    np.divide(measured, predicted, out=result, where=predicted > 0)
+    return result
 
 
 def _bias_test(

@@ -68,20 +68,20 @@ class RowErrors:
             return np.zeros(0, np.int64)
         now = times[rows]
         near = (times >= now.min() - REACH * longest) & (times <= now.max())
-        found = np.flatnonzero(near & ~np.isin(times, now))
-        found = found[np.unique(times[found], return_index=True)[1]]
-        if len(found) > MOMENTS:
-            found = found[np.linspace(0, len(found) - 1, MOMENTS).round().astype(int)]
-        return found
+        result = np.flatnonzero(near & ~np.isin(times, now))
+        result = result[np.unique(times[result], return_index=True)[1]]
+        if len(result) > MOMENTS:
+            result = result[np.linspace(0, len(result) - 1, MOMENTS).round().astype(int)]
+        return result
 
     def variances(self, prediction: Prediction, A: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Variances (m,) of the measurands A E and their effective degrees of freedom (m,)."""
         if self.independent:
             total: FloatArray = A**2 @ prediction.independent_variance
             return total, np.full(len(A), np.inf)
-        found = prediction.variance(A)
+        result = prediction.variance(A)
         # A difference of mean squares may leave a little less than nothing.
-        return np.maximum(found.total, 0.0), found.dof
+        return np.maximum(result.total, 0.0), result.dof
 
     def covariance(self, prediction: Prediction, A: FloatArray) -> FloatArray:
         """Covariance (m, m) of the measurands A E, mm^2."""

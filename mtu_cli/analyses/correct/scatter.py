@@ -141,7 +141,7 @@ def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -
     _, operation = operations_of(points)
     cell = (operation.astype(np.int64) * len(points.parts) + points.part) * len(points.features)
     _, code = np.unique(cell + points.feature, return_inverse=True)
-    found = []
+    result = []
     for axis in range(3):
         known = np.isfinite(corrected[:, axis])
         group, value = code.reshape(-1)[known], corrected[known, axis]
@@ -149,8 +149,8 @@ def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -
         divisor, kept = np.maximum(count, 1), count > 1
         away = value - (np.bincount(group, value) / divisor)[group]
         modelled = np.bincount(group, sensors[known, axis]) / divisor
-        found.append((np.bincount(group, away**2)[kept], count[kept] - 1.0, modelled[kept]))
-    return Squares(*(np.concatenate(each) for each in zip(*found, strict=True)))
+        result.append((np.bincount(group, away**2)[kept], count[kept] - 1.0, modelled[kept]))
+    return Squares(*(np.concatenate(each) for each in zip(*result, strict=True)))
 
 
 def ring_space(away: FloatArray, kind: Kind) -> FloatArray | None:

@@ -94,10 +94,10 @@ class GraphSimulation:
     @property
     def places(self) -> dict[str, dict[str, SimulatedCoordinate]]:
         """The coordinates by name of the place and of the coordinate."""
-        found: dict[str, dict[str, SimulatedCoordinate]] = {}
+        result: dict[str, dict[str, SimulatedCoordinate]] = {}
         for item in self.coordinates:
-            found.setdefault(item.output.place, {})[item.output.coordinate] = item
-        return found
+            result.setdefault(item.output.place, {})[item.output.coordinate] = item
+        return result
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -107,14 +107,14 @@ class GraphSimulation:
     @property
     def warnings(self) -> list[Finding]:
         """What does not vary or has no first order; clause 8; what has not converged."""
-        found = []
+        result = []
         if self.coordinates and all(item.fixed for item in self.coordinates):
-            found.append(finding("unrelated", output="the result", names=["anything uncertain"]))
+            result.append(finding("unrelated", output="the result", names=["anything uncertain"]))
         nil = [x for x in self.coordinates if not (x.fixed or x.chance or x.first_order_u)]
         if nil:
             reason = "the first-order uncertainty is 0, u is of second order"
             what = {"quantity": "shares by source", "names": [str(item.output) for item in nil]}
-            found.append(finding("not-estimable", **what, reason=reason))
+            result.append(finding("not-estimable", **what, reason=reason))
         units: dict[tuple[str, float], list[tuple[str, Validation]]] = {}
         for item in self.coordinates:
             if item.validation is not None:
@@ -122,12 +122,12 @@ class GraphSimulation:
                 units.setdefault(shown, []).append((str(item.output), item.validation))
         for (unit, size), judged in units.items():
             names, outcomes = zip(*judged, strict=True)
-            found += validation_warnings(names, outcomes, unit, size)
+            result += validation_warnings(names, outcomes, unit, size)
         short = [item for item in self.coordinates if not item.converged]
         if short:
             where = f"for {listed(str(item.output) for item in short)}"
-            found.append(not_converged(self.trials, self.digits, where))
-        return found
+            result.append(not_converged(self.trials, self.digits, where))
+        return result
 
 
 def not_converged(trials: int, digits: int, what: str) -> Finding:
@@ -168,8 +168,8 @@ def simulate_graph(
     graph: MeasurementGraph, settings: Settings, of: Sequence[str] = ()
 ) -> GraphSimulation:
     """Propagates the uncertainty of probings and constants through the graph."""
-    found = simulate_outputs(graph, graph.outputs(of), settings)
-    return GraphSimulation(graph=graph, coordinates=tuple(found), digits=settings.digits)
+    result = simulate_outputs(graph, graph.outputs(of), settings)
+    return GraphSimulation(graph=graph, coordinates=tuple(result), digits=settings.digits)
 
 
 def simulate_outputs(
@@ -197,7 +197,7 @@ def simulate_outputs(
             verdicts[i] = settings.validate(nominal[i], first_u[i], np.inf, run, i)
         if settings.trials or all(item.settled for item in verdicts.values()):
             break
-    errors, found = ratios(run, settings.digits, ends=ends), []
+    errors, result = ratios(run, settings.digits, ends=ends), []
     for i, item in enumerate(outputs):
         jumps, made = bool(model.jumps[i]), {name: getattr(run, name)[i] for name in STATISTICS}
         fixed = first_u[i] == 0.0 and not jumps and made["u"] <= STILL * float(model.sizes[i])
@@ -222,8 +222,8 @@ def simulate_outputs(
             validation=verdicts.get(i),
             samples=run.samples[i],
         )
-        found.append(coordinate)
-    return found
+        result.append(coordinate)
+    return result
 
 
 def ratios(run: MonteCarloResult, digits: int, *, ends: bool) -> FloatArray:
@@ -236,6 +236,6 @@ def ratios(run: MonteCarloResult, digits: int, *, ends: bool) -> FloatArray:
     errors = [run.se_mean, run.se_u] + [run.se_low, run.se_high] * ends
     twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
     tolerance = np.array([numerical_tolerance(float(u), digits) for u in run.u])
-    found: FloatArray = np.where(twice > 0.0, np.inf, 0.0)
-    np.divide(twice, tolerance, out=found, where=tolerance > 0.0)
-    return found
+    result: FloatArray = np.where(twice > 0.0, np.inf, 0.0)
+    np.divide(twice, tolerance, out=result, where=tolerance > 0.0)
+    return result

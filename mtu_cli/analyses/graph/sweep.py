@@ -59,8 +59,8 @@ class Formula:
     def u_at(self, at: Mapping[str, FloatArray], n: int) -> FloatArray:
         """u (n,) in the unit of the output, also between the grid points; `at` (n,) by name."""
         X = _columns(self.terms, at, n)
-        found: FloatArray = np.sqrt(np.maximum(X @ list(self.coefficients.values()), 0.0))
-        return found / self.scale
+        result: FloatArray = np.sqrt(np.maximum(X @ list(self.coefficients.values()), 0.0))
+        return result / self.scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,12 +211,12 @@ def fit_formula(
     if n < len(terms):
         return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
     X, relative = _columns(terms, varied, n), se_u / u
-    found, error = _fit(X, u * scale)
+    result, error = _fit(X, u * scale)
     return Formula(
         form=_form(terms, unit),
         terms=terms,
         scale=scale,
-        coefficients=dict(zip(LETTERS, map(float, found), strict=False)),
+        coefficients=dict(zip(LETTERS, map(float, result), strict=False)),
         u=u * (1 + error),
         error_percent=100 * error,
         max_error_percent=100 * float(np.max(np.abs(error))),
@@ -245,21 +245,21 @@ def _chosen(varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool)
 
 def _columns(terms: Sequence[str], at: Mapping[str, FloatArray], n: int) -> FloatArray:
     """The terms (n, p) at n settings."""
-    found = np.ones((n, len(terms)))
-    for column, term in zip(found.T, terms, strict=True):
+    result = np.ones((n, len(terms)))
+    for column, term in zip(result.T, terms, strict=True):
         name, _, divisor = term.partition("/")
         if name.endswith("^2"):
             column *= at[name.removesuffix("^2")] ** 2
         if divisor:
             column /= at[divisor]
-    return found
+    return result
 
 
 def _fit(X: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Coefficients (p,) of the terms, and the relative errors (n,) of their root."""
     weight = 1.0 / u**2
-    found = least_squares(X * weight[:, None], np.ones(len(u))).coefficients
-    return found, np.sqrt(np.maximum(X @ found, 0.0)) / u - 1.0
+    result = least_squares(X * weight[:, None], np.ones(len(u))).coefficients
+    return result, np.sqrt(np.maximum(X @ result, 0.0)) / u - 1.0
 
 
 def _form(terms: Sequence[str], unit: str) -> str:

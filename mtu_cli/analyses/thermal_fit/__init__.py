@@ -61,7 +61,7 @@ def thermal_fit(
     """
     sensors = sensors_of(readings)
     share, warnings = 1.0, list[Finding]()
-    found: dict[str, ComponentDrift] = {}
+    result: dict[str, ComponentDrift] = {}
     for series in read_series(readings, sensors):
         of, unit = None, "um" if series.dimension == LENGTH else "arcsec"
         if components is not None:
@@ -70,15 +70,15 @@ def thermal_fit(
         lib = library(series, sensors, reference, lagged=lagged, zeroed=zeroed)
         fitted, test = _chosen(lib, method)
         drift = _component(fitted, test, method, of, unit)
-        found[series.name] = drift
+        result[series.name] = drift
         share = min(share, noise_share(fitted, sensor_noise(series)))
         warnings += _warnings(lib, drift, method)
     # Sensors are the same for all components: the one that shows least noise bounds it.
-    for name, drift in found.items():
+    for name, drift in result.items():
         bounded = replace(drift.estimate, sensor_u=drift.estimate.sensor_u * share)
-        found[name] = replace(drift, estimate=bounded)
+        result[name] = replace(drift, estimate=bounded)
     return ThermalFit(
-        components=found,
+        components=result,
         sensors=sensors,
         not_used=tuple(name for name in readings.covariates if not is_temperature(name)),
         reference=reference,
@@ -104,14 +104,14 @@ def _chosen(lib: Library, method: str) -> tuple[Fitted, PositionTest | None]:
     test = position_test(lib, spec)
     if len(series.cycles) < 2 and test is not None and test.p < 0.05:
         spec = Spec(kind=spec.kind, degree=lib.most_degree, lags=spec.lags)
-    found = fit(lib, rows, spec)
-    if rows.n - found.parameters < 1 - _ROUNDING_OF_COUNT:
-        count = found.coefficients.size
+    result = fit(lib, rows, spec)
+    if rows.n - result.parameters < 1 - _ROUNDING_OF_COUNT:
+        count = result.coefficients.size
         # Sensors that depend on each other need fewer.
         enough = f"{len(series.positions) + count + 1} (these are always enough)"
         enough += "" if spec.kind == "stepwise" else ", or --model stepwise"
         raise _too_few(series, f"the {spec.kind} model of {count} gradients", enough)
-    return found, test
+    return result, test
 
 
 def _too_few(series: Series, what: str, enough: str) -> InputError:
@@ -182,15 +182,15 @@ def _collinearity(found: Fitted) -> tuple[float, dict[str, float | None]]:
 
 
 def _curves(series: Series, modelled: FloatArray) -> tuple[Curve, ...]:
-    found = []
+    result = []
     for (p, c), rows in series.runs.items():
         n = rows.stop - rows.start
         shown = slice(rows.start, rows.stop, max(1, -(-n // MOST_POINTS)))
         time = series.time[shown]
         time = np.arange(len(time), dtype=float) if np.isnan(time).any() else time
         of = series.positions[p], series.cycles[c]
-        found.append(Curve(*of, time, series.y[shown], modelled[shown]))
-    return tuple(found)
+        result.append(Curve(*of, time, series.y[shown], modelled[shown]))
+    return tuple(result)
 
 
 def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:

@@ -139,8 +139,8 @@ def _searched(lib: Library, blocks: Blocks, degree: int) -> Scored:
     common = [scored((c,) * len(lib.groups)) for c in range(len(lib.time_constants))]
     # Sensors that warm together hide whose the lag is: single changes alone may get stuck.
     starts = dict.fromkeys((0, int(np.argmin([item.score for item in common]))))
-    found = [_improved(lib, blocks, common[c], scored) for c in starts]
-    return min(found, key=lambda item: item.score)
+    result = [_improved(lib, blocks, common[c], scored) for c in starts]
+    return min(result, key=lambda item: item.score)
 
 
 def _improved(

@@ -370,9 +370,9 @@ class Fitted:
 def _gradient(power: FloatArray, coefficients: FloatArray) -> FloatArray:
     """sum_m power_m coefficients (..., m, g); terms that cancel leave 0 and no rounding."""
     terms = power[:, None] * coefficients
-    found = terms.sum(axis=-2)
-    known = np.abs(found) > ROUNDING * np.abs(terms).sum(axis=-2)
-    return np.where(known, found, 0.0)
+    result = terms.sum(axis=-2)
+    known = np.abs(result) > ROUNDING * np.abs(terms).sum(axis=-2)
+    return np.where(known, result, 0.0)
 
 
 def only(item: Compressed, columns: Sequence[int]) -> Compressed:
@@ -384,8 +384,8 @@ def only(item: Compressed, columns: Sequence[int]) -> Compressed:
 def centred(rows: Compressed, columns: Sequence[int] | np.ndarray) -> FloatArray:
     """Columns of a triangular factor less what the constant explains."""
     one, X = rows.factor[:, :1], rows.factor[:, columns]
-    found: FloatArray = X - one @ (one.T @ X) / float(one[:, 0] @ one[:, 0])
-    return found
+    result: FloatArray = X - one @ (one.T @ X) / float(one[:, 0] @ one[:, 0])
+    return result
 
 
 def fit(lib: Library, rows: Rows, spec: Spec, penalties: FloatArray | None = None) -> Fitted:

@@ -182,11 +182,11 @@ def real(value: float, places: int = 6) -> str:
 
 def whole(value: float, name: str, low: float = -np.inf, high: float = np.inf) -> int:
     """A rounded count; raises InputError beyond what the control holds."""
-    found = round(value)
-    if not low <= found <= high:
-        reason = f"a value of {found}; {name} holds {low:g} to {high:g}"
+    result = round(value)
+    if not low <= result <= high:
+        reason = f"a value of {result}; {name} holds {low:g} to {high:g}"
         raise error("not-applicable", reason=reason)
-    return found
+    return result
 
 
 def parameter(parameters: Parameters, name: str, form: str = "VALUE") -> str:
@@ -254,9 +254,9 @@ def in_order(values: Mapping[int, float], what: str, count: int | None = None) -
 
 def rising(at: ArrayLike, line: int | None = None) -> FloatArray:
     """Positions; raises InputError where there are fewer than two or they do not rise."""
-    found = np.asarray(at, float)
-    if len(found) < 2:
-        refuse(f"{len(found)} point(s)", line, "two points or more")
-    if (np.diff(found) <= 0).any():
+    result = np.asarray(at, float)
+    if len(result) < 2:
+        refuse(f"{len(result)} point(s)", line, "two points or more")
+    if (np.diff(result) <= 0).any():
         refuse("the positions do not rise", line, "rising positions")
-    return found
+    return result

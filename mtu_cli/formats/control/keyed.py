@@ -65,17 +65,17 @@ def _siemens_values(text: str, kind: str) -> Values:
         if not any(re.fullmatch(needed, line) for line in lines):
             expected = "a file with %_N_..._INI, CHANDATA(1) and M17"
             refuse(f"a line like {needed} is missing", expected=expected)
-    found: Values = {}
+    result: Values = {}
     for i, line in enumerate(lines, 1):
         match = SIEMENS.fullmatch(line)
         if line.startswith("$") and (match is None or match[1] != kind):
             refuse(f"{line!r} is no line of ${kind}", i)
         if match:
             value = (match[4].strip(), i)
-            found.setdefault(match[2] or "", {})[match[3].replace(" ", "")] = value
-    if not found.get(""):
+            result.setdefault(match[2] or "", {})[match[3].replace(" ", "")] = value
+    if not result.get(""):
         refuse(f"it has no ${kind}")
-    return found
+    return result
 
 
 def _siemens_tables(found: Values, parts: int, point: int) -> dict[str, dict[int, float]]:
@@ -116,13 +116,13 @@ def _write_enc(table: ErrorTable, parameters: Parameters) -> str:
 
 
 def _read_enc(text: str, parameters: Parameters) -> ErrorTable:
-    found = _siemens_values(text, "AA_ENC_COMP")
-    tables = _siemens_tables(found, 3, 1)
+    result = _siemens_values(text, "AA_ENC_COMP")
+    tables = _siemens_tables(result, 3, 1)
     own = f"{parameters['encoder']},{parameters['axis']}"
     if len(tables) > 1 and own not in tables:
         refuse(f"it holds {', '.join(tables)}", expected="--set axis=... and --set encoder=...")
     index = own if own in tables else next(iter(tables))
-    return ErrorTable.of(*_siemens_points(found, index, tables[index]))
+    return ErrorTable.of(*_siemens_points(result, index, tables[index]))
 
 
 def _write_cec(table: ErrorTable, parameters: Parameters) -> str:

@@ -95,8 +95,8 @@ def circle(
     flat = np.stack([dot(q, first[:, None]), dot(q, second[:, None])])
     away = centre[:, None] - middle
     start = np.stack([dot(away, first), dot(away, second)])
-    (x, y), found = round_figure(flat, start, radius, free=True)
-    return middle + x * first + y * second, found
+    (x, y), result = round_figure(flat, start, radius, free=True)
+    return middle + x * first + y * second, result
 
 
 def sphere(
@@ -106,8 +106,8 @@ def sphere(
     `centre` (3,) and a `radius`, which stays where it is not `free`.
     """
     q = np.stack([point - points[0] for point in points], axis=1)
-    found, radius = round_figure(q, centre[:, None] - points[0], radius, free=free)
-    return points[0] + found, radius
+    result, radius = round_figure(q, centre[:, None] - points[0], radius, free=free)
+    return points[0] + result, radius
 
 
 def circumcircle(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:

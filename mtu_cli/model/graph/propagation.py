@@ -204,7 +204,7 @@ class GraphTrials:
         the source has over c C c', nan where that is 0 (JCGM 100:2008, 5.1.2); `by_place`: by the
         place where they come in.
         """
-        found: dict[str, FloatArray] = {}
+        result: dict[str, FloatArray] = {}
         for item, rows in zip(self.inputs.noises, self.inputs.rows, strict=True):
             c = self.gradient[:, rows]
             for source, covariance in item.covariances.items():
@@ -212,8 +212,8 @@ class GraphTrials:
                 with np.errstate(over="ignore", invalid="ignore"):
                     total = np.where(self.u > 0, self.u**2, np.nan)
                     part = np.einsum("ni,ij,nj->n", c, covariance, c) / total
-                found[name] = found.get(name, 0.0) + part
-        return found
+                result[name] = result.get(name, 0.0) + part
+        return result
 
     def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
         """Outputs (n, m) for inputs X (k, m); frames are compared with their nominal."""
