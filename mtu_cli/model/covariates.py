@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.files.csv_table import LISTED_FAULTS
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, InputError, finding
@@ -19,7 +20,7 @@ from mtu_cli.model.machine_model import (
     missing_covariates,
     without_coordinate,
 )
-from mtu_cli.model.visits import MOST_TOLD, BoolArray, Cells, IntArray, axes_of, only_rows
+from mtu_cli.model.visits import BoolArray, Cells, IntArray, axes_of, only_rows
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import step_of
 
@@ -115,7 +116,7 @@ def numbers_of(
     texts = column.tolist() if column.dtype == object else None
     result = np.array([number(text) for text in texts]) if texts else column.astype(np.float64)
     chosen = np.arange(len(result)) if rows is None else rows
-    for i in chosen[~np.isfinite(result[chosen])][:MOST_TOLD].tolist():
+    for i in chosen[~np.isfinite(result[chosen])][:LISTED_FAULTS].tolist():
         text = texts[i] if texts else ""
         problems.append(
             finding(

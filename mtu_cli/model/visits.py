@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mtu_cli.files.csv_table import LISTED_FAULTS
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, InputError, finding
@@ -17,7 +18,6 @@ from mtu_cli.stats.least_squares import FloatArray
 
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
-MOST_TOLD = 10_000
 
 
 def axes_of(points: Points) -> tuple[int, ...]:
@@ -147,7 +147,7 @@ def refuse_doubled(points: Points, place: IntArray, given: NDArray[np.bool_]) ->
             value=points.features[points.feature[i]],
             expected=expected,
         )
-        for i in rows[occurrence(place[rows]) > 0][:MOST_TOLD]
+        for i in rows[occurrence(place[rows]) > 0][:LISTED_FAULTS]
     )
 
 

@@ -349,7 +349,7 @@ def _spaced(kept: list[Placed]) -> list[Placed]:
 
 
 def _distinct(placed: list[Placed]) -> list[Placed]:
-    """Without members that span what an earlier one spans, whose `alike` then holds their values."""
+    """Without members that span what an earlier one spans: its `alike` holds their values."""
     if not placed:
         return []
     used = np.unique(np.concatenate([item.at for item in placed]))
