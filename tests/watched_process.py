@@ -29,7 +29,7 @@ def watched(*command: object) -> dict[str, float]:
     """Seconds and largest memory of a process, from start to end. A virtual machine takes seconds
     for memory that its host has yet to give: it is taken before.
     """
-    subprocess.run([sys.executable, "-c", "touched = b'x' * (4 << 30)"], check=True)
+    subprocess.run([sys.executable, "-c", "touched = b'x' * (6 << 30)"], check=True)
     found = subprocess.run(
         [sys.executable, "-c", WATCHED, *map(str, command)],
         capture_output=True, text=True, check=True,

@@ -18,7 +18,7 @@ from mtu_cli.stats.least_squares import FloatArray
 Ints = NDArray[np.int64]
 ROUNDING = 1e-12
 """Share of the readings that is rounding where it is all they differ by."""
-MOST_ROWS = 2_000_000
+MOST_ROWS = 1_000_000
 """Readings of a component that are fitted; of more every second, third, ... of a cycle."""
 
 
