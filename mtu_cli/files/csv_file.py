@@ -345,7 +345,8 @@ class _Body:
 
     def _column(self, name: str, column: Column) -> None:
         """Reads a column; a free one holds numbers where every cell is one, else texts."""
-        parts = [frame[name] for frame in self.frames]
+        # What is taken out of the frames is free for the next column.
+        parts = [frame.pop(name) for frame in self.frames]
         if not column.numeric:
             parts = self._unconverted(name, parts)
         is_text = column.kind == "text"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import hidden
@@ -157,32 +158,31 @@ def spikes(values: FloatArray, least: float = 0.0, r: float = 0.0) -> tuple[Bool
 
     result, s, usable = np.zeros(len(values), bool), 0.0, np.isfinite(values)
     while len(rest := np.flatnonzero(usable & ~result)) >= 2 * FEWEST:
-        away, scatter = _off_neighbours(values[rest])
-        known = scatter[np.isfinite(scatter)]
-        s2 = (NORMAL_MAD * float(np.median(np.abs(known)))) ** 2
+        x = values[rest]
+        scatter = np.abs(x[1:-1] - (x[:-2] + x[2:]) / 2)
+        n = len(scatter)
+        s2 = (NORMAL_MAD * float(np.median(scatter[:: n // SAMPLED + 1]))) ** 2
         s = math.sqrt(s2 + float(hidden(s2, r)))
-        dof = max(MAD_EFFICIENCY * len(known), 1.0)
-        limit = max(GROSS, -float(stdtrit(dof, OUTLYING_P / (2 * len(known)))))
-        off = np.where(away > max(limit * s, least), away, 0.0)
-        padded = np.pad(off, 2)
-        top = np.max([padded[i : i + len(off)] for i in range(5)], axis=0)
-        worst = (off > 0) & (off == top)
-        if s == 0 or not worst.any():
+        t = -float(stdtrit(max(MAD_EFFICIENCY * n, 1.0), OUTLYING_P / (2 * n)))
+        limit = max(max(GROSS, t) * s, least)
+        near = np.flatnonzero(scatter > limit) + 1
+        if s == 0 or not len(near):
+            break
+        off = np.zeros(len(x) + 4)  # two more at each end
+        off[near + 2] = _off_neighbours(x, near)
+        off[off <= limit] = 0.0
+        top = np.max([off[near + i] for i in range(5)], axis=0)
+        worst = near[(off[near + 2] > 0) & (off[near + 2] == top)]
+        if not len(worst):
             break
         result[rest[worst]] = True
     return result, s
 
 
-def _off_neighbours(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The smallest deviation of each value from the lines of its neighbours, 0 where fewer than
-    two of them are known, and its deviation from the mean of both.
-    """
-    n = len(values)
-    x = np.pad(values, 2, constant_values=np.nan)
-    before2, before, own, after, after2 = (x[i : i + n] for i in range(5))
-    both = own - (before + after) / 2
-    off = np.abs([own - 2 * before + before2, own - 2 * after + after2, both,
-                  own - (before2 + after2) / 2])  # fmt: skip
-    judged = np.isfinite(off).sum(axis=0) >= 2
-    away = np.where(judged, np.min(np.where(np.isnan(off), np.inf, off), axis=0), 0.0)
-    return away, both
+def _off_neighbours(x: FloatArray, at: NDArray[np.int64]) -> FloatArray:
+    """The smallest deviation of values `at` (k,), no ends, from the lines of their neighbours."""
+    padded = np.pad(x, 2, constant_values=np.nan)
+    before2, before, own, after, after2 = (padded[at + i] for i in range(5))
+    off = [own - 2 * before + before2, own - 2 * after + after2, own - (before + after) / 2,
+           own - (before2 + after2) / 2]  # fmt: skip
+    return np.asarray(np.nanmin(np.abs(off), axis=0))
