@@ -45,9 +45,7 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _drifting(result: FitResult) -> str | None:
-    """Passes that drift in one direction, or differ by more than repeatability: what has a star
-    in the table.
-    """
+    """Passes that drift in one direction, or differ by more than repeatability."""
     found = [
         f"{name} ({text})"
         for test, text in (("drift", "pass to pass"), ("trend", "trend"))
@@ -122,9 +120,7 @@ def orthogonality(inputs: Inputs, settings: Settings) -> Outcome:
 def _predicted(
     document: Document, warnings: list[Finding], known: dict[str, Any], key: str
 ) -> Outcome:
-    """A prediction with its gate: what does not conform with a probability above a limit, of the
-    conformance that is `known` by name where the `key` states a tolerance.
-    """
+    """A prediction with its gate, of the conformance `known` by name, which a `key` states."""
 
     def nonconforming(limit: float) -> str | None:
         checked = {name: 1 - each.probability for name, each in known.items() if each is not None}
@@ -177,9 +173,7 @@ def compare(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
-    """The items that meet a gate, and operations whose pooled features do. Of parts too few to
-    distinguish bias from scatter a mean that is off meets both.
-    """
+    """The items that meet a gate; of few parts a mean that is off meets both."""
     from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
 
     met: list[str] = []

@@ -16,12 +16,13 @@ from typer.core import TyperArgument, TyperOption
 from mtu_cli import __version__
 from mtu_cli.cli.options import Options, signature
 
-MACHINE, PART, PARTS, ABOUT = (
-    "The machine",
-    "Predictions for a part",
-    "Measured parts",
-    "Uncertainty, files and help",
-)
+PANELS = {
+    "machine": "The machine",
+    "part": "Predictions for a part",
+    "parts": "Measured parts",
+    "about": "Uncertainty, files and help",
+}
+"""Where `mtu --help` lists a command."""
 READ = "study machine lbb laser"
 MODEL = "study machine part components lbb laser drift at k digits correlation"
 RANDOM = "seed trials threads"
@@ -48,155 +49,92 @@ class Command(NamedTuple):
     gates: tuple[str, ...] | None = None
 
 
-COMMANDS = {
-    "fit-components": Command(
-        "cli.analyse",
-        f"{READ} k digits {OUT}",
-        "Readings to coefficients, covariance, repeatability, drift, reversal, per component.",
-        MACHINE,
-        ("drift",),
-    ),
-    "thermal-fit": Command(
-        "cli.analyse",
-        f"study machine drift model zeroed {OUT}",
-        "Drift readings with temperatures to a thermal model per component.",
-        MACHINE,
-        (),
-    ),
-    "iso230": Command(
-        "cli.standards",
-        f"study lbb laser before budget standard limit plan pitch k digits seed {OUT}",
-        "Positioning figures of ISO 230-2 or VDI/DGQ 3441 with uncertainties, limits, a plan.",
-        MACHINE,
-        ("nonconforming",),
-    ),
-    "circular": Command(
-        "cli.standards",
-        "file:traces direction:traces radius feed pitch:circle plane k digits "
-        f"write_components {OUT}",
-        "A circular test (ISO 230-4): figures, and its causes by one joint fit.",
-        MACHINE,
-    ),
-    "predict-points": Command(
-        "cli.analyse",
-        f"{MODEL} {RANDOM} grid covariance {OUT}",
-        "Error and uncertainty of every feature of a part.",
-        PART,
-        ("nonconforming=0.01",),
-    ),
-    "lengths": Command(
-        "cli.analyse",
-        f"{MODEL} {RANDOM} {OUT}",
-        "Feature-to-feature lengths with uncertainty and probability of conformance.",
-        PART,
-        ("nonconforming=0.01",),
-    ),
-    "orthogonality": Command(
-        "cli.analyse",
-        f"{MODEL} {RANDOM} {OUT}",
-        "Right angles between rows and columns of features, by Monte Carlo and first order.",
-        PART,
-        ("nonconforming=0.01",),
-    ),
-    "anova": Command(
-        "cli.analyse",
-        f"study machine part cmm method datum k digits seed {OUT}",
-        "Measured parts: part-to-part and CMM scatter of features, lengths and right angles.",
-        PARTS,
-        ("unusual",),
-    ),
-    "close-loop": Command(
-        "cli.close_loop",
-        "study machine part components lbb laser cmm drift at datum alpha max_effects effects "
-        f"exclude write_machine write_components seed {OUT}",
-        "Measured minus model: effects that the machine does not declare, named and added to it.",
-        PARTS,
-        ("found", "unexplained"),
-    ),
-    "compare": Command(
-        "cli.analyse",
-        f"{MODEL} {RANDOM} cmm datum {OUT}",
-        "Predicted against measured parts: means, scatter, ratios, a verdict for each.",
-        PARTS,
-        ("biased", "under-predicted"),
-    ),
-    "correct": Command(
-        "cli.analyse",
-        f"{MODEL} cmm {OUT}",
-        "Measured points minus the modelled error; rings and lengths before and after.",
-        PARTS,
-        (),
-    ),
-    "compensate": Command(
-        "cli.compensate",
-        "study machine lbb laser component:table for_ direction:table from_ to:end step reference "
-        f"machine_zero reverse_axis current set read verify to_file to_nc feed:moves "
-        f"seed trials digits {OUT}",
-        "Errors of an axis to the table of a control, read back, with moves that prove it.",
-        MACHINE,
-        (),
-    ),
-    "budget": Command(
-        "cli.measurement",
-        f"file:budget k digits {RANDOM} {OUT}",
-        "An uncertainty budget: first and second order, with Monte Carlo.",
-        ABOUT,
-    ),
-    "simulate": Command(
-        "cli.simulate",
-        # The files say in this order how they were made.
-        "study machine part components seed passes one_way positions laser_component parts "
-        "repeats cmm_u_um part_offset_um reverse_every minutes first_repeats operation scatter "
-        "effect covariate write_lbb write_laser write_cmm write_drift cycles cycle_minutes "
-        "soak_minutes interval_min room room_lag_min room_wobble_degc sensor_lag_min "
-        "sensor_spread sensor_wobble_degc sensor_noise_degc reading_noise_um reading_noise_arcsec "
-        "drift_positions settled_drift most_drift_um most_drift_arcsec twin cmm_room "
-        "cmm_wobble_degc quiet",
-        "A virtual machine: synthetic readings and points, with any effect, seeded.",
-        MACHINE,
-    ),
-    "graph check": Command(
-        "cli.measurement",
-        f"file:graph {OUT}",
-        "Whether a graph is sound, with all its faults at once; and its firing order.",
-    ),
-    "graph draw": Command(
-        "cli.measurement",
-        "file:graph to of:shares",
-        "The graph as a picture, or as text for other programs.",
-    ),
-    "graph simulate": Command(
-        "cli.measurement",
-        f"file:graph of:many k digits {RANDOM} {OUT}",
-        "Uncertainty of the graph's places by Monte Carlo, and where it comes from.",
-    ),
-    "graph sweep": Command(
-        "cli.measurement",
-        f"file:graph vary of k digits {RANDOM} {OUT}",
-        "Uncertainty of one place over a grid of probing uncertainties, with a formula.",
-    ),
-    "inspect": Command(
-        "cli.instruments",
-        "file:instrument decimal out quiet",
-        "What an instrument's file is and holds: format, axis, targets, runs, units, decimal sign.",
-        ABOUT,
-    ),
-    "import": Command(
-        "cli.instruments",
-        "files as_ component:read map unit decimal directions machine out:csv",
-        "Instruments' files to the contract's CSV of readings, points or drift.",
-        ABOUT,
-    ),
-    "schema": Command(
-        "cli.help", "kind", "The JSON Schema of a YAML contract, for editors.", ABOUT
-    ),
-    "help": Command(
-        "cli.help",
-        "topic",
-        "Topics, the meaning of a warning or error, and the options of a command.",
-        ABOUT,
-    ),
-}
+def declare(text: str) -> dict[str, Command]:
+    """Commands by name, of lines ``name | chapter | panel | gates | help | options``; -: none."""
+    result = {}
+    for line in filter(str.strip, text.splitlines()):
+        name, chapter, panel, gates, says, options = " ".join(line.split()).split(" | ")
+        own = None if gates == "-" else tuple(gates.split()[1:])
+        result[name] = Command(f"cli.{chapter}", options, says, PANELS.get(panel), own)
+    return result
+
+
+# The files of simulate say in the order of its options how they were made.
+COMMANDS = declare(f"""
+    fit-components | analyse | machine | suspicious drift | Readings to coefficients, \
+        covariance, repeatability, drift, reversal, per component. \
+        | {READ} k digits {OUT}
+    thermal-fit | analyse | machine | suspicious | Drift readings with temperatures to a thermal \
+        model per component. \
+        | study machine drift model zeroed {OUT}
+    iso230 | standards | machine | suspicious nonconforming | Positioning figures of ISO 230-2 \
+        or VDI/DGQ 3441 with uncertainties, limits, a plan. \
+        | study lbb laser before budget standard limit plan pitch k digits seed {OUT}
+    circular | standards | machine | - | A circular test (ISO 230-4): figures, and its causes by \
+        one joint fit. \
+        | file:traces direction:traces radius feed pitch:circle plane k digits write_components \
+        {OUT}
+    predict-points | analyse | part | suspicious nonconforming=0.01 | Error and uncertainty of \
+        every feature of a part. \
+        | {MODEL} {RANDOM} grid covariance {OUT}
+    lengths | analyse | part | suspicious nonconforming=0.01 | Feature-to-feature lengths with \
+        uncertainty and probability of conformance. \
+        | {MODEL} {RANDOM} {OUT}
+    orthogonality | analyse | part | suspicious nonconforming=0.01 | Right angles between rows \
+        and columns of features, by Monte Carlo and first order. \
+        | {MODEL} {RANDOM} {OUT}
+    anova | analyse | parts | suspicious unusual | Measured parts: part-to-part and CMM scatter \
+        of features, lengths and right angles. \
+        | study machine part cmm method datum k digits seed {OUT}
+    close-loop | close_loop | parts | suspicious found unexplained | Measured minus model: \
+        effects that the machine does not declare, named and added to it. \
+        | study machine part components lbb laser cmm drift at datum alpha max_effects effects \
+        exclude write_machine write_components seed {OUT}
+    compare | analyse | parts | suspicious biased under-predicted | Predicted against measured \
+        parts: means, scatter, ratios, a verdict for each. \
+        | {MODEL} {RANDOM} cmm datum {OUT}
+    correct | analyse | parts | suspicious | Measured points minus the modelled error; rings and \
+        lengths before and after. \
+        | {MODEL} cmm {OUT}
+    compensate | compensate | machine | suspicious | Errors of an axis to the table of a \
+        control, read back, with moves that prove it. \
+        | {READ} component:table for_ direction:table from_ to:end step reference machine_zero \
+        reverse_axis current set read verify to_file to_nc feed:moves seed trials digits {OUT}
+    budget | measurement | about | - | An uncertainty budget: first and second order, with Monte \
+        Carlo. \
+        | file:budget k digits {RANDOM} {OUT}
+    simulate | simulate | machine | - | A virtual machine: synthetic readings and points, with \
+        any effect, seeded. \
+        | study machine part components seed passes one_way positions laser_component parts \
+        repeats cmm_u_um part_offset_um reverse_every minutes first_repeats operation scatter \
+        effect covariate write_lbb write_laser write_cmm write_drift cycles cycle_minutes \
+        soak_minutes interval_min room room_lag_min room_wobble_degc sensor_lag_min \
+        sensor_spread sensor_wobble_degc sensor_noise_degc reading_noise_um reading_noise_arcsec \
+        drift_positions settled_drift most_drift_um most_drift_arcsec twin cmm_room \
+        cmm_wobble_degc quiet
+    graph check | measurement | - | - | Whether a graph is sound, with all its faults at once; \
+        and its firing order. \
+        | file:graph {OUT}
+    graph draw | measurement | - | - | The graph as a picture, or as text for other programs. \
+        | file:graph to of:shares
+    graph simulate | measurement | - | - | Uncertainty of the graph's places by Monte Carlo, and \
+        where it comes from. \
+        | file:graph of:many k digits {RANDOM} {OUT}
+    graph sweep | measurement | - | - | Uncertainty of one place over a grid of probing \
+        uncertainties, with a formula. \
+        | file:graph vary of k digits {RANDOM} {OUT}
+    inspect | instruments | about | - | What an instrument's file is and holds: format, axis, \
+        targets, runs, units, decimal sign. \
+        | file:instrument decimal out quiet
+    import | instruments | about | - | Instruments' files to the contract's CSV of readings, \
+        points or drift. \
+        | files as_ component:read map unit decimal directions machine out:csv
+    schema | help | about | - | The JSON Schema of a YAML contract, for editors. \
+        | kind
+    help | help | about | - | Topics, the meaning of a warning or error, and the options of a \
+        command. \
+        | topic
+""")
 """By their names, as a user types them."""
 
 
@@ -260,7 +198,7 @@ graph = typer.Typer(
     help="The measurement graph: its soundness, picture, uncertainty, and what that follows.",
     no_args_is_help=True,
 )
-app.add_typer(graph, name="graph", rich_help_panel=ABOUT)
+app.add_typer(graph, name="graph", rich_help_panel=PANELS["about"])
 for _name, _command in COMMANDS.items():
     _group, _, _last = _name.rpartition(" ")
     _place: Any = {"help": _command.text, "rich_help_panel": _command.panel}

@@ -166,9 +166,7 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
 def _errors(
     inputs: Inputs, names: list[str], wanted: Wanted, rotary: str
 ) -> tuple[AxisErrors, str]:
-    """Of the first name readings where there are any, else what the machine file states; of the
-    others what it states, added. The axis is that of the component, or `rotary`.
-    """
+    """Readings of the first name, else what the machine states, with the others added; the axis."""
     machine, first = inputs.machine, names[0]
     component = machine.machine.components.get(first)
     angle = component is not None and UNITS[component.unit].dimension != LENGTH

@@ -14,12 +14,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options, option_name
 from mtu_cli.files.csv_table import number
 from mtu_cli.files.source import SYNTHETIC, begins_with, given_path, same
 from mtu_cli.files.write import check_targets, made_ready
-from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, finding, listed
+from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.monte_carlo import Progress
 
@@ -32,13 +33,8 @@ if TYPE_CHECKING:
 STANDARD_OUTPUT = Path("-")
 MOST_ALIKE = 20
 """Warnings of one code that are shown."""
-USED = {
-    "k": ("coverage factor", "coverage_factor"),
-    **{name: (name, name) for name in ("seed", "digits", "correlation", "trials")},
-}
-"""Options that a report to hand on states, where the command has them: by which name, of which
-setting.
-"""
+USED = {"k": "coverage_factor", **{x: x for x in ("seed", "digits", "correlation", "trials")}}
+"""Settings that a report to hand on states, by the options of the commands that have them."""
 DELAY_S, EVERY_S = 1.0, 0.1
 """After what time, and how often, progress is shown."""
 Gate = Callable[[float], str | None]
@@ -177,12 +173,6 @@ def deliver(files: Mapping[Path, bytes], say: Callable[[], None], lines: Sequenc
         put_in_place()
 
 
-def silence(stream: Any) -> None:
-    """Nothing more can be said on a stream, not even when the interpreter flushes it at its end."""
-    if stream in (sys.__stdout__, sys.__stderr__):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
 def show(tables: Iterable[object]) -> None:
     """Tables and lines on standard output: with colour on a terminal, plain text in a pipe."""
     from mtu_cli.reports.tables import console, plain_text
@@ -200,15 +190,12 @@ def show(tables: Iterable[object]) -> None:
 def warning_lines(warnings: Iterable[Finding]) -> list[str]:
     """Warnings and notes as lines for standard error, each once, of one code MOST_ALIKE at most."""
     distinct = list({(each.code, each.message): each for each in warnings}.values())
-    left = Counter(each.code for each in distinct)
-    shown: Counter[str] = Counter()
-    lines = []
+    count, shown, lines = Counter(each.code for each in distinct), Counter[str](), []
     for each in distinct:
         shown[each.code] += 1
-        left[each.code] -= 1
-        more = ""
-        if shown[each.code] == MOST_ALIKE and left[each.code]:
-            more = f"; and {left[each.code]} more such, all in the report (-o)"
+        left, more = count[each.code] - MOST_ALIKE, ""
+        if shown[each.code] == MOST_ALIKE and left > 0:
+            more = f"; and {left} more such, all in the report (-o)"
         if shown[each.code] <= MOST_ALIKE:
             lines.append(f"{each.severity}: {each.message}{more} [{each.code}]")
     return lines
@@ -263,9 +250,11 @@ def _files(result: Result) -> dict[Path, bytes]:
         from mtu_cli.reports.fields import csv_text
 
         files[options.csv] = csv_text(*outcome.rows()).encode()
-    if options.plot is not None and outcome.figure is not None:
+    if options.plot is not None:
         from mtu_cli.reports.figures import figure_bytes
 
+        if outcome.figure is None:
+            raise error("not-applicable", reason="this result is not drawn", path="--plot")
         files[options.plot] = figure_bytes(outcome.figure(), options.plot.suffix)
     if options.report is not None:
         files[options.report] = _page(result)
@@ -274,29 +263,29 @@ def _files(result: Result) -> dict[Path, bytes]:
 
 def _page(result: Result) -> bytes:
     """The report to hand on; without a picture where what was asked for cannot be drawn."""
-    from mtu_cli.reports.html import Page, report_bytes
+    from mtu_cli.reports.html import report_bytes
 
     inputs, options = result.inputs, result.inputs.options
     figure = None
     with suppress(InputError):
         figure = result.outcome.figure and result.outcome.figure()
     # A command that has no such option does not use it.
-    stated = {name: own for option, (name, own) in USED.items() if option in options.values}
-    used: dict[str, Any] = {name: getattr(result.settings, own) for name, own in stated.items()}
+    stated = [name for option, name in USED.items() if option in options.values]
+    used = {name.replace("_", " "): getattr(result.settings, name) for name in stated}
     used |= {"trials": "adaptive"} if used.get("trials", 0) is None else {}
     subject, *others = inputs.names
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
-    page = Page(
+    return report_bytes(
+        options.report.suffix.lower(),
+        figure,
+        result.outcome.tables(bool(options.detail)),
+        result.warnings,
+        used | {f"{name} =": value for name, value in inputs.at.items()},
         title=f"{options.command.replace('-', ' ').capitalize()}: {subject}",
         subject=[*others, *synthetic],
-        tables=result.outcome.tables(bool(options.detail)),
-        figure=figure,
-        warnings=result.warnings,
         inputs=inputs.sources,
-        settings=used | {f"{name} =": value for name, value in inputs.at.items()},
         date=options.date,
     )
-    return report_bytes(page, options.report.suffix.lower())
 
 
 def written_files(options: Options) -> dict[str, Path]:
@@ -334,9 +323,7 @@ def check_outputs(inputs: Inputs) -> None:
 
 
 def _wrong_forms(command: str, written: Mapping[str, Path]) -> Iterator[Finding]:
-    """The report or the table alone may go to standard output; a file that other programs would
-    take for what it is not is refused. Measured data is no synthetic data.
-    """
+    """Files that would be taken for what they are not; measured data is not overwritten."""
     for name, path in written.items():
         option, ending = "-o" if name == "out" else option_name(name), path.suffix.lower()
         endings, file = WRITTEN[name].endings, given_path(path)

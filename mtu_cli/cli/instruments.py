@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome, deliver
 from mtu_cli.cli.load import Inputs, named_file
-from mtu_cli.cli.options import Options
+from mtu_cli.cli.options import Options, option_name
+from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
 from mtu_cli.files.source import given_path, same
-from mtu_cli.findings import Finding, InputError, error, finding, suggestion
+from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.formats.base import DRIFT, INSPECT, POINTS, READINGS, Ask, Imported, RawFile, raw_file
 from mtu_cli.formats.base import walk as elements_of
 from mtu_cli.formats.instruments import (
@@ -152,13 +153,11 @@ def _joined(tables: list[Imported]) -> Imported:
     return joined
 
 
-def _choice(options: Options, name: str, known: Iterable[str]) -> Any:
+def _choice(options: Options, name: str, known: Collection[str]) -> Any:
     """The value of an option that is one of a few words."""
-    value, known = options.values.get(name), tuple(known)
-    if value is None or value in known:
-        return value
-    path = f"--{name.rstrip('_')}"
-    raise error("unknown-name", what=f"value of {path}", value=value, **suggestion(value, known))
+    if (value := options.values.get(name)) is not None:
+        known_name(option_name(name), "value", value, known)
+    return value
 
 
 def _unit_of(options: Options, component: str | None) -> str | None:
@@ -168,9 +167,7 @@ def _unit_of(options: Options, component: str | None) -> str | None:
     from mtu_cli.files.machine import load_machine
 
     components = load_machine(options.machine).machine.components
-    if component not in components:
-        hint = suggestion(component, components)
-        raise error("unknown-name", what="component", value=component, **hint)
+    known_name("--component", "component", component, components)
     return components[component].unit
 
 

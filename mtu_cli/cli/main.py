@@ -10,6 +10,8 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from mtu_cli.cli import silence
+
 EXIT_INTERRUPTED = 130
 LEFT = 1
 """How typer exits where the reader of its help has left."""
@@ -70,13 +72,6 @@ def called(arguments: Sequence[str]) -> int:
     except OSError:
         silence(sys.stderr)
     return EXIT_INPUT
-
-
-def silence(stream: Any) -> None:
-    """Nothing more is said on a stream."""
-    from mtu_cli.cli import emit
-
-    emit.silence(stream)
 
 
 def _words(fault: BaseException) -> str:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import fnmatch
 import json
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from mtu_cli.cli.load import Inputs, check_cell
 from mtu_cli.files.covariates import closest_covariate
@@ -38,13 +38,11 @@ DOUBTS = ("no-better", "not-held-out")
 """Warnings of a thermal-fit report: nothing says that its model holds for the next warm-up."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Modelled:
+class Modelled(NamedTuple):
     """The model of a call, what it was made of, and what to warn of."""
 
     model: MachineModel
     estimates: Estimates
-    fit: MachineFit | None
     warnings: tuple[Finding, ...]
 
 
@@ -59,13 +57,25 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
     thermal, of_drift = drift_estimates(inputs)
     model = build_model(machine, replace(estimates, thermal=thermal))
     warnings = [*machine_warnings(machine, estimates), *searched_warnings(machine)]
-    warnings += [*of_components, *of_drift, *_limits(inputs, fit, model)]
+    warnings += [*of_components, *of_drift]
+    # What u of a part does not contain, from the fit or from the report of it.
+    terms = {term.estimate.name for term in model.terms}
+    if inputs.reports.components is not None:
+        warnings += _carried(inputs.reports.components, LIMITS, terms)
+    elif fit is not None:
+        warnings += limits_of(limit_warnings(fit), terms)
     # Of a column that no equation has a declared effect may tell where it holds.
     used = (*model.covariates(), *(name for effect in model.effects for name in effect.within))
     _expand(inputs.at, dict.fromkeys((*used, *also)))
-    unused = [name for name in inputs.at if name not in (*used, *also)]
-    warnings += [_not_needed(name, inputs, model) for name in unused]
-    return Modelled(model=model, estimates=estimates, fit=fit, warnings=tuple(warnings))
+    # The nearest of those names alone that the call would take.
+    left = [name for name in model.covariates() if name not in inputs.at]
+    for name in (name for name in inputs.at if name not in (*used, *also)):
+        near = closest_covariate(name, left)
+        place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
+        expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
+        meant = () if near is None else (near,)
+        warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
+    return Modelled(model, estimates, tuple(warnings))
 
 
 def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Finding]]:
@@ -86,11 +96,7 @@ def _components(inputs: Inputs) -> tuple[Estimates, MachineFit | None, list[Find
 
 
 def _as_reported(machine: LoadedMachine, fit: MachineFit, estimates: Estimates) -> Estimates:
-    """The estimates as a fit-components report holds them.
-
-    Reports are in the components' own units. Going through them makes readings and their
-    report give the same bits, which the Monte Carlo would tell apart in the seventh digit.
-    """
+    """The estimates as a report holds them: readings and their report then give the same bits."""
     from mtu_cli.analyses.fit_components import fit_result
     from mtu_cli.files.reports_read import COMPONENTS, components_from
     from mtu_cli.files.write import report_bytes
@@ -145,11 +151,7 @@ def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:
 def _not_read(
     inputs: Inputs, roles: Sequence[str], report: ComponentsReport | ThermalReport
 ) -> list[Finding]:
-    """That readings are not read beside the `report` of a fit, where they are not, to the byte,
-    those that it was fitted to.
-
-    Raises InputError for a file that cannot be read.
-    """
+    """That readings are not read beside the `report` of a fit, unless it was fitted to them."""
     given = [(path, role) for role in roles for path in inputs.files(role)]
     found = {path: read_source(path, role)[0].sha256 for path, role in given}
     if not found or set(found.values()) == report.readings:
@@ -158,14 +160,6 @@ def _not_read(
     names, what = [shown_path(path) for path in other or found], ", ".join(report.components)
     reason = f"{report.source.shown} gives {what}; it was fitted to other files"
     return [finding("not-used", what="readings", names=names, reason=reason)]
-
-
-def _limits(inputs: Inputs, fit: MachineFit | None, model: MachineModel) -> list[Finding]:
-    """What u of a part does not contain (LIMITS), from the fit or from the report of it."""
-    used = {term.estimate.name for term in model.terms}
-    if (report := inputs.reports.components) is not None:
-        return _carried(report, LIMITS, used)
-    return [] if fit is None else limits_of(limit_warnings(fit), used)
 
 
 def _carried(
@@ -181,20 +175,6 @@ def _carried(
             what = {"of": code, "message": str(item.get("message"))}
             result.append(finding("reported", file=report.source.shown, **what))
     return list(dict.fromkeys(result))
-
-
-def _not_needed(name: str, inputs: Inputs, model: MachineModel) -> Finding:
-    """The warning, with the nearest of those names alone that the call would take."""
-    near = closest_covariate(name, [each for each in model.covariates() if each not in inputs.at])
-    expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
-    return finding(
-        "option-not-used",
-        path=f"--at {name}",
-        why=": no equation needs it",
-        name=name,
-        meant=() if near is None else (near,),
-        expected=expected,
-    )
 
 
 def one_direction(inputs: Inputs, model: MachineModel) -> list[Finding]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.values import assigned, known_name, number_of
+from mtu_cli.cli.values import above_zero, assigned, known_name
 from mtu_cli.files.source import begins_with
 from mtu_cli.findings import error, listed
 from mtu_cli.model.settings import Settings
@@ -42,7 +43,16 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
         readings,
         budget=_budget(inputs),
         before=inputs.before,
-        limits=_limits(options.limit, [*figures, *names]),
+        limits=assigned(
+            "--limit",
+            options.limit,
+            "=",
+            "NAME=VALUE",
+            "A=10",
+            lambda name, text: above_zero(f"--limit {name}", text),
+            [*figures, *names],
+            "figure",
+        ),
         k=settings.coverage_factor,
         seed=settings.seed,
         standard=standard,
@@ -73,17 +83,6 @@ def _budget(inputs: Inputs) -> InstrumentBudget | None:
     return loaded.study.budget
 
 
-def _limits(texts: list[str] | None, known: list[str]) -> dict[str, float]:
-    def value(name: str, text: str) -> float:
-        option = f"--limit {name}"
-        result = number_of(option, text)
-        if result <= 0:
-            raise error("out-of-range", path=option, value=text, expected="a number above 0")
-        return result
-
-    return assigned("--limit", texts, "=", "NAME=VALUE", "A=10", value, known, "figure")
-
-
 def _nonconforming(result: Iso230Result) -> str | None:
     """Figures that are proven not to conform."""
     if not result.decisions:
@@ -109,7 +108,8 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
         known_name("--direction", "direction", way, WAYS)
     if plane is not None:
         known_name("--plane", "plane", plane, PLANES)
-    feeds, pitches = _above_zero("--feed", options.feed), _above_zero("--pitch", options.pitch)
+    feeds = words(options.feed, partial(above_zero, "--feed"))
+    pitches = words(options.pitch, partial(above_zero, "--pitch"))
     if len(pitches) > 2:
         found = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
@@ -149,17 +149,6 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
 
     document = report.document(result, settings.digits)
     return Outcome.of(document, warnings=result.warnings, files=components)
-
-
-def _above_zero(option: str, text: str | None) -> list[float]:
-    """The numbers of an option with commas, above 0."""
-    from mtu_cli.files.traces import words
-
-    result = words(text, lambda each: number_of(option, each))
-    for value in result:
-        if value <= 0:
-            raise error("out-of-range", path=option, value=f"{value:g}", expected="above 0")
-    return result
 
 
 def _is_xml(path: Path) -> bool:

@@ -36,6 +36,14 @@ def number_of(option: str, text: str, *, whole: bool = False) -> float:
     return value
 
 
+def above_zero(option: str, text: str) -> float:
+    """A finite number above 0; raises InputError as `number_of` does."""
+    value = number_of(option, text)
+    if value <= 0:
+        raise error("out-of-range", path=option, value=text, expected="a number above 0")
+    return value
+
+
 def ends(
     option: str, text: str, form: str, example: str, *, ordered: bool = False, whole: bool = False
 ) -> list[float]:

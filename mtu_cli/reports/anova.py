@@ -1,10 +1,6 @@
 """The report of anova: one entry an operation, feature and axis, a length, a right angle.
 
-A figure is null where the data cannot give it (no repeats, one part, no variance), and a warning
-says so. With --method paper `var_part` is MS_between, and u_mean and u_future have the repeat
-scatter alone (Gilsinn & Ling 2004, eqs. (31)-(34)). Limits of `var_part_interval95` below 0 are 0;
-where both were, `var_part_limits_below_zero` says so, and [0, 0] bounds nothing: the means of the
-parts scatter less than the repeats alone make them in 39 of 40 studies.
+With --method paper `var_part` is MS_between (Gilsinn & Ling 2004, eqs. (31)-(34)).
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""The report of budget: first and second order, Monte Carlo beside them, one row an input.
-
-Values are in the unit of each output or input, as the budget file has them.
-"""
+"""The report of budget: first and second order, Monte Carlo beside them, one row an input."""
 
 from __future__ import annotations
 
@@ -154,8 +151,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
     rows = [each for item in outputs for each in item.estimates]
     footer = f"intervals for {100 * result.probability:.4g} %; of first order: value ± k u with "
     footer += listed(map(_factor, outputs))
-    notes = [f"{result.run.trials} trials; {_errors(item)}" for item in outputs]
-    estimates = Table(f"{result.name}: result", ESTIMATE, rows, footer, notes)
+    estimates = Table(f"{result.name}: result", ESTIMATE, rows, footer)
     fields = declare("- | outputs.first.name | | output, text")
     for i, item in enumerate(outputs):
         fields.append(Field("", f"correlation.{i}", head=item.first.name, show="fix4"))
@@ -179,11 +175,6 @@ def _factor(item: OutputBudget) -> str:
         return "k undefined"
     of = "normal" if math.isinf(dof) else f"t of {dof:.3g} dof"
     return f"k = {significant(item.k_probability, 3)} ({of})"
-
-
-def _errors(item: OutputBudget) -> str:
-    errors = [significant(item.of_run(f"se_{name}")) for name in ("mean", "u", "low", "high")]
-    return f"standard errors of mean, u and ends of {item.first.name}: {', '.join(errors)}"
 
 
 def _verdict(result: BudgetResult, digits: int) -> str:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mtu_cli.analyses.circular import CircularResult, circle_fit
-from mtu_cli.findings import error
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, bars, blank, styled, title
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 MOST_ANGLES = 720
 """Of the fit, drawn."""
-UNIT: dict[str, Any] = {"size": lambda item: UM, "half": lambda item: item.share}
+UNIT: dict[str, Any] = {"size": lambda item: UM}
 ROW = declare(
     """
     name | | cause | cause, text
@@ -96,7 +95,7 @@ def document(result: CircularResult, digits: int = 2) -> Document:
     )
     if not result.figures:
         verdict = f"{len(result.instrument)} features stated by the instrument; no traces."
-        return Document("Circular test", (RESULTS, result), [stated_by], undrawn, verdict, digits)
+        return Document("Circular test", (RESULTS, result), [stated_by], None, verdict, digits)
     plane = f"{result.traces.plane}, " if result.traces.plane else ""
     heading = f"Causes, {plane}radius {result.traces.radius:g} mm"
     footer = (
@@ -111,11 +110,6 @@ def document(result: CircularResult, digits: int = 2) -> Document:
     tables += [stated_by] if result.instrument else []
     figure, verdict = partial(polar, result, digits), _verdict(result, digits)
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
-
-
-def undrawn() -> Page:
-    """There is nothing to draw without traces."""
-    raise error("not-applicable", reason="features without traces are not drawn", path="--plot")
 
 
 def stated(cause: Cause, digits: int) -> str:

@@ -1,8 +1,6 @@
 """The report of compare: predicted against measured, item by item, and by operation.
 
-`measured.u_um` is of a future part from components of variance; `measured.paper_u_um` takes
-MS_between for the part variance, as Gilsinn & Ling 2004 do. Range widths are 2 (|mean| + k u), as
-in their Table 10. Ratios are measured over predicted.
+Range widths are 2 (|mean| + k u), as in Gilsinn & Ling 2004, Table 10.
 """
 
 from __future__ import annotations

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mtu_cli.analyses.compensate import CompensateResult, Figures
-from mtu_cli.findings import error
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, ORANGE, blank, styled
@@ -19,25 +19,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class Placed(NamedTuple):
-    """A point of the table or a move with its place: mm, or of a rotary axis deg; `um` or `arcsec`
-    is the item itself, by the unit of its errors, of that `size`.
-    """
-
-    item: Any
-    mm: float | None
-    deg: float | None
-    um: Any
-    arcsec: Any
-    unit: str
-    size: float
-    quantum: float
-
-
-def _placed(result: CompensateResult, places: Any, items: Any) -> list[Placed]:
+def _placed(result: CompensateResult, places: Any, items: Any) -> list[SimpleNamespace]:
+    """Points or moves with their places: mm, of a rotary axis deg; by unit the item itself."""
     rotary, angle = result.asked.rotary, result.asked.angle
     return [
-        Placed(
+        SimpleNamespace(
             item=item,
             mm=None if rotary else at,
             deg=at if rotary else None,
@@ -51,13 +37,13 @@ def _placed(result: CompensateResult, places: Any, items: Any) -> list[Placed]:
     ]
 
 
-def _points(result: CompensateResult) -> list[Placed]:
+def _points(result: CompensateResult) -> list[SimpleNamespace]:
     """Points of the table: errors asked for and held, forward and reverse."""
     values = np.vstack([result.asked.errors, result.held.errors]).T
     return _placed(result, result.asked.at.tolist(), values.tolist())
 
 
-def _moves(result: CompensateResult) -> list[Placed]:
+def _moves(result: CompensateResult) -> list[SimpleNamespace]:
     return _placed(result, [move.command for move in result.moves], result.moves)
 
 
@@ -183,16 +169,6 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
     return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
 
 
-class Summary(NamedTuple):
-    """A figure before and after, in the unit of the errors."""
-
-    name: str
-    before: float
-    median: float | None
-    interval95: list[float] | None
-    u: float | None
-
-
 SUMMARY = declare(
     """
     name | name | the figure | figure, text
@@ -203,14 +179,17 @@ SUMMARY = declare(
 )
 
 
-def _summary(result: CompensateResult) -> list[Summary]:
-    before, after = _scaled("before")(result), _scaled("after")(result)
-    found = []
+def _summary(result: CompensateResult) -> list[SimpleNamespace]:
+    """Each figure before and after, in the unit of the errors."""
+    before, after, found = _scaled("before")(result), _scaled("after")(result), []
     for name in MEANS:
-        own, drawn = getattr(before, name), None if after is None else getattr(after, name)
-        known = () if drawn is None else (np.median(drawn), _interval(drawn), float(np.std(drawn)))
-        if np.isfinite(own):
-            found.append(Summary(name, float(own), *(known or (None, None, None))))
+        item = SimpleNamespace(name=name, before=float(getattr(before, name)))
+        item.median = item.interval95 = item.u = None
+        if after is not None:
+            drawn = getattr(after, name)
+            item.median, item.u = np.median(drawn), float(np.std(drawn))
+            item.interval95 = _interval(drawn)
+        found += [item] if np.isfinite(item.before) else []
     return found
 
 
@@ -283,8 +262,4 @@ def skew_document(item: Skew) -> Document:
         f"The axes are {significant(item.angle / ARCSEC, 4)} arcsec from a right angle; verify by "
         "the diagonals of a square."
     )
-    return Document("Skew", (SKEW, item), [Table("Skew", SKEW, [item])], _undrawn, verdict)
-
-
-def _undrawn() -> Figure:
-    raise error("not-applicable", reason="one angle: there is nothing to draw", path="--plot")
+    return Document("Skew", (SKEW, item), [Table("Skew", SKEW, [item])], None, verdict)

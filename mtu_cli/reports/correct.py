@@ -1,26 +1,19 @@
 """The report of correct: points, diameters and lengths before and after.
 
-A correction is minus the modelled error; null along an axis that is not corrected. Of a size, `u`
-and `interval95_mm` are of the corrected size, `u_error_um`, `interval95_um` of its error
-after, the calibration's uncertainty included. The u of a mean over repeats is that of one part,
-which repeats share. `point_scatter` is part of the u of corrected points and of sizes, not of that
-of a correction, which the machine alone makes.
+A correction is minus the modelled error; u of a mean over repeats is that of one part.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from functools import partial
 
 from mtu_cli.analyses.correct.result import CorrectResult
 from mtu_cli.analyses.correct.wanted import Kind
-from mtu_cli.findings import listed
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import KIND, Document, Table
 from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
-from mtu_cli.reports.numbers import degrees_of_freedom, significant
+from mtu_cli.reports.numbers import significant
 from mtu_cli.units import UM
 
 SHOWN = 40
@@ -156,35 +149,21 @@ def document(result: CorrectResult, digits: int = 2) -> Document:
     tables = [
         Table("Points", ROW, points, f"{footer}; ± u", detail=many),
     ]
-    errors = "error: measured minus reference, ± u with that of the calibration"
+    scatter = "unknown"
+    if result.scatter is not None:
+        scatter = f"{significant(result.scatter.s / UM)} um from {result.scatter.origin} included"
+    errors = (
+        "error: measured minus reference, ± u with that of the calibration; scatter of the points "
+        f"beyond the model {scatter}"
+    )
     for kind, name in KINDS.items():
         sizes = result.of_kind(kind)
         title, detail = f"{name.capitalize()} before and after", len(sizes) > SHOWN
-        notes = list(_notes(result))
-        tables.append(Table(title, SIZES[kind], sizes, errors, notes, detail=detail))
+        tables.append(Table(title, SIZES[kind], sizes, errors, detail=detail))
     form = "mean form over the visits; explained: u of the model and scatter of the points"
     tables.append(Table("Form left", FORM_LEFT, result.forms, form, detail=True))
     figure, verdict = partial(part_figures.correct, result), _verdict(result)
     return Document("Corrected points", (RESULTS, result), tables, figure, verdict, digits)
-
-
-def _notes(result: CorrectResult) -> Iterator[str]:
-    """What the uncertainties of sizes hold."""
-    scatter = result.scatter
-    if scatter is None:
-        yield "u: of the machine's model only; the scatter of the points is unknown"
-    else:
-        source = "repeats" if scatter.origin == "repeats" else "radial residuals, form included"
-        yield (
-            f"u includes a scatter of the points of {significant(scatter.s / UM)} um beyond the "
-            f"model, from {source} ({degrees_of_freedom(scatter.dof)} dof)"
-        )
-    exact = {
-        x.id for x in result.sizes
-        if x.kind != "length" and math.isfinite(x.reference) and math.isnan(x.U_reference)
-    }  # fmt: skip
-    if exact:
-        yield f"no U_um of {listed(sorted(exact))}: the calibration counts as exact"
 
 
 def _verdict(result: CorrectResult) -> str:

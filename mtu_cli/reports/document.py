@@ -1,9 +1,6 @@
 """What a command reports, before it is terminal text, JSON, CSV or HTML.
 
-Every number's unit is in its name, in full precision. What is undefined is null, and a
-warning says why. Three nulls are values and need none: degrees of freedom that are null are
-infinite, `settings.trials` null means that the Monte Carlo chose the count itself (JCGM 101:2008,
-7.9.4), `settings.coverage_factor` null that there is no one factor: `results` have each.
+What is undefined is null, and a warning says why; degrees of freedom that are null are infinite.
 """
 
 from __future__ import annotations
@@ -30,10 +27,6 @@ if TYPE_CHECKING:
 DAGGER = "\N{DAGGER}"
 OUTSIDE = f"; {DAGGER} outside the measured range of a component"
 """Its meaning, for a footer."""
-OF_SHARES = (
-    "shares of u^2: coefficients are the same for all parts, passes common to the points of one "
-    "part, repeatability of each visit"
-)
 KIND = {True: "components and points independent", False: "covariance included"}
 """Of correlation, by whether it was asked to be independent."""
 
@@ -96,13 +89,14 @@ class Table:
 class Document:
     """A report: `results` are the fields of the JSON document and what they are read from, `also`
     those that are read from something else. The first of `tables` is the main one, of which
-    ``--csv`` has every item. `verdict` is what the figures say, in a sentence.
+    ``--csv`` has every item; `figure` is None where there is nothing to draw. `verdict` is what
+    the figures say, in a sentence.
     """
 
     title: str
     results: tuple[Fields, Any]
     tables: Sequence[Table]
-    figure: Callable[[], Figure]
+    figure: Callable[[], Figure] | None
     verdict: str = ""
     digits: int = 2
     also: Sequence[tuple[Fields, Any]] = ()

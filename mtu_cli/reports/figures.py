@@ -1,7 +1,4 @@
-"""What all figures share: the style, the bytes of a file, intervals, bars, legends.
-
-Matplotlib without a display and whatever the user's settings file; the same bytes every time.
-"""
+"""What all figures share: the style, the bytes of a file, intervals, bars, legends."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec
 
 import numpy as np
 
-from mtu_cli.reports.labels import folded, spread
+from mtu_cli.reports.labels import cut
 from mtu_cli.stats.least_squares import FloatArray
 
 if TYPE_CHECKING:
@@ -35,8 +32,10 @@ RED = "#b3261e"
 GREEN = "#3d8b57"
 PALE = "#c9dcf0"
 
-LETTER, TICKS = 0.066, 12
-"""Width of a letter of a name, inches; groups of lengths that are named."""
+LETTER = 0.066
+"""Width of a letter of a name, inches."""
+WIDTH = 34
+"""Characters of a name beside a panel."""
 FEW_ROWS = 24
 """More rows of intervals than this stand closer together."""
 
@@ -161,7 +160,7 @@ def intervals(
             text, (1.01, row), xycoords=panel.get_yaxis_transform(), va="center", fontsize=7.5,
             annotation_clip=False,
         )  # fmt: skip
-    panel.set_yticks(rows, [folded(name) for name in names])
+    panel.set_yticks(rows, [cut(name, WIDTH) for name in names])
     panel.set_ylim(len(names) - 0.4, -0.6)
     panel.grid(axis="y", visible=False)
 
@@ -172,57 +171,21 @@ def listing(
     shown: Sequence[Intervals],
     label: str,
     *,
-    nominal: FloatArray | None = None,
     limits: Sequence[FloatArray] = (),
     beside: Sequence[str] = (),
 ) -> Figure:
-    """A page of intervals row by row; those of more than a few `nominal` lengths (n,), mm, over
-    these, as many rows would hide how errors grow with them. `limits` (n,) in red, nan where there
-    are none.
-    """
-    many = nominal is not None and len(names) > FEW_ROWS
-    page = blank(8.0, 5.0 if many else rows_height(len(names)) + 0.8)
+    """A page of intervals row by row; `limits` (n,) in red, nan where there are none."""
+    page = blank(8.0, rows_height(len(names)) + 0.8)
     title(page, text)
     panel = page.subplots()
-    mark: Any = panel.hlines if many else panel.vlines
-    ends: tuple[Any, Any] = (np.arange(len(names)) - 0.3, np.arange(len(names)) + 0.4)
-    if nominal is not None and many:
-        at = _over_length(panel, shown, nominal)
-        panel.set_ylabel(label)
-        reach = 0.006 * (float(np.ptp(at)) or 1.0)
-        ends = (at - reach, at + reach)
-    else:
-        intervals(panel, names, shown, beside)
-        panel.set_xlabel(label)
+    intervals(panel, names, shown, beside)
+    panel.set_xlabel(label)
+    rows = np.arange(len(names))
     for limit in limits:
-        known = np.isfinite(limit)
-        if known.any():
-            low, high = (end[known] for end in ends)
-            mark(limit[known], low, high, color=RED, linewidth=2.0, label="tolerance")
+        if (known := np.isfinite(limit)).any():
+            at = rows[known]
+            panel.vlines(limit[known], at - 0.3, at + 0.4, color=RED, lw=2.0, label="tolerance")
     return page
-
-
-def _over_length(panel: Axes, shown: Sequence[Intervals], nominal: FloatArray) -> FloatArray:
-    """Places (n,) on the axis: the lengths, or where most are equal to others these side by side
-    in a group.
-    """
-    groups, of, counts = np.unique(np.round(nominal, 3), return_inverse=True, return_counts=True)
-    place, equal = nominal, 2 * len(groups) <= len(nominal)
-    if equal:
-        rank = np.zeros(len(nominal))
-        rank[np.argsort(of, kind="stable")] = np.concatenate([np.arange(n) + 0.5 for n in counts])
-        place = of + 0.7 * (rank / counts[of] - 0.5)
-        ticks = spread(len(groups), TICKS)
-        panel.set_xticks(ticks, [f"{groups[i]:g}" for i in ticks])
-    panel.axhline(0.0, color=GREY, linewidth=0.9)
-    for item in shown:
-        panel.errorbar(
-            place, item.value, yerr=item.half, fmt="o", color=item.colour, alpha=0.7,
-            elinewidth=0.7 * item.width, capsize=2.0, markersize=3.5, label=item.label,
-        )  # fmt: skip
-    panel.set_xlabel("nominal length, mm" + ", equal ones side by side" * equal)
-    panel.grid(axis="x", visible=False)
-    return place
 
 
 def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequence[str]) -> None:

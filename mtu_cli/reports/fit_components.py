@@ -1,7 +1,7 @@
 """The report of fit-components: all that the prediction commands need, and what people ask.
 
-Per component everything is in the component's own `unit` and mm: `coefficients` in unit, unit/mm,
-..., covariances in products of these. Of several instruments the tests stand in `instruments`.
+Per component everything is in its own `unit` and mm; of several instruments the tests stand in
+`instruments`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.fit_components import TESTS, Component, FitResult
-from mtu_cli.analyses.observability import NotDetermined
 from mtu_cli.findings import listed
 from mtu_cli.reports import machine_figures
 from mtu_cli.reports.document import Document, Table
@@ -227,13 +226,8 @@ def document(result: FitResult, digits: int = 2) -> Document:
     )
     if missing := listed(result.fit.missing, SHOWN):
         footer += f"; not fitted, without readings: {missing}"
-    note = (
-        "drift: passes differ by more than repeatability; trend: steady from pass to pass; "
-        "misfit: the polynomial does not fit"
-    )
     shown = [each for x in components for each in (x, *x.instruments * (len(x.instruments) > 1))]
-    title, notes = f"Components of {result.machine}", [note, *_open(result)]
-    table = Table(title, fields, components, footer, notes, shown=shown)
+    table = Table(f"Components of {result.machine}", fields, components, footer, shown=shown)
     k, draw = result.coverage_factor, machine_figures.components
     figure = partial(draw, result.fit, result.estimates, k, says=says)
     tables, verdict = [table, *_tables(components)], _verdict(result)
@@ -266,16 +260,3 @@ def _verdict(result: FitResult) -> str:
     if not texts:
         return "No drift, trend, misfit or reversal is significant."
     return f"Significant: {'; '.join(texts)}."
-
-
-def _open(result: FitResult) -> Iterator[str]:
-    """What is not determined, a line for all components that lack the same."""
-    grouped: dict[tuple[str, str, str], list[NotDetermined]] = {}
-    for item in result.observability:
-        if item.component in result.fit.components or "," in item.component:
-            key = (item.not_determined, item.because, item.reading_that_would)
-            grouped.setdefault(key, []).append(item)
-    for (_, because, would), items in grouped.items():
-        names = listed([item.shown for item in items], SHOWN)
-        what = f"{items[0].not_determined} of {names}"
-        yield f"not determined: {what}. Why: {because}. Remedy: {would}"

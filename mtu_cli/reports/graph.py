@@ -1,8 +1,4 @@
-"""The reports of graph check, simulate and sweep.
-
-Values are in the unit of each coordinate: mm, rad or 1; tables show deviations in um, urad or
-millionths, chances in percent.
-"""
+"""The reports of graph check, simulate and sweep, in mm, rad or 1; tables in um and urad."""
 
 from __future__ import annotations
 
@@ -20,14 +16,12 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, record, validation
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.monte_carlo_figures import simulated, swept
-from mtu_cli.reports.numbers import chance, plus_minus, significant, with_u
+from mtu_cli.reports.numbers import chance, fixed, plus_minus, significant
 
 MOST = 12
 """Places named in one cell."""
 DIGITS = 6
 """Of a nominal."""
-EXACT_PERCENT = 1e-9
-"""Of doubles that went through a fit: a smaller error of the formula is none."""
 
 STEP = declare("""
     - | 0 | round in which the transition fires, from 1 | -, csv=round
@@ -152,13 +146,10 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
         errors=declare(STANDARD_ERRORS),
     )
     for source in sources:
-        share = partial(_share, source)
+        # A name may have dots, which a path would take for steps.
+        share = partial(lambda name, item: item.shares.get(name), source)
         fields.append(Field("", share, f"share of {source} in u^2", csv=f"share_{source}"))
     return fields
-
-
-def _share(source: str, item: SimulatedCoordinate) -> float | None:
-    return item.shares.get(source)
 
 
 CHANCE = declare(
@@ -193,13 +184,9 @@ def simulate(result: GraphSimulation, digits: int = 2) -> Document:
     """One row a coordinate that varies by degrees, and one a chance; in CSV all together."""
     name, every = result.graph.graph.name, result.coordinates
     chances, others = ([x for x in every if x.chance == chance] for chance in (True, False))
-    note = (
-        "first-order u: differences over one standard uncertainty to either side; first order "
-        "valid: JCGM 101, clause 8; no*: use the interval of the Monte Carlo"
-    )
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places = Table(title, fields, every, footer, [note], shown=others)
+    places = Table(title, fields, every, footer, shown=others)
     tables, figure = [places, Table("Chances", CHANCE, chances)], partial(simulated, result)
     verdict = _simulated(result, digits)
     return Document(name, (SIMULATION, result), tables, figure, verdict, digits)
@@ -240,7 +227,7 @@ DEVIATION = """
     - | u | | u / UNIT, sig4, size=size()
     - | first_order_u | | first-order u / UNIT, sig4, size=size()
     - | formula_u | | formula / UNIT, sig4, size=size()
-    - | error_percent | | error / %, error()
+    - | error_percent | | error / %, fix1
 """
 
 
@@ -257,7 +244,6 @@ def grid_point(varied: Iterable[str], result: Sweep | None = None) -> Fields:
             chance if result.chance else DEVIATION.replace("UNIT", small),
             chance=chance_text,
             size=lambda item: 1.0 / factor,
-            error=lambda value, u, digits: _error(value, result),
         )
     return declare(
         GRID_POINT,
@@ -267,15 +253,6 @@ def grid_point(varied: Iterable[str], result: Sweep | None = None) -> Fields:
         shown=shown,
         errors=declare(STANDARD_ERRORS),
     )
-
-
-def _error(error: float, result: Sweep) -> str:
-    """An error of the formula in percent, to the first digit of how well the Monte Carlo knows u
-    (in percent of it): digits beyond are noise.
-    """
-    if result.formula is not None and result.formula.monte_carlo_percent > EXACT_PERCENT:
-        return with_u(error, result.formula.monte_carlo_percent, 1)[0]
-    return significant(0.0 if abs(error) < EXACT_PERCENT else error)
 
 
 def grid(fields: Fields) -> Fields:
@@ -310,18 +287,11 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     """One row a point of the grid; `base` is the output as the file has it."""
     fields, formula = grid_point(result.varied, result), result.formula
     title, footer = f"{'chance' if result.chance else 'u'} of {result.output}", ""
-    notes = [f"nominal {significant(result.nominal, DIGITS)} {result.output.unit}"]
     if formula is not None:
         pairs = formula.coefficients.items()
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
         footer = f"{formula.form}; {values}"
-        if formula.monte_carlo_percent > EXACT_PERCENT:
-            notes.append(
-                f"standard error of each u: {significant(formula.monte_carlo_percent, 1)} %; by "
-                f"chance alone the largest of {len(result.grid)} differences is about "
-                f"{significant(formula.expected_max_percent, 1)} %"
-            )
-    table = Table(title, fields, result.grid, footer, notes)
+    table = Table(title, fields, result.grid, footer)
     also: list[Any] = [(grid(fields), result), (ALL_CONVERGED, (base, result))]
     figure = partial(swept, result)
     return Document(title, (PLACES, base), [table], figure, _swept(result), digits, also)
@@ -337,5 +307,4 @@ def _swept(result: Sweep) -> str:
         return f"No formula: {result.no_formula}."
     if len(result.grid) == len(found.terms):
         return "The formula has as many terms as the grid has points: nothing checks it."
-    error = _error(found.max_error_percent, result)
-    return f"Formula and Monte Carlo differ by {error} % at most."
+    return f"Formula and Monte Carlo differ by {fixed(found.max_error_percent, 1)} % at most."

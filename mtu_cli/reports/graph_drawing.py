@@ -1,8 +1,6 @@
 """A measurement graph as a picture, left to right: circles for places, bars for transitions.
 
-Layered drawing (Sugiyama, Tagawa & Toda, IEEE Trans. SMC 11 (1981) 109): arcs lead from left to
-right, an arc over several layers is cut by bends, layers are ordered by the mean position of their
-neighbours, and rows follow their neighbours as near as they may without touching.
+Layered drawing (Sugiyama, Tagawa & Toda, IEEE Trans. SMC 11 (1981) 109).
 """
 
 from __future__ import annotations
@@ -210,9 +208,7 @@ def _ranks(count: int, arcs: Arcs) -> list[int]:
 
 
 def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
-    """The nodes of every layer from top to bottom: at first as they are met on the way back from
-    the ends, then by the mean position of their neighbours, to and fro; the last sweep is forward.
-    """
+    """Layers from top to bottom by the mean position of neighbours, to and fro; at last forward."""
     before, after = _adjacent(arcs)
     layers: list[list[int]] = [[] for _ in range(max(rank, default=0) + 1)]
     waiting = [node for node in reversed(range(len(rank))) if not after[node]]
@@ -247,9 +243,7 @@ def _columns(nodes: Sequence[Node], layers: list[list[int]]) -> FloatArray:
 
 
 def _rows(nodes: Sequence[Node], layers: list[list[int]], arcs: Arcs) -> FloatArray:
-    """Rows by turns: every layer at the mean rows of its neighbours, at least its gaps apart, by
-    weighted least squares. Long arcs run straight.
-    """
+    """Rows at the means of their neighbours, gaps kept, by weighted least squares."""
     from scipy.optimize import isotonic_regression
     from scipy.sparse import csr_array
 
@@ -298,8 +292,9 @@ def drawing(net: Net) -> Figure:
     panel.set_ylim(layout.height + MARGIN + FOOT, -MARGIN - HEAD)
     panel.axis("off")
     for (a, b), route in zip(net.arcs, layout.routes, strict=True):
+        before, after = (RADIUS if net.nodes[x].place else BAR[0] / 2 for x in (a, b))
         share = max(net.shares.get(a, 0.0), net.shares.get(b, 0.0))
-        _draw_arc(panel, _reach(net.nodes[a]), _reach(net.nodes[b]), route, share)
+        _draw_arc(panel, before, after, route, share)
     for number, node in enumerate(net.nodes):
         x, y = layout.places[number].tolist()
         _draw_node(panel, node, x, y, net.shares.get(number, 0.0))
@@ -307,19 +302,17 @@ def drawing(net: Net) -> Figure:
     top = 1.0 - 0.25 / page.get_figheight()
     title = cut(net.title + of, int(width / TITLE))
     page.text(0.3 / width, top, title, fontsize=10.5, fontweight="bold", va="center")
-    _key(page, net, kinds)
+    handles, names = panel.get_legend_handles_labels()
+    key = dict(zip(names, handles, strict=True))
+    page.legend(
+        [*key.values()], [*key], loc="lower left", ncols=len(key), fontsize=7.5, markerscale=0.55,
+        handletextpad=0.2, columnspacing=1.2,
+    )  # fmt: skip
     return page
 
 
-def _reach(node: Node) -> float:
-    """From its middle to where arcs begin and end."""
-    return RADIUS if node.place else BAR[0] / 2
-
-
 def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share: float) -> None:
-    """A smooth curve, level at both ends, that turns only where its points do (Fritsch & Butland
-    1984); the head at the rim of its node.
-    """
+    """A curve level at both ends that turns only where its points do (Fritsch & Butland 1984)."""
     from matplotlib.patches import FancyArrowPatch
     from matplotlib.path import Path
     from scipy.interpolate import PchipInterpolator
@@ -338,25 +331,23 @@ def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share
 
 
 def _draw_node(panel: Axes, node: Node, x: float, y: float, share: float) -> None:
-    """A circle with its name in it or below, and a marker that stands from the start; or a bar with
-    what it does above it, of a measurement to its left. A share to the left.
-    """
-    from matplotlib.patches import Circle, Rectangle
-
+    """A circle with its name in or below it, or a bar with what it does; a share to the left."""
     style: dict[str, Any] = {"fontsize": FONT, "ha": "center", "va": "center", "zorder": 5}
+    ring: dict[str, Any] = {"ls": "", "marker": "o", "ms": 144 * RADIUS, "mec": figures.INK}
     if node.place:
-        look: dict[str, Any] = {"facecolor": COLOURS[node.kind], "edgecolor": figures.INK}
-        panel.add_patch(Circle((x, y), RADIUS, lw=2.0 if node.reported else 0.9, zorder=3, **look))
+        panel.plot(x, y, **ring, mfc=COLOURS[node.kind], mew=0.9, zorder=3, label=node.kind)
+        if node.reported:
+            panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
         if node.marked:
             spot = y + 0.085 * node.inside
-            panel.add_patch(Circle((x, spot), 0.03, color=figures.INK, zorder=4))
+            panel.plot(x, spot, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
         at = (x, y - 0.03 * node.marked) if node.inside else (x, y + RADIUS + 0.03)
         style |= {"fontweight": "bold" if node.reported else "normal"}
         style |= {} if node.inside else {"va": "top"}
     else:
         wide, high = BAR[0], BAR[1] * (0.7 if node.measures else 1.0)
-        corner = (x - wide / 2, y - high / 2)
-        panel.add_patch(Rectangle(corner, wide, high, facecolor=figures.INK, lw=0, zorder=3))
+        bar: dict[str, Any] = {"ms": 72 * high, "mew": 72 * wide, "color": figures.INK}
+        panel.plot(x, y, "|", **bar, zorder=3, label="transition")
         at = (x - wide, y) if node.measures else (x, y - high / 2 - 0.02)
         style |= {"ha": "right"} if node.measures else {"va": "bottom"}
     panel.text(*at, node.label, **style)
@@ -365,27 +356,3 @@ def _draw_node(panel: Axes, node: Node, x: float, y: float, share: float) -> Non
             x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",
             fontsize=FONT, color=figures.RED, ha="right", va="bottom",
         )  # fmt: skip
-
-
-def _key(page: Figure, net: Net, kinds: list[str]) -> None:
-    """What is drawn, each kind once."""
-    from matplotlib.lines import Line2D
-
-    nodes = net.nodes
-    signs = [
-        *(("o", kind, COLOURS[kind], 0.8, 11.0) for kind in kinds),
-        *[("|", "transition", figures.INK, 3.5, 13.0)] * any(not node.place for node in nodes),
-        *[("o", "marker", figures.INK, 0.0, 4.0)] * any(node.marked for node in nodes),
-        *[("o", "reported", "white", 2.0, 11.0)] * any(node.reported for node in nodes),
-    ]
-    handles = [
-        Line2D(
-            [], [], linestyle="none", marker=marker, label=name, markersize=size,
-            markerfacecolor=colour, markeredgecolor=figures.INK, markeredgewidth=edge,
-        )
-        for marker, name, colour, edge, size in signs
-    ]  # fmt: skip
-    page.legend(
-        handles=handles, loc="lower left", ncols=len(handles), fontsize=7.5, handletextpad=0.2,
-        columnspacing=1.2,
-    )  # fmt: skip

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from rich.text import Text
 
 from mtu_cli import __version__
-from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, error
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import Sheet, plain_text
@@ -20,24 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Page:
-    """What stands on a report: `title`, `subject` (names of machine and study), the renderables
-    of the tables on a terminal, the figure, and what the run was made of.
-    """
-
-    title: str
-    subject: Sequence[str]
-    tables: Iterable[object]
-    figure: Figure | None
-    warnings: Sequence[Finding]
-    inputs: Sequence[Source]
-    settings: Mapping[str, Any]
-    date: str | None = None
-
-
-def report_bytes(page: Page, suffix: str) -> bytes:
-    """The file; the same bytes for the same page.
+def report_bytes(
+    suffix: str,
+    figure: Figure | None,
+    tables: Iterable[object],
+    warnings: Iterable[Finding],
+    settings: Mapping[str, Any],
+    **stated: Any,
+) -> bytes:
+    """The file; the same bytes for the same page. `tables` are the renderables of a terminal,
+    `stated` its title, subject (names of machine and study), inputs and date.
 
     Raises InputError for a PDF where what writes it is not installed.
     """
@@ -46,26 +36,22 @@ def report_bytes(page: Page, suffix: str) -> bytes:
 
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     source = (files("mtu_cli.reports") / "report.html.j2").read_text("utf-8")
-    figure = None
-    if page.figure is not None:
+    svg = ""
+    if figure is not None:
         # The picture without the head of a file of its own; nothing in it leaves the page.
-        svg = figure_bytes(page.figure, ".svg").decode()
+        svg = figure_bytes(figure, ".svg").decode()
         svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-        figure = Markup(svg)
     text = environment.from_string(source).render(
-        title=page.title,
-        subject=page.subject,
-        blocks=[block for block in map(_block, page.tables) if block],
-        figure=figure,
-        warnings=list({each.message: each for each in page.warnings}.values()),
-        inputs=page.inputs,
+        blocks=[block for block in map(_block, tables) if block],
+        figure=Markup(svg),
+        warnings=list({each.message: each for each in warnings}.values()),
         # Without the digits of a setting that nobody chose.
         settings={
             key: f"{value:.6g}" if isinstance(value, float) else value
-            for key, value in page.settings.items()
+            for key, value in settings.items()
         },
         version=__version__,
-        date=page.date,
+        **stated,
     )
     return _pdf(text) if suffix == ".pdf" else text.encode()
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -20,7 +21,7 @@ from mtu_cli.analyses.iso230 import (
     Plan,
     reversal_and_repeatability,
 )
-from mtu_cli.findings import error, listed
+from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, blank, legend, panels_of, styled
@@ -43,12 +44,6 @@ class Row(NamedTuple):
     figure: Figure
     decision: Decision | None
     change: Change | None
-
-    @property
-    def scale(self) -> float:
-        """What the figure is rounded to."""
-        u = self.figure.u
-        return u if u > 0 else self.figure.u_sampling
 
 
 VALUE = """
@@ -106,34 +101,23 @@ AXIS = (
 )
 
 
-class AtTarget(NamedTuple):
-    """What ISO 230-2 has of one target (mm, of a rotary axis deg); B = forward - reverse."""
-
-    name: str
-    size: float
-    mm: float | None
-    deg: float | None
-    n_forward: int
-    n_reverse: int
-    mean_forward: float
-    mean_reverse: float
-    mean: float
-    B: float
-    s_forward: float
-    s_reverse: float
-    R_forward: float
-    R_reverse: float
-    R: float
-
-
-def at_target(axis: Axis) -> list[AtTarget]:
-    """Every target of an axis."""
+def at_target(axis: Axis) -> list[SimpleNamespace]:
+    """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
     test, (B, R_way, R) = axis.test, reversal_and_repeatability(axis.mean, axis.s)
-    values = (*axis.count, *axis.mean, axis.mean.mean(axis=0), B, *axis.s, *R_way, R)
-    places = [(None, x) if test.rotary else (x, None) for x in test.targets.tolist()]
+    ways, columns = ("forward", "reverse"), {"mean": axis.mean.mean(axis=0), "B": B, "R": R}
+    for name, both in (("mean", axis.mean), ("s", axis.s), ("R", R_way)):
+        columns |= {f"{name}_{way}": values for way, values in zip(ways, both, strict=True)}
+    place, other = ("deg", "mm") if test.rotary else ("mm", "deg")
     return [
-        AtTarget._make((axis.name, test.size, *place, int(n), int(n_back), *rest))
-        for place, (n, n_back, *rest) in zip(places, np.vstack(values).T.tolist(), strict=True)
+        SimpleNamespace(
+            name=axis.name,
+            size=test.size,
+            n_forward=int(axis.count[0][i]),
+            n_reverse=int(axis.count[1][i]),
+            **{place: at, other: None},
+            **{name: float(values[i]) for name, values in columns.items()},
+        )
+        for i, at in enumerate(test.targets.tolist())
     ]
 
 
@@ -162,11 +146,18 @@ RESULTS = declare(
         at_target=at_target,
     ),
 )
+
+
+def _scale(figure: Figure) -> float:
+    """What a figure is rounded to."""
+    return figure.u if figure.u > 0 else figure.u_sampling
+
+
 ROW = declare(
     """
     component | axis.name | name of the component | axis, text, names
     figure | name | symbol of the figure | figure, text
-    value | figure.value | the figure, in the unit | value, u=scale, size=figure.size
+    value | figure.value | the figure, in the unit | value, u=scale(figure), size=figure.size
     unit | axis.test.unit | its unit | unit, text
     u | figure.u | standard uncertainty by the instrument, of these runs | u, size=figure.size, \
         u=figure.u
@@ -181,6 +172,7 @@ ROW = declare(
     differs | change.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | -
     - | differs() | | differs, text
     """,
+    scale=_scale,
     U=lambda row: row.axis.k * row.figure.u,
     differs=lambda row: (
         None if row.change is None else {True: "yes", False: "no", None: "-"}[row.change.differs]
@@ -193,32 +185,12 @@ VDI_ROW = declare("""
     unit | axis.test.unit | its unit | unit, text
     meaning | | what it is | meaning, text
 """)
-TARGETS = declare(f"""
-    - | name | | axis, text, names
-    {AT_TARGET}
-""")
+TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
     number | | number of the target | target, count
     position_mm | at | proposed position | position, mm
     phase | | share of a pitch beyond its last multiple | phase, fix4
 """)
-
-
-class VdiRow(NamedTuple):
-    """A figure of VDI/DGQ 3441."""
-
-    axis: Axis
-    name: str
-    value: float
-    meaning: str
-
-
-class Planned(NamedTuple):
-    """A proposed target, mm."""
-
-    number: int
-    at: float
-    phase: float
 
 
 def rows_of(result: Iso230Result) -> Iterator[Row]:
@@ -241,11 +213,10 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
         footer += "; limits by ISO 14253-1"
     two_way = [axis for axis in axes if not math.isnan(axis.figures["E"].value)]
     shown = [x for x in rows if x.name in MAIN or x.axis not in two_way or x.decision]
-    symbols = "; ".join(f"{name}: {FIGURES[name]}" for name in MAIN)
-    figures = Table("Positioning, ISO 230-2", ROW, rows, footer, [symbols], shown=shown)
+    figures = Table("Positioning, ISO 230-2", ROW, rows, footer, shown=shown)
     if result.standard != "iso230-2":
         lines = [
-            VdiRow(axis, name, value, VDI[name])
+            SimpleNamespace(axis=axis, name=name, value=value, meaning=VDI[name])
             for axis in axes
             for name, value in axis.vdi.items()
             if not math.isnan(value)
@@ -267,57 +238,54 @@ def _verdict(result: Iso230Result, digits: int) -> str:
     axes = list(result.axes.values())
     texts = []
     for axis in axes[:SHOWN_AXES]:
+        shown = _stated(axis, digits)
         if result.standard != "iso230-2":
-            values = {name: (axis.vdi[name], math.nan) for name in ("P", "Pa", "Ps_max", "U_max")}
-        else:
-            own = axis.figures
-            two_way = not math.isnan(own["E"].value)
-            way = "forward" if axis.count[0].any() else "reverse"
-            names = MAIN[:5] if two_way else [f"{name}_{way}" for name in "AER"]
-            values = {x: (own[x].value, own[x].u if own[x].u > 0 else own[x].u_sampling)
-                      for x in names}  # fmt: skip
-        size = axis.test.size
-        shown = [
-            f"{name} {_rounded(value / size, u / size, digits)}"
-            for name, (value, u) in values.items()
-            if not math.isnan(value)
-        ]
+            vdi = {name: axis.vdi[name] / axis.test.size for name in ("P", "Pa", "Ps_max", "U_max")}
+            shown = [f"{x} {significant(value, 4)}" for x, value in vdi.items() if value == value]
         texts.append(f"{axis.name}: {', '.join(shown)} {axis.test.unit}")
     more = f"; and {len(axes) - SHOWN_AXES} more axes" if len(axes) > SHOWN_AXES else ""
     text = f"{'; '.join(texts)}{more}."
     for verdict in ("nonconforming", "not proven"):
-        if names := [f"{x.figure} of {x.component}" for x in result.decisions
-                     if x.verdict == verdict]:  # fmt: skip
-            text += f" {verdict.capitalize()}: {listed(names)}."
-    if any(axis.before for axis in axes):
-        differ = [f"{name} of {axis.name}" for axis in axes
-                  for name, each in (axis.before or {}).items() if each.differs]  # fmt: skip
-        text += f" Changed since the earlier test: {listed(differ)}." if differ else (
-            " No figure differs from the earlier test by more than repeated tests do."
-        )  # fmt: skip
+        failed = [item for item in result.decisions if item.verdict == verdict]
+        if failed:
+            names = listed(f"{item.figure} of {item.component}" for item in failed)
+            text += f" {verdict.capitalize()}: {names}."
+    changes = [(axis.name, name, x) for axis in axes for name, x in (axis.before or {}).items()]
+    if changes:
+        differ = listed(f"{name} of {axis}" for axis, name, x in changes if x.differs)
+        none = "No figure differs from the earlier test by more than repeated tests do."
+        text += f" Changed since the earlier test: {differ}." if differ else f" {none}"
     return text
 
 
-def _rounded(value: float, u: float, digits: int) -> str:
-    return significant(value, 4) if math.isnan(u) else with_u(value, u, digits)[0]
+def _stated(axis: Axis, digits: int) -> list[str]:
+    """The main figures that exist, of one direction its own, with their names."""
+    own = axis.figures
+    names: Sequence[str] = MAIN[:5]
+    if math.isnan(own["E"].value):
+        way = "forward" if axis.count[0].any() else "reverse"
+        names = [f"{name}_{way}" for name in "AER"]
+    size, result = axis.test.size, []
+    for name in names:
+        value, u = own[name].value / size, _scale(own[name]) / size
+        if not math.isnan(value):
+            text = significant(value, 4) if math.isnan(u) else with_u(value, u, digits)[0]
+            result.append(f"{name} {text}")
+    return result
 
 
 def _plan_document(result: Iso230Result, plan: Plan, digits: int) -> Document:
-    phases = np.mod(plan.targets / plan.pitch, 1.0).tolist()
-    places = zip(plan.targets.tolist(), phases, strict=True)
-    rows = [Planned(i, *own) for i, own in enumerate(places, 1)]
+    rows = [
+        SimpleNamespace(number=i, at=at, phase=at / plan.pitch % 1.0)
+        for i, at in enumerate(plan.targets.tolist(), 1)
+    ]
     footer = "five runs in each direction; phase: share of the pitch beyond its last multiple"
     table = Table("Target positions", PLAN_ROW, rows, footer)
     verdict = (
         f"{len(rows)} targets over {plan.length:g} mm; none is a multiple of the pitch of "
         f"{plan.pitch:g} mm."
     )
-    return Document("Target positions", (RESULTS, result), [table], undrawn, verdict, digits)
-
-
-def undrawn() -> Page:
-    """There is nothing to draw of a plan."""
-    raise error("not-applicable", reason="a plan of targets is not drawn", path="--plot")
+    return Document("Target positions", (RESULTS, result), [table], None, verdict, digits)
 
 
 @styled
@@ -352,17 +320,9 @@ def _panel(panel: Axes, axis: Axis) -> None:
     if np.isfinite(both).any():
         panel.plot(test.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
         _width(panel, axis)
-    names = [x for x in ("A", "E", "R", "M", "B") if not math.isnan(axis.figures[x].value)]
-    names = names or [x for x in FIGURES if not math.isnan(axis.figures[x].value)]
-    shown = [f"{x} {_rounded(axis.figures[x].value / size, _scale(axis, x), 2)}" for x in names]
-    panel.set_title(f"{axis.name}: {', '.join(shown)} {test.unit}")
+    panel.set_title(f"{axis.name}: {', '.join(_stated(axis, 2))} {test.unit}")
     panel.set_xlabel(f"target, {'deg' if test.rotary else 'mm'}")
     panel.set_ylabel(f"deviation, {test.unit}")
-
-
-def _scale(axis: Axis, name: str) -> float:
-    figure = axis.figures[name]
-    return (figure.u if figure.u > 0 else figure.u_sampling) / axis.test.size
 
 
 def _width(panel: Axes, axis: Axis) -> None:

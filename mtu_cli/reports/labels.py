@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
-
-WIDTH = 34
-"""Characters of a line of a name beside a panel."""
-
 
 def words(*parts: str | None) -> str:
     """Those that there are, with blanks between."""
@@ -26,13 +21,3 @@ def spread(count: int, most: int) -> list[int]:
     if count <= most:
         return list(range(count))
     return [round(i * (count - 1) / (most - 1)) for i in range(most)]
-
-
-def folded(name: str, width: int = WIDTH) -> str:
-    """A long name in two lines of at most `width` characters, without its middle if need be."""
-    if len(name) <= width:
-        return name
-    lines = textwrap.wrap(name, width)
-    if len(lines) > 2:
-        lines = [lines[0], cut(name[len(lines[0]) :].lstrip(), width)]
-    return "\n".join(lines)

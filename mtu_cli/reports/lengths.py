@@ -9,7 +9,7 @@ import numpy as np
 from mtu_cli.analyses.lengths import LengthsResult
 from mtu_cli.findings import listed
 from mtu_cli.reports import prediction_figures
-from mtu_cli.reports.document import MARK, OF_SHARES, OUTSIDE, Document, Table
+from mtu_cli.reports.document import MARK, OUTSIDE, Document, Table
 from mtu_cli.reports.fields import conformance, declare, rows_of, shares, validation
 from mtu_cli.reports.numbers import chance, percent, significant
 from mtu_cli.units import UM
@@ -75,12 +75,8 @@ def document(result: LengthsResult, digits: int = 2) -> Document:
     outside = OUTSIDE * any(result.outside)
     k = f"U = {result.coverage_factor:g} u of one future part"
     footer = f"{k}; error = actual minus nominal{outside}"
-    papers = (
-        "u indep.: ends and components independent (Gilsinn & Ling 2004, eq. (22)); first order "
-        "valid: JCGM 101, clause 8"
-    )
     rows = rows_of(result, len(result.ids))
-    table = Table("Lengths", ROW, rows, footer, [papers, OF_SHARES])
+    table = Table("Lengths", ROW, rows, footer)
     figure = partial(prediction_figures.lengths, result, digits)
     return Document("Lengths", (RESULTS, result), [table], figure, _verdict(result), digits)
 

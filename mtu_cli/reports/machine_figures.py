@@ -43,15 +43,11 @@ def components(
 
     The band is k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
     shown, k = estimates.components, coverage_factor
     columns = figures.columns_of(len(shown))
-    titles = [_title(name, (says or {}).get(name, "")) for name in shown]
-    tall = 0.16 * any("\n" in title for title in titles)
-    page = figures.blank(3.4 * max(columns, 2), (2.15 + tall) * -(-len(shown) // columns) + 0.6)
-    figures.title(page, f"Components: readings, fit and one future reading ± {k:g} u")
+    titles = [cut(f"{name}  {(says or {}).get(name, '')}".rstrip(), TITLE) for name in shown]
+    page = figures.blank(3.4 * max(columns, 2), 2.15 * -(-len(shown) // columns) + 0.6)
+    figures.title(page, f"Components: readings (first pass dark, last one light), fit, ± {k:g} u")
     instruments = [item for x in fit.components.values() for item in x.instruments]
     numbers = sorted({1, *(number for item in instruments for number in _passes(item))})
     colours = dict(zip(numbers, _shades(len(numbers)), strict=True))
@@ -62,34 +58,15 @@ def components(
     for panel, title, (name, estimate) in zip(panels, titles, shown.items(), strict=False):
         found = fit.components.get(name)
         for item in found.instruments if found else ():
-            _readings(panel, item, estimate, markers[item.role], colours)
+            of = f"{item.role}, " if len(roles) > 1 else ""
+            _readings(panel, item, estimate, of, markers[item.role], colours)
         # Where a component states no range, that of another along the axis stands in.
         alike = (x.position_range for x in (estimate, *shown.values()) if x.of == estimate.of)
         _band(panel, estimate, found, next(filter(None, alike), (0.0, 100.0)), k)
         panel.set_title(title if found else f"{title} (machine file)")
         panel.set_ylabel(estimate.unit.name)
-    drawn = {(item.role, key[-1]) for item in instruments for key in item.keys_read or ((0, 1, 0),)}
-    handles: list[Any] = [
-        Line2D(
-            [], [], marker=marker, linestyle="", color=figures.GREY,
-            label=WORDS[sign] if len(roles) == 1 else f"{role}, {WORDS[sign]}",
-        )
-        for role, by_direction in markers.items()
-        for sign, marker in by_direction.items()
-        if (role, sign) in drawn
-    ]  # fmt: skip
-    ends = (numbers[0], numbers[-1]) if len(numbers) > 1 else ()
-    handles += [Line2D([], [], marker="o", ls="", c=colours[n], label=f"pass {n}") for n in ends]
-    handles.append(Line2D([], [], color=figures.INK, label="fit"))
-    handles.append(Patch(color=figures.PALE, label=f"one future reading, ± {k:g} u"))
-    page.legend(handles=handles, loc="outside lower center", ncols=8 if columns == 3 else 4)
+    figures.legend(page)
     return page
-
-
-def _title(name: str, says: str) -> str:
-    """A component with its meaning, on a line of its own where one line is too short for both."""
-    between = "  " if len(f"{name}  {says}") <= TITLE else "\n"
-    return f"{cut(name, TITLE)}{between}{cut(says, TITLE)}".rstrip()
 
 
 def _passes(item: InstrumentFit) -> list[int]:
@@ -104,8 +81,8 @@ def _shades(count: int) -> list[Any]:
 
 
 def _readings(
-    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, markers: dict[int, str],
-    colours: dict[int, Any],
+    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, of: str,
+    markers: dict[int, str], colours: dict[int, Any],
 ) -> None:  # fmt: skip
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
@@ -119,7 +96,7 @@ def _readings(
         panel.plot(
             place, item.error[inside] / estimate.unit.to_internal, marker=markers[sign],
             linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
-            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3,
+            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3, label=f"{of}{WORDS[sign]}",
         )  # fmt: skip
 
 
@@ -144,9 +121,10 @@ def _band(
     variance = np.einsum("ni,ij,nj->n", X, C, X) + estimate.s_repeat**2
     half = k * np.sqrt(np.clip(variance, 0.0, None)) / f
     panel.fill_between(
-        place, line - half, line + half, color=figures.PALE, alpha=0.6, linewidth=0, zorder=1
-    )
-    panel.plot(place, line, color=figures.INK, zorder=4)
+        place, line - half, line + half, color=figures.PALE, alpha=0.6, linewidth=0, zorder=1,
+        label=f"one future reading, ± {k:g} u",
+    )  # fmt: skip
+    panel.plot(place, line, color=figures.INK, zorder=4, label="fit")
 
 
 @figures.styled
@@ -177,9 +155,7 @@ def drift(fit: ThermalFit) -> Figure:
 
 
 def _curves(panel: Axes, item: ComponentDrift) -> None:
-    """Cycles one after the other, whatever lies between them; where the drift differs along an
-    axis a colour a position.
-    """
+    """Cycles one after the other; where the drift differs along an axis a colour a position."""
     from matplotlib.lines import Line2D
 
     unit, size = item.rms_unit, item.rms_size

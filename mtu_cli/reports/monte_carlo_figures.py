@@ -11,8 +11,8 @@ import numpy as np
 from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
-from mtu_cli.reports.labels import cut, folded, spread
-from mtu_cli.reports.numbers import MISSING, chance, interval, significant, with_u
+from mtu_cli.reports.labels import cut, spread
+from mtu_cli.reports.numbers import significant, with_u
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC
@@ -92,9 +92,7 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
         first_ends = [x / ARCSEC for x in first.interval95]
         histogram(panel, run.samples[0] / ARCSEC, ends, curve, first_ends)
         mean, u = with_u(run.mean[0] / ARCSEC, scale)[0], significant(run.u[0] / ARCSEC)
-        text = f"mean {mean}, u {u} arcsec, 95 % {interval(*ends, scale)}"
-        gap = "\n" if len(item.id) + len(text) > TITLE else " "
-        panel.set_title(f"{cut(item.id, TITLE)}:{gap}{text}")
+        panel.set_title(f"{cut(item.id, NAME)}: mean {mean}, u {u} arcsec")
         panel.set_xlabel("angle minus 90 degrees, arcsec")
     figures.legend(page)
     return page
@@ -104,8 +102,7 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
 def budget(result: BudgetResult) -> Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
     shown, percent, run = result.outputs[:OUTPUTS], f"{100 * result.probability:.4g} %", result.run
-    seen = [int(np.sum(np.abs(100.0 * output.first.share) >= LEAST)) for output in shown]
-    height = max(2.4, 0.26 * (1 + min(SHARES, max(seen))) + 1.2)
+    height = max(2.4, 0.26 * (1 + min(SHARES, len(result.inputs))) + 1.2)
     page = figures.blank(10.0, 0.9 + len(shown) * height)
     panels = page.subplots(len(shown), 2, squeeze=False)
     for (left, right), output in zip(panels, shown, strict=True):
@@ -117,10 +114,8 @@ def budget(result: BudgetResult) -> Figure:
         histogram(right, run.samples[i], ends, curve, [float(x) for x in output.interval], percent)
         right.set_xlabel(name + unit.replace(" ", ", ", 1))
         text = f"{name} = {with_u(first.value, first.u or None)[0]}{unit}"
-        text += f", u = {significant(first.u)}{unit}" if math.isfinite(first.u) else ""
-        u = significant(float(run.u[i]))
-        text += ", none by Monte Carlo" if u == MISSING else f", by Monte Carlo {u}{unit}"
-        right.set_title(text if len(text) <= TITLE else text.replace(", ", "\n", 1))
+        u, by_trials = significant(first.u), significant(float(run.u[i]))
+        right.set_title(f"{text}\nu = {u}, by Monte Carlo {by_trials}{unit}")
     figures.legend(page)
     return page
 
@@ -133,7 +128,7 @@ def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
         return
     order = [int(i) for i in np.argsort(-np.abs(shares), kind="stable") if result.inputs[i].u > 0]
     drawn = [i for i in order[:SHARES] if abs(shares[i]) >= LEAST]
-    bars = {folded(result.inputs[i].name, NAME): float(shares[i]) for i in drawn}
+    bars = {cut(result.inputs[i].name, NAME): float(shares[i]) for i in drawn}
     rest = order[len(drawn) :]
     if abs(others := float(shares[rest].sum())) >= LEAST:
         bars["1 other" if len(rest) == 1 else f"{len(rest)} others"] = others
@@ -143,25 +138,15 @@ def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
 
 @figures.styled
 def simulated(result: GraphSimulation) -> Figure:
-    """Histogram of the trials of every coordinate about its nominal, interval, first order; of a
-    chance how often it is 0, and how often 1.
-    """
-    varying = [item for item in result.coordinates if not item.fixed]
+    """Histogram of the trials of every coordinate about its nominal, interval, first order."""
+    varying = [item for item in result.coordinates if not item.fixed and not item.chance]
     largest: dict[str, float] = {}
     for item in varying:
         largest[item.output.unit] = max(largest.get(item.output.unit, 0.0), item.u)
-    seen = [x for x in varying if x.chance or x.u >= SEEN * largest[x.output.unit]][:COORDINATES]
+    seen = [x for x in varying if x.u >= SEEN * largest[x.output.unit]][:COORDINATES]
     columns, count = figures.columns_of(len(seen)), max(1, len(seen))
     page = figures.blank(max(6.0, 3.6 * columns), 1.1 + 2.6 * math.ceil(count / columns))
     for panel, item in zip(figures.panels_of(page, count, columns), seen, strict=False):
-        name = cut(str(item.output), NAME)
-        if item.chance:
-            shares = [1 - item.mean, item.mean]
-            figures.bars(panel, ["0", "1"], shares, [f"{share:.3g}" for share in shares])
-            panel.set_xlim(0.0, 1.2)
-            panel.set_xlabel("share of the trials with this value")
-            panel.set_title(f"{name}: chance of 1 {chance(item.mean, item.se_mean)} %")
-            continue
         factor, unit = small_unit(item.output.unit)
         ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
         half = coverage_factor(0.95) * u
@@ -169,6 +154,7 @@ def simulated(result: GraphSimulation) -> Figure:
         histogram(panel, samples, ends, (0.0, u, math.inf), (-half, half))
         of = shares_text(item.shares)
         panel.set_xlabel(f"from nominal, {unit}" + ("" if of == "-" else f"\n{of} % of u²"))
+        name = cut(str(item.output), NAME)
         panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
     figures.legend(page, 4 if columns > 1 else 2)
     rest = [str(item.output) for item in varying if item not in seen]
@@ -192,14 +178,17 @@ def swept(result: Sweep) -> Figure:
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel, formula, short = page.subplots(), result.formula, cut(str(result.output), NAME)
     factor, unit = (1.0, "") if result.chance else small_unit(result.output.unit)
-    shades = np.linspace(0.35, 0.95, len(lines))
-    for shade, (label, points) in zip(shades, lines.items(), strict=True):
+    named = set(spread(len(lines), LINES))
+    for i, (label, points) in enumerate(lines.items()):
+        shade = 0.35 + 0.6 * i / max(len(lines) - 1, 1)
         colour = colormaps["Blues"](shade) if len(lines) > 1 else figures.BLUE
         x = [item.at[first] for item in points]
         pairs = [(y.mean, y.se_mean) if result.chance else (y.u, y.se_u) for y in points]
         y, se = np.array(pairs).T * factor
         form: Any = "o-" if result.chance else "o"
-        panel.errorbar(x, y, 2 * se, fmt=form, ms=4, color=colour, label=label or None)
+        panel.errorbar(
+            x, y, 2 * se, fmt=form, ms=4, color=colour, label=label if i in named else None
+        )
         if formula is not None:
             at = {name: np.full(CURVE, value) for name, value in points[0].at.items()}
             at[first] = np.linspace(min(x), max(x), CURVE)
@@ -211,15 +200,9 @@ def swept(result: Sweep) -> Figure:
         reached = [item.u + 2 * item.se_u for item in result.grid if math.isfinite(item.se_u)]
         panel.set_ylim(0.0, HEADROOM * factor * max(reached, default=0.0) or None)
     if formula is not None:
-        of = formula.coefficients.items()
-        numbers = ", ".join(f"{name} = {with_u(value, None)[0]}" for name, value in of)
-        panel.set_title(f"{formula.form}\n{numbers}", fontweight="normal")
+        panel.set_title(formula.form, fontweight="normal")
     what = f"Chance that {short} is 1" if result.chance else f"Uncertainty of {short}"
     figures.title(page, f"{what} over {first}")
     if rest:
-        handles, texts = panel.get_legend_handles_labels()
-        kept = spread(len(handles), LINES)[::-1]
-        some = "" if len(kept) == len(handles) else f"{len(kept)} of {len(handles)} lines"
-        chosen = [handles[i] for i in kept], [texts[i] for i in kept]
-        panel.legend(*chosen, title=some, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), reverse=True)
     return page

@@ -121,9 +121,7 @@ def decimal_exponent(value: float, digits: int) -> int:
 
 
 def _rounded(value: float, last: int, exponent: int) -> str:
-    """`value` rounded to the decimal place 10^last, as a multiple of 10^exponent where plain digits
-    would be many; 0 as 0.
-    """
+    """`value` to the place 10^last, as a multiple of 10^exponent where digits would be many."""
     if exponent >= SMALLEST and last <= LARGEST_PLACE:
         return _unsigned_zero(f"{value:.{-last}f}" if last < 0 else f"{round(value, -last):.0f}")
     mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0 ** (-exponent)

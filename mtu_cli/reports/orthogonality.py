@@ -60,12 +60,8 @@ def document(result: OrthogonalityResult, digits: int = 2) -> Document:
     angles = result.angles
     outside = OUTSIDE * any(item.outside for item in angles)
     of = "angle from +x of the row to +y of the column, minus 90 degrees"
-    note = (
-        "u indep.: all features independent (Gilsinn & Ling 2004); first order valid: JCGM 101, "
-        "clause 8; no*: use the interval of the Monte Carlo"
-    )
     title = "Orthogonality"
-    table = Table(title, ROW, angles, f"U = {angles[0].k:g} u; {of}{outside}", [note])
+    table = Table(title, ROW, angles, f"U = {angles[0].k:g} u; {of}{outside}")
     figure = partial(monte_carlo_figures.orthogonality, result)
     return Document(title, (RESULTS, result), [table], figure, _verdict(angles, digits), digits)
 

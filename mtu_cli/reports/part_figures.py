@@ -13,7 +13,7 @@ from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Side, draw, page_of, sheet
 from mtu_cli.reports.figures import Intervals
-from mtu_cli.reports.labels import cut, words
+from mtu_cli.reports.labels import cut, spread, words
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 
@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.correct.result import CorrectResult
     from mtu_cli.analyses.correct.sizes import Size
 
-FEATURES, PANELS, RUNS = 3, 6, 2
-"""Features whose parts are drawn, an operation and in all; rows of run charts."""
+PANELS, RUNS = 6, 2
+"""Features whose parts are drawn, and rows of run charts."""
 OPERATIONS = 5
 """Operations drawn as arrows."""
 WIDTH, ROW = 8.0, 1.45
@@ -36,22 +36,17 @@ PART, MANY = 14, 300
 """Characters of a part's name; of more parts the CMM's scatter is not drawn."""
 ITEMS, SIZES = 24, 40
 """Items that are compared, and sizes that are corrected, drawn with their intervals."""
-APART = 24
-"""Of more sizes all parts of one circle or length share a row."""
-SEEN = 0.1
-"""Smaller differences of arrows, over the largest error, are drawn in place of both."""
 COMPARED = (("predicted", figures.BLUE), ("measured", figures.ORANGE))
 CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
 @figures.styled
 def anova(result: AnovaResult) -> Figure:
-    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above run charts; of a single part a map of
-    its errors.
-    """
-    if len(result.features.tables.parts) == 1 and result.maps:
-        return _single(result)
-    rows = _rows(result)
+    """Mean errors by part (Gilsinn & Ling 2004, Fig. 5) above run charts."""
+    of_axes: dict[tuple[str, str], dict[str, int]] = {}
+    for i, (operation, feature, axis) in enumerate(result.features.tables.labels):
+        of_axes.setdefault((operation, feature), {})[axis] = i
+    rows = [of_axes[key] for key in result.shown[:PANELS]]
     axes = sorted({axis for row in rows for axis in row})
     runs = list(_runs(result))[: RUNS * len(axes)]
     heights = [ROW] * len(rows) + [1.4 * ROW] * math.ceil(len(runs) / len(axes))
@@ -83,21 +78,8 @@ def anova(result: AnovaResult) -> Figure:
     return page
 
 
-def _rows(result: AnovaResult) -> list[dict[str, int]]:
-    """The tables to draw, one row an operation and feature, by axis; the first in interest."""
-    rows: dict[tuple[str, str], dict[str, int]] = {}
-    for i, (operation, feature, axis) in enumerate(result.features.tables.labels):
-        rows.setdefault((operation, feature), {})[axis] = i
-    operations = list(dict.fromkeys(operation for operation, _ in rows))[:PANELS]
-    share = max(1, min(FEATURES, PANELS // len(operations)))
-    chosen = ([key for key in result.shown if key[0] == one][:share] for one in operations)
-    return [rows[key] for keys in chosen for key in keys]
-
-
 def _runs(result: AnovaResult) -> Iterator[tuple[str, str, FloatArray, FloatArray, list[float]]]:
-    """Title, unit, sequence of manufacture, values and limits: of what has a tolerance, then of the
-    clearest trends of other tables.
-    """
+    """Title, unit, sequence, values and limits of what has a tolerance, then of clear trends."""
     drawn = set()
     for item in sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf])):
         unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
@@ -144,31 +126,11 @@ def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
             )  # fmt: skip
     panel.set_title(cut(words(*found.tables.labels[i]), int(width / 0.085)))
     names = [cut(name, PART) for name in parts]
-    # Every second one at least in a line, or upright.
-    every, turn = math.ceil(figures.LETTER * (max(map(len, names)) + 0.8) * count / width), 0
-    if every > 2:
-        every, turn = math.ceil(0.11 * count / width), 90
-    panel.set_xticks(at[::every], names[::every], fontsize=7, rotation=turn)
+    lines = figures.LETTER * (max(map(len, names)) + 0.8) * count / width
+    every = math.ceil(lines if lines <= 2 else 0.11 * count / width)
+    panel.set_xticks(at[::every], names[::every], fontsize=7, rotation=90 * (lines > 2))
     panel.set_xlim(0.7 - 0.03 * count, 1.03 * count + 0.3)
     panel.grid(axis="x", visible=False)
-
-
-def _single(result: AnovaResult) -> Figure:
-    """Arrows of the mean errors at the features, an operation a group, on one scale."""
-    shown = result.maps[:OPERATIONS]
-    places = {name: at for item in shown for name, at in zip(item.ids, item.places, strict=True)}
-    groups = []
-    for item in shown:
-        errors = np.full((len(places), 3), np.nan)
-        errors[[list(places).index(name) for name in item.ids]] = item.errors / UM
-        groups.append((item.operation, (Side("", figures.BLUE, errors),)))
-    every = np.vstack([item.errors for item in shown])
-    axes = tuple(a for a, along in zip(AXES, every.T, strict=True) if np.isfinite(along).any())
-    maps = Maps(tuple(places), np.array([*places.values()]), axes, tuple(groups))
-    less = "" if result.datum == "none" else f", less {result.datum.replace(',', ' and ')}"
-    part = result.features.tables.parts[0]
-    title = f"Part {part}: errors of {len(places)} features, actual minus nominal{less}"
-    return page_of(maps, title)
 
 
 @figures.styled
@@ -194,9 +156,7 @@ def compare(result: CompareResult) -> Figure:
         operations = len(dict.fromkeys(label[0] for label in result.features.labels))
         more = f" (first {OPERATIONS} of {operations} operations)"
         some = more if operations > OPERATIONS else ""
-        alone = len(maps.groups[0][1]) == 1
-        what = "measured minus predicted" if alone else "actual minus nominal"
-        draw(upper, drawn, f"Mean errors, {what}{some}")
+        draw(upper, drawn, f"Mean errors, actual minus nominal{some}")
     panels = lower.subplots(len(kinds), 1, height_ratios=heights, squeeze=False)[:, 0]
     for panel, (kind, found) in zip(panels, kinds.items(), strict=True):
         chosen = _differences(panel, found, most, result.coverage_factor)
@@ -206,9 +166,7 @@ def compare(result: CompareResult) -> Figure:
 
 
 def _compared(result: CompareResult) -> Maps | None:
-    """Predicted below measured, an operation a group, or their differences where these would not
-    be seen beside the errors; None without errors in x and y.
-    """
+    """Predicted below measured, an operation a group; None without errors in x and y."""
     found = result.features
     operations = list(dict.fromkeys(label[0] for label in found.labels))[:OPERATIONS]
     axes = tuple(axis for axis in AXES if any(label[2] == axis for label in found.labels))
@@ -220,23 +178,15 @@ def _compared(result: CompareResult) -> Maps | None:
         if operation in operations:
             pair = found.predicted.mean[i] / UM, found.measured.mean[i] / UM
             errors[operations.index(operation), :, index[name], AXES.index(axis)] = pair
-    shown: Sequence[tuple[str, str]] = COMPARED
-    difference = np.diff(errors, axis=1)
-    if np.nanmax(np.abs(difference)) < SEEN * np.nanmax(np.abs(errors)):
-        errors, shown = difference, [("", figures.ORANGE)]
     groups = []
     for operation, means in zip(operations, errors, strict=True):
-        sides = zip(shown, means, strict=True)
+        sides = zip(COMPARED, means, strict=True)
         groups.append((operation, tuple(Side(*names, errors=e) for names, e in sides)))
     return Maps(result.ids, result.places, axes, tuple(groups))
 
 
 def _differences(panel: Axes, found: Compared, most: int, k: float) -> str:
-    """Both means less the predicted one, with U: what differs is seen, whatever the errors are.
-
-    Of many items the clearest faults, then those that differ most for their uncertainty, in the
-    order of the file; returns which, in words.
-    """
+    """Both means less the predicted one, with U, of the clearest faults; which, in words."""
     items = sorted(found.by_interest()[:most])
     zero = found.predicted.mean[items]
     shown = []
@@ -289,44 +239,30 @@ def correct(result: CorrectResult) -> Figure:
 
 
 def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
-    """A row a size; of many a row for all parts of a circle or length, each part a dot beside the
-    mean, whose interval is that of one part. Many lengths stand over the nominal length.
-    """
-    pooled = len(items) > APART
-    rows: dict[str, list[Size]] = {}
-    for item in items:
-        parts = (item.operation, "" if pooled else f"part {item.part}")
-        warm = "" if pooled or np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
-        name = ", ".join(filter(None, (item.id, words(*parts), warm)))
-        rows.setdefault(name, []).append(item)
-    by_row, count = kind == "diameters" or len(rows) <= figures.FEW_ROWS, len(rows)
-    most = SIZES if by_row else count
-    names, grouped = list(rows)[:most], list(rows.values())[:most]
-    of = ", mean of the parts" * pooled + " (dots: each)" * (pooled and by_row)
-    half = np.array([np.ptp(same[0].error_interval95) for same in grouped]) / (2 * UM)
-    means = []
-    for i, (side, colour) in enumerate(CORRECTED):
-        errors = np.array([np.mean([x.error[i] for x in same]) for same in grouped]) / UM
-        shift = (2 * i - 1) * 0.12 * pooled
-        means.append(
-            Intervals(side + of + " ± 95 %" * i, colour, errors, half if i else None, shift)
-        )
-    nominal = np.array([same[0].reference for same in grouped]) if kind == "lengths" else None
+    """A row a size, before and after, the interval of which is that of one part."""
+    chosen, names = [items[i] for i in spread(len(items), SIZES)], []
+    for item in chosen:
+        warm = "" if np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
+        of = (item.id, words(item.operation, f"part {item.part}"), warm)
+        names.append(", ".join(filter(None, of)))
+    (before, after), half = (
+        np.array([item.error for item in chosen]).T / UM,
+        np.array([np.ptp(item.error_interval95) for item in chosen]) / (2 * UM),
+    )
+    shown = [
+        Intervals(*CORRECTED[0], before),
+        Intervals(f"{CORRECTED[1][0]} ± 95 %", CORRECTED[1][1], after, half),
+    ]
     title = f"Errors of the {kind} before and after the correction"
-    title += f" (first {len(names)} of {count})" if len(names) < count else ""
-    page = figures.listing(title, names, means, label, nominal=nominal)
-    panel = page.axes[0]
-    for row, same in enumerate(grouped if by_row else ()):
-        if not pooled:
-            panel.plot(np.array(same[0].error) / UM, [row, row], color=figures.GREY, lw=0.8)
-        for i, mean in enumerate(means if pooled else ()):
-            place = [row + 2.4 * mean.shift] * len(same)
-            every = [item.error[i] / UM for item in same]
-            panel.plot(every, place, ".", color=mean.colour, alpha=0.5, ms=5, mew=0)
-        if np.isfinite(U := same[0].U_reference / UM):
-            panel.fill_betweenx(
-                [row - 0.32, row + 0.32], -U, U, color=figures.PALE, linewidth=0, zorder=0,
-                label="± U of the calibration",
-            )  # fmt: skip
+    title += f" ({len(chosen)} of {len(items)})" if len(chosen) < len(items) else ""
+    page = figures.listing(title, names, shown, label)
+    panel, U = page.axes[0], np.array([item.U_reference for item in chosen]) / UM
+    rows = np.arange(len(chosen))
+    panel.hlines(rows, before, after, color=figures.GREY, linewidth=0.8, zorder=1)
+    if (known := np.isfinite(U)).any():
+        panel.barh(
+            rows[known], 2 * U[known], left=-U[known], height=0.64, color=figures.PALE, zorder=0,
+            label="± U of the calibration",
+        )  # fmt: skip
     figures.legend(page)
     return page

@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli.analyses.predict_points import PointsResult
 from mtu_cli.reports import prediction_figures
-from mtu_cli.reports.document import DAGGER, KIND, OF_SHARES, OUTSIDE, Document, Table
+from mtu_cli.reports.document import DAGGER, KIND, OUTSIDE, Document, Table
 from mtu_cli.reports.fields import CONFORMING, Field, Fields, Group, RowOf, declare, rows_of, shares
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import UM
@@ -73,9 +73,7 @@ def point(axes: tuple[str, ...], independent: bool = False) -> Fields:
 
 
 def _of_axis(axis: str, j: int, count: int, independent: bool) -> Iterator[Field | Group]:
-    """Rows of the result are (feature, axis). The papers' independence does not separate
-    coefficients from passes.
-    """
+    """The figures along one axis; rows of the result are (feature, axis)."""
 
     def row(item: Any) -> RowOf:
         return RowOf(item.table, item.index * count + j)
@@ -89,10 +87,7 @@ def _of_axis(axis: str, j: int, count: int, independent: bool) -> Iterator[Field
 
 
 def _within(row: Any, text: str) -> Iterator[Field]:
-    factors = {
-        "U": lambda x: x.coverage_factor * np.sqrt(x.variance),
-    }
-    for field in declare(text, **factors):
+    for field in declare(text, U=lambda x: x.coverage_factor * np.sqrt(x.variance)):
         if isinstance(field, Field):
             yield replace(field, within=(row,))
 
@@ -131,8 +126,7 @@ def document(
     title, fields = "Errors of the features", point(result.prediction.axes, result.independent)
     of = f"U = {result.coverage_factor:g} u; error = actual minus nominal"
     footer = f"{of}; {KIND[result.independent]}{OUTSIDE * bool(result.prediction.outside)}"
-    note = f"{OF_SHARES}; u indep.: components and points independent (Gilsinn & Ling 2004)"
-    table = Table(title, fields, _rows(result), footer, [note])
+    table = Table(title, fields, _rows(result), footer)
     figure = partial(prediction_figures.volume if grid else prediction_figures.points, result)
     shown, also = (results(fields), result), [(COVARIANCE, result)] * with_covariance
     return Document(title, shown, [table], figure, _verdict(result, digits), digits, also)

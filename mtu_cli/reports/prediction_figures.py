@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.findings import error
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.arrows import Maps, Side, page_of
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.labels import spread
 from mtu_cli.reports.numbers import with_u
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
 if TYPE_CHECKING:
@@ -23,8 +21,8 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.lengths import LengthsResult
     from mtu_cli.analyses.predict_points import PointsResult
 
-FEATURES = 80
-"""Features with a line of their own on one sheet."""
+ROWS = 80
+"""Features or lengths with a line of their own on one sheet."""
 LEVELS, PANEL = 3, (3.3, 2.7)
 """Levels of a volume, and the size of their panels, inches."""
 DARKEST = 0.6
@@ -33,33 +31,31 @@ DARKEST = 0.6
 
 @figures.styled
 def lengths(result: LengthsResult, digits: int = 2) -> Figure:
-    """A row a length, the numbers beside it to the places of the table; many, as of a step gauge,
-    over the nominal length.
-    """
-    k, value, nominal = result.coverage_factor, result.error / UM, result.nominal
-    u, apart = (np.sqrt(v) / UM for v in (result.variance, result.independent_variance))
+    """A row a length, the numbers beside it to the places of the table."""
+    k, rows = result.coverage_factor, spread(len(result.ids), ROWS)
+    value = result.error[rows] / UM
+    u, apart = (np.sqrt(v[rows]) / UM for v in (result.variance, result.independent_variance))
     shown = [
         Intervals("with shared covariance", figures.BLUE, value, k * u),
         Intervals(
             "independent ends and components", figures.ORANGE, value, k * apart, 0.28, width=1.0
         ),
     ]
-    tolerances = [None if each is None else each.tolerance for each in result.conformance]
+    conformance = [result.conformance[i] for i in rows]
+    tolerances = [None if each is None else each.tolerance for each in conformance]
     limits = np.array([(math.nan,) * 2 if x is None else (x.low, x.high) for x in tolerances])
-    # "-3.5 ± 14.0 um": error and k u, to the last place of u.
-    beside = [
-        " ± ".join(with_u(x, one, digits)[0] for x in (v, k * one)) + " um"
-        for v, one in zip(value, u, strict=True)
-    ]
-    many = len(value) > figures.FEW_ROWS
+    some = f" ({len(rows)} of {len(result.ids)})" if len(rows) < len(result.ids) else ""
     page = figures.listing(
-        f"Predicted errors of the lengths ± {k:g} u",
-        [f"{x}, {mm:.2f} mm" for x, mm in zip(result.ids, nominal, strict=True)],
-        shown[::-1] if many else shown,
+        f"Predicted errors of the lengths ± {k:g} u{some}",
+        [f"{result.ids[i]}, {result.nominal[i]:.2f} mm" for i in rows],
+        shown,
         "actual minus nominal length, um",
-        nominal=nominal,
         limits=list(limits.T),
-        beside=beside,
+        # "-3.5 ± 14.0 um": error and k u, to the last place of u.
+        beside=[
+            " ± ".join(with_u(x, one, digits)[0] for x in (v, k * one)) + " um"
+            for v, one in zip(value, u, strict=True)
+        ],
     )
     figures.legend(page)
     return page
@@ -68,11 +64,11 @@ def lengths(result: LengthsResult, digits: int = 2) -> Figure:
 @figures.styled
 def points(result: PointsResult) -> Figure:
     """Arrows of the errors at the features, ellipses of k standard uncertainties about their tips;
-    without Ex or Ey intervals feature by feature.
+    without Ex, Ey or their places intervals feature by feature.
     """
     axes, k, ids = result.prediction.axes, result.coverage_factor, result.prediction.ids
     n, a = len(ids), len(axes)
-    if {"x", "y"} <= set(axes):
+    if {"x", "y"} <= set(axes) and np.isfinite(result.points[:, :2]).all():
         at = [AXES.index(axis) for axis in axes]
         errors, covariance = np.full((n, 3), np.nan), np.full((n, 3, 3), np.nan)
         errors[:, at] = result.prediction.mean.reshape(n, a) / UM
@@ -82,7 +78,7 @@ def points(result: PointsResult) -> Figure:
         inside = 100 * (1 - math.exp(-(k**2) / 2))
         title = f"Predicted errors of {n} features, actual minus nominal"
         return page_of(maps, f"{title}; ellipses: {k:g} u, {inside:.0f} % of parts")
-    rows = spread(n, FEATURES)
+    rows = spread(n, ROWS)
     page = figures.blank(3.2 + 4.0 * a, figures.rows_height(len(rows)) + 0.4)
     for panel, axis in zip(figures.panels_of(page, a, a), axes, strict=True):
         value = result.of_axis(result.prediction.mean, axis)[rows] / UM
@@ -98,16 +94,18 @@ def points(result: PointsResult) -> Figure:
 @figures.styled
 def volume(result: PointsResult) -> Figure:
     """U of every axis over a grid as colour, and the error as contour lines: a row an axis, a
-    column a level.
+    column a level; of a grid that is no plane the features of `points`.
 
     The two axes with the most places span the panels; the third gives the levels.
-
-    Raises InputError for a grid that is no plane.
     """
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
-    across, up, level = roles(result.points)
+    counts = [len(np.unique(column[np.isfinite(column)])) for column in result.points.T]
+    if sorted(counts)[1] < 2:
+        return points(result)
+    level = 2 - int(np.argmin(counts[::-1]))
+    across, up = (a for a in range(3) if a != level)
     light = ListedColormap(colormaps["YlGnBu"](np.linspace(0.0, DARKEST, 256)))
     places = np.unique(result.points[:, level])
     levels = [float(places[i]) for i in spread(len(places), LEVELS)]
@@ -141,19 +139,3 @@ def volume(result: PointsResult) -> Figure:
         panel.set_xlabel(f"{AXES[across]}, mm")
     figures.title(page, f"Predicted error (lines, um) and U = {k:g} u (colour)")
     return page
-
-
-def roles(points: FloatArray) -> tuple[int, int, int]:
-    """(across, up, level): the two axes with the most places in their order, and the third."""
-    counts = [len(np.unique(points[:, a][np.isfinite(points[:, a])])) for a in range(3)]
-    if sorted(counts)[1] < 2:
-        places = [f"{axis} {n}" for axis, n in zip(AXES, counts, strict=True) if n]
-        raise error(
-            "not-applicable",
-            reason="no map can be drawn of this grid",
-            value=", ".join(places) or "no axis in the equations",
-            expected="two axes of the equations with two places or more",
-        )
-    level = 2 - int(np.argmin(counts[::-1]))
-    across, up = (a for a in range(3) if a != level)
-    return across, up, level

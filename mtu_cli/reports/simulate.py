@@ -1,7 +1,4 @@
-"""Simulated readings, points and drift readings as CSV files of the contract, or a laser's own.
-
-One entry a column: its name, and its cells as texts of the digits that an instrument would show.
-"""
+"""Simulated readings, points and drift readings as CSV files of the contract, or a laser's own."""
 
 from __future__ import annotations
 

@@ -118,9 +118,7 @@ class Sheet:
 
 
 def _widths(wanted: list[int], least: list[int], width: int) -> tuple[list[int], int]:
-    """Columns as wide as they want where that has room, else the narrow rather than the wide; and
-    the gap between them.
-    """
+    """Columns as wide as they want where that has room, else the narrow first; and their gap."""
     gaps = len(wanted) - 1
     if sum(wanted) + gaps <= width:
         return wanted, 2 if sum(wanted) + 2 * gaps <= width else 1

@@ -1,10 +1,6 @@
 """The report of thermal-fit: a thermal model a component, and the evidence for it.
 
-`coefficients` and what belongs to them are in the component's `unit`, mm and degC; all other
-figures are in um for lengths and arcsec for angles, as their names say. `positions_mm` is empty
-where the drift does not depend on position. Null degrees of freedom are infinite, a null variance
-inflation factor too. Shares of sensors that move alike may cancel, so they need not add up to the
-drift. Gradients at each observed position are in the CSV.
+Coefficients are in the component's `unit`, other figures in um or arcsec, as their names say.
 """
 
 from __future__ import annotations
@@ -164,21 +160,13 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
     )
     if any(item.zeroed.offsets for item in items):
         footer += "; zeroed in every cycle: from its mean"
-    note = (
-        "all sensors: ordinary least squares; position: test of the drift being the same at all "
-        "positions; residuals: autocorrelation from reading to reading"
-    )
-    models = Table(
-        "Thermal models", ROW, gradients, footer, [note], shown=items, shown_fields=MODEL
-    )
+    models = Table("Thermal models", ROW, gradients, footer, shown=items, shown_fields=MODEL)
     footer = (
         "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
         "separable: known together only (warnings)"
     )
-    alike = dict.fromkeys(group for item in items for group in item.groups if len(group) > 1)
-    notes = [f"{listed(group)} move alike and share their drift" for group in alike]
     rows = [each for each in gradients if each.sensor is not None]
-    sensors = Table("Gradients of the sensors", ROW, rows, footer, notes, detail=True)
+    sensors = Table("Gradients of the sensors", ROW, rows, footer, detail=True)
     tables, figure = [models, sensors], partial(machine_figures.drift, fit)
     return Document("Thermal models", (RESULTS, fit), tables, figure, _verdict(items), digits)
 

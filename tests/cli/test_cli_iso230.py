@@ -33,6 +33,7 @@ def test_a_laser_file_alone_gives_the_published_figures(laser: Path) -> None:
     assert found["vdi3441"]["P"] == pytest.approx(27.1707, abs=1e-4)
     said = done(mtu("iso230", "--laser", laser, "--standard", "vdi3441")).stdout
     assert said.startswith("dx_x: P 27.17")
+    assert "At the targets\naxis  target" in said
 
 
 def test_limits_meet_their_gate(laser: Path, tmp_path: Path) -> None:

@@ -22,7 +22,6 @@ from mtu_cli.analyses.anova.outliers import (
     unusual_parts,
 )
 from mtu_cli.analyses.anova.summary import (
-    FeatureMap,
     Total,
     anova_warnings,
     maps,
@@ -61,7 +60,7 @@ class AnovaResult:
     where there are too few parts to tell; `sequence` has the place (parts,) of each part in an
     operation; `trends` are of all tables, `capabilities` of what has a tolerance. `shown` are
     (operation, feature) by interest: where a part is an outlier, then the largest
-    errors to come. `maps` are the mean errors in the plane.
+    errors to come.
     """
 
     method: Method
@@ -75,7 +74,6 @@ class AnovaResult:
     capabilities: tuple[Capability, ...]
     totals: tuple[Total, ...]
     shown: tuple[tuple[str, str], ...]
-    maps: tuple[FeatureMap, ...]
     warnings: tuple[Finding, ...]
 
     @property
@@ -134,7 +132,6 @@ def analyse_variance(
         capabilities=capabilities(kinds, part, sequence),
         totals=totals(features),
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
-        maps=planes,
         warnings=(
             *warnings,
             *(set_up_warnings(planes, rounding) if datum == "none" else ()),

@@ -100,6 +100,7 @@ def test_a_report_is_json_fits_100_columns_and_has_a_picture(name: str) -> None:
     assert json.loads(report_bytes(record)) == record
     text = plain_text(found.shown(detail=True))
     assert max(map(len, text.splitlines())) <= 100
+    assert found.figure is not None
     assert figure_bytes(found.figure(), ".png").startswith(b"\x89PNG")
     header, rows = found.rows()
     lines = [dict(zip(header, row, strict=True)) for row in rows]

@@ -11,7 +11,6 @@ import pytest
 from model_examples import Segment, loaded, readings
 from report_examples import SAYS, SETTINGS, Example, example
 
-from mtu_cli.findings import InputError
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import (
@@ -159,43 +158,22 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     assert len(set(colours)) == 4
 
 
-@pytest.mark.parametrize("different", [36, 3])
-def test_many_lengths_are_drawn_over_the_nominal_length(paper: Example, different: int) -> None:
-    """Equal ones side by side in groups, which do not touch."""
+def test_of_many_lengths_those_that_have_room_are_drawn(paper: Example) -> None:
+    """Evenly spread, and said to be some."""
     long = paper.lengths()
-    rows = np.arange(36) % 3
-    names = ("error", "variance", "independent_variance")
+    rows = np.arange(200) % 3
+    names = ("error", "variance", "independent_variance", "nominal")
     many = replace(
         long,
-        nominal=np.array([100.0 + 50.0 * (i % different) for i in range(36)]),
-        ids=tuple(map(str, range(36))),
+        ids=tuple(map(str, range(200))),
         conformance=tuple(long.conformance[i] for i in rows),
         **{name: getattr(long, name)[rows] for name in names},
     )
-    (panel,) = prediction_figures.lengths(many).axes
-    grouped = different < 36
-    assert panel.get_xlabel() == "nominal length, mm" + ", equal ones side by side" * grouped
+    page = prediction_figures.lengths(many)
+    (panel,) = page.axes
+    labels = [text.get_text().partition(",")[0] for text in panel.get_yticklabels()]
+    assert (len(labels), labels[0], labels[-1]) == (80, "0", "199")
+    assert page.get_suptitle().endswith("(80 of 200)")
+    chosen = [int(label) for label in labels]
     for line in (line for line in panel.lines if line.get_marker() == "o"):
-        x, y = np.asarray(line.get_xdata()), np.asarray(line.get_ydata())
-        np.testing.assert_allclose(y, many.error * 1e3)
-        if not grouped:
-            assert (x == many.nominal).all()
-            continue
-        assert len(set(x)) == 36
-        assert (np.rint(x) == rows).all()
-        assert [text.get_text() for text in panel.get_xticklabels()] == ["100", "150", "200"]
-
-
-@pytest.mark.parametrize(
-    ("points", "why"),
-    [
-        ([[np.nan, np.nan, 0], [np.nan, np.nan, 50]], "z 2"),
-        ([[np.nan, np.nan, np.nan]], "no axis in the equations"),
-        ([[0, 5, np.nan], [9, 5, np.nan]], "x 2, y 1"),
-    ],
-)
-def test_a_grid_that_is_no_plane_says_why(points: list[list[float]], why: str) -> None:
-    with pytest.raises(InputError) as raised:
-        prediction_figures.roles(np.array(points, np.float64))
-    (told,) = raised.value.findings
-    assert (told.code, told.value) == ("not-applicable", why)
+        np.testing.assert_allclose(np.asarray(line.get_xdata()), 1e3 * many.error[chosen])

@@ -140,6 +140,7 @@ def test_report_of_a_simulation() -> None:
     assert [row[0] for row in places.rows][:2] == ["PA.x", "PA.y"]
     unjudged = [item.validation is None for item in result.coordinates]
     assert [row[-1] == "-" for row in places.rows] == unjudged
+    assert made.figure is not None
     assert figure_bytes(made.figure(), "png").startswith(b"\x89PNG")
 
 

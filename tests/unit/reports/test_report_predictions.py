@@ -121,6 +121,7 @@ def test_an_angle_without_standard_uncertainty_says_why(paper: Example) -> None:
     item = results(without)["orthogonality"][0]
     assert (item["u_arcsec"], item["U_arcsec"]) == (None, None)
     assert "nan" not in plain_text(without.shown(detail=True))
+    assert without.figure is not None
     assert figure_bytes(without.figure(), "png")
 
 
