@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -25,6 +24,7 @@ from mtu_cli.model.visits import (
 from mtu_cli.stats.anova import Cells, cells_of
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
+from mtu_cli.stats.threads import workers
 
 ARRAYS = tuple(each.name for each in fields(Cells))
 
@@ -87,7 +87,7 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
         errors = points.measured[:, axis] - points.nominal[:, axis]
         return cells_of(errors, cell, len(used), parts, spare=True)
 
-    with ThreadPoolExecutor(3) as pool:
+    with workers(3) as pool:
         result = list(pool.map(along, axes))
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(

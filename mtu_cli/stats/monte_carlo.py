@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -23,7 +22,7 @@ from mtu_cli.stats.blocks import (
 from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pooling import Estimates, Pool, single_block_estimates, with_atoms
-from mtu_cli.stats.threads import available_threads, one_blas_thread
+from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
 
 Progress = Callable[[int, int | None], None]
 
@@ -91,7 +90,7 @@ def monte_carlo(
         return _ratio(estimates, probability, digits, tolerance_fraction)
 
     # A product split among threads would not give the same bits: blocks are the unit of work.
-    with one_blas_thread(), ThreadPoolExecutor(threads) as executor:
+    with one_blas_thread(), workers(threads) as executor:
         each = executor.map if threads > 1 and plan.blocks != 1 else map
         run = _Runner(model, plan, seed, each, min(keep, asked), progress)
         estimates = _estimates(run, criterion, max_trials)

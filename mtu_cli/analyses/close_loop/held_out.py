@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import compress
 from typing import Any
@@ -23,7 +22,7 @@ from mtu_cli.model.effect_library import choices
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.threads import available_threads
+from mtu_cli.stats.threads import available_threads, workers
 
 FOLDS = 5
 FEWEST = 4
@@ -57,7 +56,7 @@ def held_out(
         for i, values in enumerate((*predicted, averaged(found, effects, table))):
             errors[i][cells] = corrected(table, values, ~cells)[cells]
 
-    with ThreadPoolExecutor(min(count, available_threads())) as executor:
+    with workers(min(count, available_threads())) as executor:
         for fold, _ in enumerate(executor.map(predict, range(count))):
             done(fold + 1, count)
     return by, errors
