@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.model.estimates import ComponentEstimate, term_label
+from mtu_cli.model.estimates import term_label
 from mtu_cli.model.machine_model import (
     Covariates,
     Design,
@@ -223,8 +223,12 @@ def predict(
     others += [*table_blocks(model, points, rows.levers), *constants.blocks]
     independent = np.zeros(len(rows.J))
     for t, term in enumerate(model.terms):
-        C, s2 = independent_parts(term.estimate)
-        G = rows.J[:, rows.columns[t]]
+        # Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings are
+        # not at hand, the same total variance without its correlation.
+        known, G = term.estimate, rows.J[:, rows.columns[t]]
+        C, s2 = known.covariance + known.pass_covariance, known.s_repeat**2
+        if known.independent_covariance is not None and known.independent_s is not None:
+            C, s2 = known.independent_covariance, known.independent_s**2
         independent += np.einsum("ri,ij,rj->r", G, C, G) + rows.levers[:, t] ** 2 * s2
     for block in others:
         independent += np.einsum("ri,ij,rj->r", block.G, block.C + block.D, block.G)
@@ -265,17 +269,6 @@ def table_blocks(model: MachineModel, points: FloatArray, levers: FloatArray) ->
                 block = normal_block(term.estimate.name, G @ covariance_root(C), of_part=of_part)
                 blocks.append(replace(block, pass_dof=table.own_dof) if of_part else block)
     return blocks
-
-
-def independent_parts(estimate: ComponentEstimate) -> tuple[FloatArray, float]:
-    """(k, k) and s^2 such that a future observation has variance x'Cx + s^2.
-
-    Gilsinn & Ling 2004, eqs. (9)-(11); for a component of a machine file, whose readings
-    are not at hand, the same total variance without its correlation.
-    """
-    if estimate.independent_covariance is not None and estimate.independent_s is not None:
-        return estimate.independent_covariance, estimate.independent_s**2
-    return estimate.covariance + estimate.pass_covariance, estimate.s_repeat**2
 
 
 def reportable(

@@ -279,6 +279,10 @@ def _pass_design(
     if (own_sign > 0).any() and (own_sign < 0).any() and len(own_sign) > 2:
         fixed = np.column_stack([fixed, own_sign / 2])
     pairs = pairs_of(run[whole], own_sign)
+    dof = len(own_sign) - fixed.shape[1]
+    if len(pairs) >= FEWEST_RUNS:
+        # Runs are the units. The two passes of a single run differ by S_h at least: independent.
+        dof = min(dof, len(own_sign) - len(pairs) - 1)
     return _PassDesign(
         X=polynomial(position, degree),
         Z=polynomial(position - center, int(sloped)),
@@ -290,7 +294,7 @@ def _pass_design(
         sign=own_sign,
         pairs=pairs,
         fixed=fixed,
-        dof=units_dof(len(own_sign), pairs, fixed.shape[1]),
+        dof=dof,
     )
 
 
@@ -407,15 +411,6 @@ def pairs_of(runs: IntArray, sign: FloatArray) -> IntArray:
     first, second = order[:-1], order[1:]
     both = (runs[first] == runs[second]) & (sign[first] > 0) & (sign[second] < 0)
     return np.column_stack([first[both], second[both]]).astype(np.int64)
-
-
-def units_dof(G: int, pairs: IntArray, columns: int) -> int:
-    """Degrees of freedom between G passes less `columns` of directions, runs being the units. The
-    two passes of a run alone differ by S_h at least: they count as independent.
-    """
-    if len(pairs) < FEWEST_RUNS:
-        return G - columns
-    return min(G - columns, G - len(pairs) - 1)
 
 
 def covariance_in_runs(deviations: FloatArray, pairs: IntArray, between: FloatArray) -> FloatArray:

@@ -87,14 +87,6 @@ def by_runs(fit: PassFit) -> bool:
     return len(fit.pairs) >= FEWEST_RUNS
 
 
-def trend_units(fit: PassFit) -> IntArray:
-    """(G,) what each pass belongs to in the trend, from 0: its run there and back, or itself."""
-    unit = np.arange(fit.n_passes)
-    if by_runs(fit):
-        unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
-    return np.unique(unit, return_inverse=True)[1].astype(np.int64)
-
-
 def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Shift | None:
     """Drift a pass of the level at the mean position, direction taken out; `order` (G,) is the
     sequence of the passes in time. With a trend passes are not exchangeable, which D and every
@@ -103,7 +95,10 @@ def pass_trend(fit: PassFit, order: IntArray | FloatArray, r: float = 0.0) -> Sh
     """
     if not fit.separated or fit.pass_dof < 2:
         return None
-    unit = trend_units(fit)
+    unit = np.arange(fit.n_passes)
+    if by_runs(fit):
+        unit[fit.pairs[:, 1]] = fit.pairs[:, 0]
+    unit = np.unique(unit, return_inverse=True)[1].astype(np.int64)
     columns = np.column_stack([fit.deviations[:, 0], fit.group_direction, _ranks(order)])
     means = lines_by_pass(columns, np.ones((len(unit), 1)), unit, int(unit.max()) + 1)[0][:, 0]
     level, sign, rank = means.T

@@ -117,6 +117,9 @@ class Pool:
         u = np.where(self.u_exists, np.sqrt(np.maximum(variance, 0.0)), np.nan)
         se = np.sqrt(of_value)
         shortest_low, shortest_high = self._shortest()
+        # The correlations are the sample's, the standard uncertainties u.
+        sample = np.sqrt(np.diagonal(plain_covariance))
+        ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)
         return Estimates(
             mean=mean,
             u=u,
@@ -129,7 +132,7 @@ class Pool:
             se_high=se[3],
             shortest_low=shortest_low,
             shortest_high=shortest_high,
-            covariance=_rescaled(plain_covariance, u),
+            covariance=plain_covariance * np.outer(ratio, ratio),
             gain=Gain(*gain),
         )
 
@@ -196,13 +199,6 @@ def _between(values: Sequence[FloatArray], step: FloatArray) -> FloatArray:
     before, middle, after = values
     bend = before - 2.0 * middle + after
     return middle + 0.5 * step * (after - before + step * bend)
-
-
-def _rescaled(covariance: FloatArray, u: FloatArray) -> FloatArray:
-    """Covariance with the sample's correlations and the standard uncertainties `u`."""
-    sample = np.sqrt(np.diagonal(covariance))
-    ratio = np.divide(u, sample, out=np.where(np.isnan(u), np.nan, 1.0), where=sample > 0.0)
-    return covariance * np.outer(ratio, ratio)
 
 
 def single_block_estimates(

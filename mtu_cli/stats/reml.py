@@ -55,7 +55,10 @@ def reml(cells: Cells) -> Components:
     part = r * repeat
     far = (best == len(GRID) - 1) | (levels.within == 0)
     repeat = np.where(far, levels.within / np.maximum(levels.N - a, 1), repeat)
-    part = np.where(far, _variance_of_means(levels, repeat), part)
+    mean = (levels.count * levels.mean).sum(axis=1) / a
+    squares = levels.squares + levels.count * (levels.mean - mean[:, None]) ** 2
+    lost = repeat * (levels.count / levels.n).sum(axis=1) / a
+    part = np.where(far, squares.sum(axis=1) / np.maximum(a - 1, 1) - lost, part)
     part = np.where((a > 1) & (a < levels.N), part, np.nan)
     repeat = np.where(a < levels.N, repeat, np.nan)
     return Components(part=part, repeat=repeat, part_estimate=part)
@@ -127,12 +130,3 @@ def _stationary(levels: _Levels, low: FloatArray, high: FloatArray) -> FloatArra
         above = _slope(levels, ratio(middle)) > 0
         a, b = np.where(above, a, middle), np.where(above, middle, b)
     return np.where(rising, 0.0, ratio((a + b) / 2))
-
-
-def _variance_of_means(levels: _Levels, repeat: FloatArray) -> FloatArray:
-    """Sample variance (tables,) of the part means, less s_repeat^2 times the mean of 1/n_i."""
-    a = levels.count.sum(axis=1)
-    mean = (levels.count * levels.mean).sum(axis=1) / a
-    squares = levels.squares + levels.count * (levels.mean - mean[:, None]) ** 2
-    lost = repeat * (levels.count / levels.n).sum(axis=1) / a
-    return squares.sum(axis=1) / np.maximum(a - 1, 1) - lost

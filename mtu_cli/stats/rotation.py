@@ -97,16 +97,13 @@ def _by_rotation(
     own = np.array([_tail(null, null) for null in nulls])
     smallest = own.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
-    limit = np.full(len(count), _critical(nulls[0], smallest, rate))
+    # The deviation beyond which the adjusted p is at most `rate`.
+    steps = np.arange(1, len(nulls[0]) + 1)
+    reached = steps[_lower_tail(steps / (1 + len(steps)), smallest) <= rate]
+    critical = np.sort(nulls[0])[-reached[-1]] if len(reached) else np.inf
+    limit = np.full(len(count), float(critical))
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
     return _outstanding(entries, by_row, limit, count)
-
-
-def _critical(null: FloatArray, smallest: FloatArray, rate: float) -> float:
-    """The value of a statistic with `null` beyond which its adjusted p is at most `rate`."""
-    steps = np.arange(1, len(null) + 1)
-    reached = steps[_lower_tail(steps / (1 + len(null)), smallest) <= rate]
-    return float(np.sort(null)[-reached[-1]]) if len(reached) else np.inf
 
 
 def _by_bounds(d: FloatArray, count: FloatArray, indicator: FloatArray, rate: float) -> Outstanding:
@@ -162,17 +159,12 @@ def _filled(d: FloatArray) -> FloatArray:
     return d * np.sqrt((len(d) - 1) / np.where(squares > 0, squares, np.inf))
 
 
-def _and_all(indicator: FloatArray) -> FloatArray:
-    """The groups and, where there are several, all columns together."""
-    if indicator.shape[1] == 1:
-        return indicator
-    return np.column_stack([indicator, np.ones(len(indicator))])
-
-
 def _statistics(d: FloatArray, indicator: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """The three kinds of statistics (..., rows, their number) of tables (..., rows, columns)."""
-    squares = (d**2) @ _and_all(indicator)
-    return np.abs(d), squares, np.abs(d @ indicator) / np.sqrt(indicator.sum(axis=0))
+    groups = indicator
+    if indicator.shape[1] > 1:  # all columns together, too
+        groups = np.column_stack([indicator, np.ones(len(indicator))])
+    return np.abs(d), (d**2) @ groups, np.abs(d @ indicator) / np.sqrt(indicator.sum(axis=0))
 
 
 def _rotations(d: FloatArray, rng: np.random.Generator) -> Rotate:

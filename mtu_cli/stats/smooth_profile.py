@@ -76,7 +76,15 @@ def smooth_profile(
     runs, of_run = np.unique(run, return_inverse=True)
     own_columns = (shapes * sizes)[at, :OWN_SHAPES]
     bends = np.einsum("nr,nk->nrk", np.eye(len(runs))[of_run], own_columns).reshape(len(y), -1)
-    columns, lines = _without_lines(np.column_stack([N, y, bends]), position, group)
+    # What the line of every pass leaves, and how many numbers the lines take.
+    codes = np.unique(group, return_inverse=True)[1].astype(np.int64)
+    passes, line = (
+        int(codes.max()) + 1,
+        np.column_stack([np.ones(len(y)), position - position.mean()]),
+    )
+    columns = lines_by_pass(np.column_stack([N, y, bends]), line, codes, passes)[1]
+    places = np.unique(np.column_stack([codes, position]), axis=0)[:, 0].astype(int)
+    lines = int(np.minimum(np.bincount(places, minlength=passes), 2).sum())
     T = len(knots)
     MN, My, MF = columns[:, :T], columns[:, T], columns[:, T + 1 :]
     values, vectors = np.linalg.eigh(N.T @ MN)
@@ -112,18 +120,6 @@ def smooth_profile(
         rss=sse,
         dof=nu,
     )
-
-
-def _without_lines(
-    columns: FloatArray, position: FloatArray, group: IntArray
-) -> tuple[FloatArray, int]:
-    """Columns (n, m) less the line of every pass, and how many numbers the lines take."""
-    _, codes = np.unique(group, return_inverse=True)
-    G, middle = int(codes.max()) + 1, float(position.mean())
-    Z = np.column_stack([np.ones(len(position)), position - middle])
-    places = np.unique(np.column_stack([codes, position]), axis=0)[:, 0].astype(int)
-    taken = int(np.minimum(np.bincount(places, minlength=G), 2).sum())
-    return lines_by_pass(columns, Z, codes.astype(np.int64), G)[1], taken
 
 
 def _own_bends(left: FloatArray, y: FloatArray, sse: float, nu: int) -> tuple[float, float, float]:
