@@ -113,8 +113,8 @@ CATALOGUE: dict[str, Kind] = {
     "not-estimable": _note("not estimable: {quantity} ({names}); {reason}"),
     "not-converged": _warning("{trials} Monte Carlo trials: not converged to {goal}"),
     "validation-failed": _warning(
-        "the first-order 95 % interval of {names} differs from the Monte Carlo one by more than "
-        "the tolerance of JCGM 101, clause 8 ({difference})"
+        "{names}: the first-order and the Monte Carlo interval differ by {difference}, beyond the "
+        "tolerance of JCGM 101, clause 8: use the Monte Carlo interval"
     ),
     "validation-undecided": _warning(
         "too few Monte Carlo trials to judge the first-order interval of {names} (JCGM 101, "
@@ -123,8 +123,8 @@ CATALOGUE: dict[str, Kind] = {
     "no-formula": _warning("no formula: {reason}"),
     "unrelated": _warning("{output} does not depend on {names}"),
     "form-left": _warning(
-        "the form of {names} after the correction is more than the model's uncertainty and the "
-        "points' scatter explain ({worst}: rms {rms_um:.3g} um against {explained_um:.3g} um): the "
+        "{names}: form after the correction beyond what the model's uncertainty and the scatter of "
+        "the points explain ({worst}: rms {rms_um:.3g} um, expected {explained_um:.3g} um): the "
         "rings are not round, or the model lacks a squareness or a scale"
     ),
     "no-uncertainty": _warning("{names} without an uncertainty, taken as exactly known"),
@@ -190,10 +190,10 @@ CATALOGUE: dict[str, Kind] = {
     "few-parts": _warning("too few parts ({parts} for {items}): {consequence}"),
     "no-repeats": _warning("no part was measured twice ({items}): {consequence}"),
     "negative-variance": _warning(
-        "the {what} variance is estimated below zero ({items}): {consequence}"
+        "the estimate of the {what} variance is negative ({items}): {consequence}"
     ),
     "few-degrees-of-freedom": _warning(
-        "few degrees of freedom behind {names}, {how}: use the 95 % interval, not u"
+        "{names}: few degrees of freedom, {how}: use the 95 % interval, not u"
     ),
     "paper-method": _warning(
         "--method paper takes MS_between for the part-to-part variance, without an interval, and "
@@ -214,7 +214,8 @@ CATALOGUE: dict[str, Kind] = {
         "the search{of} stopped at {most}, and more would pass (--max-effects)"
     ),
     "datum-freed": _warning(
-        "the best-fit alignment ({datum}) was removed from each part: unseen are {unseen}"
+        "the best-fit alignment ({datum}) was removed from each part; it takes these effects with "
+        "it: {unseen}"
     ),
     "covariate-is-the-error": _warning(
         "{covariate} explains all of the errors{of}: it seems to be the measurement itself under "
@@ -226,7 +227,7 @@ CATALOGUE: dict[str, Kind] = {
         "of effects that this data cannot separate the likeliest is written: {names}"
     ),
     "written-unexplained": _warning(
-        "what is written is tentative, as no effect explains all that is left: {names}"
+        "{names}: written as tentative, as a part of the errors remains unexplained"
     ),
     # Comparison and correction.
     "sign-turned": _warning(
@@ -235,8 +236,8 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
     "covariate-averaged": _warning(
-        "{names} differs from part to part: what the model says of it is taken out of the measured "
-        "parts, beyond its mean"
+        "{names} differs between parts: the modelled effect of this difference was subtracted from "
+        "the measured parts"
     ),
     "no-thermal-component": _warning(
         "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "
@@ -278,7 +279,8 @@ CATALOGUE: dict[str, Kind] = {
     "grid-of-fewer-axes": _warning("--grid {grid}: {reason}"),
     # Tables of readings.
     "passes-paired": _warning(
-        "passes of {component} run one way: one there and one back are judged as one pass ({pairs})"
+        "passes of {component} run one way: each forward pass was paired with the next reverse one "
+        "({pairs})"
     ),
     "instruments-together": _warning(
         "{component} was read by {instruments}: their passes stand in one table"
@@ -294,7 +296,7 @@ CATALOGUE: dict[str, Kind] = {
         "over the travel (already_at_20: false)"
     ),
     "not-proven": _warning(
-        "{names} within U of the limit: neither conformity nor nonconformity is proven "
+        "{names}: within U of the limit, so neither conformity nor nonconformity is proven "
         "(ISO 14253-1)"
     ),
     # Thermal models.

@@ -180,7 +180,6 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
     """
     table, visits = data.table, data.visits
     at = visits.of_point, table.feature
-    near = (np.abs(data.errors) <= POINT_ERROR_MM).all(axis=1)
     for k, axis in enumerate(data.axes):
         errors, columns = np.full(visits.errors.shape[:2], np.nan), 0
         errors[at] = data.errors[:, k]
@@ -196,7 +195,9 @@ def outlying_points(data: PointsData) -> Iterator[Odd]:
         paired, s_paired = _repeats(errors, visits, r)
         other = paired & ~apart, s_paired, "its other repeats"
         for found, scatter, beside in ((apart, s, "the other parts"), other):
-            if found.any() and len(rows := np.flatnonzero(found[at] & near)):
+            rows = np.flatnonzero(found[at]) if found.any() else np.zeros(0, np.int64)
+            rows = rows[(np.abs(data.errors[rows]) <= POINT_ERROR_MM).all(axis=1)]
+            if len(rows):
                 size = 1e3 * np.abs(errors[at][rows])
                 rows = rows[np.argsort(-size, kind="stable")]
                 facts = {"what": "xyz"[axis], "off": float(size.max()), "unit": "um"}

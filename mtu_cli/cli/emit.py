@@ -35,6 +35,8 @@ MOST_ALIKE = 20
 """Warnings of one code that are shown."""
 USED = {"k": "coverage_factor", **{x: x for x in ("seed", "digits", "correlation", "trials")}}
 """Settings that a report to hand on states, by the options of the commands that have them."""
+TITLES = {"anova": "ANOVA", "iso230": "Positioning test", "circular": "Circular test"}
+"""Of reports to hand on, where they are not called as the command."""
 DELAY_S, EVERY_S = 1.0, 0.1
 """After what time, and how often, progress is shown."""
 Gate = Callable[[float], str | None]
@@ -274,6 +276,7 @@ def _page(result: Result) -> bytes:
     used = {name.replace("_", " "): getattr(result.settings, name) for name in stated}
     used |= {"trials": "adaptive"} if used.get("trials", 0) is None else {}
     subject, *others = inputs.names
+    command = options.command.replace("-", " ")
     synthetic = ["synthetic data"] if any(each.synthetic for each in inputs.sources) else []
     return report_bytes(
         options.report.suffix.lower(),
@@ -281,7 +284,7 @@ def _page(result: Result) -> bytes:
         result.outcome.tables(bool(options.detail)),
         result.warnings,
         used | {f"{name} =": value for name, value in inputs.at.items()},
-        title=f"{options.command.replace('-', ' ').capitalize()}: {subject}",
+        title=f"{TITLES.get(options.command) or command.capitalize()}: {subject}",
         subject=[*others, *synthetic],
         inputs=inputs.sources,
         date=options.date,

@@ -35,8 +35,8 @@ def help(options: Options) -> None:
 
     commands = [*COMMANDS, "graph"]
     codes = {*CATALOGUE, *paragraphs()}
-    name = options.topic
-    if name is None:
+    name = " ".join(options.topic or ())
+    if not name:
         show(overview())
     elif name in ORDER:
         show(topic(name))

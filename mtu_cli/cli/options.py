@@ -56,7 +56,9 @@ class Option:
         kind = kind | None if self.default is None else kind
         common: dict[str, Any] = {
             "metavar": self.metavar and self.metavar.removesuffix("..."),
-            "help": f"{self.text}; repeatable." if self.many else f"{self.text}.",
+            "help": f"{self.text}; repeatable."
+            if self.many and not self.argument
+            else f"{self.text}.",
             "show_default": self.shown or self.default not in (None, REQUIRED, False),
             "rich_help_panel": self.panel,
         }
@@ -213,7 +215,7 @@ CHOICES = declare("""
     directions | text | HOW | Of runs, where the file leaves it open: alternate, forward or \
         reverse
     out:csv | path -o | FILE | The contract's CSV; without it on standard output
-    topic | text argument | TOPIC | A topic, the code of a warning or error, or a command; \
+    topic | text argument | TOPIC... | A topic, the code of a warning or error, or a command; \
         without: all topics
     standard | text | STANDARD | Figures of the table: iso230-2 or vdi3441 | iso230-2
     limit | text | NAME=VALUE... | Limit of a figure in the axis' unit: A=10, dx_x.R=5

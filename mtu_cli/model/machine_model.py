@@ -195,6 +195,7 @@ def _check_terms(machine: LoadedMachine, terms: Sequence[Term], missing: Sequenc
     problems = []
     for name in missing:
         expected = "readings of it (--lbb, --laser), coefficients here, or a components report (-c)"
+        expected += "; with -m no study is read"
         facts = {"what": f"an estimate of {name}", "expected": expected}
         problems.append(finding("missing-input", path=f"components.{name}", **facts))
     for item in (term.estimate for term in terms):

@@ -353,7 +353,10 @@ def _candidates(item: TableResult) -> Table:
     for each in item.candidates:
         if each.unavailable:
             reasons.setdefault(each.unavailable, []).append(each.name)
-    footer = f"{len(tested)} candidates tested, each added to the known model alone"
+    footer = (
+        f"{len(tested)} candidates tested, each alone beside the known model; p: of the effect "
+    )
+    footer += "beyond its margins, ln BF: with them"
     if item.effects:
         footer += "; *: found, or in the class of an effect"
     if reasons:

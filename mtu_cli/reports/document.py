@@ -118,10 +118,14 @@ class Document:
 
         if self.verdict:
             yield Text(self.verdict)
-        for table in self.tables:
-            rows = table.items if table.shown is None else table.shown
-            if rows and (detail or not table.detail):
-                yield table.sheet(self.digits, detail=detail)
+        rows = [each.items if each.shown is None else each.shown for each in self.tables]
+        tables = [each for each, items in zip(self.tables, rows, strict=True) if items]
+        chosen = [each for each in tables if detail or not each.detail]
+        for table in chosen:
+            yield table.sheet(self.digits, detail=detail)
+        if tables and not chosen:
+            counts = ", ".join(f"{each.title} ({len(each.items)} rows)" for each in tables)
+            yield Text(f"{counts}: with --detail; all figures with --csv and -o")
 
 
 def envelope(
