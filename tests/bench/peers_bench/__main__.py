@@ -346,7 +346,7 @@ def end_gauge(rounds: int) -> list[str]:
 def check_printed(package: str, output: str) -> None:
     numbers: Sequence[str] = output.split()[-3:]
     if package == OURS.package:
-        line = re.search(r"^first order +(\S+) +(\S+) +\S+ +\S+ +(\S+)", output, re.MULTILINE)
+        line = re.search(r"first order +(\S+) +(\S+) +\S+ +\S+ +\S+ +(\S+)", output)
         numbers = line.groups() if line else ()
     near = zip(numbers, PRINTED, (0.5, 0.5, 1.6), strict=False)
     if len(numbers) != 3 or not all(abs(float(a) - b) <= allowed for a, b, allowed in near):
