@@ -218,8 +218,10 @@ class BlockSummariser:
         weights = self.plan.weights(m)
         n = len(weights)
         if 2 * n < m:
-            parted = np.partition(values, (n - 1, m - n), axis=1)
-            lower, upper = np.sort(parted[:, :n], axis=1), np.sort(parted[:, m - n :], axis=1)
+            # numpy is several times quicker to part at one place than at two.
+            parted = np.partition(values, n - 1, axis=1)
+            rest = np.partition(parted[:, n:], m - 2 * n, axis=1)
+            lower, upper = np.sort(parted[:, :n], axis=1), np.sort(rest[:, m - 2 * n :], axis=1)
         else:
             ordered = np.sort(values, axis=1)
             lower, upper = ordered[:, :n], ordered[:, m - n :]
