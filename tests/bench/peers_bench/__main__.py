@@ -21,7 +21,7 @@ from peers_bench.tools import ADAPTIVE, BARE, OURS, PEERS, Tool
 from peers_bench.worker import Worker, workers
 
 TRIALS = 1_000_000
-WANTED_TRIALS, WANTED_ACCURACY = 3.0, 50.0
+WANTED_TRIALS, WANTED_ACCURACY = 2.5, 50.0
 """How much longer the fastest peer is to take, at equal trials and at equal accuracy."""
 OF_U, OF_ENDS = 0.001, 0.01
 """Standard errors wanted, of u relative and of the ends of the 95 % interval over u."""
