@@ -230,10 +230,6 @@ CATALOGUE: dict[str, Kind] = {
         "{names}: written as tentative, as a part of the errors remains unexplained"
     ),
     # Comparison and correction.
-    "sign-turned": _warning(
-        "with the other sign the prediction would explain {percent:.0f} % of the bias (sum of "
-        "squares): an error is actual minus nominal"
-    ),
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
     "covariate-averaged": _warning(
         "{names} differs between parts: the modelled effect of this difference was subtracted from "

@@ -83,7 +83,7 @@ def graph_draw(inputs: Inputs, settings: Settings) -> Outcome:
 
 def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
     """What is drawn, with the shares of the variance of `of` where a place is given."""
-    from mtu_cli.analyses.graph.simulate import shares_by_place
+    from mtu_cli.analyses.graph import shares_by_place
     from mtu_cli.reports.graph_drawing import net_of
 
     shares = None if of is None else shares_by_place(graph, of)
@@ -92,7 +92,7 @@ def net_for(graph: MeasurementGraph, of: str | None = None) -> Net:
 
 def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:
     """The places asked for, by Monte Carlo and to first order."""
-    from mtu_cli.analyses.graph.simulate import simulate_graph
+    from mtu_cli.analyses.graph import simulate_graph
     from mtu_cli.reports import graph as report
 
     result = simulate_graph(_graph(inputs), settings, tuple(inputs.options.of or ()))
@@ -101,8 +101,7 @@ def graph_simulate(inputs: Inputs, settings: Settings) -> Outcome:
 
 def graph_sweep(inputs: Inputs, settings: Settings) -> Outcome:
     """One place over the grid of --vary, and as the file has it."""
-    from mtu_cli.analyses.graph.simulate import simulate_graph
-    from mtu_cli.analyses.graph.sweep import PARAMETERS, sweep_graph
+    from mtu_cli.analyses.graph import PARAMETERS, simulate_graph, sweep_graph
     from mtu_cli.reports import graph as report
 
     grid = varied(inputs.options.vary, PARAMETERS)

@@ -73,8 +73,6 @@ SUMMARY = """
     verdict_text | verdict() | the verdict in words
     items | | number of items
     verdicts | | number of items by gravest fault
-    tested.bias | bias_tested | items tested for bias
-    tested.scatter | scatter_tested | items tested for scatter
     - | verdicts.consistent | | con- / sistent, some()
     biased | | items with that fault | biased, some()
     under_predicted | | items with that fault | under- / predicted, some()
@@ -113,13 +111,8 @@ def verdict_text(item: Summary) -> str:
     if item.pooled is not None and item.pooled_fault:
         times, p = significant(item.pooled.ratio), p_value(item.pooled.p)
         said.append(f"{item.pooled_fault} (pooled scatter {times} times predicted, p {p})")
-    if not item.bias_tested and not item.scatter_tested:
-        said = ["not tested"]
-    else:
-        said = said or ["consistent"]
-        tested = {"scatter": item.scatter_tested, "bias": item.bias_tested}
-        said += [f"{name} not tested" for name, number in tested.items() if not number]
-    return f"{item.operation} {item.kind}: ".lstrip() + "; ".join(said)
+    known = "consistent" if any(item.verdicts.values()) else "not tested"
+    return f"{item.operation} {item.kind}: ".lstrip() + ("; ".join(said) or known)
 
 
 def _size(item: Summary, name: str, text: str) -> str:

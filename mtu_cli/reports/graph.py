@@ -7,8 +7,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import Any
 
-from mtu_cli.analyses.graph.simulate import GraphSimulation, SimulatedCoordinate
-from mtu_cli.analyses.graph.sweep import Sweep
+from mtu_cli.analyses.graph import GraphSimulation, SimulatedCoordinate, Sweep
 from mtu_cli.findings import listed
 from mtu_cli.model.graph.net import MeasurementGraph
 from mtu_cli.model.graph.transitions import Step

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mtu_cli.analyses.budget import BudgetResult
-    from mtu_cli.analyses.graph.simulate import GraphSimulation
-    from mtu_cli.analyses.graph.sweep import GridPoint, Sweep
+    from mtu_cli.analyses.graph import GraphSimulation, GridPoint, Sweep
     from mtu_cli.analyses.orthogonality import OrthogonalityResult
 
 BINS, MARGIN = 50, 0.25

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from mtu_cli.analyses.anova import AnovaResult
     from mtu_cli.analyses.compare import Compared, CompareResult
-    from mtu_cli.analyses.correct.result import CorrectResult
+    from mtu_cli.analyses.correct import CorrectResult
     from mtu_cli.analyses.correct.sizes import Size
 
 PANELS, RUNS = 6, 2

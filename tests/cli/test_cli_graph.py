@@ -8,7 +8,7 @@ import pytest
 from cli_runner import done, listing, mtu, refused, report
 from support import CONFIGS
 
-from mtu_cli.analyses.graph.sweep import PARAMETERS
+from mtu_cli.analyses.graph import PARAMETERS
 from mtu_cli.cli.measurement import varied
 from mtu_cli.findings import InputError
 

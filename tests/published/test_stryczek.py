@@ -10,8 +10,7 @@ import pytest
 from graph_examples import graph_of, shipped
 from scipy.special import chdtrc
 
-from mtu_cli.analyses.graph.simulate import simulate_graph
-from mtu_cli.analyses.graph.sweep import Formula, Sweep, fit_formula, sweep_graph
+from mtu_cli.analyses.graph import Formula, Sweep, fit_formula, simulate_graph, sweep_graph
 from mtu_cli.model.settings import Settings
 
 FIVE = (0.5, 1.0, 1.5, 2.0, 2.5)

@@ -9,10 +9,9 @@ from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from mtu_cli.analyses.budget.first_order import FirstOrder, first_order
 from mtu_cli.analyses.budget.inputs import inputs_of
+from mtu_cli.analyses.budget.propagation import BudgetTrials, FirstOrder, first_order
 from mtu_cli.analyses.budget.result import BudgetResult, OutputBudget
-from mtu_cli.analyses.budget.trials import BudgetTrials
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import PROBABILITY, Settings

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.budget.first_order import FirstOrder
 from mtu_cli.analyses.budget.inputs import InputQuantity, Inputs
+from mtu_cli.analyses.budget.propagation import FirstOrder
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import NO_U
 from mtu_cli.model.settings import validation_warnings

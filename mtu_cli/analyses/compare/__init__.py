@@ -58,9 +58,6 @@ __all__ = ["CompareResult", "Compared", "Summary", "Verdict", "compare", "judged
 Label = tuple[str, str, str]
 """Operation, feature or length, axis."""
 Values = Mapping[str, FloatArray | float]
-FEWEST_TURNED, TURNED = 3, 0.9
-"""Biased items, and the share of their bias that the other sign explains, from which on it is
-asked for."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -264,7 +261,6 @@ def _warnings(
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
     lengths = kinds[1].labels if len(kinds) > 1 else ()
     result = [
-        *_sign(kinds),
         *not_measured(model.axes, points),
         *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
         *missing_entries("length", part.part.lengths, lengths),
@@ -276,11 +272,7 @@ def _warnings(
     present = tables.cells.present
     known = np.array([present[operation == i].any(axis=0) for i in np.unique(operation)])
     result += missing_cells(tables, ~present & known[operation], "measurements")
-    return result + _items(kinds)
-
-
-def _items(kinds: list[Compared]) -> list[Finding]:
-    """What parts, repeats and predictions are too few for, item by item."""
+    # What parts, repeats and predictions are too few for, item by item.
     parts, repeats, u, s_part = (
         np.concatenate(each)
         for each in zip(
@@ -299,7 +291,7 @@ def _items(kinds: list[Compared]) -> list[Finding]:
         ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
         ("not-tested", untested, {"what": "the difference", "reason": nothing}),
     )
-    result = [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
+    result += [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
     ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
     for rows, quantity, reason in (
         (~(u > 0), "ratios to the predicted scatter", "no uncertainty is predicted"),
@@ -309,19 +301,3 @@ def _items(kinds: list[Compared]) -> list[Finding]:
             result.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
     return result
 
-
-def _sign(kinds: list[Compared]) -> list[Finding]:
-    """Means that are those predicted with the other sign: readings or points are nominal minus
-    actual. By the sum of squares of all items, each in its own u, before and after.
-    """
-    biased = sum(answer is True for kind in kinds for answer in kind.biased)
-    u, bias, mean = (
-        np.concatenate(each)
-        for each in zip(*((x.u_difference, x.bias, x.predicted.mean) for x in kinds), strict=True)
-    )
-    # Of a machine that is known exactly and parts that are all equal nothing has a u.
-    if biased < FEWEST_TURNED or not (known := u > 0).any():
-        return []
-    now, after = (float(((e[known] / u[known]) ** 2).sum()) for e in (bias, bias + 2 * mean))
-    turned = after <= (1 - TURNED) * now
-    return [finding("sign-turned", percent=100 * (1 - after / now))] if turned else []

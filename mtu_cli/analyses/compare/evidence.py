@@ -33,7 +33,6 @@ FAULTS: tuple[Verdict, ...] = ("under-predicted", "biased", "over-predicted")
 VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
 JOINT_SHARE = 0.2
 """Of that rate what the pooled tests of all features of an operation may take."""
-FAULTY = ("biased", "under_predicted", "over_predicted")
 Answers = tuple[bool | None, ...]
 """One an item; None where it was not tested."""
 FEWEST_PARTS = 5
@@ -418,18 +417,15 @@ class Summary:
     """The items of one operation, features or lengths (`kind`).
 
     `verdicts` counts each item once, by its gravest fault; `biased`, `under_predicted` and
-    `over_predicted` every fault; `bias_tested`, `scatter_tested` the items that could be judged.
-    `ranges` are the least and the largest known of the ratios of u, range and scatter, of
-    `ratio_scatter` of the items under- and over-predicted (`under_factor`, `over_factor`) and of
-    |bias| of the biased (`bias_size`, mm). `pooled`: None where it was not tested.
+    `over_predicted` every fault. `ranges` are the least and the largest known of the ratios of u,
+    range and scatter, of `ratio_scatter` of the items under- and over-predicted (`under_factor`,
+    `over_factor`) and of |bias| of the biased (`bias_size`, mm).
     """
 
     kind: str
     operation: str
     items: int
     verdicts: dict[Verdict, int]
-    bias_tested: int
-    scatter_tested: int
     biased: int
     under_predicted: int
     over_predicted: int
@@ -446,34 +442,31 @@ class Summary:
 
 def summarised(found: Compared, kind: str = "features") -> tuple[Summary, ...]:
     """One entry an operation, in the order in which they come."""
-    operations = dict.fromkeys(label[0] for label in found.labels)
-    return tuple(_summary(found, kind, each) for each in operations)
-
-
-def _summary(found: Compared, kind: str, operation: str) -> Summary:
-    rows = [i for i, label in enumerate(found.labels) if label[0] == operation]
-    verdicts = [found.verdicts[i] for i in rows]
-    faulty = {x: np.array([getattr(found, x)[i] is True for i in rows]) for x in FAULTY}
-    scatter = found.ratio_scatter[rows]
-    values = {
-        "ratio_u": found.ratio_u[rows],
-        "ratio_range": found.ratio_range[rows],
-        "ratio_scatter": scatter,
-        "under_factor": scatter[faulty["under_predicted"]],
-        "over_factor": scatter[faulty["over_predicted"]],
-        "bias_size": np.abs(found.bias[rows][faulty["biased"]]),
-    }
-    known = {name: each[np.isfinite(each)] for name, each in values.items()}
-    return Summary(
-        kind=kind,
-        operation=operation,
-        items=len(rows),
-        verdicts={name: verdicts.count(name) for name in VERDICTS},
-        bias_tested=sum(found.biased[i] is not None for i in rows),
-        scatter_tested=sum(found.under_predicted[i] is not None for i in rows),
-        biased=int(faulty["biased"].sum()),
-        under_predicted=int(faulty["under_predicted"].sum()),
-        over_predicted=int(faulty["over_predicted"].sum()),
-        ranges={name: (float(x.min()), float(x.max())) for name, x in known.items() if len(x)},
-        pooled=next((item for item in found.pooled if item.operation == operation), None),
-    )
+    result = []
+    for operation in dict.fromkeys(label[0] for label in found.labels):
+        rows = [i for i, label in enumerate(found.labels) if label[0] == operation]
+        verdicts, scatter = [found.verdicts[i] for i in rows], found.ratio_scatter[rows]
+        faults = (found.biased, found.under_predicted, found.over_predicted)
+        biased, under, over = (np.array([each[i] is True for i in rows]) for each in faults)
+        values = {
+            "ratio_u": found.ratio_u[rows],
+            "ratio_range": found.ratio_range[rows],
+            "ratio_scatter": scatter,
+            "under_factor": scatter[under],
+            "over_factor": scatter[over],
+            "bias_size": np.abs(found.bias[rows][biased]),
+        }
+        known = {name: each[np.isfinite(each)] for name, each in values.items()}
+        summary = Summary(
+            kind=kind,
+            operation=operation,
+            items=len(rows),
+            verdicts={name: verdicts.count(name) for name in VERDICTS},
+            biased=int(biased.sum()),
+            under_predicted=int(under.sum()),
+            over_predicted=int(over.sum()),
+            ranges={name: (float(x.min()), float(x.max())) for name, x in known.items() if len(x)},
+            pooled=next((item for item in found.pooled if item.operation == operation), None),
+        )
+        result.append(summary)
+    return tuple(result)

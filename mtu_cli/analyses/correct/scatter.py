@@ -25,7 +25,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
-from mtu_cli.analyses.correct.wanted import Kind
 from mtu_cli.files.points import Points
 from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.measured import roundings
@@ -36,6 +35,7 @@ from mtu_cli.stats.family import ENDLESS
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import hidden
 
+Kind = Literal["circle", "sphere", "length"]
 Origin = Literal["repeats", "form"]
 FEWEST = 3
 """Degrees of freedom from which on repeats are preferred to the form."""

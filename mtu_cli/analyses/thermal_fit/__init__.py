@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out, position_test
-from mtu_cli.analyses.thermal_fit.gradients import gradients
 from mtu_cli.analyses.thermal_fit.models import Fitted, Library, Spec, centred, fit, library
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
@@ -19,7 +18,7 @@ from mtu_cli.analyses.thermal_fit.result import (
     ThermalFit,
 )
 from mtu_cli.analyses.thermal_fit.series import Series, about_means, read_series, sensors_of
-from mtu_cli.analyses.thermal_fit.uncertainty import estimate, noise_share, sensor_noise
+from mtu_cli.analyses.thermal_fit.uncertainty import estimate, gradients, noise_share, sensor_noise
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, InputError, counted, error, finding

@@ -272,34 +272,3 @@ def test_every_missing_figure_has_a_warning(tmp_path: Path) -> None:
     alone = compare(model, part, only_features(whole, "a"), Settings(), "offset,rotation")
     assert set(alone.features.verdicts) == {None}
     assert {"not-tested", "not-measured", "not-estimable"} <= codes(alone)
-
-
-def test_the_other_sign_is_asked_for_where_it_explains_the_bias() -> None:
-    """Points that are nominal minus actual, of a machine that is known well; not an offset, nor
-    parts that are as predicted.
-    """
-    _, truth, part = study()
-    model = fitted(9, 7)
-    clean = made(truth, part, 1)
-    turned = replace(clean, measured=2 * clean.nominal - clean.measured)
-    off = made(truth, part, 1, offset=0.03)
-    # Of two fifths of the errors with the other sign that explains 1 - 0.6^2/1.4^2 = 82 %.
-    partly = replace(clean, measured=1.4 * clean.nominal - 0.4 * clean.measured)
-    given = (turned, off, clean, partly)
-    found = [compare(model, part, points, Settings()) for points in given]
-    assert ["sign-turned" in codes(result) for result in found] == [True, False, False, False]
-    assert sum(answer is True for answer in found[3].features.biased) >= 3
-    assert sum(answer is True for answer in found[1].features.biased) >= 3
-    (warning,) = [item for item in found[0].warnings if item.code == "sign-turned"]
-    e = found[0]
-    kinds = [kind for kind in (e.features, e.lengths) if kind is not None]
-    squares = [
-        sum(
-            float(
-                (((kind.one_way.mean + sign * kind.predicted.mean) / kind.u_difference) ** 2).sum()
-            )
-            for kind in kinds
-        )
-        for sign in (-1, 1)
-    ]
-    assert f" {100 * (1 - squares[1] / squares[0]):.0f} % of the bias" in warning.message

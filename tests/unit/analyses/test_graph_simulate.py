@@ -12,7 +12,7 @@ from graph_examples import SHIPPED, graph_of, shipped
 from numpy.typing import NDArray
 from scipy.special import ndtri
 
-from mtu_cli.analyses.graph.simulate import GraphSimulation, simulate_graph
+from mtu_cli.analyses.graph import GraphSimulation, simulate_graph
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import graph as report
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from graph_examples import graph_of, shipped
 
-from mtu_cli.analyses.graph.simulate import simulate_graph
-from mtu_cli.analyses.graph.sweep import (
+from mtu_cli.analyses.graph import (
+    simulate_graph,
     sweep_graph,
 )
 from mtu_cli.findings import InputError

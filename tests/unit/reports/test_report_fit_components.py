@@ -10,9 +10,10 @@ import pytest
 from report_examples import LINES, SAYS, SETTINGS, Example, example
 from support import read_components
 
-from mtu_cli.analyses.fit_components import FitResult, fit_result
-from mtu_cli.analyses.observability import (
+from mtu_cli.analyses.fit_components import (
+    FitResult,
     NotDetermined,
+    fit_result,
     observability,
 )
 from mtu_cli.files.write import report_bytes

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from graph_examples import SHIPPED, graph_of, shipped
 
-from mtu_cli.analyses.graph.simulate import simulate_graph
+from mtu_cli.analyses.graph import simulate_graph
 from mtu_cli.cli.measurement import net_for
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings

@@ -1,1 +1,0 @@
-"""The measurement graph's commands: check, simulate, sweep."""
