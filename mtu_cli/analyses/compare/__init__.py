@@ -300,4 +300,3 @@ def _warnings(
         if names := [*dict.fromkeys(ids[rows])]:
             result.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
     return result
-
