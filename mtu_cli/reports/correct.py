@@ -8,7 +8,7 @@ from __future__ import annotations
 from functools import partial
 
 from mtu_cli.analyses.correct import CorrectResult
-from mtu_cli.analyses.correct.sizes import Kind
+from mtu_cli.analyses.correct.scatter import Kind
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import KIND, Document, Table
