@@ -29,12 +29,16 @@ def main() -> None:
         gc.set_threshold(20_000)
         prepare_streams()
         try:
-            sys.exit(called(sys.argv[1:]))
+            code = called(sys.argv[1:])
         finally:
             # All is written: from here on an interrupt ends the process without a word.
             signal.signal(signal.SIGINT, signal.SIG_DFL)
     except KeyboardInterrupt:
-        sys.exit(EXIT_INTERRUPTED)
+        code = EXIT_INTERRUPTED
+    if code == EXIT_INTERRUPTED:
+        # An interrupt may leave threads that wait for each other: nobody waits for them.
+        os._exit(code)
+    sys.exit(code)
 
 
 def called(arguments: Sequence[str]) -> int:

@@ -28,6 +28,8 @@ Progress = Callable[[int, int | None], None]
 
 LARGEST_PROBABILITY = 0.999
 """Beyond it a block of 100/(1 - p) trials no longer fits the memory the engine promises."""
+AT_ONCE = 256
+"""Blocks that are given to the threads at once."""
 Criterion = Callable[[Estimates], float]
 
 
@@ -164,27 +166,30 @@ class _Runner:
 
         Raises InputError for values that are not finite.
         """
-        for count, not_finite, summary in self._each(self._block, range(self.blocks, goal)):
-            self.blocks += 1
-            self.trials += count
-            if np.any(not_finite):
-                where = f"of the first {self.trials} Monte Carlo trials"
-                expected = "a model that is defined for all values its inputs may take"
-                raise InputError(
-                    finding(
-                        "no-finite-value",
-                        output=name,
-                        what=repr(name),
-                        where=f" in {bad} {where}",
-                        expected=expected,
+        # Some at a time: while tasks are queued an interrupt may leave the queue locked.
+        for first in range(self.blocks, goal, AT_ONCE):
+            some = range(first, min(first + AT_ONCE, goal))
+            for count, not_finite, summary in self._each(self._block, some):
+                self.blocks += 1
+                self.trials += count
+                if np.any(not_finite):
+                    where = f"of the first {self.trials} Monte Carlo trials"
+                    expected = "a model that is defined for all values its inputs may take"
+                    raise InputError(
+                        finding(
+                            "no-finite-value",
+                            output=name,
+                            what=repr(name),
+                            where=f" in {bad} {where}",
+                            expected=expected,
+                        )
+                        for name, bad in zip(self.model.names, not_finite, strict=True)
+                        if bad
                     )
-                    for name, bad in zip(self.model.names, not_finite, strict=True)
-                    if bad
-                )
-            if summary is not None:
-                pool.add(summary)
-            if self._progress is not None:
-                self._progress(self.trials, self.plan.total)
+                if summary is not None:
+                    pool.add(summary)
+                if self._progress is not None:
+                    self._progress(self.trials, self.plan.total)
 
     def samples(self) -> FloatArray:
         """The first trials (outputs, kept), in order."""

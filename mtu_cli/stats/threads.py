@@ -25,12 +25,16 @@ def available_threads() -> int:
 
 @contextmanager
 def workers(threads: int) -> Iterator[ThreadPoolExecutor]:
-    """Threads; what they have not begun is left undone where the caller is interrupted."""
+    """Threads; where the caller is interrupted they are not waited for: it may have met the lock of
+    their queue.
+    """
     executor = ThreadPoolExecutor(threads)
     try:
         yield executor
-    finally:
-        executor.shutdown(cancel_futures=True)
+    except BaseException:
+        executor.shutdown(wait=False, cancel_futures=True)
+        raise
+    executor.shutdown()
 
 
 def one_blas_thread() -> AbstractContextManager[Any]:
