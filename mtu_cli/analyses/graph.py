@@ -16,7 +16,6 @@ from mtu_cli.model.graph.propagation import STILL, GraphTrials
 from mtu_cli.model.settings import Settings, validation_warnings
 from mtu_cli.stats.coverage import few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import CONVERGED_TO, Validation
 from mtu_cli.units import UM
 
@@ -200,47 +199,35 @@ def simulate_outputs(
             verdicts[i] = settings.validate(nominal[i], first_u[i], np.inf, run, i)
         if settings.trials or all(item.settled for item in verdicts.values()):
             break
-    errors, result = ratios(run, settings.digits, ends=ends), []
+    # Twice the largest standard error over its numerical tolerance: 1 or below is what 7.9.4 wants.
+    # Twice is for many blocks, Student's t for fewer.
+    errors = [run.se_mean, run.se_u] + [run.se_low, run.se_high] * ends
+    twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
+    tolerance = np.array([numerical_tolerance(float(u), settings.digits) for u in run.u])
+    result = []
     for i, item in enumerate(outputs):
         jumps, made = bool(model.jumps[i]), {name: getattr(run, name)[i] for name in STATISTICS}
         fixed = first_u[i] == 0.0 and not jumps and made["u"] <= STILL * float(model.sizes[i])
         if fixed:
             made = {**dict.fromkeys(STATISTICS, nominal[i]), "u": 0.0, "se_mean": 0.0, "se_u": 0.0}
         made = {name: float(value) for name, value in made.items()}
+        low, high, shortest_low, shortest_high = (made.pop(name) for name in STATISTICS[4:])
         coordinate = SimulatedCoordinate(
             output=item,
             nominal=nominal[i],
             first_order_u=first_u[i],
             shares={source: float(values[i]) for source, values in shares.items()},
             k=settings.coverage_factor,
-            mean=made["mean"],
-            u=made["u"],
-            interval=(made["low"], made["high"]),
-            shortest=(made["shortest_low"], made["shortest_high"]),
-            se_mean=made["se_mean"],
-            se_u=made["se_u"],
+            **made,
+            interval=(low, high),
+            shortest=(shortest_low, shortest_high),
             trials=0 if fixed else run.trials,
-            converged=fixed or bool(errors[i] <= 1.0 and not (jumps and made["u"] == 0.0)),
+            converged=fixed or bool(twice[i] <= tolerance[i] and not (jumps and made["u"] == 0.0)),
             chance=bool(jumps and np.isin(run.samples[i], (0.0, 1.0)).all()),
             validation=verdicts.get(i),
             samples=run.samples[i],
         )
         result.append(coordinate)
-    return result
-
-
-def ratios(run: MonteCarloResult, digits: int, *, ends: bool) -> FloatArray:
-    """Twice the largest standard error of each output (n,) over its numerical tolerance.
-
-    Of mean and u and, with `ends`, of both ends of the interval: 1 or below is what 7.9.4 wants
-    for `digits` significant digits of u. Twice is for many blocks, Student's t for fewer
-    (`few_blocks_factor`). An output without any error has 0.
-    """
-    errors = [run.se_mean, run.se_u] + [run.se_low, run.se_high] * ends
-    twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
-    tolerance = np.array([numerical_tolerance(float(u), digits) for u in run.u])
-    result: FloatArray = np.where(twice > 0.0, np.inf, 0.0)
-    np.divide(twice, tolerance, out=result, where=tolerance > 0.0)
     return result
 
 
@@ -349,7 +336,11 @@ def sweep_graph(
     points = [dict(zip(values, at, strict=True)) for at in itertools.product(*values.values())]
     grid = []
     for number, at in enumerate(points):
-        now = _at(settings, number, len(points))
+        key = (1 << 20, number)
+        state = np.random.SeedSequence(settings.seed, spawn_key=key).generate_state(2)
+        now = replace(settings, seed=int(state[0]) << 32 | int(state[1]), progress=None)
+        if settings.progress is not None:
+            settings.progress(number, len(points))
         part = probed_with(graph, at)
         (found,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
         grid.append(GridPoint(at=at, **vars(found)))
@@ -364,17 +355,6 @@ def sweep_graph(
     both = zip(grid, formula.u, formula.error_percent, strict=True)
     fitted = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
     return replace(swept, grid=tuple(fitted), formula=formula)
-
-
-def _at(settings: Settings, number: int, count: int) -> Settings:
-    """Those of one of the points: it tells how many of all are done."""
-    tell = settings.progress
-    state = np.random.SeedSequence(settings.seed, spawn_key=(1 << 20, number)).generate_state(2)
-    return replace(
-        settings,
-        seed=int(state[0]) << 32 | int(state[1]),
-        progress=None if tell is None else lambda done, total: tell(number, count),
-    )
 
 
 def _check(varied: Mapping[str, Sequence[float]]) -> None:
@@ -428,8 +408,9 @@ def fit_formula(
     terms = _chosen(varied, linear_u * scale, known)
     if n < len(terms):
         return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
-    X, relative = _columns(terms, varied, n), se_u / u
-    result, error = _fit(X, u * scale)
+    X, relative, size = _columns(terms, varied, n), se_u / u, u * scale
+    result = least_squares(X / size[:, None] ** 2, np.ones(n)).coefficients
+    error = np.sqrt(np.maximum(X @ result, 0.0)) / size - 1.0
     return Formula(
         form=_form(terms, unit),
         terms=terms,
@@ -473,19 +454,10 @@ def _columns(terms: Sequence[str], at: Mapping[str, FloatArray], n: int) -> Floa
     return result
 
 
-def _fit(X: FloatArray, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Coefficients (p,) of the terms, and the relative errors (n,) of their root."""
-    weight = 1.0 / u**2
-    result = least_squares(X * weight[:, None], np.ones(len(u))).coefficients
-    return result, np.sqrt(np.maximum(X @ result, 0.0)) / u - 1.0
-
-
 def _form(terms: Sequence[str], unit: str) -> str:
     left = {"mm": "u_um", "rad": "u_rad"}.get(unit, "u")
-    parts = []
-    for letter, term in zip(LETTERS, terms, strict=False):
-        joint = "" if not term else term.removeprefix("1") if term.startswith("1/") else f"*{term}"
-        parts.append(letter + joint)
+    joint = [f"*{term}".replace("*1/", "/").removesuffix("*") for term in terms]
+    parts = map("".join, zip(LETTERS, joint, strict=False))
     return f"{left} = sqrt({' + '.join(parts)})"
 
 
