@@ -45,7 +45,8 @@ class AxisErrors:
     `means` (2, T) forward and reverse, mm or rad; `ways` 1 or 2 directions were measured. `runs`
     tests stand behind them, none where they are stated and not `read`; `blocks` are lines of passes
     and scatter about them, `known` (2T, 2T) the covariance of what was stated. `varies`: the F test
-    of backlash over targets. `angle`: the errors are angles.
+    of backlash over targets; `added` (2, T): what the means have of stated errors. `angle`: the
+    errors are angles.
     """
 
     targets: FloatArray
@@ -55,6 +56,7 @@ class AxisErrors:
     blocks: tuple[Block, ...] = ()
     known: FloatArray | None = None
     varies: FTest | None = None
+    added: FloatArray | float = 0.0
     angle: bool = False
     rotary: bool = False
     read: bool = True
@@ -63,6 +65,22 @@ class AxisErrors:
     def backlash(self) -> FloatArray | None:
         """Forward minus reverse (T,); None of one direction."""
         return None if self.ways == 1 else np.asarray(self.means[0] - self.means[1])
+
+    @property
+    def own_reversal(self) -> float:
+        """K = max(0, 1 - 1/F), the share of the variance of backlash over targets that is not
+        scatter (James and Stein 1961, "Estimation with quadratic loss"); 1 where no F is known.
+        """
+        F = np.nan if self.varies is None else self.varies.F
+        return max(0.0, 1.0 - 1.0 / F) if np.isfinite(F) and F > 0 else 1.0
+
+    @property
+    def expected(self) -> FloatArray:
+        """The errors (2, T) that the axis most likely has: means whose backlash is drawn to its
+        mean over the targets by 1 - K. The largest backlash of the means would be too large.
+        """
+        measured = self.means - self.added
+        return np.asarray(self.means - (1.0 - self.own_reversal) * reversal_of(measured))
 
     def of_run(self) -> FloatArray:
         """The covariance (2T, 2T) of the readings of one run."""
@@ -76,7 +94,8 @@ class AxisErrors:
 
     def draw(self, trials: int, seed: int) -> FloatArray:
         """What a new test of as many runs differs by (trials, 2, T): each variance over chi-squared
-        with its own degrees of freedom (the scale of the table's error and of the new test's).
+        with its own degrees of freedom (the scale of the table's error and of the new test's). Of
+        `expected` the backlash of a target has K of its variance in `means`.
         """
         rng, T = stream(seed, 49), len(self.targets)
         result = np.zeros((trials, 2 * T))
@@ -87,7 +106,17 @@ class AxisErrors:
             result += share * scale[:, None] * (z @ root.T)
         if self.known is not None:
             result += rng.standard_normal((trials, 2 * T)) @ root_of(self.known).T
-        return result.reshape(trials, 2, T)
+        drawn = result.reshape(trials, 2, T)
+        return drawn - (1.0 - np.sqrt((1.0 + self.own_reversal) / 2)) * reversal_of(drawn)
+
+
+def reversal_of(errors: FloatArray) -> FloatArray:
+    """Half the backlash of errors (..., 2, T) less its mean over targets, with the sign of each
+    direction (..., 2, T).
+    """
+    half = (errors[..., 0, :] - errors[..., 1, :]) / 2
+    half = half - half.mean(-1, keepdims=True)
+    return np.stack([half, -half], -2)
 
 
 def root_of(C: FloatArray) -> FloatArray:
@@ -329,7 +358,7 @@ def compensate(
     after = None
     if errors.blocks or errors.known is not None:
         drawn = errors.draw(trials or TRIALS, seed)
-        after = figures(errors.means - applied + drawn, errors.ways)
+        after = figures(errors.expected - applied + drawn, errors.ways)
     return CompensateResult(
         component=component,
         controller=control,

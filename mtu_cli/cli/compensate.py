@@ -135,8 +135,8 @@ def _name_axis(
 ) -> None:  # fmt: skip
     """The axis letter and the ISO 230-1 name of the component, where the control wants them."""
     component = inputs.machine.machine.components.get(name)
-    if "axis" not in given and parameters.get("axis") == "X":
-        parameters["axis"] = axis.upper()
+    if "axis" not in given and parameters.get("axis", "").startswith("X"):
+        parameters["axis"] = parameters["axis"].replace("X", axis.upper(), 1)
     output = axis if axis not in "xyz" else output_of(inputs.machine, name, axis)
     if "error" in parameters and not parameters["error"]:
         linear = component is None or UNITS[component.unit].dimension == LENGTH
@@ -197,7 +197,8 @@ def _errors(
         own = stated_errors(machine, name, errors.targets)
         known = own.covariance if errors.known is None else errors.known + own.covariance
         ways = 2 if own.turns else errors.ways
-        errors = replace(errors, means=errors.means + own.values, ways=ways, known=known)
+        means, added = errors.means + own.values, errors.added + own.values
+        errors = replace(errors, means=means, added=added, ways=ways, known=known)
     return errors, axis
 
 
