@@ -76,20 +76,20 @@ class Study:
         self.name, self.folder = name, root / name
         stated = contents(self.folder / "mtu.yaml") or {}
         entries = {role: _entries(stated[role]) for role in ROLES if stated.get(role)}
-        paths = {role: [self.folder / str(each.get("file")) for each in given]
+        paths = {role: [self.folder / str(each.get(key)) for each in given
+                        for key in ("file", *(["map"] if "map" in each else []))]
                  for role, given in entries.items()}  # fmt: skip
         files = [self.folder / "mtu.yaml", *sorted({x for each in paths.values() for x in each})]
         odd = any(ODD.search(str(path)) or not path.is_file() for path in files)
         self.files = None if odd else files
-        # Runs of an instrument, of which nothing is left open but the component.
-        runs = [each for role in ("lbb", "laser") for each in entries.get(role, ())]
-        self.runs = [f"{each['component']}={self.folder / str(each['file'])}" for each in runs
-                     if each.keys() == {"file", "component"}]  # fmt: skip
+        # Runs of an instrument: the study states what they leave open.
+        runs = any(len(each) > 1 for role in ("lbb", "laser") for each in entries.get(role, ()))
         machine, part = (contents(paths[x][0]) if x in paths else {} for x in ("machine", "part"))
-        keys = {*entries} | ({"runs"} if self.runs else set())
+        keys = {*entries} | ({"runs"} if runs else set())
         known = keys & {"lbb", "laser", "components"} or "'coefficients'" in repr(machine)
         if known or machine is None or "drift" not in keys:
-            keys |= {"geometric"} | {key for key in ASKED if part is None or part.get(key)}
+            keys |= {key for key in ASKED if part is None or part.get(key)}
+            keys |= {"geometric"} if "part" in keys else set()
         else:
             keys -= {"cmm"}
         self.steps = [name for name, step in STEPS.items() if keys & {*step.needs.split()}]
@@ -107,7 +107,7 @@ class Study:
         """The words after `mtu` of a step that writes to the folder `out`, for a shell."""
         known = STEPS[step]
         if step == "readings":
-            return f"import {shlex.join(self.runs)} --as readings -o {out}/readings.csv"
+            return f"import {shlex.quote(str(self.folder))} --as readings -o {out}/readings.csv"
         models = "".join(f" -c {out}/{name}.json" for name in self.models(step))
         files = (each.split("=") for each in known.files.split())
         more = "".join(f" --{option} {out}/{name}" for option, name in files)
@@ -160,7 +160,6 @@ def for_make(given: dict[str, str]) -> list[str]:
     for study in studies:
         to = f"{out}/{study.name}"
         files = " ".join(map(str, study.files or ["$(NOT_THERE)"]))
-        study.runs = [run.replace("$", "$$") for run in study.runs]
         ends = {step: done if STEPS[step].gate else STEPS[step].report for step in study.steps}
         targets = {step: f"{to}/{step}.{end}" for step, end in ends.items()}
         lines += [f".PHONY: study/{study.name}", f"steps: study/{study.name}",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome, deliver
-from mtu_cli.cli.load import Inputs, named_file
+from mtu_cli.cli.load import MEASURED, Inputs, named_file
 from mtu_cli.cli.options import Options, option_name
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
@@ -19,6 +19,7 @@ from mtu_cli.formats.base import DRIFT, INSPECT, POINTS, READINGS, Ask, Imported
 from mtu_cli.formats.base import walk as elements_of
 from mtu_cli.formats.instruments import (
     CONTRACT,
+    KIND_OF,
     SPECS,
     contract_rows,
     identify,
@@ -102,17 +103,13 @@ def import_(options: Options) -> None:
     given = {name: _choice(options, name, known) for name, known in words.items()}
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
-    _check_target(options)
+    asked = [each for path in options.files for each in _asked(options, path, str(kind), given)]
+    _check_target(options, [path for path, _ in asked])
     tables, findings, faults = list[Imported](), list[Finding](), list[Finding]()
-    for each in options.files:
-        name, path = named_file(each)
-        name = name or options.component
-        unit = given["unit"] or _unit_of(options, name)
-        ask = Ask(kind=kind, component=name, assumed=given["unit"] is None,
-                  profile=options.map, **{**given, "unit": unit})  # fmt: skip
+    for path, ask in asked:
         try:
             file = raw_file(path, "file")
-            if is_contract(file.content) and not options.map:
+            if is_contract(file.content) and not ask.profile:
                 raise file.error("other-table", kind="the contract's CSV already")
             found = read(file, ask)
         except InputError as fault:
@@ -135,6 +132,26 @@ def import_(options: Options) -> None:
 
     files = {} if alone else {target: text.encode()}
     deliver(files, say, [*(sentences if alone else []), *warnings])
+
+
+def _asked(
+    options: Options, path: Path, kind: str, given: dict[str, Any]
+) -> Iterator[tuple[Path, Ask]]:
+    """A file with what the call says of it; of a study its instruments' files of this kind."""
+    if path.is_dir() or path.suffix in (".yaml", ".yml"):
+        inputs = Inputs(Options(options.command, {"study": path}))
+        stated = inputs.study.instruments if inputs.study else {}
+        roles = [role for role in MEASURED if KIND_OF[role] == kind]
+        files = [(role, file) for role in roles for file in inputs.files(role) if file in stated]
+        if not files:
+            raise error("missing-input", what=f"an instrument's file of {kind} in the study")
+        yield from ((file, inputs.ask_of(file, role)) for role, file in files)
+        return
+    name, file = named_file(path)
+    name = name or options.component
+    unit = given["unit"] or _unit_of(options, name)
+    yield file, Ask(kind=kind, component=name, assumed=given["unit"] is None,
+                    profile=options.map, **{**given, "unit": unit})  # fmt: skip
 
 
 def _joined(tables: list[Imported]) -> Imported:
@@ -171,13 +188,12 @@ def _unit_of(options: Options, component: str | None) -> str | None:
     return components[component].unit
 
 
-def _check_target(options: Options) -> None:
+def _check_target(options: Options, read: list[Path]) -> None:
     """Refuses a file that is read, or whose name is that of another kind."""
     target: Path | None = options.out
     if target is None or target == STANDARD_OUTPUT:
         return
-    read_too = [named_file(each)[1] for each in options.files]
-    read_too += [path for path in (options.map, options.machine) if path]
+    read_too = [*read, *(path for path in (options.map, options.machine) if path)]
     place = {"file": given_path(target)}
     if any(same(target, path) for path in read_too):
         raise InputError(finding("not-overwritten", reason="it is an input", **place))

@@ -22,6 +22,7 @@ _ENTRY = re.compile(r"(TGT_DATA|REF_DATA_FWD|REF_DATA_BWD)\[(\d+)(?:,(\d+))?\]\s
 _HEADING = re.compile(r"#+\s*Data (forward|backward) direction", re.I)
 _UNIT = re.compile(r"^UNIT=(.*)$|tgt_pos\(i\) \[([^\]]*)\]", re.M)
 _CYCLES = re.compile(r"^CYCLES=(\d+)|Cycle count\s*\|\s*(\d+)", re.M)
+_POSITIONS = re.compile(r"^POSITIONS=(\d+)|Position count\s*\|\s*(\d+)", re.M)
 Rows = list[tuple[int, str, int, int, float]]
 """Line, direction, index of the target, cycle, position."""
 
@@ -37,9 +38,13 @@ def read(file: RawFile, ask: Ask) -> Imported:
     """Reference position minus target, as errors in the file's unit, each cycle a pass."""
     faults, as_data = Faults(file), "REF_DATA_FWD[" in file.text
     targets, rows = (_data if as_data else _report)(file, faults)
-    unit, stated = (
+    unit, stated, places = (
         next((text.strip() for text in match.groups() if text), "") if match else default
-        for match, default in ((_UNIT.search(file.text), "mm"), (_CYCLES.search(file.text), ""))
+        for match, default in (
+            (_UNIT.search(file.text), "mm"),
+            (_CYCLES.search(file.text), ""),
+            (_POSITIONS.search(file.text), str(len(targets))),
+        )
     )
     if unit not in ("mm", "deg"):
         facts = {"what": "unit", "value": unit, "expected": "mm or deg"}
@@ -52,9 +57,11 @@ def read(file: RawFile, ask: Ask) -> Imported:
         result.add(line, component=component, position_mm=targets[index], **{"pass": cycle},
                   direction=way, error=value - targets[index], unit=unit)  # fmt: skip
     cycles = len({row[3] for row in rows})
-    if stated and int(stated) != cycles:
-        facts = {"found": f"{cycles} cycles", "expected": f"{stated}, as the file says"}
-        faults.found.append(file.finding("wrong-count", **facts))
+    if stated and len(rows) != (due := 2 * int(places) * int(stated)):
+        # A file that is cut off lacks its last readings: reverse ones.
+        found = f"{len(rows)} readings of {len(targets)} positions in {cycles} cycles"
+        expected = f"{due}: {places} positions, {stated} cycles, both directions, as the file says"
+        faults.found.append(file.finding("wrong-count", found=found, expected=expected))
     faults.raise_if_any()
     if not rows:
         raise file.error("empty-file", what="reference positions", expected="a whole file")

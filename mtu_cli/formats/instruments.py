@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mtu_cli.files.csv_file import GZIP
 from mtu_cli.files.headers import POINTS as POINTS_SPEC
@@ -18,6 +19,9 @@ from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError, listed, nearest, shorten
 from mtu_cli.formats.base import DRIFT, POINTS, READINGS, Ask, Format, Imported, RawFile, of_content
 from mtu_cli.formats.grid import NAMES, evidence, grid_of, separator_of, split
+
+if TYPE_CHECKING:
+    from mtu_cli.formats.table_map import Profile
 
 MODULES = ("renishaw", "ecmc", "dfq", "points", "channels", "wide")
 """From the surest to the least sure: the first that recognises a file reads it."""
@@ -37,14 +41,28 @@ def registry() -> Iterator[Format]:
         yield from import_module(f"mtu_cli.formats.{name}").FORMATS
 
 
-def is_contract(content: bytes) -> bool:
-    """Whether the header names columns of the contract: that reader then says what is wrong."""
+def header_of(content: bytes) -> list[str]:
+    """The cells of the first line that is no comment, in lower case."""
     text = content[:HEAD].decode("utf-8-sig", "replace")
     lines = (line for line in text.splitlines() if line.strip() and not line.startswith("#"))
-    cells = re.split(r"[,;\t]", next(lines, ""))
-    named = {cell.strip().strip('"').lower() for cell in cells}
+    return [cell.strip().strip('"').lower() for cell in re.split(r"[,;\t]", next(lines, ""))]
+
+
+def is_contract(content: bytes) -> bool:
+    """Whether the header names columns of the contract: that reader then says what is wrong."""
+    named = {*header_of(content)}
     known = {"component", "error", "position_mm", "x_mm", "y_mm", "nominal_x_mm"}
     return bool(named & known) or len(named & {"part", "feature", "repeat", "unit", "pass"}) > 1
+
+
+def without_component(content: bytes, ask: Ask) -> Profile | None:
+    """The profile of a CSV of readings that leaves out the component that the call names."""
+    from mtu_cli.formats.table_map import Profile
+
+    names = header_of(content)
+    if not ask.component or ask.kind == POINTS or "error" not in names or "component" in names:
+        return None
+    return Profile(schema="mtu/import/1", columns={name: name for name in names})
 
 
 def identify(file: RawFile) -> Format | None:
@@ -102,12 +120,19 @@ def converter(
 
     def convert(source: Source, content: bytes) -> Converted | None:
         ask = ask_of(source.path, source.role)
-        if content.startswith(GZIP) or (is_contract(content) and not ask.profile):
+        contract = is_contract(content) and not ask.profile
+        profile = without_component(content, ask) if contract else None
+        if content.startswith(GZIP) or (contract and profile is None):
             return None
         file = of_content(source, content)
-        if not ask.profile and identify(file) is None:
+        if profile:
+            from mtu_cli.formats.table_map import read_with
+
+            result = read_with(file, ask, profile, SPECS)
+        elif not ask.profile and identify(file) is None:
             return None
-        result = read(file, ask)
+        else:
+            result = read(file, ask)
         heard(file, result)
         return result.csv(list(SPECS[result.kind].columns)).encode(), result.rows
 

@@ -161,8 +161,13 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
         cells = text.split()
         if match := _DIM.match(text):
             feature, heading = match[2], []
-        elif re.match(r"\s*AX\b.*\bMEAS\b", text):
+        elif cells[:1] == ["AX"]:
             heading = cells
+            if "MEAS" not in cells:
+                faults.found.append(
+                    file.finding("missing-column", row=line, column="MEAS", expected="AX ... MEAS")
+                )
+                heading = []
         elif not (feature and heading and cells):
             continue
         elif cells[0] not in ("X", "Y", "Z"):

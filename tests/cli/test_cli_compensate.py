@@ -189,5 +189,14 @@ def test_a_rotary_axis(tmp_path: Path) -> None:
     (move, *_) = found["results"]["verification"]["moves"]
     assert (move["command_deg"], move["command_mm"]) == (0.0, None)
     assert move["expect_without_arcsec"] == pytest.approx(1.1, abs=0.2)
+    for control in ("siemens-enc", "siemens-cec"):
+        own = report(*call, control, "--to-file", "c.spf", "--verify", "l.csv", cwd=tmp_path)
+        assert own["results"]["verification"]["verdict"] == "no-effect"
+        read = report("compensate", "--for", control, "--read", "c.spf", cwd=tmp_path)
+        (first, *_, last) = read["results"]["points"]
+        assert (first["position_deg"], last["position_deg"]) == (0.0, 315.0)
+        assert last["forward"] == pytest.approx(-3.6, abs=0.2)
+    assert "$AA_ENC_COMP" not in (tmp_path / "c.spf").read_text("utf-8")
+    assert "holds lengths" in refused(tmp_path, *call, "heidenhain")
     again = report(*call, "table", "--set", "axis=B", "--verify", "l.csv", cwd=tmp_path)
     assert again["results"]["verification"]["verdict"] == "no-effect"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
+import made_files
 import pytest
 from pipeline_runner import make, placed, quick
 
@@ -66,3 +68,30 @@ def test_a_study_that_cannot_run_stops_no_other(tmp_path: Path) -> None:
         "a: not done: predict-points lengths",
         "b: done",
     ]
+
+
+def test_runs_that_need_a_unit_or_a_profile_are_imported_and_a_part_is_not_asked_for(
+    tmp_path: Path,
+) -> None:
+    study, out = tmp_path / "shop" / "mill", tmp_path / "out"
+    study.mkdir(parents=True)
+    (study / "machine.yaml").write_text(
+        "schema: mtu/machine/1\nname: m\ncomponents: {dx_x: {of: x, unit: um}}\n"
+        "equations: {Ex: dx_x}\n"
+    )
+    for name, text in (("laser.txt", made_files.LASER), ("map.yaml", made_files.MAP),
+                       ("mapped.csv", made_files.MAPPED)):  # fmt: skip
+        (study / name).write_text(text)
+    (study / "mtu.yaml").write_text(
+        "schema: mtu/study/1\nmachine: machine.yaml\nlaser:\n"
+        "- {file: laser.txt, component: dx_x, unit: um}\n- {file: mapped.csv, map: map.yaml}\n"
+    )
+    root = f"ROOT={study.parent}"
+    assert f"{out}/mill/readings.csv" in make(out, root, "-n").stdout
+    assert make(out, root, f"{out}/mill/readings.csv").returncode == 0
+    assert len((out / "mill" / "readings.csv").read_text().splitlines()) == 12
+    assert make(out, root, "-q", f"{out}/mill/readings.csv").returncode == 0
+    (study / "map.yaml").write_text(made_files.MAP + "# once more\n")
+    os.utime(study / "map.yaml", (2e9, 2e9))
+    assert make(out, root, "-q", f"{out}/mill/readings.csv").returncode == 1
+    assert "predict-points" not in make(out, root, "-n").stdout

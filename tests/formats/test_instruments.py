@@ -177,8 +177,13 @@ def test_ecmc_data_and_report() -> None:
     )
     assert not data.doubts
     assert "exchange the directions" in report.doubts[0]
-    with pytest.raises(InputError, match="2 cycles; expected 5"):
+    with pytest.raises(InputError, match="in 2 cycles; expected 20: 2 positions, 5 cycles"):
         read(raw(made.ECMC.replace("CYCLES=2", "CYCLES=5")), ASK)
+    for text in (made.ECMC, made.REPORT.partition("## ISO230-2")[0].rstrip() + "\n"):
+        for lost in range(1, 6):
+            cut = "".join(text.splitlines(keepends=True)[:-lost])
+            with pytest.raises(InputError, match=r"readings of 2 positions .* expected 8"):
+                read(raw(cut), ASK)
 
 
 @pytest.mark.parametrize("name", ["p_chr.txt", "r.txt", "c.dfq", "l.dfq", "a.qif", "p.csv"])
@@ -194,6 +199,13 @@ def test_points_of_every_vendor(name: str) -> None:
     assert sum(found.left_out.values()) == left
     with pytest.raises(InputError, match="gives points; expected readings"):
         read(raw(content, name), Ask(kind="readings"))
+
+
+def test_a_heading_without_measured_values_is_an_error() -> None:
+    bare = made.PCDMIS.replace("  MEAS", "      ").replace("D      6.000", "\nD      6.000")
+    other = made.PCDMIS.replace("LOC1", "LOC2").replace("CIR1", "CIR2")
+    with pytest.raises(InputError, match="row 3, column 'MEAS': the column is missing"):
+        read(raw(bare + other, "r.txt"), Ask(kind="points"))
 
 
 def test_a_ballbar_file_and_a_capture() -> None:
@@ -294,6 +306,22 @@ def test_an_instruments_file_reads_as_the_contracts_csv(tmp_path: Path) -> None:
         for field in ("position_mm", "error", "pass_number", "direction", "code"):
             np.testing.assert_allclose(getattr(direct, field), getattr(other, field), atol=1e-9)
         assert direct.row.tolist() == heard[0].rows
+
+
+@pytest.mark.parametrize("comma", [False, True])
+def test_a_csv_of_one_component_leaves_out_what_the_call_says(comma: bool, tmp_path: Path) -> None:
+    text = "# after\nposition_mm,pass,direction,error\n0,1,forward,1.25\n50,1,-,-0.5\n"
+    text = text.replace(",", ";").replace(".", ",") if comma else text
+    (tmp_path / "after.csv").write_text(text, "utf-8")
+    files = [(tmp_path / "after.csv", "laser")]
+    convert = converter(lambda path, role: ASK, lambda file, found: None)
+    found = read_readings(files, None, for_fit=False, convert=convert)
+    assert found.components == ("dx_x",)
+    assert found.error.tolist() == [1.25e-3, -0.5e-3]
+    assert (found.direction.tolist(), found.row.tolist()) == ([1, -1], [3, 4])
+    nameless = converter(lambda path, role: Ask(unit="um"), lambda file, found: None)
+    with pytest.raises(InputError, match="column 'component': the column is missing"):
+        read_readings(files, None, for_fit=False, convert=nameless)
 
 
 def test_mutated_files_never_end_in_a_traceback() -> None:

@@ -92,7 +92,8 @@ class Controller:
     the format has none, into a file beside it. `two`: it has a column for each direction.
     `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less each
     direction's own. `parameters` with their defaults ("": has to be given where it is needed).
-    `most`: points that the control holds. `listing`: for hand entry.
+    `most`: points that the control holds. `angles`: it holds errors that are angles,
+    `rotary`: those of a rotary axis. `listing`: for hand entry.
     """
 
     name: str
@@ -109,6 +110,7 @@ class Controller:
     comment: str = ""
     most: int | None = None
     angles: bool = False
+    rotary: bool = False
     listing: bool = False
     newline: str = "\r\n"
 
@@ -143,7 +145,7 @@ class Controller:
     def check(self, table: ErrorTable, parameters: Parameters) -> None:
         """Raises InputError with all that the format cannot hold of a table."""
         faults: list[Finding] = []
-        if table.angle and not self.angles:
+        if table.angle and not (self.angles or (self.rotary and table.rotary)):
             reason = f"{self.name} holds lengths, the component is an angle"
             faults.append(finding("not-applicable", reason=reason))
         if table.step is None and self.equidistant(parameters):

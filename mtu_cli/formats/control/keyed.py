@@ -3,7 +3,8 @@
 Siemens 840D sl, 828D, ONE: encoder error (ENC_COMP) and interpolatory compensation (CEC). "A
 positive value makes the axis move in the negative direction": the values are errors. Point k lies
 at MIN + k STEP; beyond the ends they are held. At the reference point the value has to be 0. The
-sign of CEC, measured minus ideal, rests on one source: a verification move has to confirm it.
+sign of CEC, measured minus ideal, rests on one source: a verification move has to confirm it. Of a
+rotary axis positions and values are in deg.
 Beckhoff TwinCAT CNC `kw.ssfk`: delta s = actual minus nominal position, in 0.1 um or increments.
 The tables of Aerotech, ACS and PMAC hold corrections (-e).
 """
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,16 +43,38 @@ SIEMENS_FRAME = (r"%_N_\w+_INI", r"CHANDATA\(\d+\)", "M17")
 ENDS = ("_STEP", "_MIN", "_MAX", "_IS_MODULO")
 SSFK = re.compile(r"kw\.ssfk\.table\[(\d+)\]\.(setpoint|pos|neg)")
 TENTH_UM, MOST_SSFK = 1e-4, 1500
+PLACES_DEG = 8
+"""Decimal places of degrees: finer than a nanoradian."""
 SIXTEENTHS = 16
 """PMAC: a value of the table is a sixteenth of a count."""
+IN_DEGREES = "; rotary: positions and values in deg"
+"""Siemens: a comment, without which a table is read as one in mm."""
 COVERS = re.compile(r";\s*points from (\S+) to (\S+) mm")
 Values = dict[str, dict[str, tuple[str, int]]]
 """Values with their lines, by the ending of the name ("" of the points), then by index."""
 
 
-def _siemens_file(title: str, values: Iterable[tuple[str, str]]) -> str:
-    lines = [f"%_N_{title}_INI", "CHANDATA(1)", *(f"${name}={value}" for name, value in values)]
+def _siemens_file(title: str, table: ErrorTable, values: Iterable[tuple[str, str]]) -> str:
+    lines = [f"%_N_{title}_INI", "CHANDATA(1)", *([IN_DEGREES] if table.rotary else [])]
+    lines += [f"${name}={value}" for name, value in values]
     return "\n".join([*lines, "M17", ""])
+
+
+def _siemens_values_of(table: ErrorTable, errors: FloatArray) -> list[str]:
+    """Values in mm, of a rotary axis in deg."""
+    if table.rotary:
+        return [real(e, PLACES_DEG) for e in np.degrees(errors)]
+    return [real(e) for e in errors]
+
+
+def _siemens_table(
+    text: str, at: FloatArray, forward: FloatArray, reverse: FloatArray | None = None
+) -> ErrorTable:
+    """The table of values read, in deg where the file says so."""
+    if IN_DEGREES not in text:
+        return ErrorTable.of(at, forward, reverse)
+    table = ErrorTable.of(at, np.radians(forward), None if reverse is None else np.radians(reverse))
+    return replace(table, angle=True, rotary=True)
 
 
 def _siemens_ends(name: str, index: str, table: ErrorTable) -> list[tuple[str, str]]:
@@ -111,8 +135,10 @@ def _siemens_points(
 def _write_enc(table: ErrorTable, parameters: Parameters) -> str:
     encoder, axis = parameter(parameters, "encoder"), parameter(parameters, "axis")
     name = "AA_ENC_COMP"
-    values = [(f"{name}[{encoder},{k},{axis}]", real(e)) for k, e in enumerate(table.forward)]
-    return _siemens_file("AX_EEC", [*values, *_siemens_ends(name, f"{encoder},{axis}", table)])
+    errors = enumerate(_siemens_values_of(table, table.forward))
+    values = [(f"{name}[{encoder},{k},{axis}]", e) for k, e in errors]
+    ends = _siemens_ends(name, f"{encoder},{axis}", table)
+    return _siemens_file("AX_EEC", table, [*values, *ends])
 
 
 def _read_enc(text: str, parameters: Parameters) -> ErrorTable:
@@ -122,7 +148,7 @@ def _read_enc(text: str, parameters: Parameters) -> ErrorTable:
     if len(tables) > 1 and own not in tables:
         refuse(f"it holds {', '.join(tables)}", expected="--set axis=... and --set encoder=...")
     index = own if own in tables else next(iter(tables))
-    return ErrorTable.of(*_siemens_points(result, index, tables[index]))
+    return _siemens_table(text, *_siemens_points(result, index, tables[index]))
 
 
 def _write_cec(table: ErrorTable, parameters: Parameters) -> str:
@@ -130,11 +156,12 @@ def _write_cec(table: ErrorTable, parameters: Parameters) -> str:
     columns = [(1, table.forward), (-1, table.reverse)] if table.both else [(0, table.forward)]
     values: list[tuple[str, str]] = []
     for t, (direction, errors) in enumerate(columns, first):
-        values += [(f"AN_CEC[{t},{k}]", real(e)) for k, e in enumerate(errors)]
+        written = enumerate(_siemens_values_of(table, errors))
+        values += [(f"AN_CEC[{t},{k}]", e) for k, e in written]
         values += [(f"AN_CEC_{end}_AXIS[{t}]", f"({axis})") for end in ("INPUT", "OUTPUT")]
         values += [(f"AN_CEC_DIRECTION[{t}]", str(direction)), (f"AN_CEC_MULT_BY_TABLE[{t}]", "0")]
         values += _siemens_ends("AN_CEC", str(t), table)
-    return _siemens_file("NC_CEC", values)
+    return _siemens_file("NC_CEC", table, values)
 
 
 def _read_cec(text: str, parameters: Parameters) -> ErrorTable:
@@ -148,10 +175,10 @@ def _read_cec(text: str, parameters: Parameters) -> ErrorTable:
             refuse(f"DIRECTION of [{t}] is {way:g}", found["_DIRECTION"][t][1], "0, or 1 and -1")
         ways[way] = _siemens_points(found, t, values)
     if set(ways) == {0.0}:
-        return ErrorTable.of(*ways[0.0])
+        return _siemens_table(text, *ways[0.0])
     if set(ways) != {1.0, -1.0} or not np.array_equal(ways[1.0][0], ways[-1.0][0]):
         refuse("its tables are not of both directions at the same positions")
-    return ErrorTable.of(*ways[1.0], ways[-1.0][1])
+    return _siemens_table(text, *ways[1.0], ways[-1.0][1])
 
 
 def _ssfk_unit(parameters: Parameters) -> float:
@@ -297,13 +324,13 @@ ENC = Controller(
     "siemens-enc", "error", _write_enc, _read_enc, {"axis": "X1", "encoder": "0"},
     says="Values are errors (actual minus nominal): a positive value makes the axis move in the "
     "negative direction. 0 at the reference point. Load with MD32700 = 0, then set it to 1.",
-    zeroed="forward", comment=";",
+    zeroed="forward", comment=";", rotary=True,
 )  # fmt: skip
 CEC = Controller(
     "siemens-cec", "error", _write_cec, _read_cec, {"axis": "AX1", "table": "0"},
     says="Values are errors (measured minus ideal); DIRECTION 1 forward, -1 reverse. Confirm the "
     "sign by a verification move. Enable with MD32710 and SD41300.",
-    two=always, zeroed="forward", comment=";",
+    two=always, zeroed="forward", comment=";", rotary=True,
 )  # fmt: skip
 BECKHOFF = Controller(
     "beckhoff", "error", _write_ssfk, _read_ssfk, {"axis": "X", "unit": "1", "counts_per_mm": ""},
