@@ -180,7 +180,13 @@ def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]
             drift = isinstance(item, Readings) and item.sources[0].role == DRIFT
             read["points" if isinstance(item, Points) else "drift" if drift else "readings"] = item
         case Result():
-            read["reports"] = _reports(item)
+            # As if it had been written and read.
+            from mtu_cli.files.reports_read import ModelReports, components_from, thermal_from
+
+            shown, thermal = item.command.replace("-", "_"), item.command == "thermal-fit"
+            source = Source(role="components", path=Path(shown), shown=shown, sha256="")
+            report: Any = (thermal_from if thermal else components_from)(source, item.report())
+            read["reports"] = ModelReports(**{"thermal" if thermal else "components": report})
         case str() | Path():
             if command == "circular":  # of several files
                 values["file"] = [*(values["file"] or ()), Path(item)]
@@ -188,14 +194,3 @@ def _place(item: Any, command: str, values: dict[str, Any], read: dict[str, Any]
                 values["file" if "file" in values else "study"] = Path(item)
         case _:
             raise TypeError(f"{command} takes no {type(item).__name__}")
-
-
-def _reports(fitted: Result) -> Any:
-    """The report of a fit, as if it had been written and read."""
-    from mtu_cli.files.reports_read import ModelReports, components_from, thermal_from
-
-    shown = fitted.command.replace("-", "_")
-    source = Source(role="components", path=Path(shown), shown=shown, sha256="")
-    if fitted.command == "thermal-fit":
-        return ModelReports(thermal=thermal_from(source, fitted.report()))
-    return ModelReports(components=components_from(source, fitted.report()))

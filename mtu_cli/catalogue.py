@@ -84,10 +84,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "second-order": _warning("{output}: {reason}; to the second order {second}"),
     "heavy-tails": _warning("the Monte Carlo u of {outputs} may not settle: {reason}; {remedy}"),
-    "coverage-beyond-check": _warning(
-        "k = {k:g} covers more than the {percent:g} % that a Monte Carlo checks: the intervals are "
-        "for {percent:g} %"
-    ),
     "correlated-inputs": _warning("{names} are correlated and not {how}: {assumed}{weaker}"),
     # The machine.
     "unused": _warning("the {what} '{name}' is in no equation"),
@@ -301,9 +297,6 @@ CATALOGUE: dict[str, Kind] = {
     "not-held-out": _warning(
         "{component}: {cycles}: no cycle can be held out, and the rms of the fit says little of "
         "the next warm-up"
-    ),
-    "over-fit": _warning(
-        "{component}: rms {fitted} on the cycles of the fit, {held_out} on held-out ones"
     ),
     # Compensation.
     "backlash-varies": _warning(

@@ -136,7 +136,10 @@ class InputError(MtuError):
     """
 
     def __init__(self, findings: Finding | Iterable[Finding], uncounted: int = 0) -> None:
-        listed = [findings] if isinstance(findings, Finding) else in_file_order(findings)
+        listed = [findings] if isinstance(findings, Finding) else list(findings)
+        # Those of one file by line or row, files in the order in which they come.
+        files = {name: i for i, name in enumerate(dict.fromkeys(each.file for each in listed))}
+        listed.sort(key=lambda each: (files[each.file], each.line or 0, each.row or 0))
         self.findings = tuple(listed)
         self.uncounted = uncounted
         super().__init__(str(self))
@@ -163,13 +166,6 @@ def finding(code: str, **place_and_facts: Any) -> Finding:
     own = {name: value for name, value in place_and_facts.items() if name in fields}
     facts = {name: value for name, value in place_and_facts.items() if name not in fields}
     return Finding(code=code, **{**own, "facts": {**facts, **own.get("facts", {})}})
-
-
-def in_file_order(findings: Iterable[Finding]) -> list[Finding]:
-    """Findings of one file by line or row, files in the order in which they come."""
-    listed = list(findings)
-    files = {name: i for i, name in enumerate(dict.fromkeys(each.file for each in listed))}
-    return sorted(listed, key=lambda each: (files[each.file], each.line or 0, each.row or 0))
 
 
 def together(findings: Sequence[Finding]) -> list[list[Finding]]:

@@ -100,8 +100,7 @@ class Component(Line):
     instruments: tuple[Instrument, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SharedPasses:
+class SharedPasses(NamedTuple):
     """Components that share passes; `units` (K, K) are products of their units' sizes."""
 
     group: JointPasses
@@ -140,6 +139,16 @@ def fit_result(
         found = significant({pair: each.p for pair, each in made.items() if each is not None})
         flags[key] = {(name, role) for name, _, role in (pair.partition("\n") for pair in found)}
     undetermined = tuple(observability(fit, estimates))
+    warnings = not_estimable(undetermined)
+    if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
+        reason = "several instruments: see `instruments`"
+        given = {"names": several, "reason": reason}
+        warnings.append(finding("not-estimable", quantity="dof and r2", **given))
+    shared = []
+    for group in estimates.joint:
+        units = [estimates.components[name].unit.to_internal for name in group.components]
+        sizes = np.repeat(units, group.widths)
+        shared.append(SharedPasses(group, np.outer(sizes, sizes)))
     return FitResult(
         machine=machine,
         fit=fit,
@@ -148,20 +157,11 @@ def fit_result(
             name: _component(estimate, fit.components.get(name), (says or {}).get(name), flags)
             for name, estimate in estimates.components.items()
         },
-        joint=tuple(_shared(estimates, group) for group in estimates.joint),
+        joint=tuple(shared),
         observability=undetermined,
         coverage_factor=coverage_factor,
-        warnings=(*not_estimable(undetermined), *_warnings(fit)),
+        warnings=tuple(warnings),
     )
-
-
-def _warnings(fit: MachineFit) -> list[Finding]:
-    """Why figures of several instruments are not estimable."""
-    read, noted = fit.components.items(), []
-    if several := [name for name, x in read if len(x.instruments) > 1]:
-        reason = "several instruments: see `instruments`"
-        noted.append(finding("not-estimable", quantity="dof and r2", names=several, reason=reason))
-    return noted
 
 
 def _component(
@@ -279,20 +279,13 @@ def _r2(item: InstrumentFit) -> float | None:
     return float(1.0 - item.fit.plain.rss / about_mean)
 
 
-def _shared(estimates: Estimates, group: JointPasses) -> SharedPasses:
-    units = [estimates.components[name].unit.to_internal for name in group.components]
-    sizes = np.repeat(units, group.widths)
-    return SharedPasses(group=group, units=np.outer(sizes, sizes))
-
-
 FEWEST_OF_TREND = 3
 """Runs there and back from which on a straight line leaves a degree of freedom."""
 ALONE = "correlation of drift with other components"
 GROUPS = "correlation of drift between the groups"
 
 
-@dataclass(frozen=True, slots=True)
-class NotDetermined:
+class NotDetermined(NamedTuple):
     """One thing that the data leave open, in plain words."""
 
     component: str
@@ -300,18 +293,12 @@ class NotDetermined:
     because: str
     reading_that_would: str
 
-    @property
-    def shown(self) -> str:
-        """The component in a list of several; those of a group stay together."""
-        return self.component.replace(", ", " + ")
-
 
 def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
     """All that the readings of a machine do not determine, component by component."""
     result: list[NotDetermined] = []
     for name in estimates.components:
-        component = fit.components.get(name)
-        if component is None:
+        if (component := fit.components.get(name)) is None:
             what = "drift, reversal and lack of fit"
             because = "it is known from the machine file only"
             would = "readings of it, given with --lbb or --laser"
@@ -322,9 +309,7 @@ def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
             by = f" by {item.role}" if len(component.instruments) > 1 else ""
             checks = [*_of_scatter(item, without_axis=without_axis)]
             checks += [] if without_axis else [*_of_shape(item)]
-            result += [
-                NotDetermined(name, f"{what}{by}", why, would) for what, why, would in checks
-            ]
+            result += [NotDetermined(name, f"{what}{by}", *why) for what, *why in checks]
     return result + list(_apart(fit, estimates))
 
 
@@ -332,7 +317,9 @@ def not_estimable(found: Iterable[NotDetermined]) -> list[Finding]:
     """A note for each quantity, with all components of which the readings leave it open."""
     grouped: dict[tuple[str, str], list[str]] = {}
     for item in found:
-        grouped.setdefault((item.not_determined, item.because), []).append(item.shown)
+        # Components of a group stay together.
+        shown = item.component.replace(", ", " + ")
+        grouped.setdefault((item.not_determined, item.because), []).append(shown)
     return [
         finding("not-estimable", quantity=quantity, names=names, reason=reason)
         for (quantity, reason), names in grouped.items()

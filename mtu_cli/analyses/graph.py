@@ -186,8 +186,7 @@ def simulate_outputs(
     whether they have their digits is judged by mean and u and, with `ends`, by the interval.
 
     Where clause 8 is not settled by then, the count goes on to a fifth of the tolerance (8.2). What
-    goes through a step may vary in so few trials that none is seen: it has not converged while all
-    its trials are the same.
+    goes through a step has not converged while all its trials are the same.
     """
     model = GraphTrials(graph, outputs)
     nominal, first_u, shares = model.nominal.tolist(), model.u.tolist(), model.shares()
@@ -334,14 +333,20 @@ def sweep_graph(
     _check(varied)
     values = {name: tuple(map(float, numbers)) for name, numbers in varied.items()}
     points = [dict(zip(values, at, strict=True)) for at in itertools.product(*values.values())]
-    grid = []
+    grid, file = [], graph.graph
     for number, at in enumerate(points):
         key = (1 << 20, number)
         state = np.random.SeedSequence(settings.seed, spawn_key=key).generate_state(2)
         now = replace(settings, seed=int(state[0]) << 32 | int(state[1]), progress=None)
         if settings.progress is not None:
             settings.progress(number, len(points))
-        part = probed_with(graph, at)
+        # The same net under other uncertainties of probing, um, and another number of probings.
+        probing = {name: value for name, value in at.items() if name != REPEATS}
+        changes: dict[str, object] = {"uncertainty": file.uncertainty.model_copy(update=probing)}
+        if REPEATS in at:
+            own = [x.model_copy(update={"repeats": None}) for x in file.transitions]
+            changes |= {"repeats": int(at[REPEATS]), "transitions": own}
+        part = replace(graph, graph=file.model_copy(update=changes))
         (found,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
         grid.append(GridPoint(at=at, **vars(found)))
     swept = Sweep(output=output, digits=settings.digits, varied=values, grid=tuple(grid))
@@ -371,17 +376,6 @@ def _check(varied: Mapping[str, Sequence[float]]) -> None:
     if count > LARGEST_GRID:
         expected = f"at most {LARGEST_GRID} combinations"
         raise error("out-of-range", path="--vary", value=str(count), expected=expected)
-
-
-def probed_with(graph: MeasurementGraph, at: Mapping[str, float]) -> MeasurementGraph:
-    """The same net under other uncertainties of probing, um, and another number of probings."""
-    file = graph.graph
-    probing = {name: value for name, value in at.items() if name != REPEATS}
-    changes: dict[str, object] = {"uncertainty": file.uncertainty.model_copy(update=probing)}
-    if REPEATS in at:
-        changes["repeats"] = int(at[REPEATS])
-        changes["transitions"] = [x.model_copy(update={"repeats": None}) for x in file.transitions]
-    return replace(graph, graph=file.model_copy(update=changes))
 
 
 def fit_formula(
@@ -425,8 +419,8 @@ def fit_formula(
 
 
 def _chosen(varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool) -> tuple[str, ...]:
-    """The terms of u^2, "" being the constant: those of what is varied, and of the others what the
-    first-order u has, or all of them where that is not `known`.
+    """The terms of u^2 ("": a constant): those of what is varied, and others that the first-order u
+    has, or all where that is not `known`.
     """
     probe = "probe_um^2/repeats" if "repeats" in varied else "probe_um^2"
     squares = {"probe_um": probe, "axis_um": "axis_um^2", "perpendicular_um": "perpendicular_um^2"}
@@ -462,9 +456,7 @@ def _form(terms: Sequence[str], unit: str) -> str:
 
 
 def _expected_largest(weighted: FloatArray, relative: FloatArray) -> float:
-    """The median of the largest of n normal errors, each as large as the fit leaves it: the
-    quantile at which all n lie within with probability 1/2.
-    """
+    """The median of the largest of n normal errors, each as large as the fit leaves it."""
     from scipy.special import ndtri
 
     Q, _ = np.linalg.qr(weighted / np.linalg.norm(weighted, axis=0))

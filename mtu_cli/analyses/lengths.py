@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -30,9 +30,7 @@ from mtu_cli.units import UM
 
 
 class JointConformance(NamedTuple):
-    """Probability that all `lengths` with a tolerance of one part conform, and its standard
-    error.
-    """
+    """Probability that all `lengths` with a tolerance of one part conform; its standard error."""
 
     lengths: tuple[str, ...]
     probability: float
@@ -119,6 +117,12 @@ def predict_lengths(
     validation = tuple(settings.validate(*row, run, i) for i, row in enumerate(rows))
     joint = joint_conformance(trials, conformance, settings)
     toleranced = tuple(x.id for x, each in zip(entries, conformance, strict=True) if each)
+    without = []
+    for axis, along in zip(AXES, np.abs(delta).T > 1e-9, strict=True):
+        if axis not in model.axes and along.any():
+            first = names[int(np.argmax(along))]
+            consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
+            without.append(finding("axis-without-equation", axis=axis, consequence=consequence))
     return LengthsResult(
         prediction=prediction,
         ids=names,
@@ -141,7 +145,7 @@ def predict_lengths(
         run=run,
         warnings=(
             *noted,
-            *_planar_warnings(model, delta, names),
+            *without,
             *prediction_warnings(model, prediction, covariates),
             *dof_warnings(names, dof),
             *validation_warnings(names, validation, "um", UM),
@@ -163,13 +167,3 @@ def _bounds(
     first, second = (" + ".join(prediction.blocks[b].names) for b in largest)
     low, high = np.sqrt(max(total - cross, 0.0)), np.sqrt(total + cross)
     return (float(low), float(high)), (first, second)
-
-
-def _planar_warnings(model: MachineModel, delta: FloatArray, names: Sequence[str]) -> list[Finding]:
-    result = []
-    for axis, along in zip(AXES, np.abs(delta).T, strict=True):
-        if axis not in model.axes and (along > 1e-9).any():
-            first = names[int(np.argmax(along > 1e-9))]
-            consequence = f"lengths along {axis} ({first}, ...) have no predicted error there"
-            result.append(finding("axis-without-equation", axis=axis, consequence=consequence))
-    return result

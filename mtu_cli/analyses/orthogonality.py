@@ -36,9 +36,7 @@ DRAWN = 2**18
 
 
 class FirstOrder(NamedTuple):
-    """A mean and its standard uncertainty of first order, with effective degrees of freedom and
-    mean -+ t u at these.
-    """
+    """A mean, its u of first order with effective degrees of freedom, and mean -+ t u at these."""
 
     mean: float
     u: float
@@ -91,9 +89,8 @@ def predict_orthogonality(
 ) -> OrthogonalityResult:
     """Predicts every row-to-column angle of the part: Gilsinn & Ling 2004, eqs. (23)-(28).
 
-    A feature in both lines is one physical feature: it is drawn once. The trials are those
-    of `settings`; the independent figures use the same count where it is given: one that
-    adapts does so for each by itself.
+    A feature in both lines is one physical feature: it is drawn once. A count that adapts does so
+    for the independent figures by itself.
 
     Raises InputError for a missing covariate or coordinate.
     """

@@ -49,13 +49,10 @@ class PointsResult:
 
     @cached_property
     def own_covariances(self) -> FloatArray:
-        """Covariance (features, axes, axes) of the errors of each feature alone, mm^2: what a
-        picture of many features needs of `covariance`.
-        """
-        n, a = len(self.prediction.ids), len(self.prediction.axes)
+        """Covariance (features, axes, axes) of the errors of each feature alone, mm^2."""
         if self.independent:
-            apart: FloatArray = self.variance.reshape(n, a, 1) * np.eye(a)
-            return apart
+            a = len(self.prediction.axes)
+            return np.asarray(self.variance.reshape(-1, a, 1) * np.eye(a))
         return reportable(self.prediction, self.variance, by_point=True)
 
     def of_axis(self, values: FloatArray, axis: str) -> FloatArray:

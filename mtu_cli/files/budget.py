@@ -191,9 +191,7 @@ class Budget(Contract):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedBudget(Loaded):
-    """A checked budget; `trees` and `units` hold the equation and the unit of each output, by the
-    output's name (no unit: empty).
-    """
+    """A checked budget; `trees` and `units` (empty: none) of each output by its name."""
 
     budget: Budget
     trees: dict[str, Node]
@@ -326,9 +324,7 @@ def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> N
 
 
 def _check_together(budget: Budget, faults: Faults) -> None:
-    """Correlations: of uncertain inputs, -1 to 1, no pair twice. Simultaneous inputs: each once,
-    with equally many readings, and no correlation that is stated, too.
-    """
+    """Correlations of uncertain inputs, no pair twice; simultaneous inputs, each once."""
     known, inputs = faults.keys("inputs"), budget.inputs
     groups = present(budget.simultaneous)
     pairs: set[frozenset[str]] = set()
@@ -421,9 +417,7 @@ def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
 
 
 def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) -> Iterator[Finding]:
-    """Inputs that no equation has, or that have no uncertainty or scatter: a plain number
-    (``g: 9.81``) is meant as a constant, and so is a `u` of 0.
-    """
+    """Inputs without use, uncertainty or scatter; ``g: 9.81`` and ``u: 0`` mean constants."""
     used = {name for tree in trees.values() for name in names(tree)}
 
     def noted(code: str, path: YamlPath, at: str | None = None, **facts: Any) -> Finding:

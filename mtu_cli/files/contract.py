@@ -243,9 +243,8 @@ def check_contract(
 ) -> M:
     """The document as a checked `model` of the schema ``mtu/<kind>/1``.
 
-    `check` adds the faults that need more than one value. Where parts of the document are faulty
-    it still sees the sound rest: faulty entries of mappings are left out, faulty items of lists
-    and faulty single values are None.
+    `check` adds the faults that need more than one value. It sees the sound part of a document:
+    faulty entries of mappings are left out, faulty items of lists and single values are None.
 
     Raises InputError with all findings, in the order of their lines.
     """
@@ -319,9 +318,7 @@ def expectation(item: ErrorDetails, annotation: Any) -> str:
 
 _NUMBER = r"[+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
 _HINTS = {
-    re.compile(r"[+-]?0[0-9]++"): "{}, with a decimal point and no zero in front",
     re.compile(_NUMBER): "{}, without quotes",
-    re.compile(r"[+-]?0(?:[xX][0-9a-fA-F]++|[bB][01]++|[oO][0-7]++)"): "{} in decimal digits",
     re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"): "{} with a decimal point",
     re.compile(_NUMBER + r"\s*+[A-Za-zµμ°%\"'/].*", re.DOTALL): "{} alone, without its unit",
 }

@@ -23,9 +23,7 @@ _MINUS = str.maketrans({"\u2212": "-", "\u2013": "-"})
 """What a word processor makes of a minus: as a sign it can mean nothing else."""
 SENSOR_DEGC = (-60.0, 150.0)
 """No sensor of a machine reads less or more; what a shop is in kelvin is more."""
-KELVIN = 273.15
-COLDEST_K, HOTTEST_K = 230.0, 400.0
-"""Values beyond SENSOR_DEGC that are likely kelvin."""
+SENSOR_EXPECTED = "degC, {:g} to {:g}".format(*SENSOR_DEGC)
 NUMBER = internal()
 PLACE = internal(length=1)
 TEMPERATURE = internal(degree=1)
@@ -102,14 +100,6 @@ def no_temperature(values: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Where no sensor of a machine reads such a value, or none is given."""
     low, high = SENSOR_DEGC
     return ~((values >= low) & (values <= high))
-
-
-def expected_temperature(value: float) -> str:
-    """What was expected where `value` is beyond what a sensor of a machine reads."""
-    expected = "degC, {:g} to {:g}".format(*SENSOR_DEGC)
-    if not COLDEST_K < value < HOTTEST_K:
-        return expected
-    return f"{expected}: in kelvin it would be {value - KELVIN:.4g} degC"
 
 
 def direction_sign(label: str) -> int | None:

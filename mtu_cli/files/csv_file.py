@@ -42,7 +42,7 @@ from mtu_cli.files.csv_table import (
 )
 from mtu_cli.files.headers import EXCLUSIVE, SAYS, WANTED, Column, TableSpec, check_header
 from mtu_cli.files.source import DRIFT, Source, check_text, read_source
-from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest, suggestion
+from mtu_cli.findings import InputError, counted, error, finding, nearest, suggestion
 from mtu_cli.units import plain_unit
 
 if TYPE_CHECKING:
@@ -114,8 +114,8 @@ def _check_files(table: Table, faults: CellFaults) -> None:
 
 
 def _check_sensor_names(table: Table, file: File, faults: CellFaults) -> None:
-    """Columns of numbers of a file whose names say that they are temperatures, but not as
-    `T_<sensor>_degC`: nothing would read them. Beside parts ``T_12`` may be a tool.
+    """Columns whose names mean temperatures that nothing would read; beside parts ``T_12`` may be a
+    tool.
     """
     for name in filter(looks_like_temperature, file.header):
         tool = "part" in file.header and re.fullmatch(r"[Tt][\W_]*[0-9]*\W*", name)
@@ -128,9 +128,7 @@ def _check_sensor_names(table: Table, file: File, faults: CellFaults) -> None:
 
 
 def _check_equal_rows(table: Table, faults: CellFaults) -> None:
-    """Rows equal to an earlier one of their file in every column, where a pass, a repeat or a time
-    is given: without those repeated values are legitimate.
-    """
+    """Rows equal to an earlier one of their file, where a pass, a repeat or a time is given."""
     keys = [*table.numbers.values(), *(column.codes for column in table.texts.values())]
     keys = [*keys, table.file_index]
     apart = [table.has(name) for name in ("pass", "repeat", *EXCLUSIVE)]
@@ -266,9 +264,7 @@ class _Body:
         file.content = b""
 
     def _sound_rows(self) -> Ints | None:
-        """The editor rows of the records; None where cells are quoted, or a row has another number
-        of cells than the header.
-        """
+        """The editor rows of the records; None where cells are quoted or rows are not as long."""
         content, body, columns = self.file.content, self.file.body, len(self.file.header)
         # pandas would take a second byte order mark away.
         if content.find(b'"', body) >= 0 or content.startswith(codecs.BOM_UTF8, body):
@@ -327,21 +323,18 @@ class _Body:
                     rows.append(place["row"])
                     self.records.append(cells)
                 elif len(cells) > 1 or "".join(cells).strip():
-                    self.faults.add(self._row_length(cells, place))
+                    expected = f"{wanted}, as in the header"
+                    if len(cells) > wanted and cells[-1].strip() and file.separator == ",":
+                        expected += "; decimal commas need semicolons between the columns"
+                    given = {"value": file.separator.join(cells), "expected": expected}
+                    count = counted(len(cells), "cell")
+                    self.faults.add(finding("row-length", cells=count, **given, **place))
                 place["row"] = file.header_row + 1 + reader.line_num
         except csv.Error as fault:
-            expected = 'a closing "' if "unexpected end" in str(fault) else None
-            self.faults.add(finding("not-readable", reason=str(fault), expected=expected, **place))
+            place["expected"] = 'a closing "' if "unexpected end" in str(fault) else None
+            self.faults.add(finding("not-readable", reason=str(fault), **place))
         frame = pd.DataFrame(self.records, columns=[*file.header], dtype=object)
         return np.array(rows, np.int64), [frame]
-
-    def _row_length(self, cells: list[str], place: dict[str, Any]) -> Finding:
-        wanted, separator = len(self.file.header), self.file.separator
-        expected = f"{wanted}, as in the header"
-        if len(cells) > wanted and cells[-1].strip() and separator == ",":
-            expected += "; decimal commas need semicolons between the columns"
-        given = {"value": separator.join(cells), "expected": expected}
-        return finding("row-length", cells=counted(len(cells), "cell"), **given, **place)
 
     def _column(self, name: str, column: Column) -> None:
         """Reads a column; a free one holds numbers where every cell is one, else texts."""

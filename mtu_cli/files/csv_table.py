@@ -111,9 +111,8 @@ class File:
 class Table:
     """The rows of one or several files, end to end; every array has one entry a row.
 
-    `rows` are counted as in an editor, in the file `files[file_index[i]]`. `numbers` are nan where
-    a cell is empty or faulty or the file lacks the column; those of ``time`` are microseconds since
-    1970.
+    `rows` as in an editor, in the file `files[file_index[i]]`; `numbers` are nan where there is
+    none, those of ``time`` microseconds since 1970.
     """
 
     files: tuple[File, ...]
@@ -249,8 +248,7 @@ def stacked(parts: Sequence[tuple[Ints, Sequence[str]]]) -> Texts:
 def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
     """Whether another row may equal each row (n,), over `columns` (n,) of floats or whole numbers.
 
-    Rows are compared by marks of 64 bits: those of equal rows agree (0.0 equals -0.0), those of
-    others with probability 2^-64.
+    Rows are compared by marks of 64 bits: those of unequal rows agree with probability 2^-64.
     """
     marks = np.zeros(len(columns[0]), np.uint64)
     for first in range(0, len(marks), AT_ONCE):

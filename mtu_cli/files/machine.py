@@ -41,10 +41,8 @@ NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoadedMachine(Loaded):
-    """A checked machine with its equations written as linear forms in the components.
-
-    `forms` by equation (``Ex``); `effect_forms` one such mapping an effect, linear in the
-    effect's parameters and components and in those of the machine.
+    """A checked machine; `forms`, linear in the components, by equation (``Ex``); `effect_forms`
+    such of each effect, linear in its parameters and components, too.
     """
 
     machine: Machine
@@ -269,9 +267,7 @@ def _check_sensors(sensors: Iterable[str], path: YamlPath, faults: Faults) -> No
 
 
 def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
-    """What an effect is of, its components, its covariance, and the ranges of the data that it was
-    found in.
-    """
+    """What an effect is of, its components and covariance, and the ranges of its data."""
     path: YamlPath = ("effects", index)
     for name, item in effect.components.items():
         own = (*path, "components", name)
@@ -325,10 +321,8 @@ def _linear_forms(
     faults: Faults,
 ) -> dict[str, LinearForm]:
     """Equations in mm as linear forms, those of them that are sound: readable, of known names,
-    linear in the components and an effect's `own` by their units, each term a length.
-
-    Names whose own entry is faulty are known. A hint names what is the effect's before positions,
-    then what is the machine's. Constants are no columns, whatever their names.
+    linear in the components and an effect's `own` by their units, each term a length. Names whose
+    own entry is faulty are known.
     """
     components, constants = faults.keys("components"), faults.keys("constants")
     covariates = [name for _, name in present(machine.covariates)]

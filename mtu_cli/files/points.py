@@ -92,10 +92,7 @@ def _side_by_side(table: Table, name: str) -> Floats:
 
 
 def _sequence(table: Table, faults: CellFaults) -> Ints:
-    """The order of manufacture as all files give it, or that of first appearance (n,).
-
-    A part is made once in each operation: its rows there have one number.
-    """
+    """The order of manufacture (n,) as given, one a part and operation, or of first appearance."""
     parts, part = table.labelled("part")
     given = [file for file in table.files if "sequence" in file.header]
     if not given:

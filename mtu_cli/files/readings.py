@@ -87,7 +87,13 @@ def read_readings(
         if components is None or component is not None:
             _check_component(table, label, inside, component, faults)
         if for_fit:
-            _check_directions(table, label, inside, faults)
+            # A direction in all rows or in none: a blank one would be of neither way.
+            judged = table.of_files(lambda f: f.source.role != DRIFT and "direction" in f.header)
+            judged &= inside
+            blank = judged & np.isnan(table.number("direction"))
+            if blank.sum() < judged.sum():
+                expected = f"forward or reverse, as in the other rows of {label}"
+                faults.cells(table, blank, "direction", code="empty-cell", expected=expected)
             degree = 0 if component is None or component.of is None else component.degree
             if sound and isinstance(degree, int) and degree:
                 _count_positions(table, label, inside, degree, faults)
@@ -96,10 +102,7 @@ def read_readings(
 
 
 def _check_drift(table: Table, faults: CellFaults, for_fit: bool) -> None:
-    """Temperatures of drift readings: the names of their columns, and no cell without one.
-
-    Raises InputError for drift readings given as others: drift would count as scatter.
-    """
+    """No cell of drift readings without a temperature; raises InputError where others are drift."""
     for i, file in enumerate(table.files):
         sensors = [name for name in file.header if is_temperature(name) and name in table.numbers]
         if file.source.role == DRIFT:
@@ -120,8 +123,8 @@ def drift_problem(file: str, sensors: Sequence[str]) -> Finding:
 def _check_component(
     table: Table, label: str, inside: Flags, component: Any, faults: CellFaults
 ) -> None:
-    """One kind of unit in the rows `inside` (n,), and a position where it is a function of one: as
-    the machine has the component. Without a machine drift readings have to be alike.
+    """One kind of unit in the rows `inside` (n,), and a position or none, as the machine has them;
+    without a machine drift readings have to be alike.
     """
     units, kinds, given = table.texts["unit"], _dimensions(table), table.has("position_mm")
     empty = np.isnan(table.number("position_mm"))
@@ -148,15 +151,6 @@ def _check_component(
         place = {**table.files[i].place, "column": "position_mm", "expected": expected}
         faults.add(finding("missing-column", **place))
     faults.cells(table, unplaced & given, "position_mm", code="empty-cell", expected=expected)
-
-
-def _check_directions(table: Table, label: str, inside: Flags, faults: CellFaults) -> None:
-    """A direction in all rows or in none: a blank one would be of neither way."""
-    judged = table.of_files(lambda f: f.source.role != DRIFT and "direction" in f.header) & inside
-    blank = judged & np.isnan(table.number("direction"))
-    if blank.sum() < judged.sum():
-        expected = f"forward or reverse, as in the other rows of {label}"
-        faults.cells(table, blank, "direction", code="empty-cell", expected=expected)
 
 
 def _count_positions(

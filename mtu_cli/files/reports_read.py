@@ -79,7 +79,7 @@ class _Reported(BaseModel):
 
     def _shaped(self, differences: Collection[str] = (), **shapes: tuple[int, ...]) -> None:
         """Raises where lists (n,) and (n, m), or covariances (n, n), have another shape; those that
-        are `differences` of mean squares may be negative, where passes, or runs, hardly differ.
+        are `differences` of mean squares may be negative.
         """
         faults = []
         for key, (size, *width) in shapes.items():
@@ -250,24 +250,17 @@ class _Drifts(_Reported):
     components: dict[str, ReportedDrift]
 
 
-class _Report(_Reported):
+class _Fit(_Reported):
     inputs: list[dict[str, Any]] = []
-
-    def read_from(self, *roles: str) -> frozenset[str]:
-        """The hashes of the readings that it was made from, as far as it states them."""
-        made_from = (file for file in self.inputs if file.get("role") in roles)
-        return frozenset(str(file.get("sha256")) for file in made_from)
-
-
-class _Fit(_Report):
     results: _Components
 
 
-class _ThermalFit(_Report):
+class _ThermalFit(_Reported):
+    inputs: list[dict[str, Any]] = []
     results: _Drifts
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ComponentsReport:
     """A checked fit-components report; `document` is the whole of it as it was read, `readings`
     the hashes of the files that it was fitted to.
@@ -281,7 +274,7 @@ class ComponentsReport:
     readings: frozenset[str] = frozenset()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ThermalReport:
     """A checked thermal-fit report, likewise."""
 
@@ -357,22 +350,24 @@ def components_from(source: Source, document: Any) -> ComponentsReport:
         joint=tuple(report.results.joint_pass_covariance),
         effects=report.results.effects,
         document=document,
-        readings=report.read_from("lbb", "laser"),
+        readings=_hashes(report, "lbb", "laser"),
     )
 
 
 def thermal_from(source: Source, document: Any) -> ThermalReport:
-    """Checks a thermal-fit report that was read, or made, already.
-
-    Raises InputError with every fault of the document.
-    """
+    """Checks a thermal-fit report likewise."""
     report = check_contract(YamlDocument(source=source, data=document), _ThermalFit, "thermal-fit")
     return ThermalReport(
         source=source,
         components=report.results.components,
         document=document,
-        readings=report.read_from("drift"),
+        readings=_hashes(report, "drift"),
     )
+
+
+def _hashes(report: _Fit | _ThermalFit, *roles: str) -> frozenset[str]:
+    """Of the readings that a report was made from, as far as it states them."""
+    return frozenset(str(file.get("sha256")) for file in report.inputs if file.get("role") in roles)
 
 
 def _unknown(matrix: Matrix) -> list[tuple[int, int]]:

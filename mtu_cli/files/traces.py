@@ -82,34 +82,39 @@ def read_traces(
     faults = CellFaults()
     table = read_tables([(path, "traces") for path in files], TRACES, faults)
     faults.raise_if_any()
-    _spread(table, "direction", "--direction", direction, len(files))
-    _spread(table, "feed_mm_min", "--feed", feed, len(files))
-    _spread(table, "radius_mm", "--radius", () if radius is None else (radius,), len(files))
-    _spread(table, "plane", "--plane", () if plane is None else (plane,), len(files))
+    _spread(table, "direction", "--direction", direction)
+    _spread(table, "feed_mm_min", "--feed", feed)
+    _spread(table, "radius_mm", "--radius", () if radius is None else (radius,))
+    _spread(table, "plane", "--plane", () if plane is None else (plane,))
     for i in np.flatnonzero(table.number("feed_mm_min") <= 0)[:1].tolist():
         place = {**table.place(i), "column": "feed_mm_min"}
         value = f"{table.number('feed_mm_min')[i]:g}"
         raise error("out-of-range", value=value, expected="mm/min above 0, or empty", **place)
-    whole = _alike(table, "radius_mm", table.number("radius_mm"))
-    if whole is None or not whole > 0:
+    radii = table.number("radius_mm")
+    if len(np.unique(radii[np.isfinite(radii)])) > 1:
+        row = int(np.flatnonzero(radii != radii[0])[0])
+        place = {**table.place(row), "column": "radius_mm", "value": f"{radii[row]:g}"}
+        raise error("contradicts", other="another trace", expected="one in all traces", **place)
+    if not (radii > 0).all():
         place = {"path": "--radius", "expected": "--radius MM above 0, or a column radius_mm"}
         raise error("missing-input", what="the nominal radius", **place)
     labels, codes = table.labelled("plane")
     names = [labels[int(each)] if each >= 0 else "" for each in np.unique(codes)]
     if len(names) > 1:
         expected = "the traces of one plane in a call"
-        raise error("contradicts", other="another trace", column="plane", value=", ".join(names),
-                    expected=expected)  # fmt: skip
+        place = {"column": "plane", "value": ", ".join(names)}
+        raise error("contradicts", other="another trace", expected=expected, **place)
     return Traces(
         traces=tuple(_traces(table)),
         plane=names[0] or None,
-        radius=whole,
+        radius=float(radii[0]),
         sources=table.sources,
     )
 
 
-def _spread(table: Table, name: str, option: str, values: Sequence[Any], files: int) -> None:
+def _spread(table: Table, name: str, option: str, values: Sequence[Any]) -> None:
     """Gives files without a column the value of an option: one for all, or one for each."""
+    files = len(table.files)
     if not values:
         return
     if len(values) not in (1, files):
@@ -129,27 +134,13 @@ def _spread(table: Table, name: str, option: str, values: Sequence[Any], files: 
         table.numbers[name] = np.where(without, given, table.number(name))
 
 
-def _alike(table: Table, name: str, values: Floats) -> float | None:
-    """The one value of a column; None where there is none."""
-    known = np.unique(values[np.isfinite(values)])
-    if len(known) > 1:
-        row = int(np.flatnonzero(values != values[0])[0])
-        place = {**table.place(row), "column": name, "value": f"{values[row]:g}"}
-        raise error("contradicts", other="another trace", expected="one in all traces", **place)
-    return float(known[0]) if len(known) and np.isfinite(values).all() else None
-
-
 def _traces(table: Table) -> list[Trace]:
     """Rows of one file, pass, direction and feed are a trace."""
     labels, way = table.labelled("direction")
     feed, number = table.number("feed_mm_min"), table.whole("pass")
     result, faults = [], CellFaults()
-    _, group = np.unique(
-        np.column_stack([table.file_index, number, way, np.nan_to_num(feed)]),
-        axis=0,
-        return_inverse=True,
-    )
-    group = group.ravel()
+    keys = np.column_stack([table.file_index, number, way, np.nan_to_num(feed)])
+    group = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
     for each in dict.fromkeys(group.tolist()):
         rows = np.flatnonzero(group == each)
         first = int(rows[0])
@@ -159,10 +150,8 @@ def _traces(table: Table) -> list[Trace]:
             del place["row"]
             faults.add(finding("missing-input", what="the direction", expected=expected, **place))
         elif len(rows) < FEWEST:
-            what, expected = (
-                f"a trace of {len(rows)} samples",
-                f"{FEWEST} or more around the circle",
-            )
+            what = f"a trace of {len(rows)} samples"
+            expected = f"{FEWEST} or more around the circle"
             faults.add(finding("too-little-data", what=what, expected=expected, **place))
         else:
             result.append(

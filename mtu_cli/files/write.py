@@ -20,12 +20,9 @@ from mtu_cli.findings import Finding, InputError, error, finding
 def report_bytes(document: Mapping[str, Any]) -> bytes:
     """A report as UTF-8 bytes: keys in the order given, floats to the last digit.
 
-    Mappings stand one key a line, lists of records one record a line, other lists on one
-    line, so that a report can be read and compared line by line. numpy scalars and arrays
-    are written as numbers and lists.
+    Mappings stand one key a line, lists of records one record a line, other lists on one line.
 
-    Raises ValueError for a number that is not finite and TypeError for what JSON cannot
-    hold: both are faults of the calling program.
+    Raises ValueError for a number that is not finite and TypeError for what JSON cannot hold.
     """
     return (_written(document, "", "report") + "\n").encode()
 
@@ -40,15 +37,13 @@ def _written(value: Any, indent: str, place: str) -> str:
         return "{\n" + ",\n".join(lines) + f"\n{indent}}}"
     value = value.tolist() if hasattr(value, "tolist") else value
     try:
-        if isinstance(value, (list, tuple)) and any(map(_is_compound, value)):
+        compound = (Mapping, list, tuple)
+        items = value if isinstance(value, (list, tuple)) else ()
+        if any(isinstance(x, compound) or getattr(x, "ndim", 0) > 0 for x in items):
             return "[\n" + ",\n".join(deeper + _compact(item) for item in value) + f"\n{indent}]"
         return _compact(value)
     except (TypeError, ValueError) as fault:
         raise type(fault)(f"{place}: {fault}") from None
-
-
-def _is_compound(value: Any) -> bool:
-    return isinstance(value, (Mapping, list, tuple)) or getattr(value, "ndim", 0) > 0
 
 
 def _compact(value: Any) -> str:
@@ -65,9 +60,7 @@ def _plain(value: Any) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class _Pending:
-    """A file on its way: the path as given, the file behind it, and the files beside that which
-    hold its new content and then the old one.
-    """
+    """A path, the file behind it, and those beside that with its new and its old content."""
 
     path: Path
     target: Path

@@ -125,8 +125,7 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
     Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
-    keys, an alias inside its own anchor, decimal commas in a list, more than one document, more
-    than 60 levels, or more than 500 000 values once aliases are expanded.
+    keys, decimal commas in a list, more than one document, or too many levels or values.
     """
     root = composed(text, source)
     builder = _Builder(text, source.shown)

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.covariates import closest_covariate, expected_temperature, no_temperature
+from mtu_cli.files.covariates import SENSOR_EXPECTED, closest_covariate, no_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import Finding, InputError, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
@@ -225,7 +225,7 @@ def check_covariates(model: MachineModel, given: Mapping[str, object]) -> None:
         if faulty.any():
             value = float(values[faulty][0])
             place = {"path": sensor, "value": f"{value:g}"}
-            raise error("out-of-range", **place, expected=expected_temperature(value))
+            raise error("out-of-range", **place, expected=SENSOR_EXPECTED)
     if problems := missing_covariates(model, given):
         raise InputError(problems)
 

@@ -27,7 +27,8 @@ COMPONENT = """
     groups | | sensors that move alike, |r| >= 0.999
     reference_temperature_degC | estimate.reference | at which the drift is zero
     time_constants_min | estimate.time_constants | lag of each sensor; 0: none
-    coefficients | estimate.coefficients | by powers of mm and by sensor, per degC | -, size=size
+    coefficients | estimate.coefficients | by powers of mm and by sensor, per degC \
+        | -, size=unit.to_internal
     covariance | estimate.covariance | of the coefficients, powers first | -, size=size2
     coefficient_dof | estimate.coefficient_dof | its degrees of freedom
     leftover_covariance | estimate.leftover | of the drift that the model leaves | -, size=size2
@@ -98,24 +99,25 @@ ROW = declare(
     - | position | observed position | position, exact, unit=mm, csv=position_mm
     - | sensor | of the model; empty: it has none | sensor, text, csv=sensor
     - | stands_for | sensors that move as it does | -, csv=stands_for
-    - | value | drift per degC | -, size=drift.size, csv=gradient_per_degC
-    - | gradient() | | gradient / per degC, plus-minus, u=u, size=drift.size
-    - | u | its standard uncertainty | -, size=drift.size, csv=u_gradient_per_degC
+    - | value | drift per degC | -, size=drift.unit.to_internal, csv=gradient_per_degC
+    - | gradient() | | gradient / per degC, plus-minus, u=u, size=drift.unit.to_internal
+    - | u | its standard uncertainty | -, size=drift.unit.to_internal, csv=u_gradient_per_degC
     - | interval | its 95 % interval \
-        | 95 % interval / per degC, interval, u=u, size=drift.size, csv=interval95_gradient
+        | 95 % interval / per degC, interval, u=u, size=drift.unit.to_internal, \
+        csv=interval95_gradient
     - | separable | false: its gradient is known together with other sensors' only \
         | -, csv=separable
     - | inseparable() | | sepa- / rable, text
     - | by | u from the scatter of cycles, or the model of the errors | u by, text, csv=u_by
     - | share | rms of its part of the modelled drift \
-        | rms / part, sig3, size=drift.size, csv=share_rms
+        | rms / part, sig3, size=drift.unit.to_internal, csv=share_rms
     - | lag | time constant; 0: none | lag, unit=min, csv=time_constant_min
     - | vif | variance inflation factor; empty: infinite | VIF, sig3, csv=vif
     - | temperatures.0 | lowest temperature read | -, csv=temperature_low_degC
     - | temperatures.1 | highest temperature read | -, csv=temperature_high_degC
     """,
-    gradient=lambda x: x.value if x.value or x.u else None,
-    inseparable=lambda x: None if x.separable is None or x.separable else "no",
+    gradient=lambda x: x.get("value") if x.get("value") or x.get("u") else None,
+    inseparable=lambda x: None if x.get("separable", True) else "no",
 )
 
 
@@ -165,7 +167,7 @@ def document(fit: ThermalFit, digits: int = 2) -> Document:
         "± standard uncertainty; rms part: of the modelled drift; VIF: variance inflation; not "
         "separable: known together only (warnings)"
     )
-    rows = [each for each in gradients if each.sensor is not None]
+    rows = [each for each in gradients if "sensor" in each]
     sensors = Table("Gradients of the sensors", ROW, rows, footer, detail=True)
     tables, figure = [models, sensors], partial(machine_figures.drift, fit)
     return Document("Thermal models", (RESULTS, fit), tables, figure, _verdict(items), digits)

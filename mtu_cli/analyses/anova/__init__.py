@@ -24,7 +24,6 @@ from mtu_cli.analyses.anova.outliers import (
 from mtu_cli.analyses.anova.summary import (
     Total,
     anova_warnings,
-    maps,
     missing_entries,
     set_up_warnings,
     totals,
@@ -115,7 +114,7 @@ def analyse_variance(
     features = kinds[0]
     places = np.full((len(points.features), 3), np.nan)
     places[points.feature] = points.nominal
-    planes = maps(features, dict(zip(points.features, places, strict=True)))
+    where = dict(zip(points.features, places, strict=True))
     labels, sequence = features.labels, sequences(points)
     rounding = float(features.tables.rounding.mean())
     with_parts = [labels[i] for i, parts in enumerate(features.unusual) if parts]
@@ -134,7 +133,7 @@ def analyse_variance(
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
         warnings=(
             *warnings,
-            *(set_up_warnings(planes, rounding) if datum == "none" else ()),
+            *(set_up_warnings(features, where, rounding) if datum == "none" else ()),
             *anova_warnings(kinds, method),
         ),
     )

@@ -126,9 +126,8 @@ def unusual_parts(
 def _unusual(
     table: PartsTable, groups: np.ndarray, names: list[Label], found: Outstanding, i: int
 ) -> UnusualPart:
-    """Part `i`, and where it lies farthest from the mean of the others, in terms of how far these
-    do: a single table, if that has two thirds of its squared deviations, else the mean or the
-    distance of a group.
+    """Part `i`, and where it lies farthest from the others in terms of how far these do: a single
+    table, if that has two thirds of its squared deviations, else the mean or distance of a group.
     """
     others = np.arange(len(table.parts)) != i
     off = table.raw - _mean(table.raw[others])

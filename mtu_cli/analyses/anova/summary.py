@@ -1,6 +1,4 @@
-"""Features summed up by operation: totals by axis and maps of the mean errors; and what the data
-cannot tell or look wrong about.
-"""
+"""Features summed up by operation, and what the data cannot tell or look wrong about."""
 
 from __future__ import annotations
 
@@ -14,7 +12,6 @@ from mtu_cli.analyses.anova.outliers import FAMILY_RATE, FEWEST_PARTS
 from mtu_cli.analyses.anova.tables import Analysed, Label, Method
 from mtu_cli.findings import Finding, finding
 from mtu_cli.model.features import BELOW_THREE, FEW_DOF
-from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.model.visits import basis, without
 from mtu_cli.stats.least_squares import BoolArray, FloatArray
@@ -94,50 +91,24 @@ def _total(found: Analysed, operation: str, axis: str, members: list[int]) -> To
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FeatureMap:
-    """Mean errors (n, 3) of the features of an operation, mm, at nominal `places` (n, 3); nan
-    along z where z was not measured or is not known.
+def set_up_warnings(
+    found: Analysed, places: dict[str, FloatArray], rounding: float
+) -> list[Finding]:
+    """Mean errors in the plane most of which one offset and rotation of all features explain.
+
+    By mean squares before and after: the motion's own freedoms count. Errors that the last digit
+    makes, whose variance is `rounding`, are none; `places` (3,) mm of the features.
     """
-
-    operation: str
-    ids: tuple[str, ...]
-    places: FloatArray
-    errors: FloatArray
-
-
-def maps(found: Analysed, places: dict[str, FloatArray]) -> tuple[FeatureMap, ...]:
-    """The mean errors of features with errors in x and y, one map an operation."""
     means = dict(zip(found.labels, found.one_way.mean.tolist(), strict=True))
     planes: dict[str, list[str]] = {}
     for operation, name, axis in found.labels:
         if axis == "x" and (operation, name, "y") in means:
             planes.setdefault(operation, []).append(name)
-    return tuple(
-        FeatureMap(
-            operation=operation,
-            ids=tuple(ids),
-            places=np.array([places[name] for name in ids]),
-            errors=np.array(
-                [[means.get((operation, name, axis), np.nan) for axis in AXES] for name in ids]
-            ),
-        )
-        for operation, ids in planes.items()
-    )
-
-
-def set_up_warnings(found: tuple[FeatureMap, ...], rounding: float) -> list[Finding]:
-    """Mean errors most of which one offset and rotation of all features explain.
-
-    By mean squares before and after: the motion's own freedoms count. Errors that the last digit
-    makes, whose variance is `rounding`, are none.
-    """
     warned = []
-    for item in found:
-        places = np.column_stack([item.places[:, :2], np.zeros(len(item.ids))])
-        errors = item.errors[:, :2]
-        Q = basis(places, (0, 1), "offset,rotation")
-        before = errors.ravel()
+    for operation, names in planes.items():
+        flat = np.array([[*places[name][:2], 0.0] for name in names])
+        errors = np.array([[means[operation, name, axis] for axis in "xy"] for name in names])
+        Q, before = basis(flat, (0, 1), "offset,rotation"), errors.ravel()
         left = len(before) - Q.shape[1]
         if left < FEWEST_LEFT or not (before**2).mean() > 3 * rounding:
             continue
@@ -145,12 +116,10 @@ def set_up_warnings(found: tuple[FeatureMap, ...], rounding: float) -> list[Find
         explained = 1 - rest / float((before**2).mean())
         if explained < MOST:
             continue
-        operation = f" of {item.operation} features" if item.operation else ""
         x, y = (1e3 * value for value in errors.mean(axis=0))
-        percent = min(int(100 * explained), 99)
-        warned.append(
-            finding("set-up-dominates", x_um=x, y_um=y, percent=percent, operation=operation)
-        )
+        of = f" of {operation} features" if operation else ""
+        facts = {"percent": min(int(100 * explained), 99), "operation": of}
+        warned.append(finding("set-up-dominates", x_um=x, y_um=y, **facts))
     return warned
 
 

@@ -1,23 +1,17 @@
 """Inputs of a budget: quantities, their covariance, and the independent sources behind them.
 
 A contribution that nothing is correlated with is a source of its own. Inputs with stated
-correlations, and readings that were taken together, are one source each connected set:
-
-- all normal or t: jointly normal with their covariance, scaled to a multivariate t where they
-  share their degrees of freedom (JCGM 102:2011, 5.3.2), which keeps the stated coefficients and
-  gives each input the t of JCGM 101:2008, 6.4.9; each by a scale of its own where they do not;
-- some bounded (rectangular, ...): a Gaussian copula with the stated correlation, before inputs of
-  finite degrees of freedom are scaled, each by a scale of its own.
-
-For Welch-Satterthwaite a source is one term with the variance g' V g. Its degrees of freedom
-are those its members share: n - 1 for n simultaneous readings, of which g' V g is a sample
-variance of the combined readings. Where they differ the smallest is taken, on the safe side.
+correlations, and readings that were taken together, are one source each connected set: where all
+are normal or t, jointly normal, scaled to a multivariate t of their degrees of freedom (JCGM
+102:2011, 5.3.2; JCGM 101:2008, 6.4.9), or each by a scale of its own where these differ; where some
+are bounded (rectangular, ...), a Gaussian copula with the stated correlation. For
+Welch-Satterthwaite a source is one term g' V g with the smallest degrees of freedom of its members.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -25,6 +19,7 @@ import numpy as np
 
 from mtu_cli.files.budget import Contribution, Input, LoadedBudget
 from mtu_cli.findings import Finding, InputError, finding, listed
+from mtu_cli.model.features import NO_U
 from mtu_cli.stats.covariance import correlation_of, factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import (
@@ -112,11 +107,6 @@ class Source:
     factor: FloatArray | None = None
 
     @property
-    def copula(self) -> bool:
-        """Whether correlated members are not all normal or t."""
-        return self.factor is not None and any(item.bounded for item in self.members)
-
-    @property
     def common_dof(self) -> bool:
         """Whether all members have the same degrees of freedom."""
         return len({item.dof for item in self.members}) == 1
@@ -174,6 +164,22 @@ class Inputs:
         """Standard uncertainties (n,)."""
         return np.array([item.u for item in self.quantities])
 
+    def findings(self) -> Iterator[Finding]:
+        """Inputs that have no u, and what is assumed of correlated ones."""
+        if short := [item.name for item in self.quantities if item.without_u]:
+            yield finding("few-degrees-of-freedom", names=short, how=NO_U)
+        for source in self.sources:
+            names, more = [self.quantities[row].name for row in source.rows], ""
+            if not source.is_t and any(math.isfinite(item.dof) for item in source.members):
+                more = "; the scale of each makes the coefficients of the trials smaller"
+            if source.factor is not None and any(item.bounded for item in source.members):
+                what = {"how": "all normal", "assumed": "the Monte Carlo takes a Gaussian copula"}
+                yield finding("correlated-inputs", names=names, weaker=more, **what)
+            if not source.common_dof:
+                assumed = "Welch-Satterthwaite takes the smallest for all of them"
+                what = {"how": "of the same degrees of freedom", "assumed": assumed}
+                yield finding("correlated-inputs", names=names, weaker=more, **what)
+
 
 def inputs_of(loaded: LoadedBudget) -> Inputs:
     """The inputs of a budget.
@@ -221,11 +227,9 @@ def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
 
 
 def _distribution(item: Contribution) -> Distribution | None:
-    """The distribution that an entry of a budget file states; None where it states no width.
-
-    A rectangle (triangle, ...) with finite degrees of freedom keeps the u of its stated limits,
-    as in GUM H.1; the curvilinear trapezoid has the (larger) one of its own, JCGM 101:2008,
-    6.4.3: u^2 = a^2/3 + d^2/9.
+    """The distribution that an entry states; None without a width. With finite degrees of freedom a
+    rectangle (triangle, ...) keeps the u of its limits, as in GUM H.1; the curvilinear trapezoid
+    has a larger one, JCGM 101:2008, 6.4.3: u^2 = a^2/3 + d^2/9.
     """
     dof = math.inf if item.dof is None else item.dof
     kind: Kind = item.distribution or "normal"
@@ -257,12 +261,8 @@ def _distribution(item: Contribution) -> Distribution | None:
 
 
 def _covariance(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> FloatArray:
-    """V (n, n) of the inputs' estimates, in the products of their units.
-
-    A stated coefficient r(x_i, x_j) belongs to the whole of both inputs: r u(x_i) u(x_j),
-    whatever they are made of. Readings x_ik, x_jk taken together give
-    s(mean_i, mean_j) = sum (x_ik - mean_i)(x_jk - mean_j) / (n (n - 1)), GUM eq. (17), for
-    their type A parts alone.
+    """V (n, n) of the inputs' estimates: a stated coefficient belongs to the whole of both inputs,
+    readings taken together give that of their type A parts alone, GUM eq. (17).
     """
     place = {item.name: i for i, item in enumerate(inputs)}
     u = np.array([item.u for item in inputs])
@@ -282,9 +282,7 @@ def _covariance(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> FloatA
 
 
 def _clusters(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> list[list[int]]:
-    """Inputs that are correlated as a whole, in connected sets; simultaneous readings of one of
-    them join in.
-    """
+    """Connected sets of correlated inputs; simultaneous readings of one of them join in."""
     place = {item.name: i for i, item in enumerate(inputs)}
     stated = [pair[:2] for pair in loaded.budget.correlations if pair[2] != 0.0]
     named = {name for pair in stated for name in pair}
@@ -300,12 +298,7 @@ def _clusters(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> list[lis
 def _sources(
     loaded: LoadedBudget, inputs: Sequence[InputQuantity], covariance: FloatArray
 ) -> tuple[Source, ...]:
-    """All sources of uncertainty of a budget.
-
-    Raises InputError for correlated inputs of several contributions that are not all normal:
-    which of them the coefficient belongs to is then not stated; and where the coefficients belong
-    to no joint distribution. They are never altered.
-    """
+    """All sources of uncertainty; raises InputError for correlations that no inputs can have."""
     sources: list[Source] = []
     problems: list[Finding] = []
     clusters = _clusters(loaded, inputs)
@@ -339,9 +332,7 @@ def _correlated(
     covariance: FloatArray,
     problems: list[Finding],
 ) -> Source | None:
-    """The source of correlated inputs `known`, at `rows`; where they cannot be correlated as the
-    file states that is added to `problems`.
-    """
+    """The source of the inputs `known`, at `rows`, or why there is none, added to `problems`."""
 
     def impossible(named: Sequence[str], why: str, expected: str, value: str | None = None) -> None:
         reason = f"{listed(named, SHOWN_PAIRS)} cannot be correlated like this: {why}"

@@ -101,12 +101,10 @@ def _second_order(
 ) -> tuple[float, float]:
     """What the second order adds to the value and to the variance.
 
-    For jointly normal inputs of covariance V, gradient g, Hessian H:
-    shift = tr(HV)/2, variance = g'Vg + tr(HVHV)/2 + sum_j (Vg)_j d/dx_j tr(HV). For independent
-    inputs the last two are the terms of JCGM 100:2008, 5.1.2, note:
-    sum_ij (f_ij^2/2 + f_i f_ijj) u_i^2 u_j^2. Where an input's own distribution has another
-    fourth moment than a normal one (kappa its fourth cumulant) f_ii^2 kappa/4 + f_i f_iii kappa/3
-    is added: x^2 at 0 has u = 0.89 u^2(x) for a rectangle, not 1.41.
+    Of jointly normal inputs of covariance V, gradient g, Hessian H: tr(HV)/2, and tr(HVHV)/2 +
+    sum_j (Vg)_j d/dx_j tr(HV), which of independent ones are the terms of JCGM 100:2008, 5.1.2,
+    note. An input of fourth cumulant kappa adds f_ii^2 kappa/4 + f_i f_iii kappa/3: x^2 at 0 has
+    u = 0.89 u^2(x) for a rectangle, not 1.41.
     """
     members = [inputs.quantities[i] for i in rows]
     g, H, V = slopes.first, slopes.second, inputs.covariance[np.ix_(rows, rows)]

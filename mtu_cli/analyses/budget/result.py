@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.budget.inputs import InputQuantity, Inputs
 from mtu_cli.analyses.budget.propagation import FirstOrder
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.features import NO_U
 from mtu_cli.model.settings import validation_warnings
 from mtu_cli.stats.covariance import correlation_of
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
+from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.validation import Validation
 
 SHORTEST = 1.05
@@ -26,22 +26,6 @@ FEW, MANY = 0.2, 10_000
 """Share of u that its standard error is where a few of many trials make it: that of normal ones is
 1/sqrt(2 M)."""
 Interval = tuple[float, float]
-
-
-class Estimate(NamedTuple):
-    """An output by one method; `ends_u` is the u that the ends of the intervals are rounded to."""
-
-    output: str
-    unit: str
-    method: str
-    value: float
-    u: float
-    dof: float | None = None
-    k: float | None = None
-    U: float | None = None
-    interval: Interval | None = None
-    shortest: Interval | None = None
-    ends_u: float = math.nan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,25 +85,53 @@ class OutputBudget:
         return (low, high) if 0.0 <= high - low <= longest else self.symmetric
 
     @property
-    def estimates(self) -> tuple[Estimate, ...]:
-        """By first order, second order and Monte Carlo."""
-        first, u, of = self.first, self.of_run("u"), (self.first.name, self.unit)
+    def estimates(self) -> Iterator[dict[str, Any]]:
+        """By first order, second order and Monte Carlo; intervals are rounded to `ends_u`."""
+        first, u, (low, high) = self.first, self.of_run("u"), self.symmetric
         dof = None if math.isnan(first.dof) else first.dof
-        stated = Estimate(*of, "first order", first.value, first.u, dof, self.k, self.expanded)
-        drawn = Estimate(*of, "Monte Carlo", self.mean, u, shortest=self.shortest)
-        return (
-            stated._replace(interval=self.interval, ends_u=_ends_u(first.u, self.interval)),
-            Estimate(*of, "second order", first.second_value, first.second_u),
-            drawn._replace(interval=self.symmetric, ends_u=_ends_u(u, self.symmetric)),
-        )
+        # A few trials far out give a u to which an interval of 95 % is nothing.
+        ends_u = u if u <= high - low or low == high else 0.25 * (high - low)
+        stated = {"dof": dof, "k": self.k, "U": self.expanded, "interval": self.interval}
+        drawn = {"interval": (low, high), "shortest": self.shortest, "ends_u": ends_u}
+        for method, value, own, more in (
+            ("first order", first.value, first.u, {**stated, "ends_u": first.u}),
+            ("second order", first.second_value, first.second_u, {}),
+            ("Monte Carlo", self.mean, u, drawn),
+        ):
+            row = {"output": first.name, "unit": self.unit, "method": method, "value": value}
+            yield {**row, "u": own, **more}
 
-
-def _ends_u(u: float, interval: Interval) -> float:
-    """A few trials far out give a u to which an interval of 95 % is nothing: then a quarter of the
-    interval's width, which is about u for a normal distribution.
-    """
-    width = interval[1] - interval[0]
-    return u if u <= width or width == 0.0 else 0.25 * width
+    def findings(self, u: FloatArray) -> Iterator[Finding]:
+        """What first and second order and clause 8 show; `u` (n,) of the inputs."""
+        first, verdict, drawn = self.first, self.validation, self.of_run("u")
+        shift, apart = abs(first.second_value - first.value), abs(first.second_u - first.u)
+        if first.faults:
+            fault = first.faults[0]
+            reason = f"{fault.text} (column {fault.column} of its equation)"
+            yield finding("not-differentiable", output=first.name, reason=reason)
+        elif np.all(u == 0.0):
+            yield finding("no-uncertainty", names=[f"the inputs of {first.name}"])
+        elif first.u == 0.0 and (first.second_u > 0.0 or drawn > 0.0):
+            reason, second = "the first-order u is 0", f"u is {first.second_u:.4g}"
+            yield finding("second-order", output=first.name, reason=reason, second=second)
+        elif first.u > 0.0 and max(shift, apart) > verdict.tolerance > 0.0:
+            known = math.isfinite(first.second_u)
+            second = "the variance below 0, so that u is undefined"
+            second = f"u {first.second_u:.4g}" if known else second
+            reason = "the equation is not linear over the uncertainties of its inputs"
+            text = f"the value is {first.second_value:.10g} and {second}"
+            facts = {"output": first.name, "reason": reason, "second": text, "u": second}
+            yield finding("second-order", **facts)
+        if math.isnan(first.u):
+            return
+        unit = "" if self.unit == "1" else self.unit
+        largest = max(verdict.d_low, verdict.d_high)
+        if verdict.passed is False and first.u == 0.0 and largest <= ROUNDING * abs(first.value):
+            # A step: the ends of its interval agree.
+            difference = f"u 0 against {drawn:.2g} {unit}".rstrip()
+            yield finding("validation-failed", names=[first.name], difference=difference)
+        else:
+            yield from validation_warnings([first.name], [verdict], unit, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,13 +183,9 @@ class BudgetResult:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """All warnings, those of the file first."""
-        result, run = [*self.of_file, *_of_inputs(self.given)], self.run
+        result, run = [*self.of_file, *self.given.findings()], self.run
         for item in self.outputs:
-            result += [*_of_first_order(item, self.given.u), *_of_validation(item)]
-        beyond = [item.k for item in self.outputs if item.k > item.k_probability]
-        if beyond and run.probability >= LARGEST_PROBABILITY:
-            percent = 100 * run.probability
-            result.append(finding("coverage-beyond-check", k=max(beyond), percent=percent))
+            result += item.findings(self.given.u)
         heavy = ~(np.isnan(run.u) | (run.se_u <= FEW * run.u)) & (run.trials >= MANY)
         if heavy.any():
             names = [self.outputs[i].first.name for i in np.flatnonzero(heavy)]
@@ -188,61 +196,3 @@ class BudgetResult:
             goal = "the digits of u asked for (JCGM 101, 7.9.4)"
             result.append(finding("not-converged", trials=run.trials, goal=goal))
         return tuple(dict.fromkeys(result))
-
-
-def _of_inputs(inputs: Inputs) -> list[Finding]:
-    result = []
-    if short := [item.name for item in inputs.quantities if item.without_u]:
-        result.append(finding("few-degrees-of-freedom", names=short, how=NO_U))
-    for source in inputs.sources:
-        names, more = [inputs.quantities[row].name for row in source.rows], ""
-        if not source.is_t and any(math.isfinite(item.dof) for item in source.members):
-            more = "; the scale of each makes the coefficients of the trials smaller"
-        for met, how, what in (
-            (source.copula, "all normal", "the Monte Carlo takes a Gaussian copula"),
-            (
-                not source.common_dof,
-                "of the same degrees of freedom",
-                "Welch-Satterthwaite takes the smallest for all of them",
-            ),
-        ):
-            if met:
-                facts = {"names": names, "how": how, "assumed": what, "weaker": more}
-                result.append(finding("correlated-inputs", **facts))
-    return result
-
-
-def _of_first_order(item: OutputBudget, u: FloatArray) -> list[Finding]:
-    first, tolerance = item.first, item.validation.tolerance
-    if first.faults:
-        fault = first.faults[0]
-        reason = f"{fault.text} (column {fault.column} of its equation)"
-        return [finding("not-differentiable", output=first.name, reason=reason)]
-    if first.u == 0.0:
-        if np.all(u == 0.0):
-            return [finding("no-uncertainty", names=[f"the inputs of {first.name}"])]
-        if first.second_u == 0.0 and item.of_run("u") == 0.0:
-            return []  # Nothing of it varies.
-        reason, second = "the first-order u is 0", f"u is {first.second_u:.4g}"
-        return [finding("second-order", output=first.name, reason=reason, second=second)]
-    shift, apart = abs(first.second_value - first.value), abs(first.second_u - first.u)
-    if not max(shift, apart) > tolerance > 0.0:
-        return []
-    known = math.isfinite(first.second_u)
-    second = f"u {first.second_u:.4g}" if known else "the variance below 0, so that u is undefined"
-    reason = "the equation is not linear over the uncertainties of its inputs"
-    text = f"the value is {first.second_value:.10g} and {second}"
-    return [finding("second-order", output=first.name, reason=reason, second=text, u=second)]
-
-
-def _of_validation(item: OutputBudget) -> list[Finding]:
-    first, verdict = item.first, item.validation
-    if math.isnan(first.u):
-        return []
-    unit = "" if item.unit == "1" else item.unit
-    largest = max(verdict.d_low, verdict.d_high)
-    if verdict.passed is False and first.u == 0.0 and largest <= ROUNDING * abs(first.value):
-        # A step: the ends of its interval agree.
-        difference = f"u 0 against {item.of_run('u'):.2g} {unit}".rstrip()
-        return [finding("validation-failed", names=[first.name], difference=difference)]
-    return validation_warnings([first.name], [verdict], unit, 1.0)

@@ -186,8 +186,7 @@ def predict_operations(
     machine; and warnings.
 
     A covariate is what `given` says, else the points' own. Means are over the readings of an
-    (operation, feature) of E = J theta + remainder at their own covariates, which the covariates'
-    mean does not give where an effect is a step; uncertainties are those at the mean.
+    (operation, feature) at their own covariates; uncertainties are those at the covariates' mean.
 
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """

@@ -261,9 +261,8 @@ def _bias_test(
 def _scatter_test(
     table: OneWay, r: FloatArray, D: FloatArray, squares: MeanSquares
 ) -> tuple[FloatArray, FloatArray]:
-    """MS_within + n0 D, of which MS_between has the expectation, and p of their ratio. The last
-    digit, of variance `r` (items,), may make of the expectation, or hide from MS_between, n0 r:
-    neither is more or less scatter.
+    """MS_within + n0 D, of which MS_between has the expectation, and p of their ratio; n0 r by the
+    last digit, of variance `r` (items,), is neither more nor less scatter.
     """
     repeated, ms, df = table.df_within > 0, table.ms_between, table.df_between
     within = np.where(repeated, table.ms_within, 0.0)
@@ -303,11 +302,7 @@ def _pooled(
     A: FloatArray,
     kept: BoolArray,
 ) -> tuple[Pooled, ...]:
-    """The test of the scatter of the `kept` features; of lengths there is none.
-
-    A mean square of passes is one matrix at all items, one of repeatability is as far off at all
-    of them, the CMM's is estimated at each by itself.
-    """
+    """The test of the scatter of the `kept` features; of lengths there is none."""
     operation, _, axis = tables.labels[0]
     if not axis:
         return ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import NamedTuple
@@ -23,7 +23,6 @@ from mtu_cli.analyses.correct.scatter import (
 from mtu_cli.analyses.correct.sizes import (
     Sides,
     Size,
-    Wanted,
     mean_size,
     sizes_of,
     tasks_of,
@@ -88,7 +87,21 @@ class CorrectResult:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """Of the input, and of what the correction leaves."""
-        return (*self.notes, *_left(self))
+        warned = list(self.notes)
+        if names := [f"{item.id} of {item.part}" for item in self.sizes if item.error[0] == 0]:
+            given = {"names": names, "reason": "no error before the correction"}
+            warned.append(finding("not-estimable", quantity="reduction_percent", **given))
+        if forms := unexplained(self.forms):
+            most = max(forms, key=lambda form: form.F)
+            left = finding(
+                "form-left",
+                names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in forms)),
+                worst=f"{most.operation} {most.id}".strip(),
+                rms_um=most.rms / UM,
+                explained_um=most.explained / UM,
+            )
+            warned.append(left)
+        return tuple(warned)
 
     @property
     def correction(self) -> FloatArray:
@@ -131,23 +144,6 @@ class CorrectResult:
         return float(along[i]), AXES[i]
 
 
-def _left(result: CorrectResult) -> Iterator[Finding]:
-    """Figures that are not estimable, and forms that the correction leaves."""
-    exact = [item for item in result.sizes if item.error[0] == 0]
-    if names := [f"{item.id} of {item.part}" for item in exact]:
-        reason = "no error before the correction"
-        yield finding("not-estimable", quantity="reduction_percent", names=names, reason=reason)
-    if forms := unexplained(result.forms):
-        most = max(forms, key=lambda form: form.F)
-        yield finding(
-            "form-left",
-            names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in forms)),
-            worst=f"{most.operation} {most.id}".strip(),
-            rms_um=most.rms / UM,
-            explained_um=most.explained / UM,
-        )
-
-
 __all__ = ["CorrectResult", "Size", "correct", "mean_size", "unused_warmth"]
 
 SLACK_DEGC = 1e-9
@@ -164,10 +160,9 @@ def correct(
 ) -> CorrectResult:
     """corrected = measured - modelled error, at the measured place and the rows' covariates.
 
-    Valdes et al.: measured points minus synthesised error, a circle through the rest. The
-    uncertainty of a corrected point is that of the error of one visit of one future part and
-    the points' scatter beyond it; that of a diameter or length comes from its gradient in all
-    its points and their full covariance.
+    Valdes et al.: measured points minus synthesised error, a circle through the rest. u of a
+    corrected point is that of one visit of one future part and the points' scatter beyond it; that
+    of a diameter or length comes from its gradient in all its points and their full covariance.
 
     Raises InputError for a missing covariate or coordinate, points that cannot be what they
     claim or that no equation is for, or a circle that its points do not determine.
@@ -194,6 +189,13 @@ def correct(
     sizes = [replace(with_scatter(x, scatter), k=settings.coverage_factor) for x in by_machine]
     u_corrected, dof_corrected = (u, dof) if scatter is None else scatter.added(u, dof)
     outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
+    names = [f"{size.id} of {size.part}" for size in sizes]
+    warned += dof_warnings(names, np.array([size.dof for size in sizes]))
+    if scatter is None:
+        consequence = "u holds the machine model only; that takes repeats of "
+        consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
+        facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
+        warned.append(finding("no-scatter-known", **facts))
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -211,7 +213,7 @@ def correct(
         sizes=tuple(sizes),
         forms=forms_left(rings, scatter, float(roundings(points).max())),
         independent=settings.independent,
-        notes=(*noted, *outside_warnings(outside), *warned, *_size_warnings(sizes, scatter)),
+        notes=(*noted, *outside_warnings(outside), *warned),
     )
 
 
@@ -229,34 +231,20 @@ def _sizes(
     warned += partial
     for item in wanted:
         own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
-        if own and item.kind != "length":
-            warned += _calibration_warnings(item, own)
+        if not own or item.kind == "length":
+            continue
+        if not len(item.calibrated):
+            facts = {"quantity": "errors and their reduction", "reason": "no calibrated_mm"}
+            warned.append(finding("not-estimable", names=[item.name], **facts))
+            continue
+        low, high = item.calibrated[[0, -1], 0].tolist()
+        T = [size.temperature for size in own if np.isfinite(size.temperature)]
+        off = [max(low - degrees, degrees - high) for degrees in T]
+        if item.ranged and max(off, default=0.0) > SLACK_DEGC:
+            what, names = f"{T[int(np.argmax(off))]:.4g} degC", [f"the calibration of {item.name}"]
+            ends = {"low": low, "high": high, "unit": "degC"}
+            warned.append(finding("outside-measured-range", what=what, names=names, **ends))
     return sizes, rings, warned
-
-
-def _calibration_warnings(known: Wanted, sizes: Sequence[Size]) -> Iterator[Finding]:
-    """Of a missing calibration, or one of other temperatures than the `sizes`."""
-    if not len(known.calibrated):
-        reason, quantity = "no calibrated_mm", "errors and their reduction"
-        yield finding("not-estimable", quantity=quantity, names=[known.name], reason=reason)
-        return
-    low, high = known.calibrated[[0, -1], 0].tolist()
-    T = [size.temperature for size in sizes if np.isfinite(size.temperature)]
-    farthest = max(T, key=lambda degrees: max(low - degrees, degrees - high), default=low)
-    if known.ranged and max(low - farthest, farthest - high) > SLACK_DEGC:
-        facts = {"what": f"{farthest:.4g} degC", "names": [f"the calibration of {known.name}"]}
-        yield finding("outside-measured-range", **facts, low=low, high=high, unit="degC")
-
-
-def _size_warnings(sizes: list[Size], scatter: PointScatter | None) -> Iterator[Finding]:
-    """Of few degrees of freedom, and of a scatter that is unknown."""
-    names = [f"{size.id} of {size.part}" for size in sizes]
-    yield from dof_warnings(names, np.array([size.dof for size in sizes]))
-    if scatter is None:
-        consequence = "u holds the machine model only; that takes repeats of "
-        consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
-        facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
-        yield finding("no-scatter-known", **facts)
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:

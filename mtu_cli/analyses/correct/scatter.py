@@ -18,7 +18,7 @@ whose variance is 2/sum w_j k_j (Searle, Casella & McCulloch 1992, section 6.2).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -54,9 +54,8 @@ class Squares(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PointScatter:
-    """Variance of a measured coordinate, mm^2, half the variance of that estimate, mm^4, and
-    the degrees of freedom of the pooled squares behind it; `rounding`, mm^2, is what the last
-    digit hides of it, in all repeats alike.
+    """Variance of a measured coordinate, mm^2, half the variance of that estimate (`spread`), and
+    the degrees of freedom behind it; `rounding`, mm^2, is what the last digit hides of it.
     """
 
     variance: float
@@ -73,11 +72,9 @@ class PointScatter:
     def added(
         self, u: FloatArray, dof: FloatArray, sensitivity: float = 1.0, repeats: int = 1
     ) -> tuple[FloatArray, FloatArray]:
-        """u and effective degrees of freedom (n,) with `sensitivity` (s^2/`repeats` + rounding)
-        added to u^2.
-
-        Welch-Satterthwaite (JCGM 100, eq. (G.2b)) and never fewer than the least of both;
-        `sensitivity` is the sum of the squared gradients in the coordinates.
+        """u and effective dof (n,; JCGM 100, eq. (G.2b), never fewer than the least of both) with
+        `sensitivity` (s^2/`repeats` + rounding) added to u^2: the sum of the squared gradients in
+        the coordinates.
         """
         share = sensitivity / repeats
         total = u**2 + share * self.variance + sensitivity * self.rounding
@@ -131,7 +128,13 @@ def point_scatter(
     repeats = repeat_squares(points, corrected, sensors)
     if repeats.dof.sum() >= FEWEST:
         return _estimate(repeats, "repeats", r)
-    squares = [item for item in map(ring_squares, rings) if item is not None]
+    # Of each ring in the space that the fit leaves, one square a direction of K.
+    squares = []
+    for ring in rings:
+        if (Q := ring_space(ring.away, ring.kind)) is not None:
+            values, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
+            sums = (vectors.T @ Q.T @ ring.residuals) ** 2
+            squares.append((sums, np.ones(len(values)), np.clip(values, 0.0, None)))
     pooled = [np.concatenate(each) for each in zip(*squares, strict=True)]
     return _estimate(Squares(*pooled), "form", r) if pooled else None
 
@@ -165,16 +168,6 @@ def ring_space(away: FloatArray, kind: Kind) -> FloatArray | None:
     return Q
 
 
-def ring_squares(ring: Ring) -> Squares | None:
-    """Squares of the residuals in the space that the fit leaves, one a direction of K."""
-    Q = ring_space(ring.away, ring.kind)
-    if Q is None:
-        return None
-    values, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
-    sums = (vectors.T @ Q.T @ ring.residuals) ** 2
-    return Squares(sums, np.ones(len(values)), np.clip(values, 0.0, None))
-
-
 def _estimate(squares: Squares, origin: Origin, r: float = 0.0) -> PointScatter:
     """`r` is the variance of a coordinate by its last digit."""
     sums, dof, modelled = squares
@@ -202,48 +195,41 @@ def forms_left(
 ) -> tuple[FormLeft, ...]:
     """The mean form of every ring against what the model and the scatter of points explain.
 
-    The scatter is that of the repeats or else of the visits about their mean, so that the form
-    itself takes no part in it; a ring of one visit without either is not tested. `r` is the
-    variance of a coordinate by its last digit.
+    F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
+    digit hides of s in all of them alike (`r` is the variance of a coordinate by it). What the
+    machine did is taken to be in all visits, so that K is that of one. Both mean squares have the
+    degrees of freedom of a sum of unequal variances (Box 1954; Welch-Satterthwaite). s is the
+    scatter of the repeats or else of the visits about their mean, so that the form itself takes no
+    part in it; a ring of one visit without either is not tested.
     """
-    visits: dict[tuple[Kind, str, str], list[Ring]] = {}
+    visited: dict[tuple[Kind, str, str], list[Ring]] = {}
     for ring in rings:
-        visits.setdefault((ring.kind, ring.id, ring.operation), []).append(ring)
-    return tuple(form for each in visits.values() for form in _form_left(each, scatter, r))
-
-
-def _form_left(
-    visits: Sequence[Ring], scatter: PointScatter | None, r: float
-) -> Iterator[FormLeft]:
-    """F = |e|^2 / tr V of the mean residuals e (k,) of n visits, V = K + s^2/n, with what the last
-    digit hides of s in all of them alike.
-
-    What the machine did is taken to be in all visits, so that K is that of one. Both mean squares
-    have the degrees of freedom of a sum of unequal variances (Box 1954; Welch-Satterthwaite).
-    """
-    first, n = visits[0], len(visits)
-    Q = ring_space(np.mean([ring.away for ring in visits], axis=0), first.kind)
-    repeated = scatter is not None and scatter.origin == "repeats"
-    if Q is None or not (repeated or n > 1):
-        return
-    k = Q.shape[1]
-    e = np.array([ring.residuals for ring in visits]) @ Q
-    mean, dof = e.mean(axis=0), (n - 1.0) * k
-    if scatter is not None and repeated:
-        s2, dof = scatter.variance, scatter.dof
-    else:
-        s2 = float(((e - mean) ** 2).sum()) / dof
-    noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
-    V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
-    total = float(np.trace(V))
-    ours = total**2 / float((V**2).sum())
-    parts = np.maximum([total - k * noise, k * noise], 0.0)
-    theirs = welch_satterthwaite(parts, np.array([min(r.dof for r in visits), dof]))
-    F = float(mean @ mean) / total
-    p = float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F))
-    sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
-    calibrated = any(ring.calibrated for ring in visits)
-    yield FormLeft(first.kind, first.id, first.operation, calibrated, n, *sizes, F, p)
+        visited.setdefault((ring.kind, ring.id, ring.operation), []).append(ring)
+    result = []
+    for key, visits in visited.items():
+        n, repeated = len(visits), scatter is not None and scatter.origin == "repeats"
+        Q = ring_space(np.mean([ring.away for ring in visits], axis=0), key[0])
+        if Q is None or not (repeated or n > 1):
+            continue
+        k = Q.shape[1]
+        e = np.array([ring.residuals for ring in visits]) @ Q
+        mean, dof = e.mean(axis=0), (n - 1.0) * k
+        if scatter is not None and repeated:
+            s2, dof = scatter.variance, scatter.dof
+        else:
+            s2 = float(((e - mean) ** 2).sum()) / dof
+        noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
+        V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
+        total = float(np.trace(V))
+        ours = total**2 / float((V**2).sum())
+        parts = np.maximum([total - k * noise, k * noise], 0.0)
+        theirs = welch_satterthwaite(parts, np.array([min(ring.dof for ring in visits), dof]))
+        F = float(mean @ mean) / total
+        p = float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F))
+        sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
+        calibrated = any(ring.calibrated for ring in visits)
+        result.append(FormLeft(*key, calibrated, n, *sizes, F, p))
+    return tuple(result)
 
 
 def unexplained(forms: Sequence[FormLeft]) -> list[FormLeft]:

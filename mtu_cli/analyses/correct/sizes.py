@@ -17,7 +17,6 @@ from mtu_cli.files.points import Points
 from mtu_cli.findings import Finding, InputError, counted, error, finding, nearest
 from mtu_cli.model.covariates import numbers_of, point_columns
 from mtu_cli.model.geometry import GeometryError, fit_circle, fit_sphere
-from mtu_cli.model.prediction import Prediction
 from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.model.visits import IntArray, only_features, operations_of, visits_of
 from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
@@ -78,7 +77,7 @@ def wanted_of(
 ) -> tuple[list[Wanted], list[Finding]]:
     """The sizes of the part file of which at least one feature was measured.
 
-    Raises InputError for a temperature that is needed and not known.
+    Raises InputError for a temperature that a calibration needs and is not known everywhere.
     """
     wanted, absent = list[Wanted](), list[str]()
     rounds: dict[Kind, Sequence[Any]] = {"circle": part.part.circles, "sphere": part.part.spheres}
@@ -106,11 +105,7 @@ def _calibrated(
     points: Points,
     at: Mapping[str, float],
 ) -> Wanted:
-    """The circle or sphere at `index` of its list in the part file, with its calibration.
-
-    Raises InputError where the calibration needs a temperature that nobody gives, or cells of it
-    among the item's features are empty.
-    """
+    """The circle or sphere at `index` of its list in the part file, with its calibration."""
     table = sorted((item.calibrated_mm or {}).items())
     columns, name = point_columns(points), item.temperature or ""
     known, temperature = [*columns, *at], np.full(len(points), nan)
@@ -169,14 +164,13 @@ def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list
                 tasks.append(Task(item, order, part, operations[operation], visit, rows))
             elif (rows >= 0).any():
                 partial.setdefault(item.name, []).append(part)
-    problems = []
+    warned = []
     for name, visited in partial.items():
         # Repeats are no parts of their own.
         count = counted(len(set(visited)), "part")
         reason = f"not all its features were measured on {count} ({visited[0]!r})"
-        facts = {"names": [name], "reason": reason, "measurements": len(visited)}
-        problems.append(finding("not-measured", **facts))
-    return tasks, problems
+        warned.append(finding("not-measured", names=[name], reason=reason))
+    return tasks, warned
 
 
 Sides = tuple[float, float]
@@ -199,14 +193,14 @@ class Size:
     id: str
     part: str
     operation: str
-    temperature: float
     size: Sides
-    form: Sides
     reference: float
     U_reference: float
     u: float
     dof: float
     sensitivity: float
+    temperature: float = nan
+    form: Sides = (nan, nan)
     n_repeats: int = 1
     s_repeats: float = nan
     k: float = 2.0
@@ -217,18 +211,14 @@ class Size:
         return self.size[0] - self.reference, self.size[1] - self.reference
 
     @property
-    def _u_reference(self) -> float:
-        return float(np.nan_to_num(self.U_reference)) / 2
-
-    @property
     def u_error(self) -> float:
         """Standard uncertainty of the error after: the correction's and the calibration's."""
-        return hypot(self.u, self._u_reference)
+        return hypot(self.u, float(np.nan_to_num(self.U_reference)) / 2)
 
     @property
     def dof_error(self) -> float:
         """Effective degrees of freedom of `u_error` (JCGM 100, eq. (G.2b))."""
-        parts = np.array([self.u**2, self._u_reference**2])
+        parts = np.array([self.u**2, float(np.nan_to_num(self.U_reference)) ** 2 / 4])
         return welch_satterthwaite(parts, np.array([self.dof, inf]))
 
     @property
@@ -258,10 +248,9 @@ class Size:
 def mean_size(repeats: Sequence[Size]) -> Size:
     """The mean over the repeats of one part.
 
-    Its uncertainty by the machine is the mean of theirs: what the machine did to a part, its
-    state and each visit, is in every repeated measurement of it (coefficients are in any case),
-    so that no mean over repeats makes it smaller. Where the machine itself repeated the
-    measurement this is an upper bound.
+    Its uncertainty by the machine is the mean of theirs: what the machine did to a part is in every
+    repeated measurement of it. Where the machine itself repeated the measurement this is an upper
+    bound.
     """
     names = ("temperature", "reference", "u", "sensitivity")
     means: dict[str, Any] = {
@@ -292,16 +281,13 @@ def with_scatter(size: Size, scatter: PointScatter | None) -> Size:
 
 
 class Measure(NamedTuple):
-    """A size before and after, and its gradient (m, 3) in the corrected points. Of circles and
-    spheres the `residuals` (m,) after, mm, and the unit vectors `away` (m, 3) from the centre, in
-    the plane of a circle.
+    """Figures of a `Size`, and its gradient (m, 3) in the corrected points. Of circles and spheres
+    the `residuals` (m,) after, mm, and the unit vectors `away` (m, 3) from the centre, in the plane
+    of a circle.
     """
 
-    size: Sides
-    reference: float
+    figures: dict[str, Any]
     gradient: FloatArray
-    form: Sides = (nan, nan)
-    temperature: float = nan
     residuals: FloatArray | None = None
     away: FloatArray | None = None
 
@@ -326,7 +312,17 @@ def sizes_of(
                 found = measure(task, rows.points.measured, corrected, rows.points.nominal)
                 measured.append((task, found))
             except GeometryError as fault:
-                problems.append(_problem(task, rows, fault))
+                points, row, item = rows.points, int(task.rows[0]), task.wanted
+                of = f"the points of {item.id!r}, part {task.part!r}: {fault}"
+                around = "points of its features all around it"
+                problem = finding(
+                    "too-little-data",
+                    what=f"no {item.kind} goes through {of}",
+                    file=points.sources[points.file_index[row]].shown,
+                    row=int(points.row[row]),
+                    expected="two ends apart" if item.kind == "length" else around,
+                )
+                problems.append(problem)
         if problems:
             continue
         chosen = np.unique(np.concatenate([task.rows for task, _ in measured]))
@@ -335,42 +331,39 @@ def sizes_of(
         for line, (task, found) in enumerate(measured):
             where = np.searchsorted(chosen, task.rows)
             A[line, where] = found.gradient[:, rows.columns]
-            rings += _rings(task, found, where, rows, prediction)
-        variance, dof = rows.variances(prediction, A.reshape(len(measured), -1))
-        figures = zip(measured, variance.tolist(), dof.tolist(), strict=True)
-        for (task, found), v, nu in figures:
-            own = groups.setdefault((task.order, task.operation, task.part), [])
-            own.append(
-                Size(
-                    kind=task.wanted.kind,
-                    id=task.wanted.id,
-                    part=task.part,
-                    operation=task.operation,
-                    temperature=found.temperature,
-                    size=found.size,
-                    form=found.form,
-                    reference=found.reference,
-                    U_reference=task.wanted.U_reference,
-                    u=sqrt(max(v, 0.0)),
-                    dof=nu,
-                    sensitivity=float((found.gradient**2).sum()),
-                )
+            if found.residuals is None or found.away is None:
+                continue
+            m, worst, item = len(found.away), inf, task.wanted
+            along = np.zeros((m, len(prediction.points), len(rows.columns)))
+            along[np.arange(m), where] = found.away[:, rows.columns]
+            radial = along.reshape(m, -1)
+            if (Q := ring_space(found.away, item.kind)) is not None:
+                # Those of the form's direction whose variance is known worst.
+                squares, nu = rows.variances(prediction, Q.T @ radial)
+                worst = float(nu[np.argmax(squares**2 / nu)])
+            K, known = (
+                rows.covariance(prediction, radial),
+                bool(np.isfinite(found.figures["reference"])),
             )
+            named = (item.kind, item.id, task.operation, known)
+            rings.append(Ring(*named, found.residuals, found.away, K, worst))
+        variance, dof = rows.variances(prediction, A.reshape(len(measured), -1))
+        for (task, found), v, nu in zip(measured, variance.tolist(), dof.tolist(), strict=True):
+            size = Size(
+                kind=task.wanted.kind,
+                id=task.wanted.id,
+                part=task.part,
+                operation=task.operation,
+                U_reference=task.wanted.U_reference,
+                u=sqrt(max(v, 0.0)),
+                dof=nu,
+                sensitivity=float((found.gradient**2).sum()),
+                **found.figures,
+            )
+            groups.setdefault((task.order, task.operation, task.part), []).append(size)
     if problems:
         raise InputError(problems)
     return [mean_size(groups[key]) for key in sorted(groups, key=lambda key: key[0])], rings
-
-
-def _problem(task: Task, rows: RowErrors, fault: GeometryError) -> Finding:
-    points, first, item = rows.points, int(task.rows[0]), task.wanted
-    apart, around = "two ends apart from each other", "points of its features all around it"
-    return finding(
-        "too-little-data",
-        what=f"no {item.kind} goes through the points of {item.id!r}, part {task.part!r}: {fault}",
-        file=points.sources[points.file_index[first]].shown,
-        row=int(points.row[first]),
-        expected=apart if item.kind == "length" else around,
-    )
 
 
 def _round(task: Task, measured: FloatArray, corrected: FloatArray, _: FloatArray) -> Measure:
@@ -384,15 +377,13 @@ def _round(task: Task, measured: FloatArray, corrected: FloatArray, _: FloatArra
     gradient, away = np.zeros((2, len(after), 3))
     gradient[:, :d], away[:, :d] = 2 * last.radius_gradient, last.away
     T = float(task.wanted.temperature[task.rows].mean())
-    return Measure(
-        size=(2 * first.radius, 2 * last.radius),
-        form=(first.form, last.form),
-        temperature=T,
-        reference=task.wanted.reference(T),
-        gradient=gradient,
-        residuals=last.residuals,
-        away=away,
-    )
+    figures = {
+        "size": (2 * first.radius, 2 * last.radius),
+        "form": (first.form, last.form),
+        "temperature": T,
+        "reference": task.wanted.reference(T),
+    }
+    return Measure(figures, gradient, last.residuals, away)
 
 
 def _length(
@@ -411,24 +402,4 @@ def _length(
         raise GeometryError("its ends stand at the same place")
     unit = deltas[2] / after
     gradient = np.where(np.isfinite(measured[task.rows]), [-unit, unit], 0.0)
-    return Measure((before, after), reference, gradient)
-
-
-def _rings(
-    task: Task, measure: Measure, where: IntArray, rows: RowErrors, prediction: Prediction
-) -> list[Ring]:
-    """The ring, whose points stand at `where` in the prediction; of a length none. Its degrees of
-    freedom are those of the form's direction whose variance is known worst.
-    """
-    item, residuals, away = task.wanted, measure.residuals, measure.away
-    if residuals is None or away is None:
-        return []
-    m, dof = len(away), inf
-    along = np.zeros((m, len(prediction.points), len(rows.columns)))
-    along[np.arange(m), where] = away[:, rows.columns]
-    A = along.reshape(m, -1)
-    if (Q := ring_space(away, item.kind)) is not None:
-        variance, nu = rows.variances(prediction, Q.T @ A)
-        dof = float(nu[np.argmax(variance**2 / nu)])
-    K, calibrated = rows.covariance(prediction, A), bool(np.isfinite(measure.reference))
-    return [Ring(item.kind, item.id, task.operation, calibrated, residuals, away, K, dof)]
+    return Measure({"size": (before, after), "reference": reference}, gradient)

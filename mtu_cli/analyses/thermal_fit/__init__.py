@@ -23,7 +23,6 @@ from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, InputError, counted, error, finding
 from mtu_cli.stats.compressed import effective_number
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.residuals import (
     FEWEST_FOR_NORMALITY,
     condition_number,
@@ -34,8 +33,6 @@ from mtu_cli.units import LENGTH, UNITS
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
 _ROUNDING_OF_COUNT = 1e-6
-OVER_FIT = 2.0
-"""Held-out over fitted rms from which on a model counts as over-fitted."""
 MOST_POINTS = 400
 """Points of one curve of a picture."""
 
@@ -89,9 +86,7 @@ def thermal_fit(
 def _chosen(lib: Library, method: str) -> tuple[Fitted, PositionTest | None]:
     """The model that all cycles choose; with one cycle, the test decides on its powers.
 
-    Raises InputError for fewer readings than any thermal model needs: its levels, which are no
-    drift, the gradient of one sensor, and one reading more; or where the model goes through all
-    readings, so that its uncertainty would come out as none.
+    Raises InputError for fewer readings than any model needs, or where it goes through all of them.
     """
     series, rows = lib.series, lib.all_rows
     if rows.n < rows.levels + 2:
@@ -136,7 +131,13 @@ def _component(
     number = effective_number(rows.n, lag1)
     condition, vif = _collinearity(found)
     squares = found.group_shares(rows)
-    sensor_u = sensor_noise(series)
+    sensor_u, curves = sensor_noise(series), []
+    for (p, c), run in series.runs.items():
+        shown = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))
+        time = series.time[shown]
+        time = np.arange(len(time), dtype=float) if np.isnan(time).any() else time
+        y, left = series.y[shown], residual[shown]
+        curves.append(Curve(series.positions[p], series.cycles[c], time, y, y - left))
     return ComponentDrift(
         name=series.name,
         unit=UNITS[unit],
@@ -161,7 +162,7 @@ def _component(
         },
         at_positions=gradients(found, sensor_u),
         zeroed=lib.zeroed,
-        curves=_curves(series, series.y - residual),
+        curves=tuple(curves),
     )
 
 
@@ -180,18 +181,6 @@ def _collinearity(found: Fitted) -> tuple[float, dict[str, float | None]]:
     }
 
 
-def _curves(series: Series, modelled: FloatArray) -> tuple[Curve, ...]:
-    result = []
-    for (p, c), rows in series.runs.items():
-        n = rows.stop - rows.start
-        shown = slice(rows.start, rows.stop, max(1, -(-n // MOST_POINTS)))
-        time = series.time[shown]
-        time = np.arange(len(time), dtype=float) if np.isnan(time).any() else time
-        of = series.positions[p], series.cycles[c]
-        result.append(Curve(*of, time, series.y[shown], modelled[shown]))
-    return tuple(result)
-
-
 def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
     """Of one component's model: held-out evidence, sensors, cycles, lags, readings."""
     name, series, held, of = drift.name, lib.series, drift.held_out, drift.estimate.of
@@ -199,12 +188,19 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         cycles = "the readings have no cycles" if count < 2 else "there are two cycles"
         expected = "three cycles or more, column 'cycle'"
         yield finding("not-held-out", component=name, cycles=cycles, expected=expected)
-    if held is not None and held.after > OVER_FIT * drift.rms_after > 0:
-        fitted, held_out = drift.shown(drift.rms_after), drift.shown(held.after)
-        yield finding("over-fit", component=name, fitted=fitted, held_out=held_out)
     if held is not None and held.after > held.before:
         yield finding("no-better", component=name, effect="increase the rms")
-    yield from _inseparable(drift)
+    # Sensors whose gradients are reliable together only, of the position with the most.
+    for group in max((at.inseparable for at in drift.at_positions), key=len, default=()):
+        first, *others = group.sensors
+        value, u = (each / drift.unit.to_internal for each in (group.value, group.u or 0.0))
+        # Both to the second digit of u.
+        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else 3
+        shown = f"{value:.{places}f} ± {u:.{places}f}" if u > 0 else f"{value:.{places}f}"
+        where = "" if group.position is None else f" at {group.position:g} mm"
+        text = f"reliable together only, {shown} {drift.unit.name} per degC of {first}{where}"
+        facts = {"what": f"{name}: {first}", "others": others, "consequence": text}
+        yield finding("not-separable", component=name, **facts)
     if lib.zeroed.offsets and lib.zeroed.by != "setting":
         p = lib.zeroed.p
         why = "the first reading of each is 0" if p is None else f"p = {p:.1g}"
@@ -221,10 +217,8 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
     if method in ("auto", "lagged") and len(lib.time_constants) < 2:
         untimed = bool(np.isnan(series.time).any())
         unlagged = "no times are given" if untimed else "the times do not run on within the cycles"
-    elif method == "lagged" and count < 2:
-        unlagged = "lags are chosen on held-out cycles, and there is one; the model is ridge"
     elif method == "lagged" and lib.groups and drift.model != "lagged":
-        unlagged = "no time constant lowers the held-out error enough; the model is ridge"
+        unlagged = "no time constant lowers the error of held-out cycles enough; the model is ridge"
     if unlagged:
         yield finding("no-effect-of-temperature", component=name, what="lags", reason=unlagged)
     if not drift.estimate.sensors:
@@ -249,22 +243,3 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         if low == high:
             where = f" at {low:g} degC"
             yield finding("sensor-still", sensor=sensor, where=where, consequence="left out")
-
-
-def _inseparable(drift: ComponentDrift) -> Iterator[Finding]:
-    """Sensors whose gradients are reliable together only, of the position with the most."""
-    for group in max((at.inseparable for at in drift.at_positions), key=len, default=()):
-        first, *others = group.sensors
-        value, u = group.value / drift.size, (group.u or 0.0) / drift.size
-        # Both to the second digit of u.
-        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else 3
-        error = f" ± {u:.{places}f}" if u > 0 else ""
-        shown = f"{value:.{places}f}{error} {drift.unit.name} per degC"
-        where = "" if group.position is None else f" at {group.position:g} mm"
-        yield finding(
-            "not-separable",
-            component=drift.name,
-            what=f"{drift.name}: {first}",
-            others=others,
-            consequence=f"reliable together only, {shown} of {first}{where}",
-        )

@@ -14,14 +14,13 @@ import numpy as np
 from scipy.special import fdtrc
 
 from mtu_cli.analyses.thermal_fit.models import (
-    Fitted,
     Library,
     Rows,
     Spec,
     fit,
     levelled,
 )
-from mtu_cli.analyses.thermal_fit.result import CycleRms, HeldOut, PositionTest
+from mtu_cli.analyses.thermal_fit.result import HeldOut, PositionTest
 from mtu_cli.stats.compressed import effective_number
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -76,10 +75,8 @@ def _best(lib: Library, blocks: Blocks, kind: str, spec: Spec) -> Scored:
 
 
 def choose(lib: Library, blocks: Blocks, method: str) -> Spec:
-    """The best spec of a method ("auto": of all kinds).
-
-    Without a second block nothing can be held out: the paper's stepwise selection is taken (or
-    the kind asked for, as ordinary least squares), of the degree that the caller settles.
+    """The best spec of a method ("auto": of all kinds); without a second block to hold out the
+    paper's stepwise selection, or the kind asked for, of the degree that the caller settles.
     """
     tried: list[Scored] = []
     for kind in KINDS if method == "auto" else (method,):
@@ -118,8 +115,8 @@ def _simplest(tried: Sequence[Scored]) -> Scored:
 
 
 def _lagged(lib: Library, blocks: Blocks) -> list[Scored]:
-    """The best lags at the degree in position of ridge and, where a model with them prefers
-    another, at that: without its lags a drift may hide how it depends on position.
+    """The best lags at the degree of ridge and at that which a model with them prefers: without its
+    lags a drift may hide how it depends on position.
     """
     degree = _simplest(_by_degree(lib, blocks, "ridge")).spec.degree
     first = _searched(lib, blocks, degree)
@@ -151,8 +148,7 @@ def _improved(
     """
 
     def changed(group: int, lag: int) -> Scored:
-        lags = best.spec.lags
-        return scored((*lags[:group], lag, *lags[group + 1 :]))
+        return scored((*best.spec.lags[:group], lag, *best.spec.lags[group + 1 :]))
 
     rows = lib.rows(cycle for block in blocks for cycle in block)
     order = np.argsort(-fit(lib, rows, best.spec).group_shares(rows), kind="stable")
@@ -176,7 +172,7 @@ def held_out(lib: Library, method: str) -> HeldOut | None:
     if len(lib.blocks) < FEWEST_NESTED or not lib.groups:
         return None
     least, n = 0.0, lib.all_rows.n
-    by_cycle: list[CycleRms] = []
+    by_cycle: list[tuple[str, float, float]] = []
     totals = np.zeros(2)
     ordinary = Spec(kind="ridge", degree=lib.most_degree, lags=(0,) * len(lib.groups))
     for block, (rows, held) in zip(lib.blocks, _folds(lib, lib.blocks), strict=True):
@@ -188,7 +184,7 @@ def held_out(lib: Library, method: str) -> HeldOut | None:
             own = lib.rows([cycle])
             losses = np.array([float(fitted.sum_of_squares(own)) for fitted in both])
             before, after = np.sqrt(losses / own.n).tolist()
-            by_cycle.append(CycleRms(lib.series.cycles[cycle], before, after))
+            by_cycle.append((lib.series.cycles[cycle], before, after))
             totals += losses
     before, after = np.sqrt(totals / n).tolist()
     return HeldOut(
@@ -239,18 +235,13 @@ def unseen(lib: Library, spec: Spec) -> Unseen | None:
     for rows, held in _folds(lib, lib.blocks):
         fitted = fit(lib, rows, spec)
         square, product = fitted.mean_products(held)
-        total += square * held.n, product * held.n, _leverage(held, rows, fitted)
+        total += square * held.n, product * held.n, 0.0
+        columns = fitted.columns[1:-1]
+        for position in held.by_position.keys() & rows.by_position.keys():
+            factor, own = rows.by_position[position].factor, held.by_position[position].factor
+            mean = factor[:, 0] @ factor[:, columns] / float(factor[:, 0] @ factor[:, 0])
+            inner: FloatArray = own[:, columns] - own[:, :1] * mean
+            x = np.kron(lib.powers(spec.degree)[position], inner)
+            total[2] += float(np.einsum("ri,ij,rj->", x, fitted.unit_covariance, x))
         count += held.n
     return Unseen(*(total / count).tolist()) if count else None
-
-
-def _leverage(held: Rows, rows: Rows, fitted: Fitted) -> float:
-    """Sum over held-out rows u of (power x u)' C (power x u)."""
-    columns, total = fitted.columns[1:-1], 0.0
-    for position in held.by_position.keys() & rows.by_position.keys():
-        factor, own = rows.by_position[position].factor, held.by_position[position].factor
-        mean = factor[:, 0] @ factor[:, columns] / float(factor[:, 0] @ factor[:, 0])
-        inner: FloatArray = own[:, columns] - own[:, :1] * mean
-        x = np.kron(fitted.lib.powers(fitted.spec.degree)[position], inner)
-        total += float(np.einsum("ri,ij,rj->", x, fitted.unit_covariance, x))
-    return total

@@ -101,22 +101,17 @@ class Library:
         return len(self.series.positions) - 1
 
     @cached_property
-    def frame(self) -> tuple[FloatArray, float, float]:
-        """Observed positions (positions,), mm (0 without an axis), their middle c and half range h:
-        polynomials are in (p - c)/h, which conditions well.
+    def frame(self) -> tuple[float, float, FloatArray]:
+        """The middle c of the observed positions (mm; 0 without an axis), their half range h, and
+        all powers (positions, positions) of (p - c)/h, which conditions well.
         """
         places = np.array([position or 0.0 for position in self.series.positions])
-        half = float(np.ptp(places)) / 2
-        return places, float(places.max() + places.min()) / 2, half if half > 0 else 1.0
-
-    @cached_property
-    def _powers(self) -> FloatArray:
-        places, middle, half = self.frame
-        return polynomial((places - middle) / half, self.most_degree)
+        middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
+        return middle, half, polynomial((places - middle) / half, self.most_degree)
 
     def powers(self, degree: int) -> FloatArray:
         """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
-        return self._powers[:, : degree + 1]
+        return self.frame[2][:, : degree + 1]
 
     @cached_property
     def blocks(self) -> tuple[tuple[int, ...], ...]:
@@ -219,9 +214,7 @@ def _alike(series: Series, moving: Iterable[int]) -> list[list[tuple[int, float]
 
 
 def _time_constants(series: Series) -> tuple[float, FloatArray]:
-    """The usual step between readings, min (0: not known), and 0 and powers of two from twice that
-    to the length of a cycle.
-    """
+    """The usual step between readings, min (0: unknown); 0, and from twice that powers of two."""
     steps = np.diff(series.time)[np.diff(series.piece) == 0]
     if np.isnan(series.time).any() or not (steps > 0).any():
         return 0.0, np.zeros(1)
@@ -244,9 +237,9 @@ def _zeroed(series: Series, pieces: Pieces, groups: int, asked: str) -> Zeroed:
     """Whether the probe was zeroed in every cycle.
 
     It was where the first reading of each cycle is 0 at all positions. Else offsets of cycles are
-    tested against one level a position, with all sensors free: F of the sums of squares, with
-    the effective number of readings, at OFFSET_P. As drift with memory and the noise of sensors
-    make small offsets, too, these must also explain OFFSET_SHARE of what is left without them.
+    tested against one level a position, with all sensors free: F with the effective number of
+    readings, at OFFSET_P. As memory and noise make small offsets, too, these must also explain
+    OFFSET_SHARE of what is left without them.
     """
     if asked != "auto":
         return Zeroed(offsets=asked == "cycle" and len(series.cycles) > 1, by="setting")
@@ -265,8 +258,8 @@ def _zeroed(series: Series, pieces: Pieces, groups: int, asked: str) -> Zeroed:
 def _offset_tests(
     series: Series, pieces: Pieces, groups: int
 ) -> Iterator[tuple[float, float, float]]:
-    """The share of the sum of squares that an offset for each piece instead of one level a position
-    explains, its F and p: with all groups without lag, and with each time constant beside them.
+    """The share of the sum of squares that offsets of the pieces explain, with F and p: with all
+    groups without lag, and with each time constant beside them.
     """
     plain = [*range(1, groups + 1)]
     centred = {key: about_mean(piece) for key, piece in pieces.items()}
@@ -441,10 +434,8 @@ def levelled(
 
 
 def _stepwise(lib: Library, rows: Rows, spec: Spec) -> Fitted:
-    """The paper's way: sensors selected at each position, then a polynomial through positions.
-
-    Valdes et al., eqs. (5)-(8) and (13). The levels follow from the final coefficients, so that a
-    polynomial of fewer powers than positions is not charged with the means.
+    """The paper's way: sensors selected at each position, then a polynomial through positions
+    (Valdes et al., eqs. (5)-(8) and (13)). The levels follow from the final coefficients.
     """
     g, m, places = len(lib.groups), spec.degree + 1, list(rows.by_position)
     W = through_places(lib.powers(spec.degree)[places])
@@ -470,9 +461,7 @@ def through_places(V: FloatArray) -> FloatArray:
 
 
 def _selected(lib: Library, rows: Rows, position: int) -> tuple[list[int], LeastSquares]:
-    """Groups of sensors, without lags, that stepwise selection takes at one position, and their
-    fit. Every degree in position asks for the same.
-    """
+    """Groups of sensors that stepwise selection takes at one position, whatever the degree."""
     if position not in rows.selected:
         item = only(rows.by_position[position], lib.columns((0,) * len(lib.groups)))
         item = replace(item, n=max(item.n - rows.offsets.get(position, 0), 1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mtu_cli.analyses.thermal_fit.models import Zeroed
 from mtu_cli.findings import Finding
@@ -39,28 +39,20 @@ class Curve(NamedTuple):
     modelled: FloatArray
 
 
-class CycleRms(NamedTuple):
-    """Root mean squares over the readings of a held-out cycle, without and with the model."""
-
-    cycle: str
-    before: float
-    after: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeldOut:
     """Root mean squares over readings of cycles that took no part in fit or choice.
 
-    `before` without temperature, `after` with the model, `ordinary` with ordinary least
-    squares on all sensors; `r2` = 1 - after^2/before^2. The `cycles` were held out in so
-    many `blocks`.
+    `before` without temperature, `after` with the model, `ordinary` with ordinary least squares
+    on all sensors; `r2` = 1 - after^2/before^2. The `cycles` (name, before, after) were held out
+    in so many `blocks`.
     """
 
     before: float
     after: float
     ordinary: float
     r2: float
-    cycles: tuple[CycleRms, ...]
+    cycles: tuple[tuple[str, float, float], ...]
     blocks: int
 
     @property
@@ -134,11 +126,6 @@ class ComponentDrift:
     zeroed: Zeroed = NOT_ZEROED
 
     @property
-    def size(self) -> float:
-        """Of the unit."""
-        return self.unit.to_internal
-
-    @property
     def size2(self) -> float:
         """Its square."""
         return self.unit.to_internal**2
@@ -163,57 +150,30 @@ class ComponentDrift:
         return next((group[1:] for group in self.groups if group[:1] == (sensor,)), ())
 
     @property
-    def gradients(self) -> Iterator[SensorGradient]:
-        """Of every position and sensor; one without a sensor where the model has none."""
+    def gradients(self) -> Iterator[dict[str, Any]]:
+        """What every sensor does at every position; one without a sensor where the model has none.
+        `value` per degC with its `u` (`by` the scatter of cycles or the model of errors).
+        """
         model, span = self.estimate, self.estimate.temperature_range
         if not model.sensors:
-            yield SensorGradient(drift=self)
+            yield {"drift": self}
         for at in self.at_positions:
             for i, sensor in enumerate(model.sensors):
-                yield SensorGradient(
-                    drift=self,
-                    position=at.position,
-                    sensor=sensor,
-                    stands_for=self.twins(sensor),
-                    value=at.gradients.get(sensor),
-                    u=at.u.get(sensor, model.gradient_u(i, at.position or 0.0)),
-                    interval=at.intervals.get(sensor),
-                    by=at.by.get(sensor),
-                    separable=not any(sensor in group.sensors for group in at.inseparable),
-                    share=self.shares.get(sensor),
-                    lag=float(model.time_constants[i]),
-                    vif=self.vif.get(sensor),
-                    temperatures=None if span is None else span[i],
-                )
-
-    def shown(self, value: float) -> str:
-        """A length or angle of two digits in the component's unit."""
-        size = value / self.unit.to_internal
-        return f"{float(f'{size:.2g}'):g} {self.unit.name}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorGradient:
-    """What a sensor does at an observed position of a component; all None without a `sensor`.
-
-    Sensors it `stands_for` are indistinguishable from it; `value` per degC with its `u` and
-    95 % `interval`, `by` the scatter of cycles or the model of errors; `share`
-    the rms of its part of the modelled drift; `lag` in min (0: none); `vif` None: infinite.
-    """
-
-    drift: ComponentDrift
-    position: float | None = None
-    sensor: str | None = None
-    stands_for: tuple[str, ...] | None = None
-    value: float | None = None
-    u: float | None = None
-    interval: Interval | None = None
-    by: str | None = None
-    separable: bool | None = None
-    share: float | None = None
-    lag: float | None = None
-    vif: float | None = None
-    temperatures: FloatArray | None = None
+                yield {
+                    "drift": self,
+                    "position": at.position,
+                    "sensor": sensor,
+                    "stands_for": self.twins(sensor),
+                    "value": at.gradients.get(sensor),
+                    "u": at.u.get(sensor, model.gradient_u(i, at.position or 0.0)),
+                    "interval": at.intervals.get(sensor),
+                    "by": at.by.get(sensor),
+                    "separable": not any(sensor in group.sensors for group in at.inseparable),
+                    "share": self.shares.get(sensor),
+                    "lag": float(model.time_constants[i]),
+                    "vif": self.vif.get(sensor),
+                    "temperatures": None if span is None else span[i],
+                }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -53,7 +53,9 @@ def estimate(
     lib, spec, used = found.lib, found.spec, found.used
     members = np.flatnonzero((lib.average[:, used] != 0).any(axis=1))
     spread = lib.average[np.ix_(members, used)]
-    T = _unscaled(lib, spec.degree)
+    # From powers of (p - c)/h to powers of p.
+    (c, h, _), m = lib.frame, spec.degree + 1
+    T = np.array([[comb(k, j) * (-c) ** max(k - j, 0) / h**k for k in range(m)] for j in range(m)])
     kept = np.concatenate([used + m * len(lib.groups) for m in range(spec.degree + 1)])
     held = unseen(lib, spec)
     scale, coefficient_dof = _coefficient_scale(found, held)
@@ -86,22 +88,11 @@ def time_constants(found: Fitted) -> FloatArray:
     return of_sensors
 
 
-def _unscaled(lib: Library, degree: int) -> FloatArray:
-    """T (m, m) from powers of (p - c)/h to powers of p."""
-    _, c, h = lib.frame
-    T = np.zeros((degree + 1, degree + 1))
-    for m in range(degree + 1):
-        for j in range(m + 1):
-            T[j, m] = comb(m, j) * (-c) ** (m - j) / h**m
-    return T
-
-
 def _coefficient_scale(found: Fitted, held: Unseen | None) -> tuple[float, float]:
     """What the unit covariance is multiplied by, and its degrees of freedom.
 
     Residuals that follow each other tell less than their number: s^2 (1 + r)/(1 - r). Where
-    held-out cycles show more than fit and this explain, significantly at 5 % by F, the
-    difference over their mean x'C x is taken, known from as many cycles as there are less one.
+    held-out cycles show significantly more (5 %, F), the difference over their mean x'C x is taken.
     """
     rows = found.lib.all_rows
     square, product = found.mean_products(rows)
@@ -142,28 +133,20 @@ def _slow(residual: FloatArray, found: Fitted, held: Unseen | None) -> tuple[Flo
     noise = float(np.mean(residual**2)) / np.sqrt(n)
     # What white noise alone may show has no memory to correct for.
     if mean > SIGNIFICANT * noise:
-        slow *= _lost_to_fit(found, n, mean, memory, held)
+        # Fitting takes of it: degrees of freedom as the effective number has them, but no more
+        # than held-out cycles show.
+        number = effective_number(n, memory)
+        lost = number / max(number - found.parameters, number / MOST_LOST)
+        if held is not None:
+            lost = max(min(lost, held.product / mean), n / max(n - found.parameters, 1.0))
+        slow *= lost
     # Variances lose information to memory with its square (Bayley & Hammersley 1946).
     return slow, max(effective_number(n, memory**2) - found.parameters, 1.0)
 
 
-def _lost_to_fit(found: Fitted, n: int, mean: float, memory: float, held: Unseen | None) -> float:
-    """By what the slow variance `mean` of fitted residuals falls short: fitting takes of it.
-
-    Degrees of freedom as the effective number has them, but no more than held-out cycles show.
-    """
-    number = effective_number(n, memory)
-    lost = number / max(number - found.parameters, number / MOST_LOST)
-    if held is None:
-        return lost
-    return max(min(lost, held.product / mean), n / max(n - found.parameters, 1.0))
-
-
 def _as_polynomial(lib: Library, degree: int, slow: FloatArray) -> FloatArray:
-    """Covariance (m, m) of the leftover as a polynomial of the model's powers.
-
-    A polynomial of fewer powers than positions cannot follow what differs from place to place:
-    it then carries the mean variance of the positions all the same.
+    """Covariance (m, m) of the leftover as a polynomial of the model's powers, which of fewer
+    powers than positions carries their mean variance all the same.
     """
     V = lib.powers(degree)
     W = through_places(V)
@@ -237,12 +220,9 @@ def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[Gradients, ...]:
 
 
 def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray]:
-    """The fit of all groups, with and without their lags, to the rows, and the covariance (g, g)
-    of the groups about their levels.
-
-    Lags are known to a factor only, may be another sensor's, and one that smooths the noise of a
-    sensor may be none: where the model has lags, a group has u_lag b + sum_c (u_c - u_lag) b_c
-    of other lags c, the steady state of which is b.
+    """The fit of all groups to the rows, and their covariance (g, g) about their levels. Lags are
+    known to a factor only, and may be another sensor's: where the model has lags, a group has
+    u_lag b + sum_c (u_c - u_lag) b_c of other lags c, the steady state of which is b.
     """
     lib, series, g = found.lib, found.lib.series, len(found.lib.groups)
     of, others, through = _other_lags(found, sensor_u)
@@ -278,11 +258,8 @@ def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray]:
 
 
 def _other_lags(found: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:
-    """The groups (k,) of k other lags, these, and what of a sensor's noise is in the columns of the
-    g groups and in u_c - u_lag, (g + k,) degC.
-
-    Others are no lag and the next time constants; of a group without lag the mean of all lags.
-    Through another lag comes next to nothing.
+    """The groups (k,) of k other lags (none and the next ones, of a group without lag the mean of
+    all), these lags, and what of a sensor's noise is in u_lag and u_c - u_lag, (g + k,) degC.
     """
     lib, lags = found.lib, np.asarray(found.spec.lags)
     in_model = (lib.average[:, found.used] != 0).any(axis=1)
@@ -338,11 +315,9 @@ def _inseparable(
 
     A set of sensors moves along with its first, by slopes v_j = S_1j/S_11 (S the covariance of
     the temperatures). Sets join, the closest first, where the common gradient sum_j v_j b_j has
-    at most BETTER_KNOWN of the u of each that joins (in the same measure, |v_j| u_j): what they
-    share is known, and not whose it is. A set is inseparable where the 95 % half-width of a
-    member reaches TOLD_APART of the common gradient: the data then do not tell a sensor that
-    carries all of it from one that carries none. Sensors that are one to the fit (|r| >= 0.999)
-    always are.
+    at most BETTER_KNOWN of the u of each that joins (in the same measure, |v_j| u_j). A set is
+    inseparable where the 95 % half-width of a member reaches TOLD_APART of the common gradient.
+    Sensors that are one to the fit (|r| >= 0.999) always are.
     """
     lib, model = found.lib, found.gradient(p)
     scale = np.sqrt(np.diag(movement))

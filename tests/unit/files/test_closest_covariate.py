@@ -8,7 +8,6 @@ import pytest
 from mtu_cli.files.covariates import (
     as_temperature,
     closest_covariate,
-    expected_temperature,
     looks_like_temperature,
     no_temperature,
 )
@@ -57,4 +56,3 @@ def test_temperatures_have_one_limit() -> None:
     """That of --at, of drift readings and of the checks."""
     values = np.array([-60.1, -60.0, 20.0, 150.0, 150.1, np.nan])
     assert no_temperature(values).tolist() == [True, False, False, False, True, True]
-    assert expected_temperature(160.0) == "degC, -60 to 150"

@@ -10,7 +10,6 @@ import numpy as np
 from mtu_cli.analyses.thermal_fit.result import (
     ComponentDrift,
     Curve,
-    CycleRms,
     Gradients,
     HeldOut,
     PositionTest,
@@ -106,7 +105,7 @@ def cubic() -> ComponentDrift:
         held_out=HeldOut(
             before=30.9 * f, after=0.31 * f, ordinary=0.54 * f, r2=1 - (0.31 / 30.9) ** 2,
             cycles=tuple(
-                CycleRms(c, (30.0 + i) * f, (0.3 + 0.01 * i) * f) for i, c in enumerate(CYCLES)
+                (c, (30.0 + i) * f, (0.3 + 0.01 * i) * f) for i, c in enumerate(CYCLES)
             ),
             blocks=len(CYCLES),
         ),
