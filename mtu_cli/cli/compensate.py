@@ -81,21 +81,21 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         return Outcome.of(report.document(known, settings.digits))
     if options.direction is not None:
         known_name("--direction", "direction", options.direction, DIRECTIONS)
-    # Type 0 is written where nothing is said; a file does not show which it is.
-    current = _read(inputs, options.current, control, parameters) if options.current else None
-    parameters["type"] = parameters.get("type") or "0"
     wanted = Wanted(
         direction=options.direction,
         positions=_positions(inputs),
         reference=options.reference,
         frame=Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis)),
-        current=current,
     )
     names = options.component or []
     if not names:
         raise error("missing-input", what="the component", expected="--component NAME")
     errors, axis = _errors(inputs, names, wanted, given.get("axis", ROTARY).lower())
     _name_axis(inputs, names[0], axis, control, parameters, given)
+    if options.current:
+        wanted = replace(wanted, current=_read(inputs, options.current, control, parameters))
+    # Type 0 is written where nothing is said; a file does not show which it is.
+    parameters["type"] = parameters.get("type") or "0"
     result = analysis(
         errors, control, parameters, wanted, component=" + ".join(names), seed=settings.seed,
         trials=settings.trials,
@@ -133,10 +133,16 @@ def _name_axis(
     inputs: Inputs, name: str, axis: str, control: Controller, parameters: dict[str, str],
     given: dict[str, str],
 ) -> None:  # fmt: skip
-    """The axis letter and the ISO 230-1 name of the component, where the control wants them."""
+    """The axis and the ISO 230-1 name of the component, where the control wants them: `parameters`
+    hold those of X, and axes that a control numbers are counted on from it.
+    """
     component = inputs.machine.machine.components.get(name)
-    if "axis" not in given and parameters.get("axis", "").startswith("X"):
-        parameters["axis"] = parameters["axis"].replace("X", axis.upper(), 1)
+    first = parameters.get("axis", "")
+    if "axis" not in given and first.startswith("X"):
+        parameters["axis"] = axis.upper() + first[1:]
+    elif "axis" not in given and first:
+        number = int(first[-1]) + "xyzabc".index(axis)
+        parameters["axis"] = f"{first[:-1]}{number}"
     output = axis if axis not in "xyz" else output_of(inputs.machine, name, axis)
     if "error" in parameters and not parameters["error"]:
         linear = component is None or UNITS[component.unit].dimension == LENGTH
@@ -185,8 +191,10 @@ def _errors(
     if readings is not None and len(rows):
         errors, rest = axis_errors(*_columns(readings, rows, axis), angle=angle), names[1:]
     else:
-        positions, rest = default_positions(machine, first, axis), names
-        if wanted.positions is not None:
+        rest = names
+        if wanted.positions is None:
+            positions = default_positions(machine, first, axis)
+        else:
             low, high, step = wanted.positions
             at = low + step * np.arange(round((high - low) / step) + 1) - wanted.frame.zero
             positions = np.asarray(-at[::-1] if wanted.frame.reverse else at)

@@ -76,6 +76,26 @@ def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> N
     assert "left to the control" not in done(mtu(*study, "--for", "heidenhain")).stdout
 
 
+@pytest.mark.parametrize(
+    ("control", "line"),
+    [
+        ("siemens-enc", "$AA_ENC_COMP[0,0,Y1]="),
+        ("siemens-cec", "$AN_CEC_OUTPUT_AXIS[0]=(AX2)"),
+        ("heidenhain", "BEGIN AXIS_Y.COM MM"),
+        ("aerotech", ":START 2 SAMPLEDIST"),
+        ("acs", "MTU_MAP_1_0(0) ="),
+        ("pmac", "#2"),
+    ],
+)
+def test_the_axis_is_that_of_the_component(control: str, line: str, tmp_path: Path) -> None:
+    call = ("compensate", "-m", "m.yaml", "--component", "dy_y", "--from", 0, "--to", 20)
+    dy_y = "components: {dy_y: {of: y, unit: um, coefficients: [0, 1]}}\nequations: {Ey: dy_y}\n"
+    (tmp_path / "m.yaml").write_text(f"schema: mtu/machine/1\nname: m\n{dy_y}", "utf-8")
+    more = ("--step", 10, "--set", "counts_per_mm=100") if control == "pmac" else ("--step", 10)
+    done(mtu(*call, *more, "--for", control, "--to-file", "t", cwd=tmp_path))
+    assert line in (tmp_path / "t").read_text("utf-8")
+
+
 def test_what_is_beside_a_table_says_how_it_was_written(tmp_path: Path) -> None:
     done(mtu(*CALL, "--for", "linuxcnc", "--to-file", "x.comp", "-q", cwd=tmp_path))
     assert "This table: type=0 unit=mm." in (tmp_path / "x.comp.txt").read_text("utf-8")
