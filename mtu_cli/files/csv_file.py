@@ -14,7 +14,7 @@ import math
 import re
 import sys
 import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cache, cached_property, partial
 from io import BytesIO, StringIO
@@ -250,17 +250,29 @@ class _Body:
         self.records: list[list[str]] = []
         rows = self._sound_rows()
         if rows is None:
-            rows, self.frames = self._one_by_one()
+            rows, frames = self._one_by_one()
         else:
             texts = [name for name in file.header if not spec.column(name).numeric]
-            self.frames = self._by_pandas(dtype=dict.fromkeys(texts, "category"))
+            frames = self._by_pandas(dtype=dict.fromkeys(texts, str))
         file.source = replace(file.source, rows=len(rows))
         self.own_rows = rows
         if file.lines is not None:
             rows = np.array(file.lines, np.int64)[rows - file.header_row - 1]
         self.table = Table(files=(file,), rows=rows, file_index=np.zeros(len(rows), np.int64))
+        numbers = {name: np.empty(len(rows)) for name in file.header}
+        cells: dict[str, list[tuple[slice, Any]]] = {name: [] for name in file.header}
+        first = 0
+        for frame in frames:
+            part = slice(first, first + len(frame))
+            for name in file.header:
+                values = frame[name]
+                if spec.column(name).numeric and values.dtype.kind in "iuf":
+                    numbers[name][part] = values
+                else:
+                    cells[name].append((part, values))
+            first = part.stop
         for name in file.header:
-            self._column(name, spec.column(name))
+            self._column(name, spec.column(name), numbers.pop(name), cells.pop(name))
         file.content = b""
 
     def _sound_rows(self) -> Ints | None:
@@ -282,7 +294,7 @@ class _Body:
                 return None
         return np.delete(np.arange(len(counts)) + self.file.header_row + 1, odd)
 
-    def _by_pandas(self, **options: Any) -> list[pd.DataFrame]:
+    def _by_pandas(self, **options: Any) -> Iterator[pd.DataFrame]:
         """The rows in chunks: a cell that is no number makes texts of its chunk alone."""
         import pandas as pd
 
@@ -305,9 +317,9 @@ class _Body:
             chunksize=CHUNK,
             **options,
         ) as reader:
-            return list(reader)
+            yield from reader
 
-    def _one_by_one(self) -> tuple[Ints, list[pd.DataFrame]]:
+    def _one_by_one(self) -> tuple[Ints, Iterator[pd.DataFrame]]:
         """Records one by one; those with too few or too many cells are faults and left out."""
         import pandas as pd
 
@@ -334,60 +346,48 @@ class _Body:
             place["expected"] = 'a closing "' if "unexpected end" in str(fault) else None
             self.faults.add(finding("not-readable", reason=str(fault), **place))
         frame = pd.DataFrame(self.records, columns=[*file.header], dtype=object)
-        return np.array(rows, np.int64), [frame]
+        return np.array(rows, np.int64), iter([frame])
 
-    def _column(self, name: str, column: Column) -> None:
-        """Reads a column; a free one holds numbers where every cell is one, else texts."""
-        # What is taken out of the frames is free for the next column.
-        parts = [frame.pop(name) for frame in self.frames]
-        if not column.numeric:
-            parts = self._unconverted(name, parts)
+    def _column(
+        self, name: str, column: Column, numbers: Floats, cells: list[tuple[slice, Any]]
+    ) -> None:
+        """A column of `numbers` (n,) but for some `cells`; a free one holds numbers where every
+        cell is one, else texts.
+        """
         is_text = column.kind == "text"
-        numbers, empty = [np.zeros(0)], [np.zeros(0, bool)]
-        for values in parts:
-            if column.numeric and values.dtype.kind in "iuf":
-                numbers.append(values.to_numpy(np.float64))
-                empty.append(np.isnan(numbers[-1]))
-                continue
+        stated = np.zeros(len(numbers) if column.may_be_empty else 0, bool)
+        for part, values in cells:
             codes, labels = self._labelled(values, column)
             of = partial(number, decimal=self.file.decimal)
             parsed = [*map(of if column.numeric else partial(self._value, column), labels)]
-            numbers.append(np.array(parsed, np.float64)[codes])
-            empty.append(np.array([not label for label in labels])[codes])
-            cells = zip(labels, parsed, strict=True)
-            is_text |= column.kind == "free" and any(label and x is None for label, x in cells)
+            numbers[part] = np.array(parsed, np.float64)[codes]
+            if column.may_be_empty:
+                stated[part] = np.array([bool(label) for label in labels])[codes]
+            pairs = zip(labels, parsed, strict=True)
+            is_text |= column.kind == "free" and any(label and x is None for label, x in pairs)
         if is_text:
-            parts = self._unconverted(name, parts)
+            parts = [values for _, values in cells]
+            if sum(map(len, parts)) < len(numbers) or any(x.dtype.kind == "b" for x in parts):
+                # pandas has made numbers of parts of the column, and 7 of 007.
+                parts = [frame[name] for frame in self._by_pandas(usecols=[name], dtype=object)]
             self.table.texts[name] = stacked([self._labelled(each, column) for each in parts])
             if column.kind == "free":
                 return
-        found = np.concatenate(numbers)
-        odd = _excluded(found, column)
-        if column.may_be_empty:
-            odd &= ~np.concatenate(empty)
+        odd = _excluded(numbers, column)
+        if column.may_be_empty and odd.any():
+            odd &= ~np.isnan(numbers) | stated
         if odd.any():
-            found = np.where(np.isinf(found), np.nan, found)
+            numbers = np.where(np.isinf(numbers), np.nan, numbers)
             fault = cache(partial(self._fault, name, column))
             self.faults.cells(self.table, odd, name, lambda i: fault(self._text(name, i)))
         if not is_text:
-            self.table.numbers[name] = found
-
-    def _unconverted(self, name: str, parts: list[Any]) -> list[Any]:
-        """The parts of a column of texts: pandas makes numbers of texts that look like them, and
-        part 007 into part 7.
-        """
-        labels = [part.cat.categories if part.dtype == "category" else part for part in parts]
-        if any(each.dtype.kind in "iufb" for each in labels):
-            return [frame[name] for frame in self._by_pandas(usecols=[name], dtype=object)]
-        return parts
+            self.table.numbers[name] = numbers
 
     def _labelled(self, values: Any, column: Column) -> tuple[Ints, list[str]]:
         """The stripped cells `labels[codes[i]]` of a part of a column; the last is empty."""
         import pandas as pd
 
-        codes, labels = pd.factorize(
-            values if values.dtype == "category" else values.astype(object)
-        )
+        codes, labels = pd.factorize(values.astype(object))
         cells = [str(label).strip() for label in labels]
         if column.known is not None:
             # The sign for micro and the Greek letter look alike.
