@@ -69,7 +69,7 @@ COMMANDS = declare(f"""
         | study machine drift model zeroed {OUT}
     iso230 | standards | machine | suspicious nonconforming | Positioning figures of ISO 230-2 \
         or VDI/DGQ 3441 with uncertainties, limits, a plan. \
-        | study lbb laser before budget standard limit plan pitch k digits seed {OUT}
+        | study machine lbb laser before budget standard limit plan pitch k digits seed {OUT}
     circular | standards | machine | - | A circular test (ISO 230-4): figures, and its causes by \
         one joint fit. \
         | file:traces direction:traces radius feed pitch:circle plane k digits write_components \

@@ -208,7 +208,9 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
     axes, rows = list(result.axes.values()), list(rows_of(result))
-    footer = f"U = {axes[0].k:g} u by the instrument, of these runs; u_sampling: of a repeated test"
+    footer = "u_sampling: of a repeated test"
+    if any(math.isfinite(row.figure.u) for row in rows):
+        footer = f"U = {axes[0].k:g} u by the instrument, of these runs; {footer}"
     if result.decisions:
         footer += "; limits by ISO 14253-1"
     two_way = [axis for axis in axes if not math.isnan(axis.figures["E"].value)]

@@ -36,6 +36,20 @@ def test_a_laser_file_alone_gives_the_published_figures(laser: Path) -> None:
     assert "At the targets\naxis  target" in said
 
 
+def test_a_matrix_without_a_unit_is_in_that_of_the_component(tmp_path: Path) -> None:
+    targets, readings = published(3)
+    head = "target," + ",".join(f"{run} {way}" for way in ("fwd", "rev") for run in range(1, 6))
+    rows = np.column_stack([targets, *readings]).round(5).astype(str)
+    text = "\n".join([head, *map(",".join, rows), ""])
+    (tmp_path / "w.csv").write_text(text, "utf-8")
+    components = "components: {dx_x: {of: x, unit: um}}\nequations: {Ex: dx_x}\n"
+    (tmp_path / "m.yaml").write_text(f"schema: mtu/machine/1\nname: m\n{components}", "utf-8")
+    call = ("iso230", "--laser", "dx_x=w.csv")
+    found = report(*call, "-m", "m.yaml", cwd=tmp_path)["results"]["axes"]["dx_x"]
+    assert found["A"]["value"] == pytest.approx(EXPECTED[3]["A"], abs=1e-4)
+    assert "the unit of the readings is missing" in done(mtu(*call, cwd=tmp_path), 2).stderr
+
+
 def test_limits_meet_their_gate(laser: Path, tmp_path: Path) -> None:
     budget = tmp_path / "budget.yaml"
     budget.write_text(BUDGET, "utf-8")
