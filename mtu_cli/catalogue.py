@@ -213,10 +213,6 @@ CATALOGUE: dict[str, Kind] = {
         "the best-fit alignment ({datum}) was removed from each part; it takes these effects with "
         "it: {unseen}"
     ),
-    "covariate-is-the-error": _warning(
-        "{covariate} explains all of the errors{of}: it seems to be the measurement itself under "
-        "another name (--exclude {effect})"
-    ),
     "effect-not-written": _warning("{effect} is not added to the machine: {reason}"),
     "nothing-added": _warning("no effect is added: what is written is the machine as it was"),
     "written-class": _warning(

@@ -9,7 +9,7 @@ import numpy as np
 from effect_tables import readings_table
 from effect_tables import table as points_table
 
-from mtu_cli.analyses.close_loop.estimate import Searched
+from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
 from mtu_cli.analyses.close_loop.experiment import Experiment
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.result import (
@@ -17,7 +17,6 @@ from mtu_cli.analyses.close_loop.result import (
     CloseLoopResult,
     FoundEffect,
     Judged,
-    Parameter,
     Scores,
     TableResult,
 )
@@ -31,15 +30,12 @@ FAMILIES = {own.family.family: own.family for own in effect_library().families}
 def parameter(name: str, unit: str, value: float, u: float, role: str = "own") -> Parameter:
     """Of a value and its u in the unit."""
     value, u = (x * PARAMETER_UNITS[unit].to_internal for x in (value, u))
-    ends = (value - 2 * u, value + 2 * u)
-    return Parameter(name=name, unit=unit, value=value, u=u, dof=20, interval95=ends, role=role)
+    return Parameter(name=name, unit=unit, value=value, u=u, dof=20, role=role)
 
 
 def searched(name: str, value: float, *intervals: tuple[float, float]) -> Searched:
     """What was searched, with its 95 % set alone."""
-    return Searched(
-        name=name, value=value, intervals=intervals, values=np.zeros(0), shares=np.zeros(0)
-    )
+    return Searched(name=name, value=value, intervals=intervals)
 
 
 def effect(name: str, *parameters: Parameter, **changed: Any) -> FoundEffect:
@@ -90,7 +86,7 @@ CYCLIC = effect(
 CLASS = replace(
     BACKLASH,
     classes=(("backlash-x", 0.6), ("wear-approach-x", 0.3)),
-    experiment=Experiment(do="turn the part", predicted_d=6.3, now_d=0.8),
+    experiment=Experiment(do="turn the part", predicted_d=6.3),
 )
 SMOOTH = replace(
     of_candidate(
@@ -166,7 +162,6 @@ def on_table(
         fired=("walk",) if verdict == "unexplained" else (),
         nameless=False,
         excluded=(),
-        found_at={},
         explained=0.3 * own.errors if effects else np.zeros_like(own.errors),
         before=before,
         after=after,

@@ -179,8 +179,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEff
         covariance=covariance,
         equations=_through_component(inputs, item.table.component, equations),
         seen=item.table.ranges(name for name in used if name in columns),
-        within=item.table.ranges(item.found_at),
-        found=_provenance(inputs, effect, item),
+        found=_provenance(inputs, effect),
     )
 
 
@@ -217,28 +216,16 @@ def _through_component(
     }
 
 
-def _provenance(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
-    """`found` of the machine file: by what, in which files, how surely, what it is worth."""
+def _provenance(inputs: Inputs, effect: FoundEffect) -> dict[str, Any]:
+    """`found` of the machine file: by what, in which files, how surely."""
     judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in judged]
-    component, unit = item.table.component, item.table.unit
     result: dict[str, Any] = {
         "by": f"mtu close-loop {__version__}",
         "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
-        item.plurals[0]: len(item.table.parts),
+        "p_familywise": effect.p_familywise,
     }
-    if component is not None:
-        result["component"] = component
-    result["p_familywise"] = effect.p_familywise
-    if len(effect.classes) > 1:
-        result["class"] = list(effect.class_names)
-    if (searched := effect.searched) is not None:
-        intervals = [list(ends) for ends in searched.intervals]
-        result["searched"] = {searched.name: {"value": searched.value, "intervals": intervals}}
-    scale = UNITS[unit].to_internal
-    rms = {"before": item.before.rms, "after": item.after.rms}
-    worth = {side: {f"rms_{unit}": value / scale} for side, value in rms.items()}
-    return result | {"held_out": {"by": item.held_out, **worth}}
+    return result | ({"class": list(effect.class_names)} if len(effect.classes) > 1 else {})
 
 
 def joint(kept: Sequence[tuple[FoundEffect, TableResult]]) -> FloatArray:

@@ -64,8 +64,7 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
         warnings += _carried(inputs.reports.components, LIMITS, terms)
     elif fit is not None:
         warnings += limits_of(limit_warnings(fit), terms)
-    # Of a column that no equation has a declared effect may tell where it holds.
-    used = (*model.covariates(), *(name for effect in model.effects for name in effect.within))
+    used = model.covariates()
     _expand(inputs.at, dict.fromkeys((*used, *also)))
     # The nearest of those names alone that the call would take.
     left = [name for name in model.covariates() if name not in inputs.at]

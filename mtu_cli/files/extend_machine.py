@@ -34,9 +34,8 @@ class WrittenEffect:
 
     `parameters` by name, `components` its own, in plain data; `covariance` (k, k) over them in
     their order and units; `equations` by their name (Ex), linear in the parameters, evaluated in
-    mm, rad, degC, min; `alike` holds other values of what was searched that fit as well, `seen` the
-    lowest and highest value of the columns of the equations, `within` of columns that these do not
-    have, `found` says where the effect was found, in plain data.
+    mm, rad, degC, min; `seen` holds the lowest and highest value of the columns of the equations,
+    `found` says where the effect was found, in plain data.
     """
 
     name: str
@@ -48,9 +47,7 @@ class WrittenEffect:
     components: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     covariance: Sequence[Sequence[float]] | None = None
     equations: Mapping[str, str]
-    alike: Mapping[str, Sequence[float]] = field(default_factory=dict)
     seen: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    within: Mapping[str, Sequence[float]] = field(default_factory=dict)
     found: Mapping[str, Any] = field(default_factory=dict)
 
     def entry(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf, sqrt
 from pathlib import Path
@@ -247,8 +247,11 @@ def _check_thermal(machine: Machine, item: Component, path: YamlPath, faults: Fa
     if thermal.degree >= count:
         given = {"what": counted(count, "position"), "expected": f"at most {count - 1}"}
         faults.add((*path, "degree"), "too-little-data", value=thermal.degree, **given)
-    _check_sensors(thermal.gradients, (*path, "gradients"), faults)
+    kind, expected = "the name of a temperature", "T_<sensor>_degC, the column of its readings"
     for sensor, values in thermal.gradients.items():
+        if not is_temperature(sensor):
+            where = (*path, "gradients", sensor)
+            faults.add(where, "wrong-type", kind=kind, value=sensor, expected=expected)
         if len(values) != count:
             found = f"{counted(len(values), 'gradient')} at {counted(count, 'position')}"
             given = {"found": found, "expected": "one a position"}
@@ -257,13 +260,6 @@ def _check_thermal(machine: Machine, item: Component, path: YamlPath, faults: Fa
         for sensor in getattr(thermal, key):
             if sensor not in thermal.gradients:
                 faults.unknown((*path, key, sensor), sensor, thermal.gradients.keys(), "sensor")
-
-
-def _check_sensors(sensors: Iterable[str], path: YamlPath, faults: Faults) -> None:
-    kind, expected = "the name of a temperature", "T_<sensor>_degC, the column of its readings"
-    for name in sensors:
-        if not is_temperature(name):
-            faults.add((*path, name), "wrong-type", kind=kind, value=name, expected=expected)
 
 
 def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
@@ -292,15 +288,10 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
                 faults.add(of_u, "contradicts", value=u, other=other, expected=f"{s:.6g}, or none")
     if faults.is_faulty(*path, "equations"):
         return
-    used = _used(effect)
-    columns = sorted(used - _units(effect).keys())
+    columns = sorted(_used(effect) - _units(effect).keys())
     for name in effect.seen:
         if name not in columns:
             faults.unknown((*path, "seen", name), name, columns, "column")
-    for name in used.intersection(effect.within):
-        where = "`seen`: its equations hold it"
-        faults.add((*path, "within", name), "misplaced", key=name, where=where)
-    _check_sensors(set(effect.within) - used, (*path, "within"), faults)
 
 
 def _units(effect: Effect) -> dict[str, Unit]:

@@ -231,15 +231,11 @@ class Effect(Contract):
         "Covariance over the parameters in their order, in their units"
     )
     equations: Equations = Field(description="mm; linear in its parameters and components")
-    alike: dict[Name, Numbers] = optional(
-        "Of what was searched (`pitch_mm`): other values that fit its data as well", {}
-    )
     seen: dict[Name, Range] = optional(
         "Range, in its data, of the columns of its equations: a guess beyond", {}
     )
-    within: dict[str, Range] = optional(
-        "Range, in its data, of other columns: beyond it may be of another size", {}
-    )
+    alike: dict[str, Any] = optional("Of older files, not used", {})
+    within: dict[str, Any] = optional("Of older files, not used", {})
     found: dict[str, Any] = optional("Where it was found, free", {})
 
 

@@ -88,19 +88,13 @@ def needed_covariates(
     if problems:
         raise InputError(problems)
     reason = "the points have the column"
-    idle = [name for name in used_columns(model) if name in columns and name in at]
+    idle = [name for name in model.covariates() if name in columns and name in at]
     warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
     return Needed(values=values, warnings=tuple(warnings))
 
 
 def _row(points: Points, i: int) -> dict[str, Any]:
     return {"file": points.sources[points.file_index[i]].shown, "row": int(points.row[i])}
-
-
-def used_columns(model: MachineModel) -> list[str]:
-    """The covariates of the equations, and those that tell where declared effects hold."""
-    within = (name for effect in model.effects for name in effect.within)
-    return list(dict.fromkeys([*model.covariates(), *within]))
 
 
 def numbers_of(

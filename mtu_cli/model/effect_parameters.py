@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.machine_contract import Effect
-from mtu_cli.findings import Finding, counted, finding
+from mtu_cli.findings import Finding, finding
 from mtu_cli.model.estimates import (
     ComponentEstimate,
     EffectEstimates,
@@ -29,14 +29,13 @@ ELSEWHERE = "elsewhere each predicts other errors, and u is that of this one"
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeclaredEffect:
     """An effect of a machine file: its place among the effects of `file`, and by column the lowest
-    and highest value that it was found on; `within` those of them that no equation has.
+    and highest value that it was found on.
     """
 
     name: str
     file: str
     index: int
     seen: Mapping[str, Sequence[float]]
-    within: tuple[str, ...] = ()
 
 
 def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
@@ -46,8 +45,7 @@ def declared_effects(machine: LoadedMachine) -> tuple[DeclaredEffect, ...]:
             name=effect.name,
             file=machine.source.shown,
             index=i,
-            seen={**effect.within, **effect.seen},
-            within=tuple(effect.within),
+            seen=effect.seen,
         )
         for i, effect in enumerate(machine.machine.effects)
     )
@@ -203,9 +201,7 @@ def effect_warnings(
 
 
 def searched_warnings(machine: LoadedMachine) -> list[Finding]:
-    """Of effects whose name, or a searched value (a pitch), is one of several that fit what they
-    were found on: elsewhere each of these predicts other errors.
-    """
+    """Of effects whose name is one of several that fit what they were found on."""
     warnings = []
     for i, effect in enumerate(machine.machine.effects):
         what = f"effects[{i}] ({effect.name})"
@@ -216,9 +212,4 @@ def searched_warnings(machine: LoadedMachine) -> list[Finding]:
         if rivals:
             more = {"others": rivals, "consequence": ELSEWHERE}
             warnings.append(finding("not-separable", what=what, **facts, **more))
-        for name, others in effect.alike.items():
-            searched = f"the {name.rpartition('_')[0] or name} of {what}"
-            more = {"others": [f"{counted(len(others), 'other')} that fit its data as well"]}
-            more["consequence"] = "it holds where it was found alone"
-            warnings.append(finding("not-separable", what=searched, **facts, **more))
     return warnings

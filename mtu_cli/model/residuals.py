@@ -238,7 +238,7 @@ def residual_table(
     first = np.unique(cells.column, return_index=True)[1]
     once = predict(model, layout.features, points.nominal[first], rows_of(needed.values, first))
     warned += [*needed.warnings, *more, *outside_warnings(once)]
-    warned += guess_warnings(model, points.nominal, needed.values, columns, at)
+    warned += guess_warnings(model, points.nominal, needed.values)
     of_axes = [model.axes.index(AXES[axis]) for axis in axes]
     errors = points.measured[:, axes] - points.nominal[:, axes] - predicted[:, of_axes]
     errors = freed_errors(points, errors, axes, datum)[0]

@@ -90,8 +90,6 @@ EFFECT = """
         value | | likeliest value of what was searched
         interval95 | ends(intervals) | lowest and highest value of its 95 % set
         intervals | | the 95 % set, a union of intervals
-    found_at_degC | item.found_at | temperatures that were the same in all data, not 20 degC: what \
-        it is at another is not known
     p_familywise | one.p_familywise | p among all tests
     log_bayes_factor | one.log_bayes_factor | natural log of the Bayes factor against the model \
         without it
@@ -102,7 +100,6 @@ EFFECT = """
     experiment. | one.experiment
         do | | follow-up that would separate the class best
         predicted_d | | separation after it, in standard deviations
-        now_d | | separation today
 """
 CROSSING = """
     axis | one.axis | axis whose effects cancel

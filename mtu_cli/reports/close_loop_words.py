@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.estimate import Searched
-from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter, TableResult
+from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
+from mtu_cli.analyses.close_loop.result import FoundEffect, TableResult
 from mtu_cli.findings import listed
 from mtu_cli.reports.numbers import p_value, plus_minus, significant
 from mtu_cli.stats.least_squares import FloatArray
@@ -20,7 +20,6 @@ CHECKS = {
     "pattern": "{columns} share a pattern that some {rows} have more of",
     "walk": "{rows} follow one another too smoothly to be scatter",
     "field": "{columns} near one another err alike",
-    "walk-field": "a pattern of near {columns} changes smoothly from {row} to {row}",
 }
 """What a check of the remainder says where it is significant."""
 NAMELESS = "a drift or a smooth field without a name explains the errors better than any effect"
@@ -143,9 +142,6 @@ def _sentences(item: TableResult, alpha: float) -> Iterator[str]:
         subject = f"{each.axis.upper()} is right" if each.whole else f"{each.effect} is zero"
         unit = next((u for ends, u in UNITS_OF.items() if each.covariate.endswith(ends)), "")
         yield f"{subject} at {each.covariate} = {plus_minus(each.value, each.u)}{unit}."
-    if item.found_at:
-        where = listed(f"{name} = {T:.4g}" for name, T in item.found_at.items())
-        yield f"All this data is of {where}: what these effects are at 20 degC is not known."
 
 
 def _detectable(item: TableResult) -> Iterator[str]:
@@ -174,11 +170,8 @@ def _separated(effect: FoundEffect) -> str:
         separates = effect.candidate.separates
         do = f": {separates}" if separates else " by more data"
         return f"To separate {names}{do}."
-    d = significant(effect.experiment.predicted_d), significant(effect.experiment.now_d)
-    return (
-        f"To separate {names}: {effect.experiment.do} (then {d[0]} standard deviations apart, "
-        f"now {d[1]})."
-    )
+    d = significant(effect.experiment.predicted_d)
+    return f"To separate {names}: {effect.experiment.do} (then {d} standard deviations apart)."
 
 
 def _worth(item: TableResult) -> str:

@@ -40,12 +40,6 @@ EFFECTS = [
         equations={"Ey": "slope*(tool_parts - 3)"},
     ),
 ]
-CYCLIC = WrittenEffect(
-    name="cyclic-x",
-    parameters={"sine": (1.6, 0.1, "um")},
-    equations={"Ex": "sine*sin(2*pi*x/160)"},
-    alike={"pitch_mm": [62.6, 57.6, 37.0]},
-)
 PREDICTIONS = ("predict-points", "lengths", "orthogonality")
 AT = ("--at", "dir_x=1", "--at", "tool_parts=5")
 PLACES = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
@@ -118,31 +112,16 @@ def test_measured_points_bring_their_covariates(
     assert code == 0, told
 
 
-@pytest.fixture
-def untold(work: Path) -> str:
-    """The small study, whose machine has a pitch that is one of four; what is to be told of it."""
-    before = load_machine(work / "before.yaml")
-    trend = replace(EFFECTS[1], seen={"tool_parts": [0.0, 2.0]})
-    content = extended_machine(before, [trend, CYCLIC]).content
-    (work / "machine.yaml").write_bytes(content)
-    line = 1 + content.decode().splitlines().index("- name: cyclic-x")
-    return (
-        f"machine.yaml:{line}: the pitch of effects[1] (cyclic-x) not separable from 3 others that "
-        "fit its data as well: it holds where it was found alone"
-    )
-
-
 @pytest.mark.parametrize("command", ["lengths", "compare"])
-def test_a_pitch_that_was_not_told_is_told_of(
-    command: str, work: Path, untold: str, monkeypatch: pytest.MonkeyPatch
+def test_beyond_the_range_that_was_seen_every_command_warns_once(
+    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Once, by every command that predicts with it."""
+    trend = replace(EFFECTS[1], seen={"tool_parts": [0.0, 2.0]})
+    content = extended_machine(load_machine(work / "before.yaml"), [trend]).content
+    (work / "machine.yaml").write_bytes(content)
     call = AT[2:] if command in PREDICTIONS else ("--cmm", "cmm.csv")
     code, report, told = run_command(monkeypatch, work, command, *call)
     assert code == 0, told
-    found = [item for item in report["warnings"] if "cyclic-x" in item["message"]]
-    assert [(item["code"], item["message"]) for item in found] == [("not-separable", untold)]
-    assert told.count("that fit its data as well") == 1
     last = 5 if command in PREDICTIONS else 4
     (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
     assert beyond["message"] == (
@@ -150,42 +129,6 @@ def test_a_pitch_that_was_not_told_is_told_of(
         f"to {last}"
     )
     assert told.count(beyond["message"]) == 1
-
-
-@pytest.mark.parametrize("command", ["lengths", "compare"])
-def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
-    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Parts at nearly one temperature: what was found may be of it. Nobody has to give that one."""
-    before = load_machine(work / "before.yaml")
-    held = replace(EFFECTS[1], within={"T_room_degC": [25.6, 26.4]})
-    (work / "machine.yaml").write_bytes(extended_machine(before, [held]).content)
-    rows = (work / "cmm.csv").read_text().splitlines()
-    warm = [f"{row},{own}" for row, own in zip(rows, ["T_room_degC", *["20"] * 99], strict=False)]
-    (work / "warm.csv").write_text("\n".join(warm) + "\n")
-    one = ("--at", "tool_parts=5")
-    if command in PREDICTIONS:
-        calls = [one, (*one, "--at", "T_room_degC=26"), (*one, "--at", "T_*_degC=20")]
-    else:
-        calls = [("--cmm", "cmm.csv"), ("--cmm", "cmm.csv", "--at", "T_room_degC=26.2")]
-        calls += [("--cmm", "warm.csv")]
-    found = []
-    for call in calls:
-        code, report, told = run_command(monkeypatch, work, command, *call)
-        assert code == 0, told
-        assert "option-not-used" not in told
-        codes = ("outside-effect-range",)
-        found.append([w["message"] for w in report["warnings"] if w["code"] in codes])
-    assert found[0] == [
-        "machine.yaml: the data of effects[0] (trend-y) have T_room_degC from 25.6 to 26.4: no "
-        "value is given (--at T_room_degC)"
-    ]
-    assert found[1] == []
-    (message,) = found[2]
-    assert message == (
-        "machine.yaml: the data of effects[0] (trend-y) have T_room_degC from 25.6 to 26.4: "
-        "extrapolated to 20"
-    )
 
 
 JOINT = np.array([[0.09, 0.02, 0.001], [0.02, 0.25, 0.03], [0.001, 0.03, 0.04]])
@@ -272,11 +215,8 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     entry, turn = load_machine(work / "new.yaml").machine.effects
     assert entry.seen == {"dir_x": [-1.0, 1.0]}
     assert turn.seen == {"y": [0.0, 160.0], "x": [0.0, 200.0]}
-    assert entry.found["parts"] == 5
     assert [item["path"] for item in entry.found["files"]] == ["cmm.csv"]
     assert entry.found["class"] == ["backlash-x", "trend-x"]
-    assert turn.found["searched"] == {"pitch_mm": {"value": 10.0, "intervals": [[9.5, 10.5]]}}
-    assert entry.found["held_out"]["after"] == {"rms_um": pytest.approx(2.0)}
     call = ["predict-points", "-m", "new.yaml", *call[:3], "--at", "dir_x=1"]
     code, new, told = run_command(monkeypatch, work, *call, "-c", "new.json")
     assert code == 0, told
@@ -355,7 +295,6 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
         {"Ex": "(-y)*(jump*step(time_min - 3))"},
         {"Ex": "shift*dir_x"},
     ]
-    assert effects[0].found["component"] == "axy"
 
 
 def test_what_no_equation_describes_is_left_out(

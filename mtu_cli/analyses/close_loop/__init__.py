@@ -32,11 +32,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.strata import INTERACTION
-from mtu_cli.files.covariates import is_temperature
-from mtu_cli.files.effects import EffectLibrary, marks
-from mtu_cli.files.part import REFERENCE_TEMPERATURE
-from mtu_cli.model.effect_library import TableData
-from mtu_cli.model.effect_ranges import NEAR_K
+from mtu_cli.files.effects import EffectLibrary
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import Progress
@@ -64,26 +60,18 @@ def close_loop(
     """
 
     def one_table(number: int, table: ResidualTable) -> TableResult:
-        state = (0, 1)
-
-        def tick() -> None:
-            done, total = state
+        def done(part: int, parts: int) -> None:
             if progress is not None:
-                progress(number * total + done, len(tables) * total)
-
-        def folds_done(done: int, count: int) -> None:
-            nonlocal state
-            state = (1 + done, count + 1)
-            tick()
+                progress(number * parts + part, len(tables) * parts)
 
         def diagnose(some: ResidualTable) -> Diagnosis:
             candidates = candidates_of(some, library, exclude)
             rate = alpha / len(tables)
-            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed, tell=tick)
+            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
 
         result = diagnose(table)
-        held = held_out(table, diagnose, folds_done)
-        return _result(result, held, table, library, rate=alpha / len(tables), tables=len(tables))
+        held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
+        return _result(result, held, table, rate=alpha / len(tables), tables=len(tables))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(tables))
@@ -99,7 +87,6 @@ def _result(
     found: Diagnosis,
     held: tuple[str, FloatArray] | None,
     table: ResidualTable,
-    library: EffectLibrary,
     *,
     rate: float,
     tables: int,
@@ -140,7 +127,6 @@ def _result(
         in_sample_after=score(after),
         held_out_by=by,
         floor=_repeatability(found, sizes),
-        found_at=_constant_temperatures(found, library),
         crossings=crossings(effects, covariance, table),
         covariance=covariance,
         stopped=found.models.stopped,
@@ -158,20 +144,6 @@ def _repeatability(found: Diagnosis, sizes: Estimates) -> float | None:
         rounding = posed.steps[posed.strata.axis[s]] ** 2 / 12
         variances.append(max(float(rest @ rest / fit.dof[s]), float(rounding)))
     return posed.scale * float(np.sqrt(np.mean(variances))) if variances else None
-
-
-def _constant_temperatures(found: Diagnosis, library: EffectLibrary) -> dict[str, float]:
-    """Temperatures, degC, that are the same in all data of points and not near 20 degC, where there
-    are effects, and one of a temperature is a candidate: what these are at 20 degC is not known.
-    """
-    table = found.posed.table
-    thermal = {own.family.family for own in library.families if "T" in marks(str(own.family))}
-    if table.component or thermal.isdisjoint(c.family for c in found.posed.design.candidates):
-        return {}
-    data = TableData.of(table)
-    steady = [name for name in data.values if is_temperature(name) and name not in data.changing]
-    at = {name: data.number(name, "0") for name in steady if found.names}
-    return {name: T for name, T in at.items() if abs(T - REFERENCE_TEMPERATURE) > NEAR_K}
 
 
 def _entry_variance(found: Diagnosis, sizes: Estimates) -> FloatArray:
@@ -201,7 +173,7 @@ def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Sco
 def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     """All candidates, each added to the known model alone."""
     models, smallest = found.models, minimum_detectable(found, rate)
-    p = models.gate(()).p | dict(found.scatter)
+    p = models.gate(()) | dict(found.scatter)
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
         shares = np.exp(total - total.max(initial=0.0))

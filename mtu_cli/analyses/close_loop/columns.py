@@ -14,12 +14,6 @@ EMPTY = 1e-9
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
-MANY = 8
-"""Partners of a column from which on its products with all others are calculated at once."""
-AT_ONCE = 1_000_000
-"""Numbers of columns whose products are calculated at once."""
-FACTOR = 2**31
-"""More than there are columns."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 
@@ -36,18 +30,13 @@ class Columns:
         S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
+        self._cross = [np.zeros((1, 1)) for _ in strata.sizes]
         self._used = np.ones(S, int)
         self._rows = np.zeros((S, 0), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
         self._means = np.zeros((0, A))
         self._known: dict[bytes, int] = {}
         self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
-        self._pivots = np.zeros((S, 0, 0))
-        """Cross products (S, K, p) with the columns that many others are asked beside."""
-        self._pivot_of = np.zeros(0, int)
-        """Which of these a column is (K,), or NONE."""
-        self._pairs, self._of_pairs = np.zeros(1, int), np.zeros((S, 1))
-        """Other pairs of columns, sorted, and their cross products."""
         self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
         self._append(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
 
@@ -91,52 +80,10 @@ class Columns:
         self.count += len(units)
 
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Cross products (S, ...) in each stratum of columns with these indices.
-
-        They are calculated when they are asked for, and kept.
-        """
+        """Cross products (S, ...) in each stratum of columns with these indices."""
         self._settle()
-        one, other = np.broadcast_arrays(one, other)
-        shape, one, other = one.shape, one.ravel(), other.ravel()
-        self._calculate(one, other)
-        one, other = np.where(self._pivot_of[one] < 0, [other, one], [one, other])
-        of_pivot = self._pivot_of[one] >= 0
-        result = np.zeros((len(self._values), len(one)))
-        result[:, of_pivot] = self._pivots[:, other[of_pivot], self._pivot_of[one[of_pivot]]]
-        pairs = _pairs(one[~of_pivot], other[~of_pivot])
-        result[:, ~of_pivot] = self._of_pairs[:, np.searchsorted(self._pairs, pairs)]
-        return result.reshape(len(result), *shape)
-
-    def _calculate(self, one: IntArray, other: IntArray) -> None:
-        """Cross products that are lacking: of a column with many others those with all, else one
-        by one.
-        """
-        lacking = (self._pivot_of[one] < 0) & (self._pivot_of[other] < 0)
-        if not lacking.any():
-            return
-        pairs = np.sort(_pairs(one[lacking], other[lacking]))
-        pairs = pairs[np.diff(pairs, prepend=-1) > 0]
-        at = np.searchsorted(self._pairs[:-1], pairs)
-        pairs = pairs[self._pairs[at] != pairs]
-        if not len(pairs):
-            return
-        ends = np.stack(np.divmod(pairs, FACTOR))
-        new = np.flatnonzero(np.bincount(ends.ravel()) > MANY)
-        if len(new):
-            self._pivot_of[new] = self._pivots.shape[2] + np.arange(len(new))
-            own = self.products(self.dense(new.tolist()))
-            self._pivots = np.concatenate([self._pivots, own], axis=2)
-            single = (self._pivot_of[ends] < 0).all(axis=0)
-            pairs, ends = pairs[single], ends[:, single]
-        found = np.zeros((len(self._values), len(pairs)))
-        for s, values in enumerate(self._values):
-            rows = self._rows[s, ends]
-            there = np.flatnonzero((rows > 0).all(axis=0))
-            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
-                found[s, some] = np.einsum("kn,kn->k", *values[rows[:, some]])
-        order = np.argsort(np.concatenate([self._pairs, pairs]), kind="stable")
-        self._pairs = np.concatenate([self._pairs, pairs])[order]
-        self._of_pairs = np.concatenate([self._of_pairs, found], axis=1)[:, order]
+        pairs = zip(self._cross, self._rows, strict=True)
+        return np.stack([products[own[one], own[other]] for products, own in pairs])
 
     @property
     def means(self) -> FloatArray:
@@ -145,10 +92,10 @@ class Columns:
         return self._means
 
     def _settle(self) -> None:
-        """Takes new columns into the cross products."""
+        """Takes new columns into the values and cross products."""
         if not self._new:
             return
-        first = old = len(self._means)
+        first, before = len(self._means), self._used.copy()
         self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
         self._rows = _roomy(self._rows, (len(self._used), self.count))
         for at, units, _ in self._new:
@@ -163,41 +110,24 @@ class Columns:
                 self._rows[s, first + there] = rows
             first += len(units)
         self._new = []
-        pivots = np.argsort(self._pivot_of)[np.sum(self._pivot_of < 0) :]
-        new = self.products(self.dense(pivots.tolist()), old)
-        self._pivots = np.concatenate([self._pivots, new], axis=1)
-        self._pivot_of = np.concatenate([self._pivot_of, np.full(self.count - old, NONE)])
+        for s in np.flatnonzero(self._used > before):
+            new, n = slice(before[s], self._used[s]), self._used[s]
+            products = self._cross[s] = _roomy(self._cross[s], (n, n))
+            products[:n, new] = self._values[s][:n] @ self._values[s][new].T
+            products[new, :n] = products[:n, new].T
 
     def weighed(self, weights: FloatArray, one: IntArray, other: IntArray) -> FloatArray:
         """The sum of these over the strata, by their weights (S,)."""
         return np.asarray(np.tensordot(weights, self.cross(one, other), 1))
 
-    def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
-        """(S, K, B) products of the columns from the first on with coordinates Y (B, N)."""
+    def products(self, Y: FloatArray) -> FloatArray:
+        """(S, K, B) products of the columns in each stratum with coordinates Y (B, N)."""
         self._settle()
-        result = np.zeros((len(self._values), self.count - first, len(Y)))
+        result = np.zeros((len(self._values), self.count, len(Y)))
         for s, part in enumerate(self.strata.slices):
-            rows = self._rows[s, first : self.count]
-            result[s, rows > 0] = self._values[s][rows[rows > 0]] @ Y[:, part].T
+            rows = self._rows[s, : self.count]
+            result[s] = (self._values[s] @ Y[:, part].T)[rows]
         return result
-
-    def in_strata(self, Y: FloatArray) -> list[FloatArray]:
-        """Products (rows, B) of the columns of each stratum with coordinates Y (B, N), but for the
-        first of these in single precision: the others are random.
-        """
-        self._settle()
-        products = []
-        for values, used, part in zip(self._values, self._used, self.strata.slices, strict=True):
-            own, drawn = values[:used], Y[1:, part].T.astype(np.float32)
-            found = np.empty((used, len(Y)))
-            found[:, 0] = own @ Y[0, part]
-            found[:, 1:] = own.astype(np.float32) @ drawn
-            products.append(found)
-        return products
-
-    def taken(self, s: int, products: FloatArray, indices: IntArray) -> FloatArray:
-        """Of products (rows, B) in a stratum those (..., B) of some columns."""
-        return np.asarray(products[self._rows[s, indices]])
 
     def dense(self, indices: Sequence[int]) -> FloatArray:
         """Columns as coordinates (k, N)."""
@@ -205,11 +135,6 @@ class Columns:
         rows = self._rows[:, list(indices)]
         pairs = zip(self._values, rows, strict=True)
         return np.concatenate([values[own] for values, own in pairs], axis=1)
-
-
-def _pairs(one: IntArray, other: IntArray) -> IntArray:
-    """A number for each pair of columns, either way round."""
-    return np.asarray(np.minimum(one, other) * FACTOR + np.maximum(one, other))
 
 
 def _roomy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:

@@ -6,17 +6,16 @@ from dataclasses import replace
 from functools import reduce
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
-from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Size
+from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Parameter
 from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
 from mtu_cli.analyses.close_loop.posed import lever_of
-from mtu_cli.analyses.close_loop.result import FoundEffect, Parameter
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
 from mtu_cli.analyses.close_loop.strata import INTERACTION
 from mtu_cli.files.extend_machine import free_name
@@ -124,13 +123,9 @@ def _candidate(found: Diagnosis, name: str) -> Candidate:
     return next(c for c in found.posed.design.candidates if c.name == name)
 
 
-def _parameter(size: Size, scale: float) -> Parameter:
-    value, u = size.value * scale, size.u * scale
-    half = float(stdtrit(max(size.dof, 1.0), 0.975)) * u if np.isfinite(size.dof) else 1.96 * u
-    return Parameter(
-        name=size.name, unit=size.unit, value=value, u=u, dof=size.dof,
-        interval95=(value - half, value + half), role=size.role,
-    )  # fmt: skip
+def _parameter(size: Parameter, scale: float) -> Parameter:
+    """A size in units of the scale, in mm or rad."""
+    return replace(size, value=size.value * scale, u=size.u * scale)
 
 
 def _mean_effect(
@@ -229,13 +224,11 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
     effect = smooth_effect(
         found.likelihood, found.likelihood.fit(found.models.columns(rest)), kernel
     )
-    rms = effect.rms * posed.scale
     J = effect.values / max(effect.rms, 1e-300) / len(effect.values)
     u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * posed.scale
     size = Parameter(
-        name="rms", unit=posed.table.unit, value=rms, u=u, dof=effect.dof,
-        interval95=(rms - 2 * u, rms + 2 * u),
-    )  # fmt: skip
+        name="rms", unit=posed.table.unit, value=effect.rms * posed.scale, u=u, dof=effect.dof
+    )
     candidate = Candidate(
         name=entry.name,
         family=kernel.family,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,12 +22,12 @@ from mtu_cli.analyses.close_loop.strata import (
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
-BLOCK = 64
-"""Members whose angles to all others are calculated at once."""
 STEP_RAD = 0.35
 """Angle between neighbouring members of a searched parameter."""
 FINE = 8
 """Finer values a step of the library's grid, from which members at equal angles are chosen."""
+SCALES = {"log": (np.log, np.exp), "frequency": (np.reciprocal, np.reciprocal)}
+"""By the grid, the scale in which its values are even, and back."""
 AROUND = 9
 """Finer members around one of the grid."""
 SAME_RAD = 0.03
@@ -47,6 +47,9 @@ FEWEST_PLACES = 6
 """Different places along an axis from which on a smooth profile is a candidate."""
 RANK = 1e-4
 """Share of a kernel's largest eigenvalue below which its directions are left out."""
+
+
+Group = tuple[tuple[tuple[int, ...], int], list[int]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +73,6 @@ class Member:
     low: tuple[int, ...]
     prior: float
     around: tuple[float, ...] = ()
-    alike: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +118,7 @@ class Design:
     @property
     def of(self) -> IntArray:
         """The candidate of each member."""
-        return np.array([member.candidate for member in self.members])
+        return np.array([member.candidate for member in self.members], int)
 
     @property
     def prior(self) -> FloatArray:
@@ -130,6 +132,17 @@ class Design:
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
         return self.table.axes.index(candidate.axis or self.table.axes[0])
+
+    def groups(self, held: Collection[int] = ()) -> Iterable[Group]:
+        """The tested members with a column of their own beside those that are `held`, by their
+        other margins and the number of their columns.
+        """
+        groups: dict[tuple[tuple[int, ...], int], list[int]] = {}
+        for m, member in enumerate(self.members[: self.tested]):
+            low = tuple(i for i in member.low if i not in held)
+            if not set(member.own) <= {*held, *low}:
+                groups.setdefault((low, len(member.own)), []).append(m)
+        return groups.items()
 
     def around(self, m: int) -> tuple[int, ...]:
         """Finer members around one of the grid."""
@@ -201,7 +214,6 @@ class Placed:
     basis: FloatArray
     weight: float = 1.0
     around: tuple[float, ...] = ()
-    alike: list[float] = field(default_factory=list)
 
 
 def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[FloatArray, FloatArray]:
@@ -266,7 +278,6 @@ def made(design: Design, c: int, item: Placed, prior: float) -> Member:
         low=tuple(low),
         prior=prior,
         around=item.around,
-        alike=tuple(item.alike),
     )
 
 
@@ -311,12 +322,9 @@ def grid_values(form: Form) -> FloatArray | None:
     if grid is None or not form.continuous or len(grid) < 2:
         return grid
     search = form.bound.template.search
+    to, back = SCALES.get(search.grid if search else "", (np.asarray, np.asarray))
     at = np.linspace(0, len(grid) - 1, FINE * (len(grid) - 1) + 1)
-    scale = np.log(grid) if search is not None and search.grid == "log" else grid
-    if search is not None and search.grid == "frequency":
-        return np.asarray(1 / np.interp(at, np.arange(len(grid)), 1 / grid))
-    result = np.interp(at, np.arange(len(grid)), scale)
-    return np.exp(result) if search is not None and search.grid == "log" else np.asarray(result)
+    return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 
 
 def arcs_of(items: Sequence[Placed]) -> FloatArray:
@@ -349,33 +357,22 @@ def _spaced(kept: list[Placed]) -> list[Placed]:
 
 
 def _distinct(placed: list[Placed]) -> list[Placed]:
-    """Without members that span what an earlier one spans: its `alike` holds their values."""
+    """Without members that span what an earlier one spans."""
     if not placed:
         return []
     used = np.unique(np.concatenate([item.at for item in placed]))
-    kept: list[int] = []
-    for width in sorted({len(item.basis) for item in placed}):
-        alike = [i for i, item in enumerate(placed) if len(item.basis) == width]
-        bases = np.zeros((len(alike), width, len(used)), np.float32)
-        for basis, i in zip(bases, alike, strict=True):
-            basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
-        rows = bases.reshape(len(alike) * width, len(used))
-        single = np.ones(len(alike), bool)
-        for n, i in enumerate(alike):
-            if n % BLOCK == 0:
-                block = rows @ rows[n * width : (n + BLOCK) * width].T
-                block = block.reshape(len(alike), width, -1, width)
-            item, products = placed[i], block[:n, :, n % BLOCK]
-            least = STEP_RAD / 2 if item.around else SAME_RAD
-            # The least cosine of all is at most their root mean square.
-            squares = np.einsum("gkl,gkl->g", products, products)
-            near = np.flatnonzero(single[:n] & (squares > width * np.cos(least) ** 2))
-            angles = _angles(products[near].astype(float))
-            single[n] = not len(near) or angles.min() >= least
-            if not single[n] and item.value is not None:
-                placed[alike[near[int(np.argmin(angles))]]].alike.append(item.value)
-        kept += [i for i, alone in zip(alike, single, strict=True) if alone]
-    return [placed[i] for i in sorted(kept)]
+    widths = np.array([len(item.basis) for item in placed])
+    bases = np.zeros((len(placed), widths.max(), len(used)))
+    single = np.ones(len(placed), bool)
+    for i, (item, k) in enumerate(zip(placed, widths, strict=True)):
+        bases[i, :k, np.searchsorted(used, item.at)] = item.basis.T
+        products = bases[:i, :k] @ bases[i, :k].T
+        least = STEP_RAD / 2 if item.around else SAME_RAD
+        # The least cosine of all is at most their root mean square.
+        near = np.einsum("gkl,gkl->g", products, products) > k * np.cos(least) ** 2
+        near &= single[:i] & (widths[:i] == k)
+        single[i] = not near.any() or _angles(products[near]).min() >= least
+    return [item for item, alone in zip(placed, single, strict=True) if alone]
 
 
 def design_of(
@@ -384,7 +381,6 @@ def design_of(
     candidates: Sequence[Candidate],
     scale: float,
     gaps: Missing,
-    tell: Callable[[], None],
 ) -> Design:
     """The columns of all candidates that a table can test; errors are in units of `scale` (mm)."""
     columns = Columns(strata)
@@ -416,7 +412,6 @@ def design_of(
         mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
     )
     for c, candidate in enumerate(candidates):
-        tell()
         if candidate.kind in ("scatter", "offset"):
             continue
         distinct = _distinct(

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
+from mtu_cli.analyses.close_loop.gate import partial_out
 
 POWER_DEVIATE = 0.8416212335729143
 """Normal deviate of a power of 80 %."""
@@ -24,36 +25,25 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v). D is Sidak's over all candidates
     and the members of each.
     """
-    design, strata, ridge = found.posed.design, found.posed.strata, found.likelihood.ridge
+    design, strata = found.posed.design, found.posed.strata
     fit = found.likelihood.fit(found.models.columns(found.model))
     P, H, _ = strata.shape
-    cross, members = design.columns.cross, design.members[: design.tested]
-    counts = np.bincount([member.candidate for member in members])
-    tests = int((counts > 0).sum())
-    groups: dict[tuple[tuple[int, ...], int], list[int]] = {}
-    for m, member in enumerate(members):
-        if member.own:
-            groups.setdefault((member.low, len(member.own)), []).append(m)
     of = design.of[: design.tested]
+    counts = np.bincount(of)
+    tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
-    for (margins, k), group in groups.items():
-        own, low = np.array([members[m].own for m in group]), np.array([*margins, *design.common])
-        low = low.astype(int)
-        crossed = cross(own[:, :, None], own[:, None, :])
-        inner = np.einsum("s,smkk->m", fit.weights, crossed)
-        # The fitted coefficients have a known variance.
-        spread = np.tensordot(fit.weights, cross(low[:, None], low), 1) + np.diag(ridge(low))
-        across = np.tensordot(fit.weights, cross(own[:, :, None], low), 1)
-        taken = across @ np.linalg.pinv(spread, hermitian=True)
-        signal = (inner - np.einsum("mkz,mkz->m", taken, across)) / k
-        shares = fit.weights[:, None] * np.einsum("smkk->sm", crossed)
+    for (low, k), group in design.groups():
+        left = partial_out(found.likelihood, group, low, (), fit.weights)
+        signal = np.einsum("smkk->m", left.information) / k
+        crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
+        shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
         p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
         c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
         z = np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v))
         axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
         cells = P * H * np.sum(axes, axis=1)
-        seen = signal * k > LEAST * inner
+        seen = signal * k > LEAST * left.alone.sum(axis=1)
         sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
     known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {

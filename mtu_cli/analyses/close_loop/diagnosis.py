@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -48,7 +48,6 @@ class Diagnosis:
     checks: tuple[tuple[str, float], ...]
     fired: tuple[str, ...]
     nameless: bool
-    p: float
     outliers: BoolArray
     verdict: str
 
@@ -74,11 +73,8 @@ def diagnosed(
     alpha: float,
     most: int,
     seed: int,
-    tell: Callable[[], None] = lambda: None,
 ) -> Diagnosis:
-    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most; `tell`
-    is called now and then.
-    """
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
     there = np.isfinite(table.errors).all(axis=2) & table.there
     steps = np.zeros(table.errors.shape[2])
     steps[: len(table.resolution)] = table.resolution
@@ -89,9 +85,9 @@ def diagnosed(
     moving: list[tuple[str, float]] = []
     of_features = None
     while True:
-        problem = posed(table, candidates, [name for name, _ in moving], of_features, tell)
+        problem = posed(table, candidates, [name for name, _ in moving], of_features)
         likelihood = problem.likelihood()
-        gate = Gate(likelihood, np.random.default_rng(seed), tell)
+        gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
         scatter = moving + models.scatter(model, [name for name, _ in moving])
@@ -101,7 +97,7 @@ def diagnosed(
             break
         moving = of_parts
         of_features = problem.variance(likelihood.fit(models.columns(model)), FEATURE)
-    p = gate(models.columns(model), tuple(name for name, _ in scatter)).p
+    p = gate(models.columns(model), tuple(name for name, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
         for c in candidates
@@ -123,7 +119,6 @@ def diagnosed(
         checks=checks,
         fired=tuple(fired),
         nameless=nameless,
-        p=gate(()).smallest,
         outliers=hit,
         verdict="none",
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import chdtri, logsumexp
+from scipy.special import chdtri, logsumexp, stdtrit
 
 from mtu_cli.analyses.close_loop.design import (
     DEPENDENT,
@@ -35,20 +35,17 @@ Interval = tuple[float, float]
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Searched:
     """A parameter in which an effect is not linear: its likeliest value and its 95 % set, a union
-    of intervals; `values` with their posterior `shares`.
+    of intervals.
     """
 
     name: str
     value: float
     intervals: tuple[Interval, ...]
-    values: FloatArray
-    shares: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Size:
-    """A parameter in internal units with its u and degrees of freedom.
-
+class Parameter:
+    """A parameter with its standard uncertainty and degrees of freedom; `unit` to show it in.
     `role`: own of the effect, of a margin, the level, or a change of what was searched.
     """
 
@@ -57,7 +54,13 @@ class Size:
     value: float
     u: float
     dof: float
-    role: str
+    role: str = "own"
+
+    @property
+    def interval95(self) -> tuple[float, float]:
+        """The 95 % interval (Student's t)."""
+        half = float(stdtrit(max(self.dof, 1.0), 0.975)) * self.u
+        return self.value - half, self.value + half
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,7 +79,7 @@ class Estimate:
     """One mean effect of a model: its member, sizes, and the rows of them in the covariance."""
 
     member: Member
-    sizes: tuple[Size, ...]
+    sizes: tuple[Parameter, ...]
     rows: tuple[int, ...]
     searched: Searched | None
     tangent: Tangent | None
@@ -89,7 +92,7 @@ class Estimates:
     """
 
     effects: tuple[Estimate, ...]
-    levels: tuple[Size, ...]
+    levels: tuple[Parameter, ...]
     covariance: FloatArray
     fit: Fit
 
@@ -125,8 +128,6 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
         name=member.form.bound.template.searched or "",
         value=float(values[int(np.argmax(gains))]),
         intervals=_intervals(values, near),
-        values=values,
-        shares=shares,
     )
 
 
@@ -311,8 +312,8 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     dof[len(J) :] = np.nan_to_num(grand[:, 2], nan=np.inf)
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
 
-    def size(i: int, name: str, unit: str, role: str) -> Size:
-        return Size(
+    def size(i: int, name: str, unit: str, role: str) -> Parameter:
+        return Parameter(
             name=name, unit=unit, value=float(values[i]), u=float(u[i]), dof=float(dof[i]),
             role=role,
         )  # fmt: skip

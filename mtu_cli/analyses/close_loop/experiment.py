@@ -7,8 +7,9 @@ could (T-optimality, Atkinson & Fedorov 1975).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -34,11 +35,10 @@ COUNTING = ("sequence", "tool_parts", "time_min")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Experiment:
-    """What to do, and the separation of the rivals in standard deviations after it and today."""
+    """What to do, and the separation of the rivals in standard deviations after it."""
 
     do: str
     predicted_d: float
-    now_d: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,13 +63,12 @@ def experiment(
         if weights[s] > 0:
             by_kind.setdefault((kind, strata.axis[s]), []).append(1 / weights[s])
     variance = {key: float(np.mean(values)) for key, values in by_kind.items()}
-    now = separation(table, rivals, variance)
     best: tuple[float, str] | None = None
     for do, further in follow_ups(table, rivals):
         d = separation(further, rivals, variance)
         if best is None or d > ENOUGH * best[0]:
             best = (d, do)
-    return None if best is None else Experiment(do=best[1], predicted_d=best[0], now_d=now)
+    return None if best is None else Experiment(do=best[1], predicted_d=best[0])
 
 
 def separation(
@@ -117,18 +116,17 @@ def follow_ups(
     forms = [rival.member.form.bound for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
-    plain = extended(table)
-    yield f"{make} {MORE} more {noun} as before", plain
+    yield f"{make} {MORE} more {noun} as before", extended(table)
     names = [name for name in table.covariates if name in used]
-    reversed_ = {n: -plain.covariates[n] for n in names if n.startswith("dir_")}
-    if reversed_ and not readings:
-        yield "run the program in the reverse direction", extended(table, reversed_)
-    counting = [n for n in table.covariates if n in COUNTING]
-    again = {n: table.covariates[n][:MORE] for n in counting if n != "sequence"}
-    if set(counting) & used and again:
+    reverse = {n: np.negative for n in names if n.startswith("dir_")}
+    if reverse and not readings:
+        yield "run the program in the reverse direction", extended(table, reverse)
+    again = {n: partial(_first, table.covariates[n]) for n in COUNTING if n in table.covariates}
+    if again.keys() & used and again.keys() - {"sequence"}:
+        again.pop("sequence", None)
         rest = "after a cold start" if "time_min" in used else "with a new tool"
         yield f"{make} {MORE} more {noun} {rest}", extended(table, again)
-    warmer = {n: plain.covariates[n] + OTHER_DAY_K for n in names if is_temperature(n)}
+    warmer = {n: partial(np.add, OTHER_DAY_K) for n in names if is_temperature(n)}
     if warmer:
         yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, warmer)
     pitch = next((r.member.value for r in rivals if r.member.form.bound.is_periodic), None)
@@ -141,32 +139,32 @@ def follow_ups(
             yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
 
 
+def _first(values: FloatArray, _: FloatArray) -> FloatArray:
+    """As the first parts were."""
+    return np.resize(values, (MORE, values.shape[1]))
+
+
 def extended(
     table: ResidualTable,
-    changed: Mapping[str, FloatArray] | None = None,
+    changes: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
     shift: Mapping[int, float] | None = None,
 ) -> ResidualTable:
-    """The table with further parts, which repeat the last ones but for `changed` columns and a
+    """The table with further parts, which repeat the last ones but for `changes` of columns and a
     `shift` (mm) of places; those that count parts or time go on.
     """
-    P, changed = len(table.parts), changed or {}
+    P, changes = len(table.parts), changes or {}
     again = P - min(MORE, P) + np.arange(MORE) % min(MORE, P)
-
-    def further(name: str, values: FloatArray) -> FloatArray:
-        if name in changed:
-            new = changed[name]
-            return new[-MORE:] if len(new) >= MORE else np.repeat(new[-1:], MORE, axis=0)
-        if name in COUNTING:
-            step = np.diff(values, axis=0)
-            rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
-            return values[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-        return values[again]
-
     covariates = dict(table.covariates)
     for name, values in table.covariates.items():
-        if name in changed or len(values) == P > 1:
+        if name in changes or len(values) == P > 1:
             known = np.broadcast_to(values, (P, values.shape[1]))
-            covariates[name] = np.concatenate([known, further(name, known)])
+            further = known[again]
+            if name in COUNTING:
+                step = np.diff(known, axis=0)
+                rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
+                further = known[-1:] + rise * np.arange(1, MORE + 1)[:, None]
+            change = changes.get(name, np.asarray)
+            covariates[name] = np.concatenate([known, change(further)])
     places = np.concatenate([table.places, table.places[again]])
     for i, by in (shift or {}).items():
         places[P:, :, i] += by

@@ -6,16 +6,15 @@ checks, on null tables made from the model's own residual.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
 from mtu_cli.analyses.close_loop.design import Design, Kernel
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
-from mtu_cli.analyses.close_loop.missing import BoolArray
 from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
 from mtu_cli.stats.least_squares import FloatArray
@@ -24,7 +23,7 @@ PERMUTATIONS = 299
 SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
 """What a datum takes from each part cannot scatter."""
-CHECKS = ("pattern", "walk", "field", "walk-field")
+CHECKS = ("pattern", "walk", "field")
 AMPLITUDES = np.geomspace(1e-2, 1e4, 30)
 """Variances of a random function over the stratum's, among which the largest likelihood is."""
 LEAST_LEFT = 2e-3
@@ -38,49 +37,28 @@ AT_HAND = 100_000
 """Numbers of null tables that are made at once."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gated:
-    """Adjusted p beside a model: of candidates (C,), named random functions, offsets (A,), scatter
-    effects and checks, by name; `family` is -log of the p of each before adjustment.
-    """
-
-    p: dict[str, float]
-
-    @property
-    def smallest(self) -> float:
-        """The p of anything being there."""
-        return min(self.p.values(), default=1.0)
-
-
 class Gate:
-    """Tests of one table; `rng` draws the null tables, `tell` is called at each test."""
+    """Tests of one table; `rng` draws the null tables."""
 
-    def __init__(
-        self,
-        likelihood: Likelihood,
-        rng: np.random.Generator,
-        tell: Callable[[], None] = lambda: None,
-    ) -> None:
-        self.likelihood, self.rng, self.tell = likelihood, rng, tell
+    def __init__(self, likelihood: Likelihood, rng: np.random.Generator) -> None:
+        self.likelihood, self.rng = likelihood, rng
         self.design: Design = likelihood.design
         self.strata = self.design.strata
         self._drawn: dict[Columns, tuple[list[str], FloatArray]] = {}
 
-    def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> Gated:
-        """Adjusted p of everything beside a model of these columns and scatter effects."""
+    def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
+        """Adjusted p beside a model of these columns and scatter effects, by name: of candidates,
+        named random functions, offsets, scatter effects and checks.
+        """
         key = tuple(sorted(columns))
         if key not in self._drawn:
             self._drawn[key] = self._tests(columns)
         names, T = self._drawn[key]
         T = np.where(np.isin(names, scatter), 0.0, T)
-        adjusted = _adjusted(T)
-        return Gated(
-            p={n: float(p) for n, p, t in zip(names, adjusted, T[0], strict=True) if t > 0}
-        )
+        return {n: float(p) for n, p, t in zip(names, _adjusted(T), T[0], strict=True) if t > 0}
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
-        self.tell()
         design = self.design
         fit = self.likelihood.fit(columns)
         Y, cells = self._null(fit)
@@ -177,101 +155,57 @@ class Gate:
                 best[:, c] = lp[:, of == c].max(axis=1)
         return best
 
-    def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[IntArray, FloatArray]:
         """-log p of every member (B + 1, M): score statistics beside base and margins at the fitted
         null, in each stratum as a normal deviate, with the variance that is left there beside what
         the margins explain; together by the strata's information (Liptak 1958).
         """
-        design, columns, w = self.design, self.design.columns, fit.weights
-        held = set(base)
-        groups: dict[tuple[Columns, int], list[int]] = {}
-        for m in range(design.tested):
-            member = design.members[m]
-            low = tuple(i for i in member.low if i not in held)
-            if not set(member.own) <= held | set(low):
-                groups.setdefault((low, len(member.own)), []).append(m)
+        design, w = self.design, fit.weights
         # As many at once as a processor keeps at hand.
         chunks = [
             (low, k, members[i : i + MEMBERS])
-            for (low, k), members in groups.items()
+            for (low, k), members in design.groups(base)
             for i in range(0, len(members), MEMBERS)
         ]
-        U = columns.in_strata(Y)
-        at: list[FloatArray] = []
-        lps: list[FloatArray] = []
+        U = design.columns.products(Y)
+        at: list[IntArray] = [np.zeros(0, int)]
+        lps: list[FloatArray] = [np.zeros((len(Y), 0))]
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]
         # Where more is known of a stratum than its coordinates, all of it turns on one sphere.
         squares = np.where(self.likelihood.extra_dof > 0, fit.dof, w * np.array(sums).T)
         least = np.maximum(w * fit.dof * self.likelihood.least, 1e-300)
         for low, k, members in chunks:
-            own = np.array([design.members[m].own for m in members])
-            good, tested = self._tested(own, np.array(low, int), base, w, U)
-            known, vectors = np.linalg.eigh(tested.information)
-            total = np.zeros((*tested.size.shape, len(Y)))
+            tested = partial_out(self.likelihood, members, low, base, w)
+            whole = tested.information.sum(axis=0)
+            size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
+            each = size[:, :, None] * size[:, None, :]
+            good = np.all(size**2 > LEAST_LEFT * tested.alone, axis=1)
+            good &= np.linalg.eigvalsh(whole / each)[:, 0] > 1e-5
+            # Of what is not separable no score is left.
+            size[~good], each[~good] = np.inf, np.inf
+            information = tested.information / each
+            inverse = np.linalg.inv(information.sum(axis=0) + ~good[:, None, None] * np.eye(k))
+            known, vectors = np.linalg.eigh(information)
+            y = w[:, None, None] * (U[:, low] - tested.low_base @ U[:, tested.base])
+            sizes = tested.inverse @ y.sum(axis=0)
+            explained = np.einsum("zn,szn->sn", sizes, 2 * y - tested.low @ sizes)
+            used = np.einsum("zy,syz->s", tested.inverse, tested.low)
+            total = np.zeros((*size.shape, len(Y)))
             for s in np.flatnonzero((known > LEAST_SHARE).any(axis=(1, 2))).tolist():
-                score = tested.score(s, partial(columns.taken, s, U[s]), w[s])
+                score = w[s] * (U[s][tested.own] - tested.own_base @ U[s][tested.base])
+                score -= tested.own_low @ y[s] + tested.rest[s] @ sizes
+                score = score / size[:, :, None]
                 among = np.where(known[s] > LEAST_SHARE, known[s], np.inf)[:, :, None]
-                stat = np.sum((vectors[s].transpose(0, 2, 1) @ score) ** 2 / among, axis=1)
-                left = np.maximum(squares[:, s] - tested.explained[s], least[s])
+                stat = np.sum((_t(vectors[s]) @ score) ** 2 / among, axis=1)
+                left = np.maximum(squares[:, s] - explained[s], least[s])
                 ratio = np.clip(stat / left, 1e-300, ALMOST_ONE)
-                power = max(float(fit.dof[s] - tested.used[s]) - 1 - k / 2, 0.5)
+                power = max(float(fit.dof[s] - used[s]) - 1 - k / 2, 0.5)
                 deviance = -power * np.log1p(-ratio)
                 total += score * np.sqrt(deviance / np.maximum(stat, 1e-300))[:, None, :]
-            D = np.sum(total * (np.linalg.inv(tested.information.sum(axis=0)) @ total), axis=1).T
+            D = np.sum(total * (inverse @ total), axis=1).T[:, good]
             at.append(np.array(members)[good])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
-        if not at:
-            return np.zeros(0, int), np.zeros((len(Y), 0))
         return np.concatenate(at), np.concatenate(lps, axis=1)
-
-    def _tested(
-        self, own: IntArray, low: IntArray, base: Columns, w: FloatArray, U: list[FloatArray]
-    ) -> tuple[BoolArray, _Tested]:
-        """Which of the members' columns `own` (M, k) are separable from the others, and these."""
-        inner = self.design.columns.cross
-        b = np.array([*base, *self.design.common], int)
-        bb, xb, zb = (inner(i[..., None], b) for i in (b, own, low))
-        A = np.tensordot(w, bb, 1)
-        A = A + np.diag(1e-10 * np.diag(A) + self.likelihood.ridge(b))
-        T, L = (np.tensordot(w, item, 1) @ np.linalg.inv(A) for item in (xb, zb))
-        W, X = w[:, None, None], w[:, None, None, None]
-        shared = zb @ L.T
-        zz = W * (inner(low[:, None], low) - shared - _t(shared) + L @ bb @ L.T)
-        xz = inner(own[:, :, None], low)
-        xz = X * (xz - xb @ L.T - T @ _t(zb)[:, None] + T @ bb[:, None] @ L.T)
-        xx = inner(own[:, :, None], own[:, None, :])
-        first = np.einsum("s,smkk->mk", w, xx)
-        shared = xb @ _t(T)
-        xx = X * (xx - shared - _t(shared) + T @ bb[:, None] @ _t(T))
-        inverse = np.linalg.pinv(zz.sum(axis=0), rcond=1e-8, hermitian=True)
-        C = xz.sum(axis=0) @ inverse
-        rest = xz - C @ zz[:, None]
-        shared = xz @ _t(C)
-        information = xx - shared - _t(rest @ _t(C))
-        whole = information.sum(axis=0)
-        size = np.sqrt(np.maximum(np.einsum("mkk->mk", whole), 1e-300))
-        each = size[:, :, None] * size[:, None, :]
-        apart = np.linalg.eigvalsh(whole / each)[:, 0]
-        good = np.all(size**2 > LEAST_LEFT * first, axis=1) & (apart > 1e-5)
-        of_low, of_base = (
-            np.stack([self.design.columns.taken(s, own, i) for s, own in enumerate(U)])
-            for i in (low, b)
-        )
-        y = W * (of_low - L @ of_base)
-        sizes = inverse @ y.sum(axis=0)
-        return good, _Tested(
-            own=own[good],
-            base=b,
-            of_base=T[good],
-            of_low=C[good],
-            rest=rest[:, good],
-            size=size[good],
-            information=information[:, good] / each[good],
-            low=y,
-            sizes=sizes,
-            explained=np.einsum("zn,szn->sn", sizes, 2 * y - zz @ sizes),
-            used=np.einsum("zy,syz->s", inverse, zz),
-        )
 
     def _kernel(self, kernel: Kernel, fit: Fit, Y: FloatArray) -> FloatArray:
         """Twice the log likelihood ratio (B + 1,) of one more variance component."""
@@ -418,6 +352,56 @@ class Gate:
         return result
 
 
+class Partial(NamedTuple):
+    """Members' columns x (M, k) less what of them the columns `base` (b,) and their margins (z,)
+    explain in all strata at once, by coefficients `own_base` (M, k, b) and `own_low` (M, k, z).
+
+    They have the `information` (S, M, k, k) in the strata, `alone` (M, k) without the others, and
+    `rest` (S, M, k, z) are their products with the margins there. The margins less the base, by
+    `low_base` (z, b), have the cross products `low` (S, z, z), their sum the `inverse`.
+    """
+
+    own: IntArray
+    base: IntArray
+    own_base: FloatArray
+    own_low: FloatArray
+    information: FloatArray
+    alone: FloatArray
+    rest: FloatArray
+    low_base: FloatArray
+    low: FloatArray
+    inverse: FloatArray
+
+
+def partial_out(
+    likelihood: Likelihood, members: Sequence[int], low: Columns, base: Columns, w: FloatArray
+) -> Partial:
+    """The columns of members beside their margins `low` and the columns `base`, with the weights w
+    (S,) of the strata.
+    """
+    design, inner = likelihood.design, likelihood.design.columns.cross
+    own, z = np.array([design.members[m].own for m in members]), np.array(low, int)
+    b = np.array([*base, *design.common], int)
+    bb, xb, zb = (inner(i[..., None], b) for i in (b, own, z))
+    A = np.tensordot(w, bb, 1)
+    A = A + np.diag(1e-10 * np.diag(A) + likelihood.ridge(b))
+    T, L = (np.tensordot(w, item, 1) @ np.linalg.inv(A) for item in (xb, zb))
+    W, X = w[:, None, None], w[:, None, None, None]
+    shared = zb @ L.T
+    zz = W * (inner(z[:, None], z) - shared - _t(shared) + L @ bb @ L.T)
+    xz = inner(own[:, :, None], z)
+    xz = X * (xz - xb @ L.T - T @ _t(zb)[:, None] + T @ bb[:, None] @ L.T)
+    xx = inner(own[:, :, None], own[:, None, :])
+    alone = np.einsum("s,smkk->mk", w, xx)
+    shared = xb @ _t(T)
+    xx = X * (xx - shared - _t(shared) + T @ bb[:, None] @ _t(T))
+    inverse = np.linalg.pinv(zz.sum(axis=0), rcond=1e-8, hermitian=True)
+    C = xz.sum(axis=0) @ inverse
+    rest = xz - C @ zz[:, None]
+    information = xx - xz @ _t(C) - _t(rest @ _t(C))
+    return Partial(own, b, T, C, information, alone, rest, L, zz, inverse)
+
+
 def level_of(likelihood: Likelihood, fit: Fit, a: int) -> tuple[float, float, float]:
     """What a fit leaves of the mean over the table along axis `a`, in units of the scale, with u
     and degrees of freedom (nan: not testable).
@@ -496,38 +480,6 @@ def _adjusted(T: FloatArray) -> FloatArray:
     null = np.sort(family[1:].max(axis=1))
     B = len(null)
     return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Tested:
-    """Members' columns x = `own` (M, k) less what of them the `base` (b,) and their margins explain
-    in all strata at once, by coefficients `of_base` (M, k, b) and `of_low` (M, k, z).
-
-    Divided by `size` (M, k) they have the `information` (S, M, k, k) in the strata, its sum with a
-    diagonal of 1; `rest` (S, M, k, z) are their products with the margins there. Of data n the
-    margins' products `low` (S, z, n), fitted `sizes` (z, n), the sums of squares that they have
-    `explained` (S, n) and degrees of freedom `used` (S,).
-    """
-
-    own: IntArray
-    base: IntArray
-    of_base: FloatArray
-    of_low: FloatArray
-    rest: FloatArray
-    size: FloatArray
-    information: FloatArray
-    low: FloatArray
-    sizes: FloatArray
-    explained: FloatArray
-    used: FloatArray
-
-    def score(self, s: int, products: Callable[[IntArray], FloatArray], w: float) -> FloatArray:
-        """Scores (M, k, n) in a stratum beside the fitted margins, by the products of columns with
-        the data.
-        """
-        score = w * (products(self.own) - self.of_base @ products(self.base))
-        score -= self.of_low @ self.low[s] + self.rest[s] @ self.sizes
-        return score / self.size[:, :, None]
 
 
 def _t(matrices: FloatArray) -> FloatArray:

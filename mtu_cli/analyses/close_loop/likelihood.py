@@ -76,8 +76,7 @@ class Likelihood:
         """Products (S, K) of the errors with all columns."""
         columns = self.design.columns
         if self._b.shape[1] < columns.count:
-            new = columns.products(self.y[None], self._b.shape[1])[:, :, 0]
-            self._b = np.concatenate([self._b, new], axis=1)
+            self._b = columns.products(self.y[None])[:, :, 0]
         return self._b
 
     def closure(self, members: Sequence[int]) -> Columns:

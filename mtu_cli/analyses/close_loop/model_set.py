@@ -172,7 +172,7 @@ class ModelSet:
         """Items that pass the gate beside a model, the likeliest first; beside others only those
         that make the model likelier, their prior counted: each of them is one more test.
         """
-        p = self.gate(self.columns(model)).p
+        p = self.gate(self.columns(model))
         total, best = self.additions(model)
         for item in model:
             total[self.place(item)] = -np.inf
@@ -227,7 +227,7 @@ class ModelSet:
     def _revised(self, model: Model, item: Item) -> Model:
         """The model with the likeliest that passes in the place of one item, or nothing."""
         rest = tuple(x for x in model if x != item)
-        p = self.gate(self.columns(rest)).p
+        p = self.gate(self.columns(rest))
         total, best = self.additions(rest)
         passes = np.array([p.get(name, 1.0) <= self.alpha for name in self.names])
         total[~passes] = -np.inf
@@ -268,7 +268,7 @@ class ModelSet:
         c = self.place(item)
         total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
         # One that holds the effect as a margin says more than it: it has to pass by itself.
-        passing = self.gate(self.columns(rest)).p
+        passing = self.gate(self.columns(rest))
         own = set(self.design.members[item].own) if item >= 0 else {PADDING}
         for i in np.flatnonzero(np.isfinite(total)):
             low = self.design.members[best[i]].low if best[i] >= 0 else ()
@@ -316,7 +316,7 @@ class ModelSet:
         result: list[tuple[str, float]] = []
         while True:
             names = [*known, *(name for name, _ in result)]
-            p = self.gate(self.columns(model), tuple(names)).p
+            p = self.gate(self.columns(model), tuple(names))
             hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
             if not hits:
                 return result

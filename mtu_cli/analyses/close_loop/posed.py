@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -144,7 +144,6 @@ def posed(
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
     of_features: FloatArray | None = None,
-    tell: Callable[[], None] = lambda: None,
 ) -> Posed:
     """The strata and columns of a table and its candidates, beside motions of whole parts that
     `scatter`; `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
@@ -160,7 +159,7 @@ def posed(
     strata = _strata(table, errors / scale, scatter)
     if of_features is not None:
         strata = _with_moved_means(strata, errors / scale, len(scatter), of_features / scale**2)
-    design = design_of(table, strata, candidates, scale, gaps, tell)
+    design = design_of(table, strata, candidates, scale, gaps)
     result = Posed(
         table=table,
         design=design,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from mtu_cli.analyses.close_loop.estimate import Searched
+from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
 from mtu_cli.analyses.close_loop.experiment import Experiment
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect
@@ -17,21 +17,6 @@ from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["none", "named", "class", "unexplained"]
 WORST: tuple[Verdict, ...] = ("unexplained", "class", "named", "none")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parameter:
-    """A parameter with its standard uncertainty, degrees of freedom and 95 % interval; `unit` to
-    show it in. `role`: own, margin, level, or searched (a change of what was searched).
-    """
-
-    name: str
-    unit: str
-    value: float
-    u: float
-    dof: float
-    interval95: tuple[float, float]
-    role: str = "own"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,8 +145,7 @@ class TableResult:
     `explained` (P, H, A) is the effects' contribution; `before` and `after` are scores of what was
     `held_out_by` parts or columns (None: in sample), without and with the correction of the machine
     as it is written, or of the average over each class; `floor` the repeatability of one
-    coordinate. `found_at` are temperatures (degC) that did not change: what the effects are at
-    20 degC is not known. `excluded` (feature, part, axis, error) are single entries, outliers.
+    coordinate. `excluded` (feature, part, axis, error) are single entries, outliers.
     """
 
     table: ResidualTable
@@ -180,7 +164,6 @@ class TableResult:
     in_sample_after: Scores
     held_out_by: str | None
     floor: float | None
-    found_at: Mapping[str, float]
     crossings: tuple[Crossing, ...]
     covariance: FloatArray
     stopped: bool

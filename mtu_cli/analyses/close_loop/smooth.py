@@ -12,6 +12,9 @@ from mtu_cli.stats.kernels import smooth_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.smooth_profile import averaged
 
+SAME = 1e-9
+"""Of a line; less is rounding."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothEffect:
@@ -52,7 +55,8 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     line = basis.T @ centred
     N = np.sqrt(P) * basis.T @ np.eye(len(knots))[at]
     y = fit.residual[part][shared]
-    if line @ line > 0:
+    # Of readings the lines of the passes hold it: what is left of it is rounding.
+    if np.linalg.norm(line) > SAME * np.linalg.norm(centred):
         unit = line / np.linalg.norm(line)
         N, y = N - np.outer(unit, unit @ N), y - unit * (unit @ y)
     B = smooth_root(knots)

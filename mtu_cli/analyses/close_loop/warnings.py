@@ -4,18 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
-
 from mtu_cli.analyses.close_loop.result import CloseLoopResult
 from mtu_cli.findings import Finding, counted, error, finding
-from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.residuals import ResidualTable
 
 FEW_PARTS, FEWEST_ENTRIES = 5, 4
-COPY = 1 - 1e-9
-"""Correlation of columns from which on one is a copy of the other."""
-ALL = 0.999
-"""Share of the squares of errors that nothing but themselves explains."""
 FREES = {
     "offset": "trend, step, and drift and warm-up but for what changes within a part",
     "offset,rotation": "trend, step, rotation, squareness, and drift and warm-up but for what "
@@ -69,30 +62,5 @@ def loop_warnings(result: CloseLoopResult, most: int) -> Iterator[Finding]:
             yield finding("outliers-set-aside", entries=entries, of=of)
         if item.stopped:
             yield finding("max-effects", most=counted(most, "effect"), of=of)
-        for name, others in _copies(table).items():
-            copy = "the one is a copy of the other" + of
-            yield finding("not-separable", what=name, others=others, consequence=copy)
-        for effect in item.effects:
-            if effect.candidate.family == "covariate" and effect.explained_share > ALL:
-                facts = {"covariate": effect.covariate, "effect": effect.name}
-                yield finding("covariate-is-the-error", **facts, of=of)
     if result.datum in FREES:
         yield finding("datum-freed", datum=result.datum, unseen=FREES[result.datum])
-
-
-def _copies(table: ResidualTable) -> dict[str, list[str]]:
-    """Columns that others are copies of, but for their scale and zero."""
-    data = TableData.of(table)
-    names = [name for name in data.values if name in data.changing and name in table.covariates]
-    if not names:
-        return {}
-    values = [np.broadcast_to(data.values[name], table.there.shape)[table.there] for name in names]
-    unit = np.array([value - value.mean() for value in values])
-    unit /= np.maximum(np.linalg.norm(unit, axis=1, keepdims=True), 1e-300)
-    alike = (np.abs(unit @ unit.T) > COPY) | np.eye(len(names), dtype=bool)
-    first = np.argmax(alike, axis=1)
-    copies: dict[str, list[str]] = {}
-    for name, i in zip(names, first, strict=True):
-        if names[i] != name:
-            copies.setdefault(names[i], []).append(name)
-    return copies

@@ -25,8 +25,8 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
 from mtu_cli.findings import Finding, finding
-from mtu_cli.model.covariates import needed_covariates, point_columns, used_columns
-from mtu_cli.model.effect_ranges import effect_warnings_at, with_effect_columns
+from mtu_cli.model.covariates import needed_covariates, point_columns
+from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
 from mtu_cli.model.measurands import differences, length_gradient
@@ -193,9 +193,8 @@ def predict_operations(
     stated = point_columns(points)
     columns = {name: column for name, column in stated.items() if name not in given}
     values = needed_covariates(model, points, columns, given).values
-    known = with_effect_columns(model, values, columns, given)
-    warnings = effect_warnings_at(model, points.nominal, known)
-    if overruled := [name for name in used_columns(model) if name in given and name in stated]:
+    warnings = effect_warnings_at(model, points.nominal, values)
+    if overruled := [name for name in model.covariates() if name in given and name in stated]:
         reason = "--at gives one value for all points"
         warnings.append(finding("not-used", what="columns", names=overruled, reason=reason))
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]

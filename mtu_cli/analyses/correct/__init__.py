@@ -180,7 +180,7 @@ def correct(
         covariates=needed.values,
         independent=settings.independent,
     )
-    guesses = guess_warnings(model, rows.places, needed.values, columns, at)
+    guesses = guess_warnings(model, rows.places, needed.values)
     noted = [*needed.warnings, *guesses, *_axis_warnings(model, points)]
     error, u, dof, sensors = rows.errors()
     corrected = places - np.nan_to_num(error)

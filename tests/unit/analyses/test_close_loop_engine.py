@@ -133,7 +133,7 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     alarms = 0
     for seed, kind in enumerate(islice(cycle(kinds), sets)):
         likelihood = posed_of(noise(seed, parts=7, **kind)).likelihood()
-        alarms += Gate(likelihood, np.random.default_rng(seed))(()).smallest <= alpha
+        alarms += min(Gate(likelihood, np.random.default_rng(seed))(()).values()) <= alpha
     low, high = (binom.ppf(q, sets, alpha) for q in (0.001, 0.999))
     assert low <= alarms <= high
 

@@ -1,4 +1,4 @@
-"""Declared effects beyond what they were found on, and those too large to be true."""
+"""Declared effects beyond what they were found on."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def told(
         (-10.0, None),
         (110.1, "110.1"),
         (-50.0, "-50"),
-        (1e6, "1e+06"),
+        (1e6, "1000000"),
         (np.array([50.0, 150.0, -70.0]), "-70"),
     ],
 )
@@ -76,36 +76,6 @@ def test_ranges_may_be_left_out_and_change_no_prediction(tmp_path: Path) -> None
     )
     assert (one.mean == other.mean).all()
     assert (one.covariance == other.covariance).all()
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "equation", "length", "degC", "large"),
-    [
-        (900, "um", "Ey: p*dir_x", 70, 20, None),
-        (-3, "mm", "Ey: p*dir_x", 70, 20, -3.0),
-        (1100, "um", "Ey: p*dir_x", 70, 20, 1.1),
-        # 11 um/m/K by 10 K over 24 m; with a temperature in kelvin 3 mm over one metre.
-        (11, "um/m/K", "Ex: p*x*(T_a_degC - 20)", 23640, 30, None),
-        (11, "um/m/K", "Ex: p*x*(T_a_degC - 20)", 1000, 293.15, 3.00465),
-    ],
-)
-def test_an_effect_of_more_than_a_millimetre(
-    tmp_path: Path,
-    value: float,
-    unit: str,
-    equation: str,
-    length: float,
-    degC: float,
-    large: float | None,
-) -> None:
-    text = f"  - name: e\n    parameters: {{p: {{value: {value}, u: 1, unit: {unit}}}}}\n"
-    text = f"{MACHINE}{text}    equations: {{{equation}}}\n".replace("[1.0, 0.1]", "[1.0, 0.0]")
-    points = np.array([[0.0, 20, 0], [length, 12, 0]])
-    found = effect_warnings_at(stated(tmp_path, text), points, {"dir_x": 1.0, "T_a_degC": degC})
-    assert [item.code for item in found] == ([] if large is None else ["effect-too-large"])
-    assert [item.facts["value_mm"] for item in found] == (
-        [] if large is None else [pytest.approx(large)]
-    )
 
 
 def test_every_prediction_warns(tmp_path: Path) -> None:

@@ -129,14 +129,6 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
 
 
-@pytest.mark.parametrize(
-    "alike", ["3", "[3]", "{pitch_mm: 3}", "{pitch_mm: []}", "{pitch_mm: [a]}", "{'': [1]}"]
-)
-def test_other_values_are_lists_of_numbers_by_name(alike: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"machine\.yaml:\d+: effects\[1\]\.alike"):
-        loaded(tmp_path, f"{MACHINE}{EFFECTS}    alike: {alike}\n")
-
-
 def test_a_unit_of_another_kind_is_another_parameter(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
     own = predicted(machine, estimates_from_fit(machine, None))

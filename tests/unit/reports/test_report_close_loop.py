@@ -84,7 +84,7 @@ def test_what_is_left_what_separates_and_what_cancels_is_said() -> None:
     left = verdict_text(on_table(SCATTER, verdict="unexplained"), 0.05)
     assert "parts follow one another too smoothly to be scatter (walk, p 0.002)" in left
     assert "no equation corrects that" in left
-    assert "turn the part (then 6.3 standard deviations apart, now 0.80)" in verdict_text(
+    assert "turn the part (then 6.3 standard deviations apart)" in verdict_text(
         on_table(CLASS, verdict="class"), 0.05
     )
     zero = Crossing(axis="x", covariate="T_a_degC", value=22.2, u=0.8, interval95=None)
