@@ -11,7 +11,6 @@ import numpy as np
 from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
-from mtu_cli.reports.arrows import Maps, Side, draw, page_of, sheet
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.labels import cut, spread, words
 from mtu_cli.stats.least_squares import FloatArray
@@ -22,19 +21,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from mtu_cli.analyses.anova import AnovaResult
-    from mtu_cli.analyses.compare import Compared, CompareResult
+    from mtu_cli.analyses.compare import CompareResult
     from mtu_cli.analyses.correct import CorrectResult
     from mtu_cli.analyses.correct.sizes import Size
 
 PANELS, RUNS = 6, 2
 """Features whose parts are drawn, and rows of run charts."""
-OPERATIONS = 5
-"""Operations drawn as arrows."""
 WIDTH, ROW = 8.0, 1.45
 """Of a page and of a row of panels, inches."""
 PART, MANY = 14, 300
 """Characters of a part's name; of more parts the CMM's scatter is not drawn."""
-ITEMS, SIZES = 24, 40
+ITEMS, SIZES = 36, 40
 """Items that are compared, and sizes that are corrected, drawn with their intervals."""
 COMPARED = (("predicted", figures.BLUE), ("measured", figures.ORANGE))
 CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
@@ -135,82 +132,38 @@ def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
 
 @figures.styled
 def compare(result: CompareResult) -> Figure:
-    """Mean errors predicted and measured as arrows (Gilsinn & Ling 2004, Fig. 6), an operation a
-    map, above the differences of the means with U item by item, the verdict beside each.
-
-    Without errors in x and y there is nothing to draw as arrows.
+    """Means measured less those predicted, with U, item by item, the verdict beside each: faults
+    and the largest E_n first.
     """
-    most = ITEMS if result.lengths is None else ITEMS // 2
-    both = {"Lengths": result.lengths, "Features": result.features}
-    kinds = {kind: found for kind, found in both.items() if found is not None}
-    heights = [figures.rows_height(min(most, len(found.labels))) for found in kinds.values()]
-    below, maps = sum(heights) + 0.4, _compared(result)
-    if maps is None:
-        lower = page = figures.blank(WIDTH, below)
-    else:
-        drawn = sheet(maps)
-        page = figures.blank(drawn.width, drawn.height + below)
-        upper, lower = page.subfigures(2, 1, height_ratios=[drawn.height, below], squeeze=False)[
-            :, 0
-        ]
-        operations = len(dict.fromkeys(label[0] for label in result.features.labels))
-        more = f" (first {OPERATIONS} of {operations} operations)"
-        some = more if operations > OPERATIONS else ""
-        draw(upper, drawn, f"Mean errors, actual minus nominal{some}")
-    panels = lower.subplots(len(kinds), 1, height_ratios=heights, squeeze=False)[:, 0]
-    for panel, (kind, found) in zip(panels, kinds.items(), strict=True):
-        chosen = _differences(panel, found, most, result.coverage_factor)
-        panel.set_title(f"{kind}, mean ± {result.coverage_factor:g} u of one part{chosen}")
-    figures.legend(lower)
+    names: list[str] = []
+    verdicts: list[str] = []
+    values, k, total = [], result.coverage_factor, 0
+    for found in filter(None, (result.lengths, result.features)):
+        items = sorted(found.by_interest()[: ITEMS // 2])
+        names += [words(*found.labels[i]) for i in items]
+        verdicts += [found.stated(i) for i in items]
+        zero, total = found.predicted.mean[items], total + len(found.labels)
+        sides = (found.predicted, found.measured)
+        values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
+    shown = [
+        Intervals(name, colour, *side, shift)
+        for (name, colour), side, shift in zip(
+            COMPARED, np.concatenate(values, axis=2) / UM, (-0.14, 0.14), strict=True
+        )
+    ]
+    some = f" ({len(names)} of {total})" * (len(names) < total)
+    page = figures.listing(
+        f"Mean errors predicted and measured ± {k:g} u of one part{some}", names, shown,
+        "minus the predicted mean, um", beside=verdicts,
+    )  # fmt: skip
+    figures.legend(page)
     return page
-
-
-def _compared(result: CompareResult) -> Maps | None:
-    """Predicted below measured, an operation a group; None without errors in x and y."""
-    found = result.features
-    operations = list(dict.fromkeys(label[0] for label in found.labels))[:OPERATIONS]
-    axes = tuple(axis for axis in AXES if any(label[2] == axis for label in found.labels))
-    if not {"x", "y"} <= set(axes):
-        return None
-    errors = np.full((len(operations), 2, len(result.ids), 3), np.nan)
-    index = {name: i for i, name in enumerate(result.ids)}
-    for i, (operation, name, axis) in enumerate(found.labels):
-        if operation in operations:
-            pair = found.predicted.mean[i] / UM, found.measured.mean[i] / UM
-            errors[operations.index(operation), :, index[name], AXES.index(axis)] = pair
-    groups = []
-    for operation, means in zip(operations, errors, strict=True):
-        sides = zip(COMPARED, means, strict=True)
-        groups.append((operation, tuple(Side(*names, errors=e) for names, e in sides)))
-    return Maps(result.ids, result.places, axes, tuple(groups))
-
-
-def _differences(panel: Axes, found: Compared, most: int, k: float) -> str:
-    """Both means less the predicted one, with U, of the clearest faults; which, in words."""
-    items = sorted(found.by_interest()[:most])
-    zero = found.predicted.mean[items]
-    shown = []
-    for shift, side, (name, colour) in zip(
-        (-0.14, 0.14), (found.predicted, found.measured), COMPARED, strict=True
-    ):
-        value, half = (side.mean[items] - zero) / UM, k * np.nan_to_num(side.u[items]) / UM
-        shown.append(Intervals(name, colour, value, half, shift))
-    names = [words(*found.labels[i]) for i in items]
-    figures.intervals(panel, names, shown, [found.stated(i) for i in items])
-    panel.set_xlabel("minus the predicted mean, um")
-    colours = {None: figures.GREY, "consistent": figures.GREY, "over-predicted": figures.BLUE}
-    for text, i in zip(panel.texts, items, strict=True):
-        text.set_color(colours.get(found.verdicts[i], figures.RED))
-    total = len(found.labels)
-    faults = any(one not in (None, "consistent") for one in found.verdicts)
-    chosen = f": {'faults and ' * faults}the largest |E_n|, {len(items)} of {total}"
-    return chosen if len(items) < total else ""
 
 
 @figures.styled
 def correct(result: CorrectResult) -> Figure:
     """Errors of diameters (or lengths) before and after with 95 % intervals; without either
-    the mean errors of the features as arrows, or row by row where they are not in a plane.
+    the mean errors of the features.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
     for kind, items, of in (
@@ -220,20 +173,16 @@ def correct(result: CorrectResult) -> Figure:
         known = [item for item in items if not np.isnan(item.reference)]
         if known:
             return _sizes(kind, known, f"measured minus {of}, um")
-    found = result.by_feature()
-    pair = (found.before / UM, found.after / UM)
-    title = "Mean errors of the features, measured minus nominal"
-    if {"x", "y"} <= set(result.axes) and np.isfinite(pair[0][:, :2]).all():
-        sides = tuple(Side(*names, errors=e) for names, e in zip(CORRECTED, pair, strict=True))
-        axes = tuple(a for a in result.axes if np.isfinite(pair[1][:, AXES.index(a)]).any())
-        return page_of(Maps(found.features, found.places, axes, (("", sides),)), title)
-    at = [AXES.index(axis) for axis in result.axes]
-    names = [f"{name} {axis}" for name in found.features for axis in result.axes][:SIZES]
+    found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
+    names = [f"{name} {axis}" for name in found.features for axis in result.axes]
+    rows = spread(len(names), SIZES)
     shown = [
-        Intervals(*label, errors[:, at].ravel()[:SIZES])
-        for label, errors in zip(CORRECTED, pair, strict=True)
+        Intervals(*label, errors[:, at].ravel()[rows] / UM)
+        for label, errors in zip(CORRECTED, (found.before, found.after), strict=True)
     ]
-    page = figures.listing(title, names, shown, "measured minus nominal, um")
+    title = "Mean errors of the features before and after the correction"
+    chosen = [names[i] for i in rows]
+    page = figures.listing(title, chosen, shown, "measured minus nominal, um")
     figures.legend(page)
     return page
 
