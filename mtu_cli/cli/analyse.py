@@ -84,7 +84,7 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
         ids, places, beyond = grid_of(inputs.machine, found.model, grid)
         result = analysis.predict_places(found.model, ids, places, settings, inputs.at, beyond)
     matrix = bool(inputs.options.covariance)
-    document = report.document(result, settings.digits, grid=bool(grid), with_covariance=matrix)
+    document = report.document(result, settings.digits, with_covariance=matrix)
     known = dict(zip(result.prediction.ids, result.conformance, strict=True))
     warnings = [*found.warnings, *result.warnings]
     return _predicted(document, warnings, known, "position_um at a feature")

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.labels import cut, spread
 from mtu_cli.reports.numbers import significant
@@ -22,12 +21,12 @@ if TYPE_CHECKING:
     from mtu_cli.model.fit import MachineFit
 
 TITLE, NAME = 36, 26
-"""Characters of a line above a panel, and of a sensor's name beside its bar."""
+"""Characters of a line above a panel, and of a component's name in it."""
 MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
 """By instrument (the machine's first, others) and direction."""
 WORDS = {1: "forward", -1: "reverse", 0: "reading"}
-COMPONENTS, SENSORS, POSITIONS, CYCLES = 6, 8, 6, 12
-"""Drifting components, their sensors and positions drawn, and cycles named."""
+COMPONENTS, POSITIONS = 6, 6
+"""Drifting components drawn, and positions of each."""
 
 
 @figures.styled
@@ -129,75 +128,43 @@ def _band(
 
 @figures.styled
 def drift(fit: ThermalFit) -> Figure:
-    """A row a component: measured and modelled drift, and the rms contribution of its sensors."""
+    """Measured and modelled drift, a panel a component, its cycles one after the other; where the
+    drift differs along an axis a colour a position.
+    """
     shown = list(fit.components.values())[:COMPONENTS]
-    page = figures.blank(10.5, 1.1 + 2.75 * max(1, len(shown)))
-    panels = page.subplots(max(1, len(shown)), 2, squeeze=False, width_ratios=[2.3, 1.0])
-    for (curves, sensors), item in zip(panels, shown, strict=False):
-        _curves(curves, item)
-        names = item.by_share
-        drawn = names[:SENSORS]
-        parts = [item.shares.get(name, 0.0) / item.rms_size for name in drawn]
-        alike = [f"\nand {len(item.twins(name))} alike" * bool(item.twins(name)) for name in drawn]
-        labels = [cut(name, NAME) + more for name, more in zip(drawn, alike, strict=True)]
-        figures.bars(sensors, labels, parts, [significant(part, 3) for part in parts])
-        if not drawn:
-            sensors.text(0.5, 0.5, "no sensor", transform=sensors.transAxes, ha="center")
-        sensors.set_xlim(left=0.0)
-        sensors.set_xlabel(f"rms contribution, {item.rms_unit}")
-        some = f" ({SENSORS} of {len(names)})" if len(names) > SENSORS else ""
-        sensors.set_title(f"sensors{some}")
-    rest = list(fit.components)[COMPONENTS:]
-    some = f" of {len(shown)} of {len(fit.components)} components" if rest else ""
-    without = f" (not drawn: {listed(rest, 12)})" if rest else ""
-    figures.title(page, f"Drift with temperature{some}: measured (dots), modelled (lines){without}")
+    page = figures.blank(9.0, 0.9 + 2.75 * max(1, len(shown)))
+    for panel, item in zip(figures.panels_of(page, len(shown), 1), shown, strict=True):
+        _curves(panel, item)
+    some = f" of {len(shown)} of {len(fit.components)} components"
+    some = some if len(shown) < len(fit.components) else ""
+    figures.title(page, f"Drift with temperature{some}: measured (dots), modelled (lines)")
     return page
 
 
 def _curves(panel: Axes, item: ComponentDrift) -> None:
-    """Cycles one after the other; where the drift differs along an axis a colour a position."""
-    from matplotlib.lines import Line2D
-
-    unit, size = item.rms_unit, item.rms_size
-    every = sorted({x.position for x in item.curves if x.position is not None})
-    along = item.estimate.degree > 0 and len(item.positions) > 1
-    drawn = [every[i] for i in spread(len(every), POSITIONS)] if along else []
-    colours: dict[float | None, Any] = {None: figures.BLUE}
-    shades = _shades(len(drawn)) if along else [figures.BLUE] * len(every)
-    colours |= zip(drawn if along else every, shades, strict=True)
-    lengths: dict[str, float] = {}
-    for curve in item.curves:
-        length = float(np.ptp(curve.time)) if len(curve.time) else 0.0
-        lengths[curve.cycle] = max(lengths.get(curve.cycle, 0.0), length)
-    ends = np.cumsum(list(lengths.values())).tolist()
-    starts = dict(zip(lengths, [0.0, *ends], strict=False))
-    for curve in item.curves:
-        if curve.position in colours and len(curve.time):
-            time = curve.time - curve.time.min() + starts[curve.cycle]
-            colour = colours[curve.position]
-            panel.plot(time, curve.measured / size, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
-            panel.plot(time, curve.modelled / size, color=colour, linewidth=1.0)
-    for end in ends[:-1]:
-        panel.axvline(end, color=figures.GREY, linewidth=0.7, linestyle="--")
-    # The names of the cycles below them, numbers of many.
-    names, kept = list(lengths), spread(len(lengths), CYCLES)
-    fits = sum(len(name) + 2 for name in names) <= 62
-    middles = [starts[names[i]] + lengths[names[i]] / 2 for i in kept]
-    panel.set_xticks(middles, [names[i] if fits else str(i + 1) for i in kept], minor=True)
-    panel.tick_params(axis="x", which="minor", length=0, pad=17, labelsize=8.0)
+    every = list(dict.fromkeys(curve.position for curve in item.curves))
+    drawn = [every[i] for i in spread(len(every), POSITIONS)]
+    along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0
+    shades = _shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
+    colours = dict(zip(drawn, shades, strict=True))
+    for cycle in dict.fromkeys(curve.cycle for curve in item.curves):
+        curves = [curve for curve in item.curves if curve.cycle == cycle and len(curve.time)]
+        panel.axvline(start, color=figures.GREY, linewidth=0.7, linestyle="--")
+        for curve in (curve for curve in curves if curve.position in colours):
+            time, colour = curve.time - curve.time.min() + start, colours[curve.position]
+            measured, modelled = curve.measured / item.rms_size, curve.modelled / item.rms_size
+            panel.plot(time, measured, "o", ms=3.0, color=colour, alpha=0.35, mew=0)
+            at = "" if curve.position is None else f"{curve.position:g} mm"
+            panel.plot(time, modelled, color=colour, linewidth=1.0, label=at)
+        start += max((float(np.ptp(curve.time)) for curve in curves), default=0.0)
     panel.set_xlabel("min, and the cycles one after the other")
-    panel.set_ylabel(f"drift, {unit}")
-    panel.grid(axis="x", visible=False)
-    panel.margins(x=0.01)
+    panel.set_ylabel(f"drift, {item.rms_unit}")
     held = item.held_out
     kind = "rms of held-out cycles" if held else "rms of the fit (nothing held out)"
     rms = (held.before, held.after) if held else (item.rms_before, item.rms_after)
-    change = " → ".join(significant(x / size, 3) for x in rms)
-    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {unit}")
-    if drawn:
-        lines = [Line2D([], [], color=colours[x], label=f"{x:g} mm") for x in reversed(drawn)]
-        some = f"{len(drawn)} of {len(every)}\npositions" if len(drawn) < len(every) else ""
-        panel.legend(
-            handles=lines, loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=7.5, title=some,
-            title_fontsize=7.5, handlelength=1.0, labelspacing=0.8, alignment="left",
-        )  # fmt: skip
+    change = " → ".join(significant(x / item.rms_size, 3) for x in rms)
+    panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {item.rms_unit}")
+    if along:
+        handles, names = panel.get_legend_handles_labels()
+        key = dict(zip(names, handles, strict=True))
+        panel.legend([*key.values()], [*key], loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -117,17 +117,13 @@ RESULTS: Fields = (*results(ROW), *COVARIANCE)
 """Of a machine with equations for all axes."""
 
 
-def document(
-    result: PointsResult, digits: int = 2, *, grid: bool = False, with_covariance: bool = False
-) -> Document:
-    """One row a feature; of a `grid` the figure shows levels. The covariance between all features
-    and axes only where it is asked for.
-    """
+def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = False) -> Document:
+    """One row a feature; the covariance between all features and axes where it is asked for."""
     title, fields = "Errors of the features", point(result.prediction.axes, result.independent)
     of = f"U = {result.coverage_factor:g} u; error = actual minus nominal"
     footer = f"{of}; {KIND[result.independent]}{OUTSIDE * bool(result.prediction.outside)}"
     table = Table(title, fields, _rows(result), footer)
-    figure = partial(prediction_figures.volume if grid else prediction_figures.points, result)
+    figure = partial(prediction_figures.points, result)
     shown, also = (results(fields), result), [(COVARIANCE, result)] * with_covariance
     return Document(title, shown, [table], figure, _verdict(result, digits), digits, also)
 

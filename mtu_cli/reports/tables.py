@@ -7,22 +7,20 @@ as pandas prints a wide frame.
 from __future__ import annotations
 
 import io
-import re
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import IO
 
-from rich.cells import cell_len, chop_cells
+from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
+from rich.table import Table
 from rich.text import Text
 
 WIDTH = 100
 """Columns that a table may take."""
 FOLDED = 12
 """Of these a column of text can do with."""
-JOINTS = re.compile(r"[^\s_/-]*[\s_/-]+|[^\s_/-]+")
-"""Pieces of a name, each with the sign that a line may end with."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,9 +62,21 @@ class Sheet:
         for n, group in enumerate(self._groups(least, most)):
             if n > 0:
                 yield Text("")
+            gaps = len(group) - 1
+            gap = 2 if sum(wanted[i] for i in group) + 2 * gaps <= most else 1
+            table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0))
+            for i in group:
+                column, text = self.columns[i], self.columns[i].text
+                table.add_column(
+                    Text(column.title), "", justify="left" if text else "right",
+                    header_style="bold", no_wrap=not text, overflow="fold", min_width=least[i],
+                )  # fmt: skip
+            for row in self.rows:
+                cells = (row[i] for i in group)
+                table.add_row(*(Text(x, style="bold" if x.endswith("*") else "") for x in cells))
             # A terminal too narrow for a name and a number breaks the line itself.
-            widths, gap = _widths([wanted[i] for i in group], [least[i] for i in group], most)
-            yield from self._lines(group, widths, gap, ruled=console.is_terminal)
+            room = max(most, sum(least[i] for i in group) + gaps)
+            yield from console.render(table, options.update(max_width=room))
         for note in self.notes:
             yield Text(note, style="dim", overflow="fold")
 
@@ -85,61 +95,6 @@ class Sheet:
                 group = [*names, *group[end:]]
             group.append(i)
         return [*groups, group]
-
-    def _lines(
-        self, group: Sequence[int], widths: Sequence[int], gap: int, *, ruled: bool
-    ) -> Iterator[Text]:
-        columns = [self.columns[i] for i in group]
-
-        def aligned(cells: Sequence[Sequence[str]], styles: Sequence[str]) -> Iterator[Text]:
-            for n in range(max(map(len, cells))):
-                line = Text(no_wrap=True, overflow="ignore")
-                for i, (column, room) in enumerate(zip(columns, widths, strict=True)):
-                    text = cells[i][n] if n < len(cells[i]) else ""
-                    blank = " " * max(room - cell_len(text), 0)
-                    line.append(" " * gap if i else "")
-                    line.append(text + blank if column.text else blank + text, styles[i])
-                line.rstrip()
-                yield line
-
-        heads = [
-            [line for part in column.title.split("\n") for line in broken(part, room)]
-            for column, room in zip(columns, widths, strict=True)
-        ]
-        yield from aligned(heads, ["bold"] * len(group))
-        if ruled:
-            yield Text("\N{BOX DRAWINGS LIGHT HORIZONTAL}" * (sum(widths) + gap * (len(group) - 1)))
-        for row in self.rows:
-            cells = [
-                broken(row[i], room) if self.columns[i].text else [row[i]]
-                for i, room in zip(group, widths, strict=True)
-            ]
-            yield from aligned(cells, ["bold" if row[i].endswith("*") else "" for i in group])
-
-
-def _widths(wanted: list[int], least: list[int], width: int) -> tuple[list[int], int]:
-    """Columns as wide as they want where that has room, else the narrow first; and their gap."""
-    gaps = len(wanted) - 1
-    if sum(wanted) + gaps <= width:
-        return wanted, 2 if sum(wanted) + 2 * gaps <= width else 1
-    widths = [*least]
-    for _ in range(width - gaps - sum(widths)):
-        narrow = [i for i, most in enumerate(wanted) if widths[i] < most]
-        widths[min(narrow, key=widths.__getitem__)] += 1
-    return widths, 1
-
-
-def broken(name: str, width: int) -> list[str]:
-    """A name in lines of at most `width` columns; only what has no joint is cut anywhere."""
-    lines = [""]
-    for piece in JOINTS.findall(name):
-        if cell_len((lines[-1] + piece).rstrip()) <= width:
-            lines[-1] += piece
-        elif cell_len(piece.rstrip()) <= width:
-            lines.append(piece)
-        else:
-            lines += chop_cells(piece, max(width, 1))
-    return [line.rstrip() for line in lines if line] or [""]
 
 
 def console(file: IO[str] | None = None) -> Console:

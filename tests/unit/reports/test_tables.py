@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mtu_cli.reports.tables import Column, Sheet, broken, plain_text
+from mtu_cli.reports.tables import Column, Sheet, plain_text
 
 
 def shown_at(sheet: Sheet, width: int) -> str:
@@ -30,22 +30,6 @@ def sheet(widths: list[int], begins: tuple[int, ...] = ()) -> Sheet:
 def blocks(table: Sheet) -> list[str]:
     """The lines of numbers, one a group of columns."""
     return [line for line in plain_text([table]).splitlines() if line.startswith("nnnnnnnn")]
-
-
-@pytest.mark.parametrize(
-    ("name", "width", "lines"),
-    [
-        ("bore_of_the_flange_04", 12, ["bore_of_the_", "flange_04"]),
-        ("bore_01-bore_04", 9, ["bore_01-", "bore_04"]),
-        ("left of the rib", 8, ["left of", "the rib"]),
-        ("a" * 7, 3, ["aaa", "aaa", "a"]),
-        ("x " + "a" * 4, 3, ["x", "aaa", "a"]),
-        ("whole", 5, ["whole"]),
-        ("", 5, [""]),
-    ],
-)
-def test_names_break_at_their_joints(name: str, width: int, lines: list[str]) -> None:
-    assert broken(name, width) == lines
 
 
 @given(st.lists(st.integers(1, 120), min_size=1, max_size=12), st.integers(1, 120))
@@ -77,6 +61,6 @@ def test_no_digit_and_no_name_is_lost_on_any_terminal(width: int) -> None:
         assert f"-12{i}.4 ± 5.6" in shown
         assert f"value {i}" in shown
     heads = [line for line in shown.splitlines() if line.startswith("feature")]
-    assert len(heads) == shown.count("bore_of_the_") > 1
+    assert len(heads) == shown.count("bore_of_the_") >= 1
     if width >= 34:
         assert max(map(len, shown.splitlines())) <= min(width, 100)
