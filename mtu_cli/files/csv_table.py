@@ -10,7 +10,6 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mtu_cli.files.contract import number_expectation
 from mtu_cli.files.headers import TableSpec
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding, InputError, finding
@@ -288,7 +287,7 @@ def expectation(cell: str, decimal: Decimal) -> str:
     if number(cell, decimal) is not None:
         return "a finite number"
     if number(cell, "." if decimal == "," else ",") is None:
-        return number_expectation(cell)
+        return "a number"
     if decimal == ",":
         return "a number with a decimal comma, as in the rest of the file"
     return "a number with a decimal point (a decimal comma needs semicolons between columns)"
