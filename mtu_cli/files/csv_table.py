@@ -25,8 +25,6 @@ MICROSECOND = timedelta(microseconds=1)
 MINUTE = 60_000_000
 """In microseconds."""
 ODD, SHIFT = np.uint64(0x9E3779B97F4A7C15), np.uint64(29)
-AT_ONCE = 1 << 16
-"""Rows that are compared at once."""
 
 
 class CellFaults:
@@ -250,16 +248,10 @@ def perhaps_equal(columns: Sequence[NDArray[Any]]) -> Flags:
     Rows are compared by marks of 64 bits: those of unequal rows agree with probability 2^-64.
     """
     marks = np.zeros(len(columns[0]), np.uint64)
-    for first in range(0, len(marks), AT_ONCE):
-        block = slice(first, first + AT_ONCE)
-        own = marks[block]
-        for column in columns:
-            values = column[block]
-            # Adding 0.0 makes -0.0 the 0.0 that it equals.
-            floats = values.dtype == np.float64
-            own ^= (values + 0.0).view(np.uint64) if floats else values.astype(np.uint64)
-            own *= ODD
-            own ^= own >> SHIFT
+    for column in columns:
+        # Adding 0 makes -0.0 the 0.0 that it equals.
+        marks = (marks ^ (column + 0).view(np.uint64)) * ODD
+        marks ^= marks >> SHIFT
     ordered = np.sort(marks)
     return np.isin(marks, ordered[1:][ordered[1:] == ordered[:-1]])
 

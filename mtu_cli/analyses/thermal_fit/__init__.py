@@ -210,13 +210,6 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         why = "the first reading of each is 0" if p is None else f"p = {p:.1g}"
         reason = f"the probe was zeroed in every cycle ({why}): each has an offset of its own"
         yield finding("order-of-cycles", component=name, reason=reason)
-    if (shared := series.shared) is not None:
-        cycle = f"cycle {shared!r}" if shared else "one cycle without a name"
-        files = " and ".join(series.files)
-        reason = f"{cycle} is in {files} and counts as one warm-up or cool-down"
-        expected = "another name for each warm-up in the column 'cycle'"
-        facts = {"files": files, "expected": expected}
-        yield finding("order-of-cycles", component=name, reason=reason, **facts)
     unlagged = ""
     if method in ("auto", "lagged") and len(lib.time_constants) < 2:
         untimed = bool(np.isnan(series.time).any())
