@@ -83,7 +83,6 @@ CATALOGUE: dict[str, Kind] = {
         "{output}: {reason}: no first-order uncertainty exists, use the Monte Carlo"
     ),
     "second-order": _warning("{output}: {reason}; to the second order {second}"),
-    "heavy-tails": _warning("the Monte Carlo u of {outputs} may not settle: {reason}; {remedy}"),
     "correlated-inputs": _warning("{names} are correlated and not {how}: {assumed}{weaker}"),
     # The machine.
     "unused": _warning("the {what} '{name}' is in no equation"),

@@ -8,7 +8,6 @@ delta = ex cos t + ey sin t.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -46,17 +45,12 @@ MEANING = {
     "reversal-spike-a": "height of the spike after reversals of the first axis",
     "reversal-spike-b": "height of the spike after reversals of the second axis",
     "centre-offset": "distance of the circle's centre from the given one: of the set-up",
-    "circularity": "mean G of all traces",
 } | {
     name: f"amplitude of the pitch's wave, {axis} axis, {way}"
     for name, (axis, way) in zip(
         CYCLIC, [(a, w) for a in ("first", "second") for w in ("forward", "reverse")], strict=True
     )
 }
-STATED_AS = (("reversal-spikes", "reversal-spike"), ("cyclic-error", "cyclic"),
-             ("-fwd", "-forward"), ("-rev", "-reverse"))  # fmt: skip
-"""Words of an instrument's features that are others here."""
-SAME_UNITS = {"ppm": "um/m"}
 
 
 class Cause(NamedTuple):
@@ -92,17 +86,12 @@ class TraceFigures(NamedTuple):
 
 
 class Stated(NamedTuple):
-    """A feature that a ballbar states itself, in its own unit and with its own sign; `cause` is
-    what it is here (None: nothing), `ours` that figure with its u in the same unit, nan without.
-    """
+    """A feature that a ballbar states itself, in its own unit and with its own sign."""
 
     file: str
     feature: str
-    cause: str | None
     value: float
     unit: str
-    ours: float
-    u: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -289,8 +278,13 @@ def diagnose(
     axes' ball screws or scales their cyclic errors, too; `features` by file, feature: those that
     the instrument states with `value` and `unit`.
     """
+    instrument = tuple(
+        Stated(file, name, each["value"], each["unit"])
+        for file, stated in (features or {}).items()
+        for name, each in stated.items()
+    )
     if not traces.traces:
-        return CircularResult(traces=traces, instrument=_instrument(features or {}, ()))
+        return CircularResult(traces=traces, instrument=instrument)
     plain, cyclic = (traces, list[Cause]()) if pitches is None else _cyclic(traces, pitches)
     fit, R = joint_fit(plain), traces.radius
     speed = float(np.mean([trace.feed for trace in traces.traces])) / 60.0
@@ -324,8 +318,6 @@ def diagnose(
         for way in dict.fromkeys(trace.direction for trace in traces.traces)
     ]
     left = np.concatenate(fit.left)
-    roundness = float(np.mean([each.G_lsc for each in figures]))
-    known = [*causes, Cause("circularity", roundness, math.nan, "um", UM, roundness)]
     return CircularResult(
         traces=traces,
         figures=figures,
@@ -338,27 +330,9 @@ def diagnose(
             design @ fit.beta + whole.deviation - own.deviation
             for design, whole, own in zip(fit.designs, traces.traces, plain.traces, strict=True)
         ),
-        instrument=_instrument(features or {}, known),
+        instrument=instrument,
         warnings=tuple(_warnings(causes, both, timed)),
     )
-
-
-def _instrument(
-    features: Mapping[str, Mapping[str, Any]], causes: list[Cause] | tuple[()]
-) -> tuple[Stated, ...]:
-    """What the instrument states, each beside our figure of the same name and unit."""
-    own, result = {each.name: each for each in causes}, []
-    for file, stated in features.items():
-        for feature, each in stated.items():
-            name = re.sub(r"-(pos|neg)$", "", feature.removeprefix("AF_").lower().replace("_", "-"))
-            for old, new in STATED_AS:
-                name = name.replace(old, new)
-            unit, ours = each["unit"], own.get(name)
-            size = ours.size if ours and SAME_UNITS.get(unit, unit) == ours.unit else math.nan
-            value, u = (ours.value / size, ours.u / size) if ours else (math.nan, math.nan)
-            known = name if name in MEANING else None
-            result.append(Stated(file, feature, known, each["value"], unit, value, u))
-    return tuple(result)
 
 
 def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:

@@ -558,14 +558,6 @@ def plan(length: float, pitch: float) -> Plan:
     n = max(FEWEST, math.ceil(FEWEST * length / METRE))
     golden = np.mod((np.arange(n) + 0.5) * (math.sqrt(5.0) - 1) / 2, 1.0)
     phase = LEAST_PHASE + (1 - 2 * LEAST_PHASE) * golden
-    even = np.linspace(0.0, length, n)
-    turn = np.mod(phase - even / pitch, 1.0)
-    # The nearest place of that phase: inwards from the ends.
-    turn = np.where((turn > 0.5) & (np.arange(n) > 0) | (np.arange(n) == n - 1), turn - 1, turn)
-    step = min(1.0, length / (n - 1) / pitch / 2)
-    targets = even + turn * pitch * step
-    off = np.mod(targets / pitch, 1.0)
-    near = np.minimum(off, 1 - off) < LEAST_PHASE / 2
-    inwards = np.where(targets < length / 2, 1.0, -1.0)
-    targets = np.where(near, targets + inwards * LEAST_PHASE * pitch * step, targets)
+    turns = np.floor(np.linspace(0.0, length - pitch, n) / pitch)
+    targets = np.sort((turns + phase) * pitch)
     return Plan(length, pitch, np.round(targets, 3))

@@ -9,9 +9,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 from mtu_cli.cli.load import Inputs, check_cell
-from mtu_cli.files.covariates import closest_covariate
 from mtu_cli.files.source import read_source, shown_path
-from mtu_cli.findings import Finding, finding
+from mtu_cli.findings import Finding, finding, nearest
 from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
@@ -69,10 +68,9 @@ def modelled(inputs: Inputs, also: Collection[str] = ()) -> Modelled:
     # The nearest of those names alone that the call would take.
     left = [name for name in model.covariates() if name not in inputs.at]
     for name in (name for name in inputs.at if name not in (*used, *also)):
-        near = closest_covariate(name, left)
         place = {"path": f"--at {name}", "why": ": no equation needs it", "name": name}
         expected = f"a covariate: {name} is the position of a feature" if name in AXES else None
-        meant = () if near is None else (near,)
+        meant = nearest(name, left)
         warnings.append(finding("option-not-used", **place, meant=meant, expected=expected))
     return Modelled(model, estimates, tuple(warnings))
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Collection, Iterable, Sequence
 from math import isfinite
 from typing import TypeVar
 
-from mtu_cli.files.contract import number_expectation
 from mtu_cli.files.csv_table import number
 from mtu_cli.findings import Finding, InputError, error, suggestion
 
@@ -27,10 +26,8 @@ def number_of(option: str, text: str, *, whole: bool = False) -> float:
     text = text.strip()
     value = number(text)
     if value is None or not isfinite(value):
-        kind, expected = "a number", number_expectation(text)
-        if value is not None:
-            kind, expected = "a finite number", ""
-        raise error("wrong-type", path=option, kind=kind, value=text, expected=expected)
+        kind = "a number" if value is None else "a finite number"
+        raise error("wrong-type", path=option, kind=kind, value=text)
     if whole and not text.lstrip("+-").isdigit():
         raise error("wrong-type", path=option, kind="a whole number", value=text)
     return value

@@ -283,11 +283,7 @@ def _report(item: ErrorDetails, faults: Faults, model: type[BaseModel]) -> None:
     elif kind == "extra_forbidden":
         name, known = str(path[-1]), list(keys_of(type_at(model, path[:-1])))
         faults.unknown_keys.setdefault(path[:-1], []).append(name)
-        if value is None and name[:1].isdigit():
-            expected = f"a decimal point before {name}: a comma ends a value"
-            faults.add(path, "unknown-name", what="key", value=name, expected=expected)
-        else:
-            faults.unknown(path, name, known, "key")
+        faults.unknown(path, name, known, "key")
     elif kind == "findings":
         # Of an entry the keys at fault are named, or a value of them.
         whole = {"value": None if isinstance(value, dict) else shown}
@@ -307,32 +303,13 @@ def expectation(item: ErrorDetails, annotation: Any) -> str:
     words = EXPECTED.get(kind) or EXPECTED.get(kind.partition("_")[0], "another value")
     words = words.format(**item.get("ctx", {}))
     if kind.startswith(("float", "int")) and isinstance(given, str):
-        return number_expectation(given, words)
+        return f"{words} with a decimal point, without quotes or unit"
     if kind == "string_type" and is_number(given):
         return f"{words}: '{shown_value(given)}' in quotes"
     if kind in ("dict_type", "model_type") and (keys := keys_of(annotation)):
         must = [key for key, info in keys.items() if info.is_required()] or list(keys)
         return f"{words}: {{{', '.join(f'{key}: ...' for key in must)}}}"
     return words
-
-
-_NUMBER = r"[+-]?(?:[0-9]++(?:\.[0-9]*+)?|\.[0-9]++)(?:[eE][+-]?[0-9]++)?"
-_HINTS = {
-    re.compile(_NUMBER): "{}, without quotes",
-    re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?"): "{} with a decimal point",
-    re.compile(_NUMBER + r"\s*+[A-Za-zµμ°%\"'/].*", re.DOTALL): "{} alone, without its unit",
-}
-"""What to write instead of a text, by what it looks like."""
-
-
-def number_expectation(text: str, wanted: str = "a number") -> str:
-    """What to write instead of a text that stands where a number belongs.
-
-    >>> number_expectation("1,5"), number_expectation("20 mm")
-    ('a number with a decimal point', 'a number alone, without its unit')
-    """
-    hints = (hint.format(wanted) for form, hint in _HINTS.items() if form.fullmatch(text.strip()))
-    return next(hints, wanted)
 
 
 def type_at(model: Any, path: YamlPath) -> Any:

@@ -13,7 +13,6 @@ from mtu_cli.files.contract import (
     IdText,
     Name,
     is_number,
-    number_expectation,
     optional,
     short,
     wrong,
@@ -60,7 +59,7 @@ def number_or_formula(value: object) -> float:
             fault = error.findings[0]
             name = f" {fault.value!r}" if fault.value else ""
             kind = f"a formula of numbers: {fault.text}{name} at column {fault.column}"
-            expected = number_expectation(value, "a number, or a formula of numbers")
+            expected = "a number, or a formula of numbers"
             raise wrong(expected, "wrong-type", kind=kind) from None
         value = float(evaluate(node, {}))
     if not is_number(value):

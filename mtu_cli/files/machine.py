@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf, sqrt
+from math import inf
 from pathlib import Path
 
 from mtu_cli.files.contract import Faults, Loaded, check_contract, present
@@ -32,8 +32,6 @@ ROUNDING = 1e-6
 """Relative to the standard deviations: what printed digits may leave of an asymmetry."""
 INDEFINITE = 1e-8
 """Negative eigenvalue of the correlation matrix that is rounding: more makes variances negative."""
-PRINTED = 0.1
-"""Relative difference of a u and the root of its variance that one printed digit explains."""
 PASSES = "a covariance of passes"
 OF_TABLES = ("at_mm", "roughness_um2_per_mm3", "between_um2", "own_um2_per_mm3")
 NEEDS_COEFFICIENTS = ("covariance", "s_repeat", "pass_covariance", "u_future")
@@ -191,41 +189,31 @@ def _check_component(item: Component, path: YamlPath, faults: Faults) -> None:
 
 def check_covariance(
     rows: Sequence[Sequence[float]], size: int, path: YamlPath, faults: Faults
-) -> bool:
-    """Whether a matrix can be a covariance (size, size); adds what is wrong with it."""
+) -> None:
+    """That a matrix can be a covariance (size, size)."""
     if reason := covariance_fault(rows, size):
         expected = f"a covariance matrix of {counted(size, 'row')}"
         faults.add(path, "wrong-correlation", reason=reason, value=rows, expected=expected)
-    return reason is None
 
 
-def covariance_fault(
-    rows: Sequence[Sequence[float]], size: int, *, difference: bool = False
-) -> str | None:
-    """Why a matrix can be no covariance (size, size), but for rounding; None where it can.
-
-    A `difference` of two, as a moment estimate is, has to be symmetric alone. Where entries are
-    not known (nan), pairs and variances are all that can be judged.
-    """
+def covariance_fault(rows: Sequence[Sequence[float]], size: int) -> str | None:
+    """Why a matrix can be no covariance (size, size), but for rounding; None where it can."""
     import numpy as np
 
     if len(rows) != size or any(len(row) != size for row in rows):
         return f"not {size} x {size}"
     C = np.array(rows, dtype=np.float64).reshape(size, size)
     variances = np.diagonal(C)
-    if not difference and (variances < 0).any():
+    if (variances < 0).any():
         return "a variance is negative"
-    s = np.sqrt(np.abs(variances))
-    apart, scale = np.abs(C - C.T), np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T))
-    if (apart > ROUNDING * scale).any() or (np.isnan(C) != np.isnan(C.T)).any():
+    s = np.sqrt(variances)
+    if (np.abs(C - C.T) > ROUNDING * (np.outer(s, s) + np.maximum(np.abs(C), np.abs(C.T)))).any():
         return "not symmetric"
-    if difference or not size or np.isnan(C).any():
-        return None
     # Coefficients differ by powers of mm: only scaled to correlations are they comparable. One
     # after the other: the product of two small deviations may be zero.
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):
         R = np.where(C == 0.0, 0.0, C / s / s[:, None])
-    if np.isfinite(R).all() and np.linalg.eigvalsh((R + R.T) / 2)[0] >= -INDEFINITE * size:
+    if np.isfinite(R).all() and (np.linalg.eigvalsh((R + R.T) / 2) >= -INDEFINITE * size).all():
         return None
     return "not positive semidefinite: a combination has a negative variance"
 
@@ -279,13 +267,9 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
             expected = "x, y or z, several of them (xy, for an angle), or the name of a component"
             hint = {"expected": expected, "meant": suggestion(axis, components).get("meant", ())}
             faults.add((*path, "axis"), "wrong-type", kind="an axis", value=axis, **hint)
-    rows, size = effect.covariance, len(effect.parameters)
-    if rows is not None and check_covariance(rows, size, (*path, "covariance"), faults):
-        for i, (name, parameter) in enumerate(effect.parameters.items()):
-            u, s = parameter.u, sqrt(max(0.0, rows[i][i]))
-            if "u" in parameter.model_fields_set and abs(u - s) > PRINTED * max(u, s):
-                of_u, other = (*path, "parameters", name, "u"), "the covariance of the effect"
-                faults.add(of_u, "contradicts", value=u, other=other, expected=f"{s:.6g}, or none")
+    if effect.covariance is not None:
+        size = len(effect.parameters)
+        check_covariance(effect.covariance, size, (*path, "covariance"), faults)
     if faults.is_faulty(*path, "equations"):
         return
     columns = sorted(_used(effect) - _units(effect).keys())

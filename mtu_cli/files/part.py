@@ -19,7 +19,6 @@ from mtu_cli.files.contract import (
     Positive,
     check_contract,
     is_number,
-    number_expectation,
     optional,
     present,
     wrong,
@@ -51,8 +50,6 @@ class Tolerance:
 def _tolerance(value: Any) -> Tolerance:
     """20 for plus-minus 20, or [-5, 25]."""
     expected = "a number above 0, or [low, high]"
-    if isinstance(value, str):
-        raise wrong(number_expectation(value, expected))
     ends: Any = [-value, value] if is_number(value) else value
     if not (isinstance(ends, list) and len(ends) == 2 and all(map(is_number, ends))):
         raise wrong(expected)

@@ -7,18 +7,15 @@ beyond these fields is ignored, so that reports of other versions are read too.
 from __future__ import annotations
 
 import json
-from collections import Counter
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
-from math import isfinite, isnan, nan
+from math import nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from mtu_cli.files.contract import NonNegative, Number, all_wrong, check_contract, sized, wrong
-from mtu_cli.files.covariates import is_temperature
-from mtu_cli.files.machine import covariance_fault
 from mtu_cli.files.machine_contract import (
     AxisName,
     Gradient,
@@ -29,47 +26,19 @@ from mtu_cli.files.machine_contract import (
 )
 from mtu_cli.files.source import Source, check_text, read_source
 from mtu_cli.files.yaml_file import YamlDocument
-from mtu_cli.findings import Finding, InputError, error, finding, shorten
+from mtu_cli.findings import Finding, InputError, error, finding
 
 MAX_BYTES = 1 << 30
 COMPONENTS = "mtu/fit-components/1"
 THERMAL = "mtu/thermal-fit/1"
 
 
-def _not_negative(value: float) -> float:
-    if value < 0:
-        raise wrong("a number of at least 0")
-    return value
-
-
-def _once(names: list[str]) -> list[str]:
-    if doubled := [name for name, count in Counter(names).items() if count > 1]:
-        raise wrong(code="appears-twice", what="the name", value=doubled[0])
-    return names
-
-
-def _temperature(name: str) -> str:
-    if not is_temperature(name):
-        raise wrong("T_<sensor>_degC", "wrong-type", kind="the name of a temperature")
-    return name
-
-
-def _determined(matrix: Matrix) -> Matrix:
-    if any(isnan(value) for row in matrix for value in row):
-        facts = {"what": "the readings do not determine it", "value": None}
-        raise wrong("more readings or cycles", "too-little-data", **facts)
-    return matrix
-
-
 _OR_NULL = BeforeValidator(lambda value: nan if value is None else value)
 _STRICT = Field(strict=True, allow_inf_nan=True)
 Figure = Annotated[float, _STRICT, _OR_NULL, AfterValidator(sized)]
 """A number; nan where the report says null, because the readings do not determine it."""
-Deviation = Annotated[Figure, AfterValidator(_not_negative)]
 Matrix = list[list[Figure]]
-Determined = Annotated[Matrix, AfterValidator(_determined)]
-Names = Annotated[list[str], AfterValidator(_once)]
-Sensors = Annotated[list[Annotated[str, AfterValidator(_temperature)]], AfterValidator(_once)]
+Known = list[list[Number]]
 
 
 class _Reported(BaseModel):
@@ -77,18 +46,15 @@ class _Reported(BaseModel):
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
-    def _shaped(self, differences: Collection[str] = (), **shapes: tuple[int, ...]) -> None:
-        """Raises where lists (n,) and (n, m), or covariances (n, n), have another shape; those that
-        are `differences` of mean squares may be negative.
-        """
+    def _shaped(self, **shapes: tuple[int, ...]) -> None:
+        """Raises where lists (n,) and matrices (n, m) have another shape."""
         faults = []
         for key, (size, *width) in shapes.items():
-            if (values := getattr(self, key)) is None:
-                continue
-            if "covariance" in key or "mean_square" in key:
-                if reason := covariance_fault(values, size, difference=key in differences):
-                    faults.append(wrong("", "wrong-correlation", key, reason=reason))
-            elif len(values) != size or any(len(row) not in width for row in values if width):
+            values = getattr(self, key)
+            odd = values is not None and (
+                len(values) != size or any(len(row) not in width for row in values if width)
+            )
+            if odd:
                 wanted = " x ".join(map(str, (size, *width)))
                 faults.append(wrong(wanted, "wrong-count", key, found="another size"))
         if faults:
@@ -112,11 +78,11 @@ class ReportedComponent(_Reported):
     covariance: Matrix
     covariance_independent: Matrix | None
     s: NonNegative | None
-    s_repeat: Deviation
+    s_repeat: Figure
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
-    half_difference_mean_square: list[list[Number]] | None = None
-    run_covariance: list[list[Number]] | None = None
+    half_difference_mean_square: Known | None = None
+    run_covariance: Known | None = None
     pass_center_mm: Number
     pass_dof: NonNegative | None
     repeat_dof: NonNegative | None
@@ -127,7 +93,6 @@ class ReportedComponent(_Reported):
         k = len(self.coefficients)
         passes = (min(2, k), min(2, k))
         self._shaped(
-            ("pass_covariance_moment", "run_covariance"),
             coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
             covariance=(k, k),
             covariance_independent=(k, k),
@@ -136,12 +101,6 @@ class ReportedComponent(_Reported):
             half_difference_mean_square=passes,
             run_covariance=passes,
         )
-        # A fit of as many readings as coefficients tells neither a covariance nor a repeatability;
-        # any other tells all of both.
-        unknown = _unknown(self.covariance)
-        if len(unknown) < k**2 and (unknown or isnan(self.s_repeat)):
-            key = "covariance" if unknown else "s_repeat"
-            raise wrong("", "missing-input", key, what="a number")
         return self
 
 
@@ -152,7 +111,7 @@ class ReportedGroup(_Reported):
     widths: list[int]
     coefficient_covariance: Matrix
     pass_covariance: Matrix
-    half_difference_mean_square: list[list[Number]] | None = None
+    half_difference_mean_square: Known | None = None
     pass_dof: NonNegative
     n_passes: int | None
 
@@ -160,7 +119,7 @@ class ReportedGroup(_Reported):
     def _whole(self) -> ReportedGroup:
         whole = (sum(self.widths), sum(self.widths))
         keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")
-        self._shaped(("pass_covariance",), **dict.fromkeys(keys, whole))
+        self._shaped(**dict.fromkeys(keys, whole))
         return self
 
 
@@ -170,10 +129,10 @@ class ReportedEffects(_Reported):
     `parameters` are named ``effect.parameter``; `covariance` is over all of them in order.
     """
 
-    parameters: Names
+    parameters: list[str]
     units: list[ParameterUnitName]
     values: list[Number]
-    covariance: list[list[Number]]
+    covariance: Known
 
     @model_validator(mode="after")
     def _whole(self) -> ReportedEffects:
@@ -192,13 +151,13 @@ class ReportedDrift(_Reported):
     of: AxisName | None
     unit: UnitName
     degree: int = Field(ge=0)
-    sensors: Sensors
+    sensors: list[str]
     reference_temperature_degC: Number  # noqa: N815  # unit
     time_constants_min: list[TimeConstant]
     coefficients: list[list[Gradient]]
-    covariance: Determined
+    covariance: Known
     coefficient_dof: NonNegative | None
-    leftover_covariance: Determined
+    leftover_covariance: Known
     leftover_dof: NonNegative | None
     sensor_u_degC: list[SensorU]  # noqa: N815  # unit
     temperature_range_degC: list[tuple[Number, Number]] | None  # noqa: N815  # unit
@@ -215,9 +174,6 @@ class ReportedDrift(_Reported):
             sensor_u_degC=(sensors,),
             temperature_range_degC=(sensors,),
         )
-        if self.of is None and self.degree > 0:
-            facts = {"what": "a degree", "other": "`of`", "value": self.degree}
-            raise wrong("0, or the axis as `of`", "incomplete", "degree", **facts)
         return self
 
 
@@ -236,13 +192,6 @@ class _Components(_Reported):
             if group.widths != widths or len(known) < len(group.components):
                 expected = f"components of the report, whose widths are {widths}"
                 raise wrong(expected, "wrong-value", *at, value=group.components)
-            # Of as many readings as coefficients nobody can tell a covariance, but of passes
-            # everybody can.
-            lacks = [bool(_unknown(item.covariance)) for item in known for _ in item.coefficients]
-            places = _unknown(group.coefficient_covariance)
-            odd = [(i, j) for i, j in places if not (lacks[i] or lacks[j])]
-            if odd or _unknown(group.pass_covariance):
-                raise wrong("", "missing-input", *at, what="a number of a covariance")
         return self
 
 
@@ -370,24 +319,18 @@ def _hashes(report: _Fit | _ThermalFit, *roles: str) -> frozenset[str]:
     return frozenset(str(file.get("sha256")) for file in report.inputs if file.get("role") in roles)
 
 
-def _unknown(matrix: Matrix) -> list[tuple[int, int]]:
-    """The places of a matrix that the readings do not determine."""
-    return [(i, j) for i, row in enumerate(matrix) for j, v in enumerate(row) if isnan(v)]
-
-
 def read_json(path: Path, role: str) -> tuple[Source, Any]:
     """The values of a JSON file.
 
     Raises InputError for a file that cannot be read (see `read_source`), text that is not
-    JSON (with line and column), NaN or Infinity, a key that appears twice in one object.
+    JSON (with line and column).
     """
     source, content = read_source(path, role, max_bytes=MAX_BYTES)
     check_text(content, source.shown)
     text = content.decode("utf-8-sig")
     place: dict[str, Any] = {"file": source.shown}
-    hooks: dict[str, Any] = dict.fromkeys(("parse_constant", "parse_int", "parse_float"), _number)
     try:
-        data = json.loads(text, object_pairs_hook=_without_duplicates, **hooks)
+        data = json.loads(text)
     except json.JSONDecodeError as fault:
         place |= {"line": fault.lineno, "column": fault.colno}
         why = fault.msg.lower().removesuffix(" starting at")
@@ -401,18 +344,3 @@ def read_json(path: Path, role: str) -> tuple[Source, Any]:
     inputs = data.get("inputs") if isinstance(data, dict) else None
     made = any(isinstance(x, dict) and x.get("synthetic") is True for x in inputs or ())
     return replace(source, synthetic=made), data
-
-
-def _number(text: str) -> int | float:
-    value = float(text)
-    if not isfinite(value):
-        raise ValueError(f"{shorten(text)} is no finite number")
-    return int(text) if text.removeprefix("-").isdecimal() else value
-
-
-def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    values = dict(pairs)
-    if len(values) < len(pairs):
-        name = next(key for key, n in Counter(key for key, _ in pairs).items() if n > 1)
-        raise ValueError(f"the key {name!r} appears twice in one object")
-    return values

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.files.covariates import SENSOR_EXPECTED, closest_covariate, no_temperature
+from mtu_cli.files.covariates import SENSOR_EXPECTED, no_temperature
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.findings import Finding, InputError, error, finding, listed
+from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
 from mtu_cli.language.tree import Call
 from mtu_cli.model.effect_parameters import (
@@ -252,7 +252,7 @@ def missing_covariates(
             owner = f"the drift of {listed(of)}"
         expected = f"--at {first}=VALUE"
         if columns is not None:
-            near = closest_covariate(first, columns)
+            near = closest(first, columns)
             there = f" (there is {near!r})" if near else ""
             expected = f"a column of this name{there}, or {expected}"
         if more:

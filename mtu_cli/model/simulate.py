@@ -13,9 +13,7 @@ import numpy as np
 
 from mtu_cli.files.covariates import (
     PLACE,
-    as_temperature,
     column_dimensions,
-    looks_like_temperature,
     own_columns,
 )
 from mtu_cli.files.headers import LARGEST_READING
@@ -190,8 +188,7 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     """Name and equation of an error in mm, or of a `column` in the unit that its name tells. Its
     numbers may have units: ``0.004*dir_x`` are mm.
 
-    Raises InputError for what is no such text, for a column that looks like a sensor's and is none,
-    and for terms of another dimension.
+    Raises InputError for what is no such text, and for terms of another dimension.
     """
     name, colon, equation = text.partition(":")
     blanks, name = " " * len(name + colon), name.strip()
@@ -199,10 +196,6 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
         example = "'T_spindle_degC: 20 + 2*(sequence - 1)'" if column else "'Ex: 0.004*dir_x'"
         place = {"path": option, "value": text, "expected": f"{example}, say"}
         raise error("wrong-type", kind="NAME: EQUATION", **place)
-    if column and looks_like_temperature(name):
-        # What reads the points would refuse the column.
-        place = {"value": name, "expected": as_temperature(name) or "T_<sensor>_degC"}
-        raise error("wrong-type", path=option, kind="the name of a temperature", **place)
     try:
         # Blanks for the name: columns count from the start of the option's text.
         tree = parse(blanks + equation)

@@ -211,7 +211,6 @@ def unusual_part(item: Any = None) -> Fields:
         where. | where | *place | json
         *deviation
         p_familywise | p | p over all parts and tables | p, p
-        why | | of what: mean or distance (rms) of a group, a single table
         singles[] | singles | *place
     """
     return declare(text, place=place(""), deviation=_in_units(DEVIATION, *units))

@@ -57,11 +57,8 @@ STATED = declare(
     """
     file | | file of the instrument | file, text
     feature | | its feature | feature, text
-    cause | | what it is in the diagnosis; null: nothing of that kind | cause, text
     value | | as the instrument states it, with its sign | stated, sig4
     unit | | its unit | unit, text
-    ours | | the figure of the diagnosis; null without traces, or in another unit | ours, u=u
-    u | | standard uncertainty of that | u
     """
 )
 RESULTS = declare(

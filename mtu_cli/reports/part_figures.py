@@ -37,7 +37,7 @@ CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 class Chart(NamedTuple):
     """The mean of each part over the sequence of manufacture, with what the CMM's scatter makes of
-    it and the names of outliers; `limits` (2, parts or none) of an outlier or of the tolerance.
+    it and the names of outliers; `limits` of the tolerance.
     """
 
     title: str
@@ -45,8 +45,7 @@ class Chart(NamedTuple):
     sequence: FloatArray
     values: FloatArray
     half: FloatArray | None
-    limits: FloatArray
-    toleranced: bool
+    limits: Sequence[float]
     outliers: dict[int, str]
 
 
@@ -66,11 +65,8 @@ def anova(result: AnovaResult) -> Figure:
             places, chart.values[order], half, fmt="o-", color=figures.INK, ms=3,
             lw=0.5, elinewidth=1.0, label="mean of a part ± k s_repeat/√n",
         )  # fmt: skip
-        label = "tolerance" if chart.toleranced else "limits of an outlier (all parts and features)"
         for limit in chart.limits:
-            ends = np.broadcast_to(limit, len(order))[order]
-            colour = figures.GREEN if chart.toleranced else figures.RED
-            panel.plot(places, ends, color=colour, lw=1.0, ls="--", label=label)
+            panel.axhline(limit, color=figures.GREEN, lw=1.0, ls="--", label="tolerance")
         for i, name in chart.outliers.items():
             place = chart.sequence[i], chart.values[i]
             panel.plot(*place, "D", color=figures.RED, ms=5, label="outlier among the parts")
@@ -94,8 +90,7 @@ def _features(result: AnovaResult) -> Iterator[Chart]:
         for i in (i for i, label in enumerate(labels) if label[:2] == key):
             mean, u = (each / UM for each in found.part_means(i))
             out = {p: name for p, name in enumerate(found.tables.parts) if name in found.unusual[i]}
-            sequence, limits = result.sequence[key[0]], result.limits(i) / UM
-            yield Chart(words(*labels[i]), "um", sequence, mean, k * u, limits, False, out)
+            yield Chart(words(*labels[i]), "um", result.sequence[key[0]], mean, k * u, (), out)
 
 
 def _runs(result: AnovaResult) -> Iterator[Chart]:
@@ -106,8 +101,8 @@ def _runs(result: AnovaResult) -> Iterator[Chart]:
         limits = [item.high] if item.kind == "position" else [item.low, item.high]
         title = f"{words(item.operation, item.id)} {item.kind}: ppk {item.ppk:.2f}"
         drawn.add((item.operation, item.id, item.kind))
-        values, ends = item.values / size, np.array(limits) / size
-        yield Chart(title, unit, item.sequence, values, None, ends, True, {})
+        ends = [limit / size for limit in limits]
+        yield Chart(title, unit, item.sequence, item.values / size, None, ends, {})
     kinds = {label: (kind, i) for kind in result.kinds for i, label in enumerate(kind.labels)}
     for trend in sorted(result.trends, key=lambda item: item.p):
         if trend.p <= FAMILY_RATE and trend.where not in drawn:
@@ -116,7 +111,7 @@ def _runs(result: AnovaResult) -> Iterator[Chart]:
             title = f"{words(*trend.where)}: {trend.slope / size:.2g} {unit} a part"
             values = kind.part_means(i)[0] / size
             sequence = result.sequence[trend.where[0]]
-            yield Chart(title, unit, sequence, values, None, np.zeros(0), False, {})
+            yield Chart(title, unit, sequence, values, None, (), {})
 
 
 @figures.styled

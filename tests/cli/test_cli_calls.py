@@ -100,13 +100,7 @@ def test_calls_that_are_none_are_told_in_one_line(call: list[str], words: str, w
 
 def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     bad = ["T", "=1", "T_a_degC=", "a\x07=1"]
-    words = {
-        "warm": "a number",
-        "1_0": "a number",
-        "\uff12": "a number",
-        "23,5": "a number with a decimal point",
-        "23.5 degC": "a number alone, without its unit",
-    }
+    words = ["warm", "1_0", "\uff12", "23,5", "23.5 degC"]
     vast = ["nan", "-inf", "1e400"]
     values = [*words, *vast]
     given = [*bad, *(f"T_a_degC={value}" for value in values), "dir_x=1", "dir_x=-1"]
@@ -116,10 +110,7 @@ def test_all_bad_covariates_are_told_at_once(work: Path) -> None:
     for line, text in zip(found, bad, strict=False):
         assert line.startswith(f"--at: not NAME=VALUE: {text!r}; expected --at T_02_degC=23.5, say")
     assert found[len(bad) : -1] == [
-        *(
-            f"--at T_a_degC: not a number: {text!r}; expected {hint}"
-            for text, hint in words.items()
-        ),
+        *(f"--at T_a_degC: not a number: {text!r}" for text in words),
         *(f"--at T_a_degC: not a finite number: {value!r}" for value in vast),
     ]
     assert found[-1] == "--at dir_x appears twice: 'dir_x=-1'"

@@ -81,9 +81,8 @@ def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) 
             gzip.compress(b"component,error,unit\n" * 500)[:60],
             "damaged gzip data (Compressed file ended",
         ),
-        (gzip.compress(bytes(16 << 20)) * 8, "unpacks to more than"),
     ],
-    ids=["binary", "excel", "utf-16", "latin-1", "gzip-damaged", "gzip-cut", "gzip-bomb"],
+    ids=["binary", "excel", "utf-16", "latin-1", "gzip-damaged", "gzip-cut"],
 )
 def test_bytes_that_are_no_table(content: bytes, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from mtu_cli.analyses.anova.tables import Analysed, Label
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.resolution import hidden
-from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
+from mtu_cli.stats.rotation import RATE, outstanding_rows
 
 FAMILY_RATE = RATE
 """Of clean studies so many have an alarm of any kind at most: an outlying part, or a trend over the
@@ -23,24 +21,17 @@ PARTS_RATE = PARTS * FAMILY_RATE
 FEWEST_PARTS = 4
 """Among fewer parts none can be called an outlier."""
 
-Why = Literal["distance", "mean", "single"]
-KINDS: tuple[Why, ...] = ("mean", "distance")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnusualPart:
-    """An outlying part at the family-wise rate, and by what most of all.
-
-    `why`: its mean over a group of tables (an axis of an operation, the lengths), its distance
-    there (root mean square), or a `single` table. `where` is that table (operation, id, axis)
-    or the group (id ""); `deviation` how far the part lies from the mean of the others there and
-    `typical` how far these do (root mean square), in the unit of the tables: neither is pulled
-    by the part. `singles` all tables in which it is an outlier by itself.
+    """An outlying part at the family-wise rate: its `deviation` in the table `where` it lies
+    farthest from the mean of the others, and the `typical` one of these (root mean square), in the
+    unit of the table: neither is pulled by the part. `singles` are all tables in which it is an
+    outlier by itself.
     """
 
     part: str
     p: float
-    why: Why
     where: Label
     deviation: float
     typical: float
@@ -63,16 +54,6 @@ class PartsTable:
     scale: FloatArray
     scaled: FloatArray
     rounding: FloatArray
-
-    def limits(self, column: int, limit: FloatArray) -> FloatArray:
-        """The values (2, parts) of part means beyond which a part is an outlier of one table by
-        itself, about the table's mean: `limit` (tables,) sample deviations from their centre.
-        """
-        scaled, scale = self.scaled[:, column], np.abs(self.scale[:, column])
-        known = scaled[np.isfinite(scaled)]
-        s2 = known.var(ddof=1) if len(known) > 1 else np.nan
-        half = limit[column] * np.sqrt(s2 + hidden(s2, self.rounding_scaled[column]))
-        return np.stack([scale * (known.mean() - half), scale * (known.mean() + half)])
 
     @property
     def rounding_scaled(self) -> FloatArray:
@@ -105,64 +86,42 @@ def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
     )
 
 
-def unusual_parts(
-    table: PartsTable, seed: int
-) -> tuple[FloatArray, tuple[UnusualPart, ...] | None]:
-    """The limits (tables,) of single tables, nan where no part can be an outlier, and outlying
-    parts at their share of the family-wise rate over all parts and tables; None of too few parts.
+def unusual_parts(table: PartsTable, seed: int) -> tuple[UnusualPart, ...] | None:
+    """Outlying parts at their share of the family-wise rate over all parts and tables; None of too
+    few parts.
     """
     if len(table.parts) < FEWEST_PARTS:
-        return np.full(len(table.labels), np.nan), None
-    names = [(operation, "", axis) for operation, _, axis in table.labels]
-    codes = {name: code for code, name in enumerate(dict.fromkeys(names))}
-    groups = np.array([codes[name] for name in names])
-    result = outstanding_rows(table.scaled, groups, seed, PARTS_RATE, table.rounding_scaled)
+        return None
+    names = [(operation, axis) for operation, _, axis in table.labels]
+    groups = np.unique(names, axis=0, return_inverse=True)[1].ravel()
+    result = outstanding_rows(table.scaled, groups, seed, table.rounding_scaled)
     p = np.minimum(result.by_row, result.by_cell.min(axis=1))
     outside = np.flatnonzero(p <= PARTS_RATE).tolist()
-    unusual = [_unusual(table, groups, list(codes), result, i) for i in outside]
-    return result.limit, tuple(sorted(unusual, key=lambda item: item.p))
+    unusual = [_unusual(table, result.by_cell[i], i, float(p[i])) for i in outside]
+    return tuple(sorted(unusual, key=lambda item: item.p))
 
 
-def _unusual(
-    table: PartsTable, groups: np.ndarray, names: list[Label], found: Outstanding, i: int
-) -> UnusualPart:
-    """Part `i`, and where it lies farthest from the others in terms of how far these do: a single
-    table, if that has two thirds of its squared deviations, else the mean or distance of a group.
+def _unusual(table: PartsTable, singles: FloatArray, i: int, p: float) -> UnusualPart:
+    """Part `i`, and where it lies farthest from the others in terms of how far these do; `singles`
+    (tables,) are its p in each table by itself.
     """
     others = np.arange(len(table.parts)) != i
     off = table.raw - _mean(table.raw[others])
-    scale2 = _mean(off[others] ** 2) + table.rounding
+    square = _mean(off[others] ** 2)
+    scale2 = square + table.rounding
     each = np.nan_to_num(off[i]) / np.sqrt(np.where(scale2 > 0, scale2, 1.0))
-    p_row, p_single = float(found.by_row[i]), float(found.by_cell[i].min())
     j = int(np.argmax(np.abs(each)))
-    of_one = found.by_cell[i, j] <= PARTS_RATE and 3 * each[j] ** 2 > 2 * each @ each
-    if p_single < p_row or of_one:
-        j = j if of_one else int(np.argmin(found.by_cell[i]))
-        sizes: list[tuple[float, Why, Label, FloatArray]] = [
-            (0.0, "single", table.labels[j], off[:, j])
-        ]
-    else:
-        sizes = []
-        for code, name in enumerate(names):
-            own, r = off[:, groups == code], table.rounding[groups == code].mean()
-            values = {"mean": _mean(own, 1), "distance": np.sqrt(_mean(own**2, 1))}
-            for kind in KINDS:
-                scale = np.sqrt(_mean(values[kind][others] ** 2) + r)
-                size = abs(float(values[kind][i])) / scale if scale > 0 else 0.0
-                sizes.append((size, kind, name, values[kind]))
-    _, why, where, by_part = max(sizes, key=lambda size: size[0])
     return UnusualPart(
         part=table.parts[i],
-        p=min(min(p_row, p_single) / PARTS, 1.0),
-        why=why,
-        where=where,
-        deviation=float(by_part[i]),
-        typical=float(np.sqrt(_mean(by_part[others] ** 2))),
-        singles=tuple(table.labels[j] for j in np.flatnonzero(found.by_cell[i] <= PARTS_RATE)),
+        p=min(p / PARTS, 1.0),
+        where=table.labels[j],
+        deviation=float(off[i, j]),
+        typical=float(np.sqrt(square[j])),
+        singles=tuple(table.labels[j] for j in np.flatnonzero(singles <= PARTS_RATE)),
     )
 
 
-def _mean(values: FloatArray, axis: int = 0) -> FloatArray:
-    """Along an axis, of what is known; 0 where nothing is."""
-    count = np.maximum(np.isfinite(values).sum(axis=axis), 1)
-    return np.asarray(np.nan_to_num(values).sum(axis=axis) / count)
+def _mean(values: FloatArray) -> FloatArray:
+    """Of each column, of what is known; 0 where nothing is."""
+    count = np.maximum(np.isfinite(values).sum(axis=0), 1)
+    return np.asarray(np.nan_to_num(values).sum(axis=0) / count)

@@ -22,9 +22,6 @@ SHORTEST = 1.05
 """More than its own scatter may make the shortest interval longer than the symmetric one."""
 ROUNDING = 1e-9
 """Share of a value below which ends of an interval agree."""
-FEW, MANY = 0.2, 10_000
-"""Share of u that its standard error is where a few of many trials make it: that of normal ones is
-1/sqrt(2 M)."""
 Interval = tuple[float, float]
 
 
@@ -183,16 +180,10 @@ class BudgetResult:
     @property
     def warnings(self) -> tuple[Finding, ...]:
         """All warnings, those of the file first."""
-        result, run = [*self.of_file, *self.given.findings()], self.run
+        result = [*self.of_file, *self.given.findings()]
         for item in self.outputs:
             result += item.findings(self.given.u)
-        heavy = ~(np.isnan(run.u) | (run.se_u <= FEW * run.u)) & (run.trials >= MANY)
-        if heavy.any():
-            names = [self.outputs[i].first.name for i in np.flatnonzero(heavy)]
-            reason = "a few trials far out make it, as of a ratio whose divisor may be 0"
-            given = {"reason": reason, "remedy": "use the interval"}
-            result.append(finding("heavy-tails", outputs=names, **given))
         if not self.converged:
             goal = "the digits of u asked for (JCGM 101, 7.9.4)"
-            result.append(finding("not-converged", trials=run.trials, goal=goal))
+            result.append(finding("not-converged", trials=self.run.trials, goal=goal))
         return tuple(dict.fromkeys(result))

@@ -69,6 +69,10 @@ def thermal_fit(
         result[series.name] = drift
         share = min(share, noise_share(fitted, sensor_noise(series)))
         warnings += _warnings(lib, drift, method)
+    unused = [name for name in readings.covariates if not is_temperature(name)]
+    if odd := [name for name in unused if name.casefold().startswith("t_")]:
+        reason = "a sensor is T_<sensor>_degC, of letters a to z, digits and _"
+        warnings.append(finding("not-used", what="columns", names=odd, reason=reason))
     # Sensors are the same for all components: the one that shows least noise bounds it.
     for name, drift in result.items():
         bounded = replace(drift.estimate, sensor_u=drift.estimate.sensor_u * share)
@@ -76,7 +80,7 @@ def thermal_fit(
     return ThermalFit(
         components=result,
         sensors=sensors,
-        not_used=tuple(name for name in readings.covariates if not is_temperature(name)),
+        not_used=tuple(unused),
         reference=reference,
         method=method,
         warnings=tuple(dict.fromkeys(warnings)),
@@ -206,13 +210,6 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         why = "the first reading of each is 0" if p is None else f"p = {p:.1g}"
         reason = f"the probe was zeroed in every cycle ({why}): each has an offset of its own"
         yield finding("order-of-cycles", component=name, reason=reason)
-    if (shared := series.shared) is not None:
-        cycle = f"cycle {shared!r}" if shared else "one cycle without a name"
-        files = " and ".join(series.files)
-        reason = f"{cycle} is in {files} and counts as one warm-up or cool-down"
-        expected = "another name for each warm-up in the column 'cycle'"
-        facts = {"files": files, "expected": expected}
-        yield finding("order-of-cycles", component=name, reason=reason, **facts)
     unlagged = ""
     if method in ("auto", "lagged") and len(lib.time_constants) < 2:
         untimed = bool(np.isnan(series.time).any())

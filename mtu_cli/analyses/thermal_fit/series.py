@@ -29,8 +29,7 @@ class Series:
 
     `T` (n, s) degC, `y` (n,) mm or rad, `time` (n,) min (nan: not given); `place` and `cycle` (n,)
     index `positions` (mm, ascending; (None,) without an axis) and `cycles`. `range` (s, 2) of the
-    sensors; `total` readings of which every `every`-th is here; `files` that hold them, `shared`
-    a cycle that several of these have at one position (None: there is none).
+    sensors; `total` readings of which every `every`-th is here; `files` that hold them.
     """
 
     name: str
@@ -46,7 +45,6 @@ class Series:
     total: int
     every: int
     files: tuple[str, ...]
-    shared: str | None
 
     @cached_property
     def place_starts(self) -> Ints:
@@ -169,9 +167,7 @@ def _series(readings: Readings, sensors: tuple[str, ...], name: str, rows: Ints)
         # Cycles follow each other in time, too, whichever the file has first.
         order = np.lexsort((time, cycle, start[cycle], place))
     cycles = tuple(readings.cycles[c] if c >= 0 else "" for c in labels.tolist())
-    files = readings.file_index[rows]
-    pairs = np.unique(piece * len(readings.sources) + files) // len(readings.sources)
-    shared = pairs[1:][pairs[1:] == pairs[:-1]]
+    files = np.unique(readings.file_index[rows]).tolist()
     return Series(
         name=name,
         dimension=int(readings.dimension[rows[0]]),
@@ -185,6 +181,5 @@ def _series(readings: Readings, sensors: tuple[str, ...], name: str, rows: Ints)
         range=np.array(spans),
         total=total,
         every=every,
-        files=tuple(sorted({readings.sources[i].shown for i in np.unique(files).tolist()})),
-        shared=cycles[shared[0] % len(cycles)] if len(shared) else None,
+        files=tuple(sorted({readings.sources[i].shown for i in files})),
     )

@@ -1,4 +1,4 @@
-"""One answer to whether a matrix is a covariance, for files written by hand and for reports."""
+"""Whether a matrix is a covariance."""
 
 from __future__ import annotations
 
@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from mtu_cli.files.machine import covariance_fault
-
-NAN = float("nan")
 
 
 @pytest.mark.parametrize(
@@ -25,11 +23,6 @@ NAN = float("nan")
         ([[1e-320, 1.0], [1.0, 1e-320]], "a combination has a negative variance"),
         ([[1e-320, 1e-320], [1e-320, 1e-320]], None),
         ([[1e300, 1e300], [-1e300, 1e300]], "not symmetric"),
-        ([[1.0, NAN], [NAN, 1.0]], None),
-        ([[-1.0, NAN], [NAN, 1.0]], "a variance is negative"),
-        ([[1.0, NAN, 2.0], [NAN, 1.0, 0.0], [1.0, 0.0, 1.0]], "not symmetric"),
-        # What is not known is not known on both sides.
-        ([[1.0, NAN], [0.5, 1.0]], "not symmetric"),
         ([[1.0, 0.0]], "not 1 x 1"),
         ([[1.0, 0.0], [0.0]], "not 2 x 2"),
     ],
@@ -38,14 +31,6 @@ def test_what_a_covariance_is(rows: list[list[float]], words: str | None) -> Non
     found = covariance_fault(rows, len(rows))
     assert (found is None) == (words is None)
     assert words is None or (found or "").endswith(words)
-
-
-@pytest.mark.parametrize("rows", [[[-1.0, 0.5], [0.5, 1.0]], [[0.0, 2.0], [2.0, 1.0]]])
-def test_a_difference_of_covariances_has_to_be_symmetric_alone(rows: list[list[float]]) -> None:
-    assert covariance_fault(rows, 2, difference=True) is None
-    assert covariance_fault(rows, 2) is not None
-    rows[0][1] += 1e-3
-    assert covariance_fault(rows, 2, difference=True) == "not symmetric"
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e-3, 1e12])

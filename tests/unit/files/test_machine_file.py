@@ -265,16 +265,6 @@ def test_effects_that_may_be_right(tmp_path: Path, unit: str, equation: str) -> 
             )
             for axis in ("q", "xx", "X", "Ex")
         ),
-        (
-            "parameters: {p: {value: 1, u: 5, unit: um}}, equations: {Ex: p}, covariance: [[0.09]]",
-            "effects[0].parameters.p.u: contradicts the covariance of the effect: '5.0'; "
-            "expected 0.3, or none",
-        ),
-        (
-            "parameters: {p: {value: 1, u: 0.37, unit: um}}, equations: {Ex: p}, "
-            "covariance: [[0.1089]]",
-            "'0.37'; expected 0.33, or none",
-        ),
     ],
 )
 def test_faulty_effects(tmp_path: Path, effect: str, words: str) -> None:

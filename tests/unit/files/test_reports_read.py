@@ -78,13 +78,10 @@ def test_sound_components(tmp_path: Path, change: dict[str, Any]) -> None:
         ({"s_repeat": 1e200}, "s_repeat: out of range: '1e+200'; expected at most 1e+30 in size"),
         ({"coefficients": [-1e308]}, "coefficients[0]: out of range: '-1e+308'"),
         ({"pass_covariance": [[1e31]]}, "pass_covariance[0][0]: out of range: '1e+31'"),
-        ({"s_repeat": -1}, "s_repeat: wrong value: '-1'; expected a number of at least 0"),
         ({"degree": 1e99}, "degree: wrong value: '1e+99'; expected a whole number"),
         ({"degree": "a"}, "degree: wrong value: 'a'; expected a whole number"),
         ({"unit": 3}, "unit: wrong value: '3'; expected a text"),
-        (LINE | {"covariance": [[None, 0], [0, 0.1]]}, "covariance: a number is missing"),
-        (LINE | {"covariance": [[0.1, None], [None, 0.1]]}, "covariance: a number is missing"),
-        (LINE | {"s_repeat": None}, "s_repeat: a number is missing"),
+        (LINE | {"covariance": [[1, 0]]}, "covariance: another size; expected 2 x 2"),
     ],
 )
 def test_faulty_components(tmp_path: Path, change: dict[str, Any], words: str) -> None:
@@ -92,24 +89,13 @@ def test_faulty_components(tmp_path: Path, change: dict[str, Any], words: str) -
     assert found.startswith(f"results.components.a.{words}")
 
 
-INDEFINITE = [[1, 2], [2, 1]]
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
         ({}, None),
-        ({"coefficient_covariance": [[1, 0.5], [0.5000001, 1]]}, None),
-        ({"coefficient_covariance": [[1, 0.5], [0.50001, 1]]}, "not symmetric"),
-        ({"coefficient_covariance": [[1, 0.5]]}, "not 2 x 2"),
-        ({"coefficient_covariance": INDEFINITE}, "not positive semidefinite"),
-        ({"coefficient_covariance": [[None, 0], [0, 1]]}, "a number of a covariance is missing"),
-        # A moment estimate may be negative in any direction; all of it is known.
-        ({"pass_covariance": INDEFINITE}, None),
-        ({"pass_covariance": [[1, 0.5], [-0.5, 1]]}, "not symmetric"),
-        ({"pass_covariance": [[1, None], [None, 1]]}, "a number of a covariance is missing"),
+        ({"coefficient_covariance": [[1, 0.5]]}, "another size; expected 2 x 2"),
         ({"components": ["a", "d"]}, "expected components of the report, whose widths are [1]"),
-        ({"widths": [1, 2]}, "not 3 x 3"),
+        ({"widths": [1, 2]}, "another size; expected 3 x 3"),
     ],
 )
 def test_components_fitted_together(
@@ -128,16 +114,12 @@ def test_components_fitted_together(
     ("change", "words"),
     [
         ({"of": "w"}, "of: unknown value: 'w'; expected one of: x, y, z"),
-        ({"of": None}, "degree: a degree without `of`: '1'; expected"),
         ({"unit": "inch"}, "unit: unknown unit: 'inch'; expected one of: um, mm"),
         ({"coefficients": [[1, 2]]}, "coefficients: another size; expected 2 x 2"),
         ({"coefficients": [[1, 2], [3, None]]}, "coefficients[1][1]: wrong value: 'null'"),
-        ({"leftover_covariance": [[1, 1e-3], [0, 1]]}, "leftover_covariance: not symmetric"),
-        ({"leftover_covariance": [[None, 0], [0, 1]]}, "leftover_covariance: too little data: the"),
+        ({"leftover_covariance": [[None, 0], [0, 1]]}, "leftover_covariance[0][0]: wrong value"),
         ({"time_constants_min": [0, -1]}, "time_constants_min[1]: wrong value"),
         ({"temperature_range_degC": [[1, 2]]}, "temperature_range_degC: another size; expected 2"),
-        ({"sensors": ["T_01_degC"] * 2}, "sensors: the name appears twice: 'T_01_degC'"),
-        ({"sensors": ["T_01_degC", "b"]}, "sensors[1]: not the name of a temperature: 'b'"),
         ({"reference_temperature_degC": None}, "reference_temperature_degC: wrong value: 'null'"),
     ],
 )

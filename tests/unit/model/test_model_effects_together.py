@@ -157,12 +157,7 @@ def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
         ({"units": ["um"]}, "results.effects.units: another size; expected 3"),
         ({"values": []}, "results.effects.values: another size; expected 3"),
         ({"units": ["um", "um", "ell"]}, "results.effects.units[2]: unknown unit: 'ell'"),
-        ({"covariance": [[1]]}, "results.effects.covariance: not 3 x 3"),
-        ({"parameters": ["a.b"] * 3}, "results.effects.parameters: the name appears twice"),
-        (
-            {"covariance": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]},
-            "results.effects.covariance: not positive semidefinite",
-        ),
+        ({"covariance": [[1]]}, "results.effects.covariance: another size; expected 3 x 3"),
         ({"covariance": [[1, None, 0], [2, 1, 0], [0, 0, 1]]}, "results.effects.covariance[0][1]"),
     ],
 )

@@ -97,7 +97,7 @@ def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
         D = own.components["a"].pass_covariance
         np.testing.assert_allclose(found[same], (X @ D @ X.T)[same], rtol=1e-6)
         np.testing.assert_allclose(found[~same], (X @ K @ X.T)[~same], rtol=1e-6)
-    for damaged, told in (([[None, 0], [0, 0]], "wrong value: 'null'"), ([[1.0]], "not 2 x 2")):
+    for damaged, told in (([[None, 0], [0, 0]], "wrong value: 'null'"), ([[1.0]], "another size")):
         results["components"]["a"]["run_covariance"] = damaged
         with pytest.raises(InputError, match=told):
             components_from(source, {"schema": SCHEMA, "results": results})
