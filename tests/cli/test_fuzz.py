@@ -8,10 +8,18 @@ from random import Random
 
 import pytest
 from fuzz import readers
-from fuzz.bytes_damage import DAMAGES as BYTES
-from fuzz.calls import PATTERNS, Call, drawn_call, sound_call
-from fuzz.cases import Case, drawn_case
-from fuzz.commands import Ended, failure_of, judged_call, whole
+from fuzz.commands import (
+    PATTERNS,
+    Call,
+    Ended,
+    drawn_call,
+    failure_of,
+    judged_call,
+    sound_call,
+    whole,
+)
+from fuzz.damage import DAMAGES as BYTES
+from fuzz.damage import Case, drawn_case
 from fuzz.messages import unclean, warned
 from fuzz.readers import judged
 from fuzz.samples import KINDS, Sample, prepared_folder, samples_of

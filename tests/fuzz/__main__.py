@@ -7,21 +7,18 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 from support import ROOT
 
-from fuzz.calls import PATTERNS, drawn_call, sound_call
-from fuzz.cases import drawn_case
-from fuzz.commands import judged_call
+from fuzz.commands import PATTERNS, drawn_call, judged_call, sound_call
+from fuzz.damage import drawn_case
 from fuzz.readers import judged
-from fuzz.samples import KINDS, Kind, prepared_folder, samples_of
-from fuzz.tally import Tally
+from fuzz.samples import KINDS, prepared_folder, samples_of
+from fuzz.tally import Tally, Verdict
 
-KEPT = ROOT / "out" / "fuzz"
-EVERY = 2000
-"""Cases of readers between two lines of progress; a tenth of calls."""
+Found = Iterator[tuple[int, str, bytes, str, Verdict]]
 
 
 def main() -> None:
@@ -33,55 +30,50 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=0, help="the number of the first case")
     parser.add_argument("--kinds", nargs="*", default=[], choices=KINDS, help="of files read")
     given = parser.parse_args()
+    failures = 0
     with tempfile.TemporaryDirectory(prefix="mtu-fuzz-") as name:
-        prepared = prepared_folder(Path(name) / "sound")
+        prepared, folder = prepared_folder(Path(name) / "sound"), Path(name) / "calls" / "work"
         # Messages name files as a user in that folder would.
         os.chdir(prepared)
-        numbers = range(given.first, given.first + given.readers)
-        found = [read_cases(prepared, given.seed, numbers, given.kinds)] if given.readers else []
-        numbers = range(given.first, given.first + given.commands)
-        if given.commands:
-            found.append(call_cases(prepared, Path(name) / "calls" / "work", given.seed, numbers))
+        for task, count, every in (
+            ("readers", given.readers, 2000),
+            ("commands", given.commands, 200),
+        ):
+            numbers = range(given.first, given.first + count)
+            if task == "readers":
+                cases = read_cases(given, prepared, numbers)
+            else:
+                cases = call_cases(given, prepared, folder, numbers)
+            tally, start = Tally(task, given.seed, ROOT / "out" / "fuzz"), time.monotonic()
+            for done, case in enumerate(cases, 1):
+                tally.add(*case)
+                if done % every == 0:
+                    spent, failed = time.monotonic() - start, len(tally.failures)
+                    print(f"{spent:6.0f} s  {task}: {done} cases, {failed} failures", flush=True)
+            print(*tally.lines() if count else (), sep="\n", flush=True)
+            failures += len(tally.failures)
         os.chdir(ROOT)
-    sys.exit(1 if any(tally.failures for tally in found) else 0)
+    sys.exit(1 if failures else 0)
 
 
-def read_cases(prepared: Path, seed: int, numbers: range, kinds: Sequence[Kind]) -> Tally:
+def read_cases(given: argparse.Namespace, prepared: Path, numbers: range) -> Found:
     """Damaged files through their readers."""
     samples = samples_of(prepared)
-    tally = Tally("readers", seed, KEPT)
-    for number in _told(numbers, EVERY, tally):
-        case = drawn_case(samples, seed, number, kinds)
-        name = f"damaged.{case.sample.form}"
-        tally.add(number, case.sample.kind, case.content, name, judged(case))
-    print("\n".join(tally.lines()), flush=True)
-    return tally
+    for number in numbers:
+        case = drawn_case(samples, given.seed, number, given.kinds)
+        yield number, case.sample.kind, case.content, f"damaged.{case.sample.form}", judged(case)
 
 
-def call_cases(prepared: Path, folder: Path, seed: int, numbers: range) -> Tally:
+def call_cases(given: argparse.Namespace, prepared: Path, folder: Path, numbers: range) -> Found:
     """Commands on damaged files, after those on sound ones, which must end well."""
-    tally = Tally("commands", seed, KEPT)
-    for pattern in PATTERNS if numbers.start == 0 else ():
+    for pattern in PATTERNS if numbers and numbers.start == 0 else ():
         verdict = judged_call(sound_call(pattern, prepared, folder), folder)
         if verdict.outcome != "done" or verdict.failure is not None:
             sys.exit(f"mtu {pattern.words} on sound files: {verdict.failure or verdict.message}")
-    for number in _told(numbers, EVERY // 10, tally):
-        call = drawn_call(prepared, folder, seed, number)
-        content = (folder / call.damaged).read_bytes()
-        verdict = judged_call(call, folder)
-        tally.add(number, " ".join(call.command), content, call.damaged, verdict)
-    print("\n".join(tally.lines()), flush=True)
-    return tally
-
-
-def _told(numbers: range, every: int, tally: Tally) -> Iterator[int]:
-    start = time.monotonic()
-    for done, number in enumerate(numbers):
-        if done and done % every == 0:
-            seconds = time.monotonic() - start
-            failed = len(tally.failures)
-            print(f"{seconds:6.0f} s  {tally.task}: {done} cases, {failed} failures", flush=True)
-        yield number
+    for number in numbers:
+        call = drawn_call(prepared, folder, given.seed, number)
+        content, name = (folder / call.damaged).read_bytes(), Path(call.damaged).name
+        yield number, call.arguments[0], content, name, judged_call(call, folder)
 
 
 if __name__ == "__main__":

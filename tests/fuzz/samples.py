@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from textwrap import dedent
@@ -17,7 +17,6 @@ from made_files import MAP, MAPPED
 from support import CONFIGS, DATA
 from watched_process import MTU
 
-from fuzz.table_damage import sheet_of
 from mtu_cli.formats.control import CONTROLLERS
 from mtu_cli.formats.control.errors import ErrorTable
 from mtu_cli.model.effect_library import BUILT_IN
@@ -27,8 +26,6 @@ Kind = Literal[
     "components", "thermal", "instrument", "control", "map",
 ]  # fmt: skip
 KINDS: tuple[Kind, ...] = get_args(Kind)
-
-Row = dict[str, str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,52 +45,103 @@ class Sample:
         """Csv, yaml or json; of files of other programs as they are called."""
         return self.path.suffix.lstrip(".")
 
-    @property
-    def structured(self) -> bool:
-        """Whether it is a table or a tree of values of ours."""
-        return self.kind not in ("instrument", "control")
+
+MILL, RING, PAPER = "configs/undeclared", "configs/valdes-ring", "configs/gilsinn-ling"
+FILES: dict[Kind, dict[str, str | None]] = {
+    "readings": {
+        "data/undeclared/lbb.csv": f"{MILL}/machine.yaml",
+        "data/gilsinn-ling-simulated/lbb.csv": f"{PAPER}-simulated/machine.yaml",
+        "data/gilsinn-ling/axis_angle.csv": f"{PAPER}/machine.yaml",
+        "data/valdes-ring/laser.csv": f"{RING}/machine.yaml",
+        "data/valdes-ring/printed_diameters.csv": f"{RING}/diameter.yaml",
+    },
+    "drift": {"data/valdes-ring/drift.csv": f"{RING}/machine.yaml"},
+    "points": {
+        "data/undeclared/cmm.csv": f"{MILL}/part.yaml",
+        "data/gilsinn-ling-parts/drilled.csv": f"{PAPER}/part.yaml",
+        "data/gilsinn-ling-parts/milled.csv": f"{PAPER}/part.yaml",
+        "data/valdes-ring/ring.csv": f"{RING}/part.yaml",
+        "data/undeclared/nominals.csv": None,
+    },
+    "effects": dict.fromkeys(("effects/all.yaml", "effects/few.yaml")),
+    "components": dict.fromkeys(("mill.json", "ring.json")),
+    "thermal": dict.fromkeys(("drift.json",)),
+    "instrument": dict.fromkeys(f"instruments/{name}" for name in INSTRUMENTS),
+    "control": dict.fromkeys(f"controls/{name}.tab" for name in CONTROLLERS),
+    "map": {"maps/any.yaml": "maps/any.txt"},
+}
+"""With the context of each; the configurations are those that are shipped, by their schema."""
+for _path in sorted(CONFIGS.glob("*/*.yaml")):
+    if found := re.match(r"schema: mtu/(\w+)/", _path.read_text("utf-8")):
+        _kind: Kind = found[1]  # type: ignore[assignment]  # a word of the contract
+        FILES.setdefault(_kind, {})[f"configs/{_path.relative_to(CONFIGS).as_posix()}"] = None
+KIND_OF = {name: kind for kind, names in FILES.items() for name in names}
+
+Keep = Callable[[dict[str, str]], bool]
 
 
-def _first_passes(row: Row) -> bool:
+def _of(column: str, *values: str) -> Keep:
+    return lambda row: row[column] in values
+
+
+def _first_passes(row: dict[str, str]) -> bool:
     return row.get("pass", "1") in ("1", "2") and row.get("position_mm", "0") != "50"
 
 
-def _first_parts(row: Row) -> bool:
-    return row["part"] in ("1", "2", "3", "4", "5")
-
-
-def _first_part(row: Row) -> bool:
-    return row["part"] == "1"
-
-
-def _every_half_hour(row: Row) -> bool:
-    return float(row["time_min"]) % 30 == 0
-
-
-CUTS: dict[str, Callable[[Row], bool]] = {
-    "gilsinn-ling-parts/drilled.csv": _first_parts,
-    "gilsinn-ling-parts/milled.csv": _first_parts,
+CUTS: dict[str, Keep] = {
+    "gilsinn-ling-parts/drilled.csv": _of("part", *"12345"),
+    "gilsinn-ling-parts/milled.csv": _of("part", *"12345"),
     "gilsinn-ling-simulated/lbb.csv": _first_passes,
-    "undeclared/cmm.csv": _first_parts,
+    "undeclared/cmm.csv": _of("part", *"12345"),
     "undeclared/lbb.csv": _first_passes,
-    "valdes-ring/drift.csv": _every_half_hour,
+    "valdes-ring/drift.csv": lambda row: float(row["time_min"]) % 30 == 0,
     "valdes-ring/laser.csv": _first_passes,
-    "valdes-ring/ring.csv": _first_part,
+    "valdes-ring/ring.csv": _of("part", "1"),
 }
-FEW_SENSORS = ("valdes-ring/drift.csv",)
-"""Tables that keep the first six of their columns of temperatures: a report of a thermal model
-grows with the square of them."""
 LATE_SENSOR = re.compile(r"T_(?:0[7-9]|1\d)_degC")
+"""A report of a thermal model grows with the square of the number of sensors: six of them stay."""
+FLAT = {
+    "machine.yaml": f"{MILL}/machine.yaml", "part.yaml": f"{MILL}/part.yaml",
+    "lbb.csv": "data/undeclared/lbb.csv", "cmm.csv": "data/undeclared/cmm.csv",
+}  # fmt: skip
 FLAT_STUDY = (
     "schema: mtu/study/1\nmachine: machine.yaml\npart: part.yaml\nlbb: [lbb.csv]\n"
     "cmm: [cmm.csv]\nsettings: {coverage_factor: 2, seed: 20040126, correlation: shared}\n"
 )
 """Of a study whose files stand beside it."""
-REPORTS: dict[str, Sequence[str]] = {
-    "mill.json": ("fit-components", "configs/undeclared"),
-    "ring.json": ("fit-components", "configs/valdes-ring"),
-    "drift.json": ("thermal-fit", "configs/valdes-ring", "--model", "ridge"),
+KIND_OF |= {f"flat/{name}": KIND_OF[source] for name, source in FLAT.items()}
+KIND_OF |= {"flat/mtu.yaml": "study", "maps/any.txt": "instrument"}
+REPORTS = {
+    "mill.json": f"fit-components {MILL}",
+    "ring.json": f"fit-components {RING}",
+    "drift.json": f"thermal-fit {RING} --model ridge",
 }
+
+
+@dataclass
+class Sheet:
+    """A table of texts: its comments, its header, its rows, and how it is written."""
+
+    comments: list[str]
+    header: list[str]
+    rows: list[list[str]]
+    separator: str = ","
+    quoted: bool = False
+
+    def text(self) -> str:
+        lines = [self.separator.join(map(self._cell, row)) for row in (self.header, *self.rows)]
+        return "\n".join([*self.comments, *lines]) + "\n"
+
+    def _cell(self, cell: str) -> str:
+        return '"' + cell.replace('"', '""') + '"' if self.quoted else cell
+
+
+def sheet_of(text: str) -> Sheet:
+    """The table of a shipped file, which has plain cells."""
+    lines = text.splitlines()
+    comments = [line for line in lines if line.startswith("#")]
+    header, *rows = [line.split(",") for line in lines if not line.startswith("#")]
+    return Sheet(comments, header, rows)
 
 
 def prepared_folder(folder: Path) -> Path:
@@ -106,36 +154,30 @@ def prepared_folder(folder: Path) -> Path:
     shutil.copytree(DATA, folder / "data", dirs_exist_ok=True, ignore=pictures)
     for name, keep in CUTS.items():
         path = folder / "data" / name
-        text = cut(path.read_text("utf-8"), keep)
-        path.write_text(with_few_sensors(text) if name in FEW_SENSORS else text, "utf-8")
+        path.write_text(cut(path.read_text("utf-8"), keep), "utf-8")
     points = folder / "data" / "undeclared" / "cmm.csv"
     points.with_name("nominals.csv").write_text(with_nominals(points.read_text("utf-8")), "utf-8")
-    effects = folder / "configs" / "effects"
-    effects.mkdir(exist_ok=True)
+    for name in ("effects", "flat", "instruments", "controls", "maps"):
+        (folder / name).mkdir(exist_ok=True)
     families = BUILT_IN.read_text("utf-8")
-    (effects / "all.yaml").write_text(families, "utf-8")
-    first = families.index("\neffects:\n") + len("\neffects:\n")
-    few = "\n\n".join(families[first:].split("\n\n")[2:6])
+    (folder / "effects" / "all.yaml").write_text(families, "utf-8")
+    few = "\n\n".join(families.partition("\neffects:\n")[2].split("\n\n")[2:6])
     few = few.replace("family: ", "family: own-").replace("name: ", "name: own-")
-    (effects / "few.yaml").write_text(dedent(few) + "\n", "utf-8")
-    (folder / "flat").mkdir(exist_ok=True)
+    (folder / "effects" / "few.yaml").write_text(dedent(few) + "\n", "utf-8")
+    for name, source in FLAT.items():
+        shutil.copyfile(folder / source, folder / "flat" / name)
     (folder / "flat" / "mtu.yaml").write_text(FLAT_STUDY, "utf-8")
     write_foreign(folder)
     for name, call in REPORTS.items():
-        done = subprocess.run(
-            [MTU, *call, "-q", "-o", name], cwd=folder, capture_output=True, text=True, check=False
-        )
+        words = [str(MTU), *call.split(), "-q", "-o", name]
+        done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            raise RuntimeError(f"mtu {' '.join(call)}: {done.stderr}")
+            raise RuntimeError(f"mtu {call}: {done.stderr}")
     return folder
 
 
 def write_foreign(folder: Path) -> None:
-    """Made files of instruments, tables of controls, a mapping profile, and readings of the moves
-    that verify a table.
-    """
-    for name in ("instruments", "controls", "maps"):
-        (folder / name).mkdir(exist_ok=True)
+    """Made files of instruments, tables of controls, and a mapping profile."""
     for name, (_, content) in INSTRUMENTS.items():
         (folder / "instruments" / name).write_bytes(content)
     for name, control in CONTROLLERS.items():
@@ -154,19 +196,12 @@ def parameters_of(name: str) -> dict[str, str]:
     return {**known, **{key: value for key, value in given.items() if key in known}}
 
 
-def cut(text: str, keep: Callable[[Row], bool]) -> str:
-    """The rows of a table that `keep` wants, and all that stands above them."""
+def cut(text: str, keep: Keep) -> str:
+    """The rows of a table that `keep` wants, without most of its columns of temperatures."""
     sheet = sheet_of(text)
-    sheet.rows = [row for row in sheet.rows if keep(dict(zip(sheet.header, row, strict=True)))]
-    return sheet.text()
-
-
-def with_few_sensors(text: str) -> str:
-    """A table without most of its columns of temperatures."""
-    sheet = sheet_of(text)
+    rows = [row for row in sheet.rows if keep(dict(zip(sheet.header, row, strict=True)))]
     kept = [i for i, name in enumerate(sheet.header) if not LATE_SENSOR.fullmatch(name)]
-    sheet.header = [sheet.header[i] for i in kept]
-    sheet.rows = [[row[i] for i in kept] for row in sheet.rows]
+    sheet.header, *sheet.rows = ([row[i] for i in kept] for row in (sheet.header, *rows))
     return sheet.text()
 
 
@@ -180,74 +215,16 @@ def with_nominals(text: str) -> str:
     return sheet.text()
 
 
-MILL, RING = "configs/undeclared", "configs/valdes-ring"
-FILES: dict[Kind, dict[str, str | None]] = {
-    "readings": {
-        "data/undeclared/lbb.csv": f"{MILL}/machine.yaml",
-        "data/gilsinn-ling-simulated/lbb.csv": "configs/gilsinn-ling-simulated/machine.yaml",
-        "data/gilsinn-ling/axis_angle.csv": "configs/gilsinn-ling/machine.yaml",
-        "data/valdes-ring/laser.csv": f"{RING}/machine.yaml",
-        "data/valdes-ring/printed_diameters.csv": f"{RING}/diameter.yaml",
-    },
-    "drift": {"data/valdes-ring/drift.csv": f"{RING}/machine.yaml"},
-    "points": {
-        "data/undeclared/cmm.csv": f"{MILL}/part.yaml",
-        "data/gilsinn-ling-parts/drilled.csv": "configs/gilsinn-ling/part.yaml",
-        "data/gilsinn-ling-parts/milled.csv": "configs/gilsinn-ling/part.yaml",
-        "data/valdes-ring/ring.csv": f"{RING}/part.yaml",
-        "data/undeclared/nominals.csv": None,
-    },
-    "machine": dict.fromkeys(
-        (
-            "configs/gilsinn-ling/machine.yaml", "configs/gilsinn-ling-simulated/machine.yaml",
-            "configs/gilsinn-ling-simulated/truth.yaml", "configs/gilsinn-ling-parts/truth.yaml",
-            f"{MILL}/machine.yaml", f"{MILL}/truth.yaml", f"{RING}/machine.yaml",
-            f"{RING}/truth.yaml", f"{RING}/diameter.yaml", "configs/valdes-cmm/machine.yaml",
-        )
-    ),
-    "part": dict.fromkeys(
-        ("configs/gilsinn-ling/part.yaml", f"{MILL}/part.yaml", f"{RING}/part.yaml")
-    ),
-    "study": dict.fromkeys(
-        (
-            "configs/gilsinn-ling/mtu.yaml", "configs/gilsinn-ling-simulated/mtu.yaml",
-            "configs/gilsinn-ling-parts/mtu.yaml", f"{MILL}/mtu.yaml", f"{RING}/mtu.yaml",
-            "configs/valdes-cmm/mtu.yaml",
-        )
-    ),
-    "effects": dict.fromkeys(("configs/effects/all.yaml", "configs/effects/few.yaml")),
-    "budget": dict.fromkeys(
-        (
-            "configs/budgets/gum-h1-end-gauge.yaml", "configs/budgets/gum-h2-impedance.yaml",
-            "configs/budgets/ring-gauge-diameter.yaml", "configs/budgets/valdes-x275.yaml",
-        )
-    ),
-    "graph": dict.fromkeys(
-        (
-            "configs/graphs/axes-a-and-c.yaml", "configs/graphs/ball-centre.yaml",
-            "configs/graphs/bore-to-bore.yaml", "configs/graphs/rotary-axis-a.yaml",
-            "configs/graphs/rotary-axis-c.yaml", "configs/graphs/work-coordinates.yaml",
-        )
-    ),
-    "components": dict.fromkeys(("mill.json", "ring.json")),
-    "thermal": dict.fromkeys(("drift.json",)),
-    "instrument": dict.fromkeys(f"instruments/{name}" for name in INSTRUMENTS),
-    "control": dict.fromkeys(f"controls/{name}.tab" for name in CONTROLLERS),
-    "map": {"maps/any.yaml": "maps/any.txt"},
-}  # fmt: skip
+def sample(folder: Path, name: str, context: str | None = None) -> Sample:
+    """A file of a prepared folder."""
+    return Sample(
+        kind=KIND_OF[name],
+        path=folder / name,
+        content=(folder / name).read_bytes(),
+        context=None if context is None else folder / context,
+    )
 
 
 def samples_of(folder: Path) -> dict[Kind, list[Sample]]:
     """The samples of a prepared folder by kind."""
-    return {
-        kind: [
-            Sample(
-                kind=kind,
-                path=folder / name,
-                content=(folder / name).read_bytes(),
-                context=None if context is None else folder / context,
-            )
-            for name, context in FILES[kind].items()
-        ]
-        for kind in KINDS
-    }
+    return {kind: [sample(folder, *item) for item in FILES[kind].items()] for kind in KINDS}

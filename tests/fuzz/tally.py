@@ -1,4 +1,4 @@
-"""Counts of a run, what failed kept on disk, and the lines that tell of both."""
+"""Counts of a run, what failed kept on disk, and the lines that show both."""
 
 from __future__ import annotations
 
@@ -8,7 +8,15 @@ from dataclasses import dataclass, field
 from hashlib import blake2b
 from pathlib import Path
 
-from fuzz.readers import Verdict
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """`outcome` of a case, with `failure` None; else what went wrong."""
+
+    outcome: str
+    seconds: float
+    failure: str | None = None
+    message: str = ""
 
 
 @dataclass
@@ -37,21 +45,13 @@ class Tally:
         again = f"python -m fuzz --seed {self.seed} --first {number} --{self.task} 1"
         (self.folder / f"{stem}.txt").write_text(f"{again}\n{kind}\n{verdict.failure}\n", "utf-8")
 
-    @property
-    def count(self) -> int:
-        """Of cases."""
-        return sum(self.outcomes.values())
-
     def lines(self) -> Iterator[str]:
         """The counts in words."""
-        yield f"{self.task}: {self.count} cases, {len(self.contents)} different files"
-        for kind in sorted({kind for kind, _ in self.outcomes}):
-            counts = {word: n for (item, word), n in sorted(self.outcomes.items()) if item == kind}
-            told = ", ".join(f"{n} {word}" for word, n in counts.items())
-            yield f"  {kind:<16}{sum(counts.values()):7}  {told}"
+        yield f"{self.task}: {self.outcomes.total()} cases, {len(self.contents)} different files"
+        for (kind, outcome), count in sorted(self.outcomes.items()):
+            yield f"  {kind:<16}{count:7} {outcome}"
         for seconds, number, kind in reversed(self.slowest):
             yield f"  slow: case {number} ({kind}) {seconds:.2f} s"
         yield f"  failures: {len(self.failures)}"
         for number, kind, failure in self.failures[:20]:
-            last = failure.strip().splitlines()[-1]
-            yield f"    case {number} ({kind}): {last[:300]}"
+            yield f"    case {number} ({kind}): {failure.strip().splitlines()[-1][:300]}"

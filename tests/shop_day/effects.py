@@ -185,13 +185,6 @@ SHAPES: dict[str, Maker] = {
     "rotation-scatter": rotation_scatter, "backlash-step": backlash_step,
 }  # fmt: skip
 FAMILIES: tuple[str, ...] = (*SHAPES, "operation-scatter")
-ONE_AXIS = frozenset(
-    {
-        "backlash", "cyclic", "curvature", "straightness", "scale", "abbe", "thermal-drift",
-        "warm-up", "trend", "step", "wear-approach", "operation",
-        "backlash-step",
-    }
-)  # fmt: skip
 
 
 def made(

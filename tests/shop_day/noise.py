@@ -75,11 +75,6 @@ def measure_repeats(
     return cells[..., None] + SIG_CMM * spread[..., None] * draw(*table, REPEATS)
 
 
-def named_by_noise(noise: Noise) -> tuple[str, ...]:
-    """Names in the library that are right on data without any effect, because of its noise."""
-    return ("operation-scatter",) if noise == "noisy-operation" else ()
-
-
 def _normal(rng: np.random.Generator) -> _Draw:
     def draw(*shape: int) -> Floats:
         return np.asarray(rng.normal(size=shape))

@@ -19,16 +19,11 @@ FREQUENCIES = np.arange(1 / 130, 0.25, 1 / 1040)
 """Of cyclic errors, 1/mm: waves of 4 mm to the span, at an eighth of the inverse span."""
 
 
-def rival_columns(day: ShopDay, zero: float | None = REFERENCE_DEGC) -> dict[str, list[Floats]]:
+def rival_columns(day: ShopDay) -> dict[str, list[Floats]]:
     """Every family's members, grouped by their number of columns; without a column that does not
-    change over the table.
-
-    Growth and squareness with temperature vanish at `zero` degC, None for the day's mean.
+    change over the table. Growth and squareness with temperature vanish at 20 degC.
     """
-    found: dict[str, list[Floats]] = {}
-    for a in (0, 1):
-        found.update(_of_axis(day, a, zero))
-    found.update(_of_plane(day, zero))
+    found = _of_axis(day, 0) | _of_axis(day, 1) | _of_plane(day)
     return {name: kept for name, stacks in found.items() if (kept := _changing(stacks))}
 
 
@@ -85,14 +80,14 @@ def _changing(stacks: list[Floats]) -> list[Floats]:
     return kept
 
 
-def _of_axis(day: ShopDay, a: int, zero: float | None) -> dict[str, list[Floats]]:
+def _of_axis(day: ShopDay, a: int) -> dict[str, list[Floats]]:
     name = AXES[a]
     direction, own = day.full(f"dir_{name}"), from_centre(day, a)
 
     def singles(*values: Floats) -> list[Floats]:
         return [np.stack([column(day, a, item) for item in values])]
 
-    sensors = _warmth(day, zero)
+    sensors = _warmth(day, REFERENCE_DEGC)
     counts = [day.full(c) - day.full(c).mean() for c in COUNTS]
     since = [day.full(c) - day.full(c).min() for c in COUNTS]
     steps = _steps(day)
@@ -127,11 +122,11 @@ def _cyclic(day: ShopDay, a: int) -> Floats:
     return np.stack([columns(day, a, np.sin(turn), np.cos(turn)) for turn in turns])
 
 
-def _of_plane(day: ShopDay, zero: float | None) -> dict[str, list[Floats]]:
+def _of_plane(day: ShopDay) -> dict[str, list[Floats]]:
     x, y = (day.place(i) - CENTRE for i in (0, 1))
     far = np.hypot(x, y)
     still = np.zeros((day.P, day.H))
-    sensors = _warmth(day, zero)
+    sensors = _warmth(day, REFERENCE_DEGC)
     squares = ((y, still), (still, x), (y, x))
     one_feature = np.eye(day.H)[:, None, :] * np.ones((day.P, 1))
     one_part = np.eye(day.P)[:, :, None] * np.ones(day.H)
