@@ -173,7 +173,7 @@ def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Sco
 def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     """All candidates, each added to the known model alone."""
     models, smallest = found.models, minimum_detectable(found, rate)
-    p = models.gate(()) | dict(found.scatter)
+    p = models.gate(()) | {name: p for name, p, _ in found.scatter}
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
         shares = np.exp(total - total.max(initial=0.0))

@@ -14,10 +14,8 @@ from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
-from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
-from mtu_cli.analyses.close_loop.strata import INTERACTION
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.language.tree import Call, Node, Number, filled_text, names
@@ -57,7 +55,7 @@ def described(
                 experiment=_experiment(found, sizes, entry),
             )
         effects.append(effect)
-    effects += [_scatter(found, name, p) for name, p in found.scatter]
+    effects += [_scatter(found, *one) for one in found.scatter]
     return tuple(effects + offsets)
 
 
@@ -134,7 +132,7 @@ def _mean_effect(
     scale, form, rows = found.posed.scale, estimate.member.form, estimate.rows
     return FoundEffect(
         candidate=_candidate(found, entry.name),
-        covariate=form.bound.covariate,
+        covariate=form.covariate,
         parameters=tuple(_parameter(size, scale) for size in estimate.sizes),
         covariance=sizes.covariance[np.ix_(rows, rows)] * scale**2,
         rows=rows,
@@ -153,7 +151,7 @@ def _equations(estimate: Estimate) -> dict[str, str]:
     logarithm, the sizes in proportion.
     """
     member = estimate.member
-    bound, value = member.form.bound, member.value
+    bound, value = member.form, member.value
     terms: dict[str, list[str]] = {}
     for each in (bound, *member.form.margins):
         for key, text in each.texts(value).items():
@@ -161,7 +159,7 @@ def _equations(estimate: Estimate) -> dict[str, str]:
     # Two effects that have the same change have it once.
     if value is not None and any(size.role == "searched" for size in estimate.sizes):
         assert estimate.tangent is not None
-        name, sizes = bound.template.searched or "", estimate.tangent.sizes
+        name, sizes = bound.searched, estimate.tangent.sizes
         shares = sizes / max(float(np.linalg.norm(sizes)), 1e-300)
         share = dict(zip(bound.parameters, shares[: len(bound.parameters)].tolist(), strict=True))
         for a, slopes in bound.slopes().items():
@@ -212,7 +210,7 @@ def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment 
             fit.beta[fit.columns.index(i)] / f if i >= 0 else 0.0
             for i, f in zip(member.indices, member.factors, strict=True)
         ]
-        own = np.array(estimates[: len(member.form.bound.parameters)])
+        own = np.array(estimates[: len(member.form.parameters)])
         rivals.append(Rival(member=member, sizes=own, posterior=posterior))
     return experiment(found.posed.table, rivals, design.strata, sizes.fit.weights)
 
@@ -257,29 +255,14 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
     return replace(smooth, equations={f"E{axis}": smooth.component})
 
 
-def _scatter(found: Diagnosis, name: str, p: float) -> FoundEffect:
-    """A scatter effect: the ratio of the standard deviations of its pattern and of all entries."""
-    table, strata = found.posed.table, found.posed.strata
-    fit = found.likelihood.fit(found.models.columns(found.model))
-    interaction = np.zeros_like(fit.residual)
-    for s in strata.of(INTERACTION):
-        interaction[strata.slices[s]] = fit.residual[strata.slices[s]]
-    E = strata.table(interaction)
+def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect:
+    """A scatter effect; of operations that which scatters more."""
     chosen = None
     if name == "operation-scatter":
-        second = table.operation == 1
-        of_second, of_rest = (float(np.mean(E[:, at] ** 2)) for at in (second, ~second))
-        low, high = sorted((of_second, of_rest))
-        chosen = table.operations[1 if of_second > of_rest else 0]
-    else:
-        lever = lever_of(name, table.axes, table.mean_places)
-        assert lever is not None
-        high = float(np.mean(np.einsum("pha,ha->p", E, lever) ** 2))
-        low = float(np.mean(E**2))
+        chosen = found.posed.table.operations[1 if ratio > 1 else 0]
     return FoundEffect(
         candidate=_candidate(found, name), covariance=np.zeros((0, 0)), equations={},
-        chosen=chosen, ratio=float(np.sqrt(high / max(low, 1e-300))), p_familywise=p,
-        classes=((name, 1.0),),
+        chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.analyses.close_loop.columns import PADDING, Columns
-from mtu_cli.analyses.close_loop.forms import Candidate, Form
+from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -19,6 +19,7 @@ from mtu_cli.analyses.close_loop.strata import (
     Levers,
     Strata,
 )
+from mtu_cli.model.effect_library import BoundTemplate
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -63,7 +64,7 @@ class Member:
     """
 
     candidate: int
-    form: Form
+    form: BoundTemplate
     value: float | None
     chosen: int | None
     own: tuple[int, ...]
@@ -203,7 +204,7 @@ class Placed:
     (k, n) of what is its own beside these.
     """
 
-    form: Form
+    form: BoundTemplate
     value: float | None
     chosen: int | None
     at: IntArray
@@ -227,9 +228,10 @@ def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[Floa
     return mean, np.sqrt(square)
 
 
-def evaluated(design: Design, form: Form, values: FloatArray | None) -> list[Placed]:
+def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Placed]:
     """The members of a form at some values; those of which the data see nothing are left out."""
-    own, lower = form.own(values), form.lower(values)
+    own = form.columns(values)
+    lower = [lever for item in form.margins for lever in item.columns(values)]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
     if G == 0:
         return []
@@ -240,7 +242,8 @@ def evaluated(design: Design, form: Form, values: FloatArray | None) -> list[Pla
     at, (X, Z) = at[there], np.split(X[:, :, there], [len(own)], axis=1)
     sizes = np.linalg.norm(X, axis=2)
     sound, inner = _bases(X, Z)
-    if form.bound.is_periodic:
+    # Periods: columns are of the same size for all of them.
+    if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
     kept: BoolArray = np.any(inner, axis=2)
     return [
@@ -316,13 +319,12 @@ def _angles(products: FloatArray) -> FloatArray:
     return np.asarray(np.arccos(np.clip(s[:, -1], -1.0, 1.0)))
 
 
-def grid_values(form: Form) -> FloatArray | None:
+def grid_values(form: BoundTemplate) -> FloatArray | None:
     """The values of a form's grid, finer where members may lie between."""
     grid = form.grid
-    if grid is None or not form.continuous or len(grid) < 2:
+    if grid is None or form.scale == "between" or len(grid) < 2:
         return grid
-    search = form.bound.template.search
-    to, back = SCALES.get(search.grid if search else "", (np.asarray, np.asarray))
+    to, back = SCALES.get(form.scale, (np.asarray, np.asarray))
     at = np.linspace(0, len(grid) - 1, FINE * (len(grid) - 1) + 1)
     return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 

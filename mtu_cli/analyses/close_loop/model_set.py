@@ -309,16 +309,17 @@ class ModelSet:
             for rest in combinations(model, n)
         )
 
-    def scatter(self, model: Model, known: Sequence[str]) -> list[tuple[str, float]]:
+    def scatter(self, model: Model, known: Sequence[str]) -> list[tuple[str, float, float]]:
         """Scatter effects that pass beside a model and those `known`, one after another, with
-        their p.
+        their p and how many times the rest's their deviation is.
         """
-        result: list[tuple[str, float]] = []
+        result: list[tuple[str, float, float]] = []
+        columns = self.columns(model)
         while True:
-            names = [*known, *(name for name, _ in result)]
-            p = self.gate(self.columns(model), tuple(names))
+            names = [*known, *(name for name, _, _ in result)]
+            p = self.gate(columns, tuple(names))
             hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
             if not hits:
                 return result
             value, name = min(hits)
-            result.append((name, value))
+            result.append((name, value, self.gate.ratios[tuple(sorted(columns))][name]))

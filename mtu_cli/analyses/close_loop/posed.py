@@ -49,7 +49,7 @@ class Posed:
     def likelihood(self) -> Likelihood:
         """Of the table's errors."""
         strata = self.strata
-        errors = self.filled(self.table.errors) / self.scale
+        errors = self.missing.of_axes(self.table.errors) / self.scale
         n = self._dof()
         y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
         variance = self._inner(y, n)
@@ -71,38 +71,25 @@ class Posed:
             result[self.strata.axis[s]] = self.scale**2 / fit.weights[s]
         return result
 
-    def filled(self, errors: FloatArray) -> FloatArray:
-        """Errors (P, H, A) with what is missing filled in."""
-        axes = range(errors.shape[2])
-        return np.stack([self.missing.filled(errors[..., a]) for a in axes], axis=-1)
-
     def _dof(self) -> FloatArray:
         """Degrees of freedom (S,): less the missing cells and what a datum freed."""
         strata, table = self.strata, self.table
-        _, H, A = strata.shape
+        P, H, A = strata.shape
         n = strata.sizes.copy()
         for s in strata.of(INTERACTION):
             n[s] -= self.missing.count
+        axis, _, j = np.unravel_index(strata.place, (A, P, H))
         taken = np.zeros(len(n))
         for motion in table.motions:
             for k in range(motion.Q.shape[1]):
-                one = np.zeros((1, H, A))
-                one[0, motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
-                for a in range(A):
-                    share = (one[0, :, a] @ strata.of_features[a]) ** 2
-                    taken += self._by_stratum(a, share) * len(motion.rows)
+                one = np.zeros((H, A))
+                one[motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
+                share = np.einsum("ha,ahj->aj", one, strata.of_features) ** 2
+                of_strata = np.bincount(strata.labels(), share[axis, j], minlength=len(n))
+                taken += of_strata * len(motion.rows) / P
         left = n - taken
         # A datum that takes a stratum leaves nothing of it but rounding.
         return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
-
-    def _by_stratum(self, a: int, share: FloatArray) -> FloatArray:
-        """Squares (H,) of one part by direction of the features, as means by stratum (S,)."""
-        strata = self.strata
-        P, H, A = strata.shape
-        axis, _, j = np.unravel_index(strata.place, (A, P, H))
-        labels = strata.labels()
-        own = np.where(axis == a, share[j], 0.0) / P
-        return np.asarray(np.bincount(labels, own, minlength=len(strata.slices)), float)
 
     def _inner(self, y: FloatArray, n: FloatArray) -> FloatArray:
         """The interaction's variance (A,)."""
@@ -150,11 +137,7 @@ def posed(
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
-    errors = np.stack(
-        [gaps.filled(table.errors[..., a]) for a in range(table.errors.shape[2])], axis=-1
-    )
-    steps = np.zeros(errors.shape[2])
-    steps[: len(table.resolution)] = table.resolution
+    errors, steps = gaps.of_axes(table.errors), steps_of(table)
     scale = _scale(errors, steps, gaps.lines)
     strata = _strata(table, errors / scale, scatter)
     if of_features is not None:
@@ -171,6 +154,13 @@ def posed(
     n = result._dof()
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     return result
+
+
+def steps_of(table: ResidualTable) -> FloatArray:
+    """The resolution (A,) of errors, mm."""
+    steps = np.zeros(table.errors.shape[2])
+    steps[: len(table.resolution)] = table.resolution
+    return steps
 
 
 def free_lines(table: ResidualTable) -> FloatArray:
@@ -205,24 +195,18 @@ def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> 
         if lever is not None:
             lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
             scatter = True
-    rough = None
-    bends = 0.0
-    if readings and table.component is not None:
-        along = _along(table)
-        if along is not None and P >= FEWEST_FOR_BENDS:
-            rough = smooth_covariance(along)
-    result = strata_of(
-        P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
-        roughness=rough, bends=0.0,
-    )  # fmt: skip
-    if rough is not None:
-        bends = own_bends(result, errors)
-        if bends > 0:
-            result = strata_of(
-                P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
-                roughness=rough, bends=bends,
-            )  # fmt: skip
-    return result
+    along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
+    rough = None if along is None else smooth_covariance(along)
+
+    def made(bends: float) -> Strata:
+        return strata_of(
+            P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
+            roughness=rough, bends=bends,
+        )  # fmt: skip
+
+    result = made(0.0)
+    bends = 0.0 if rough is None else own_bends(result, errors)
+    return made(bends) if bends > 0 else result
 
 
 def _with_moved_means(
@@ -311,15 +295,10 @@ def _reading_lines(table: ResidualTable) -> FloatArray:
 
 def _orthonormal(columns: FloatArray) -> FloatArray:
     """Columns made orthonormal to the first, which is left out, and to each other."""
-    kept = [columns[:, 0] / np.linalg.norm(columns[:, 0])]
-    for column in columns[:, 1:].T:
-        left = column.copy()
-        for _ in range(2):
-            left = left - np.array(kept).T @ (np.array(kept) @ left)
-        size = np.linalg.norm(left)
-        if size > 1e-8 * np.linalg.norm(column):
-            kept.append(left / size)
-    return np.array(kept[1:]).reshape(-1, len(columns)).T
+    size = np.linalg.norm(columns, axis=0)
+    left = np.abs(np.diag(np.linalg.qr(columns, mode="r")))
+    Q, R = np.linalg.qr(columns[:, left > 1e-8 * size])
+    return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])
 
 
 def own_bends(strata: Strata, errors: FloatArray) -> float:

@@ -212,7 +212,13 @@ def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
     size = 4 * NOISE_MM / np.hypot(x, y).max()
     own.errors[..., 0] -= size * turn * y
     own.errors[..., 1] += size * turn * x
-    assert diagnosis(own).names == ["rotation-scatter"]
+    found = diagnosis(own)
+    (effect,) = described(found, estimated(found.models, found.model))
+    assert effect.name == "rotation-scatter"
+    assert effect.ratio is not None
+    # Of the unit pattern a turn has the size |q|, of a largest 4 times that of the noise.
+    wanted = 4 * np.sqrt(np.sum(x[0] ** 2 + y[0] ** 2)) / np.hypot(x, y).max()
+    assert effect.ratio == pytest.approx(np.hypot(wanted, 1), rel=0.4)
 
 
 def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:
