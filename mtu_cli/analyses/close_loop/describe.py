@@ -185,16 +185,20 @@ def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> floa
 
 def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
-    weighed, own = design.columns.weighed, np.array(member.own)
+    cross, own = design.columns.cross, np.array(member.own)
     among = design.members[: design.tested]
     others = [m for m in among if m.candidate != member.candidate and len(m.own) == len(own)]
     if not others:
         return ()
     theirs = np.array([m.own for m in others])
-    across = weighed(weights, own[:, None], theirs[:, None, :])
-    inner = weighed(weights, theirs[:, :, None], theirs[:, None, :])
+    pairs = (
+        (own[:, None], own),
+        (own[:, None], theirs[:, None]),
+        (theirs[..., None], theirs[:, None]),
+    )
+    whole, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
     inner = across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-    share = np.trace(np.linalg.solve(weighed(weights, own[:, None], own), inner), axis1=1, axis2=2)
+    share = np.trace(np.linalg.solve(whole, inner), axis1=1, axis2=2)
     alike = np.array(others, object)[share > ALIAS * len(own)]
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design, Kernel
+from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
@@ -68,7 +68,8 @@ class Gate:
         tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
         for kernel in design.kernels:
             if kernel.named:
-                tests[kernel.name] = one_sided(self._kernel(kernel, fit, Y))
+                ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
+                tests[kernel.name] = one_sided(ratios.max(axis=0))
         tests |= self._offsets(len(Y), fit)
         scattering, self.ratios[tuple(sorted(columns))] = self._scatter(cells)
         tests |= scattering | self._checks(fit, Y)
@@ -188,20 +189,6 @@ class Gate:
             at.append(np.array(members)[good])
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
-
-    def _kernel(self, kernel: Kernel, fit: Fit, Y: FloatArray) -> FloatArray:
-        """Twice the log likelihood ratio (B + 1,) of one more variance component."""
-        result = np.zeros((len(AMPLITUDES), len(Y)))
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
-            part = Y[:, self.strata.slices[s]]
-            total = (part**2).sum(axis=1) + self.likelihood.extra[s]
-            z2 = (part @ V) ** 2
-            rest = np.maximum(total - z2.sum(axis=1), 1e-9 * total)
-            spread = 1 + AMPLITUDES[:, None] * k
-            left = rest + (z2 @ (1 / spread).T).T
-            result += fit.dof[s] * np.log(np.maximum(total, 1e-300) / np.maximum(left, 1e-300))
-            result -= np.log(spread).sum(axis=1)[:, None]
-        return np.asarray(np.maximum(result.max(axis=0), 0.0))
 
     def _offsets(self, rows: int, fit: Fit) -> dict[str, FloatArray]:
         """-log p of each axis' mean against the scatter of parts and features, and of the level
