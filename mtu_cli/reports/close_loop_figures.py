@@ -110,9 +110,8 @@ def _maps(item: TableResult) -> Maps | None:
 
 def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
     """Over the parts, of what is there; nan where nothing is."""
-    count = np.broadcast_to(there, values.shape).sum(axis=0)
-    total = np.where(there, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    lacking = ~np.broadcast_to(there, values.shape)
+    return np.asarray(np.ma.masked_array(values, lacking).mean(axis=0).filled(np.nan))
 
 
 def _overs(item: TableResult) -> Iterator[Over]:

@@ -45,13 +45,13 @@ def described(
             effects.append(_with_levels(found, sizes, _smooth(found, entry), levels))
             continue
         estimate = estimates[entry.item]
-        effect = _as_table(_mean_effect(found, sizes, entry, estimate), found.posed.table)
+        effect = _as_table(_mean_effect(found, sizes, entry, estimate), found.design.table)
         effect = _with_levels(found, sizes, effect, levels)
         if compare:
             effect = replace(
                 effect,
                 explained_share=_explained(found.likelihood, sizes, estimate.member),
-                aliases=aliases(found.posed.design, sizes.fit.weights, estimate.member),
+                aliases=aliases(found.design, sizes.fit.weights, estimate.member),
                 experiment=_experiment(found, sizes, entry),
             )
         effects.append(effect)
@@ -63,7 +63,7 @@ def _with_levels(
     found: Diagnosis, sizes: Estimates, effect: FoundEffect, levels: set[str]
 ) -> FoundEffect:
     """An effect with the level of each axis that is not yet in `levels`."""
-    scale, table = found.posed.scale, found.posed.table
+    scale, table = found.design.scale, found.design.table
     if table.fitted_degree >= 0 or table.datum != "none" or effect.candidate.over in OUTLYING:
         return effect
     for key in [key for key in effect.equations if key not in levels]:
@@ -118,7 +118,7 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
 
 
 def _candidate(found: Diagnosis, name: str) -> Candidate:
-    return next(c for c in found.posed.design.candidates if c.name == name)
+    return next(c for c in found.design.candidates if c.name == name)
 
 
 def _parameter(size: Parameter, scale: float) -> Parameter:
@@ -129,7 +129,7 @@ def _parameter(size: Parameter, scale: float) -> Parameter:
 def _mean_effect(
     found: Diagnosis, sizes: Estimates, entry: Entry, estimate: Estimate
 ) -> FoundEffect:
-    scale, form, rows = found.posed.scale, estimate.member.form, estimate.rows
+    scale, form, rows = found.design.scale, estimate.member.form, estimate.rows
     return FoundEffect(
         candidate=_candidate(found, entry.name),
         covariate=form.covariate,
@@ -204,7 +204,7 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
 
 
 def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment | None:
-    design, rivals = found.posed.design, []
+    design, rivals = found.design, []
     for _, item, posterior in entry.credible:
         if item < 0:
             continue
@@ -216,20 +216,20 @@ def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment 
         ]
         own = np.array(estimates[: len(member.form.parameters)])
         rivals.append(Rival(member=member, sizes=own, posterior=posterior))
-    return experiment(found.posed.table, rivals, design.strata, sizes.fit.weights)
+    return experiment(found.design.table, rivals, design.strata, sizes.fit.weights)
 
 
 def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
-    posed = found.posed
-    kernel = posed.design.kernels[-1 - entry.item]
+    design = found.design
+    kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
     effect = smooth_effect(
         found.likelihood, found.likelihood.fit(found.models.columns(rest)), kernel
     )
     J = effect.values / max(effect.rms, 1e-300) / len(effect.values)
-    u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * posed.scale
+    u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * design.scale
     size = Parameter(
-        name="rms", unit=posed.table.unit, value=effect.rms * posed.scale, u=u, dof=effect.dof
+        name="rms", unit=design.table.unit, value=effect.rms * design.scale, u=u, dof=effect.dof
     )
     candidate = Candidate(
         name=entry.name,
@@ -246,16 +246,16 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
         equations={},
         table=replace(
             effect,
-            values=effect.values * posed.scale,
-            covariance=effect.covariance * posed.scale**2,
-            roughness=effect.roughness * posed.scale**2,
+            values=effect.values * design.scale,
+            covariance=effect.covariance * design.scale**2,
+            roughness=effect.roughness * design.scale**2,
         ),
         p_familywise=entry.p,
         log_bayes_factor=entry.gain,
         posterior=entry.posterior,
         classes=tuple((name, p) for name, _, p in entry.credible),
     )
-    axis = posed.table.axes[posed.strata.axis[kernel.strata[0]]]
+    axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
     return replace(smooth, equations={f"E{axis}": smooth.component})
 
 
@@ -263,7 +263,7 @@ def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect
     """A scatter effect; of operations that which scatters more."""
     chosen = None
     if name == "operation-scatter":
-        chosen = found.posed.table.operations[1 if ratio > 1 else 0]
+        chosen = found.design.table.operations[1 if ratio > 1 else 0]
     return FoundEffect(
         candidate=_candidate(found, name), covariance=np.zeros((0, 0)), equations={},
         chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
@@ -271,9 +271,9 @@ def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect
 
 
 def _offset(found: Diagnosis, sizes: Estimates, offset: Offset) -> FoundEffect:
-    axes, candidate = found.posed.table.axes, _candidate(found, offset.name)
+    axes, candidate = found.design.table.axes, _candidate(found, offset.name)
     a = axes.index(candidate.axis or axes[0])
-    level = _parameter(sizes.levels[a], found.posed.scale)
+    level = _parameter(sizes.levels[a], found.design.scale)
     return FoundEffect(
         candidate=candidate,
         parameters=(replace(level, name="shift", role="own"),),

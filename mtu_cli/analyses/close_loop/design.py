@@ -100,6 +100,8 @@ class Design:
 
     table: ResidualTable
     strata: Strata
+    scale: float
+    """Errors count in units of it, mm."""
     candidates: tuple[Candidate, ...]
     columns: Columns
     gaps: Missing
@@ -406,6 +408,7 @@ def design_of(
     design = Design(
         table=table,
         strata=strata,
+        scale=scale,
         candidates=tuple(candidates),
         columns=columns,
         gaps=gaps,

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.estimate import without_aliases
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet
-from mtu_cli.analyses.close_loop.posed import Posed, free_lines, posed, steps_of
+from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of, variance_of
 from mtu_cli.analyses.close_loop.strata import FEATURE
 from mtu_cli.model.residuals import ResidualTable
 
@@ -38,7 +39,6 @@ class Diagnosis:
     and ratio of deviations, offsets, checks that fired, and the verdict.
     """
 
-    posed: Posed
     likelihood: Likelihood
     models: ModelSet
     model: Model
@@ -50,6 +50,11 @@ class Diagnosis:
     nameless: bool
     outliers: BoolArray
     verdict: str
+
+    @property
+    def design(self) -> Design:
+        """Of the table, its candidates and strata."""
+        return self.likelihood.design
 
     @property
     def names(self) -> list[str]:
@@ -83,8 +88,7 @@ def diagnosed(
     moving: list[tuple[str, float, float]] = []
     of_features = None
     while True:
-        problem = posed(table, candidates, [name for name, _, _ in moving], of_features)
-        likelihood = problem.likelihood()
+        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features)
         gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
@@ -94,7 +98,8 @@ def diagnosed(
         if len(of_parts) == len(moving):
             break
         moving = of_parts
-        of_features = problem.variance(likelihood.fit(models.columns(model)), FEATURE)
+        fit = likelihood.fit(models.columns(model))
+        of_features = variance_of(likelihood, fit, FEATURE)
     p = gate(models.columns(model), tuple(name for name, _, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
@@ -107,7 +112,6 @@ def diagnosed(
         fired = [name for name in fired if name != "pattern"]
     nameless = any(entry.overtaken for entry in entries) or models.nameless_wins(model)
     result = Diagnosis(
-        posed=problem,
         likelihood=likelihood,
         models=models,
         model=model,

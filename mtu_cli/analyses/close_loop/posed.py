@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.design import (
 )
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
-from mtu_cli.analyses.close_loop.missing import Missing, interaction, missing
+from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -28,132 +28,98 @@ VOID = 1e-6
 """Share of a stratum's coordinates below which nothing of it is left."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Posed:
-    """A table ready to be searched; errors count in units of `scale` (mm)."""
-
-    table: ResidualTable
-    design: Design
-    missing: Missing
-    scale: float
-    steps: FloatArray
-    """Resolution (A,) in units of the scale."""
-    scatter: tuple[str, ...] = ()
-    """Motions of whole parts that scatter: lines of their own, the last of each axis."""
-
-    @property
-    def strata(self) -> Strata:
-        """Of the table."""
-        return self.design.strata
-
-    def likelihood(self) -> Likelihood:
-        """Of the table's errors."""
-        strata = self.strata
-        errors = self.missing.of_axes(self.table.errors) / self.scale
-        n = self._dof()
-        y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
-        variance = self._inner(y, n)
-        axis = np.array(strata.axis)
-        least = self.steps[axis] ** 2 / 12
-        # Repeats that scatter less than half a step share their rounding: so do means of features.
-        first = strata.at[:, 0]
-        means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
-        shared = means & (variance[axis] < self.steps[axis] ** 2 / 4)
-        least = np.where(shared, strata.shape[0] * least, least)
-        return Likelihood(
-            self.design, y, errors.mean(axis=(0, 1)), n, self._known(variance, n), least
-        )
-
-    def variance(self, fit: Fit, kind: str) -> FloatArray:
-        """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
-        result = np.zeros(self.strata.shape[2])
-        for s in self.strata.of(kind):
-            result[self.strata.axis[s]] = self.scale**2 / fit.weights[s]
-        return result
-
-    def _dof(self) -> FloatArray:
-        """Degrees of freedom (S,): less the missing cells and what a datum freed."""
-        strata, table = self.strata, self.table
-        P, H, A = strata.shape
-        n = strata.sizes.copy()
-        for s in strata.of(INTERACTION):
-            n[s] -= self.missing.count
-        axis, _, j = np.unravel_index(strata.place, (A, P, H))
-        taken = np.zeros(len(n))
-        for motion in table.motions:
-            for k in range(motion.Q.shape[1]):
-                one = np.zeros((H, A))
-                one[motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
-                share = np.einsum("ha,ahj->aj", one, strata.of_features) ** 2
-                of_strata = np.bincount(strata.labels(), share[axis, j], minlength=len(n))
-                taken += of_strata * len(motion.rows) / P
-        left = n - taken
-        # A datum that takes a stratum leaves nothing of it but rounding.
-        return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
-
-    def _inner(self, y: FloatArray, n: FloatArray) -> FloatArray:
-        """The interaction's variance (A,)."""
-        strata, result = self.strata, np.zeros(self.strata.shape[2])
-        for s in strata.of(INTERACTION):
-            part = y[strata.slices[s]]
-            result[strata.axis[s]] = part @ part / max(n[s], 1.0)
-        return result
-
-    def _known(self, variance: FloatArray, n: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D."""
-        strata, table = self.strata, self.table
-        S = len(strata.slices)
-        squares, dof = np.zeros(S), np.zeros(S)
-        if not table.of_part.shape[3]:
-            return squares, dof
-        own = min(float(table.pass_dof), 1e4)
-        F = table.of_part / self.scale
-        line = 0
-        for s, kind in enumerate(strata.kinds):
-            if kind not in (PART, LINE) or n[s] == 0:
-                continue
-            a = strata.axis[s]
-            line = 0 if kind == PART else line + 1
-            every = sum(strata.axis[other] == a for other in strata.of(LINE))
-            if line > every - len(self.scatter):
-                continue
-            direction = strata.of_features[a][:, line]
-            size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
-            if size <= 0:
-                continue
-            dof[s] = own
-            squares[s] = own * (variance[a] + size)
-        return squares, dof
-
-
 def posed(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
     of_features: FloatArray | None = None,
-) -> Posed:
-    """The strata and columns of a table and its candidates, beside motions of whole parts that
-    `scatter`; `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
+) -> Likelihood:
+    """The likelihood of a table's errors in its strata with the columns of its candidates, beside
+    motions of whole parts that `scatter`, which are lines of their own, the last of each axis;
+    `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
-    errors, steps = gaps.of_axes(table.errors), steps_of(table)
-    scale = _scale(errors, steps, gaps.lines)
-    strata = _strata(table, errors / scale, scatter)
+    errors = gaps.of_axes(table.errors)
+    scale = _scale(errors, steps_of(table), gaps.lines)
+    errors, steps = errors / scale, steps_of(table) / scale
+    strata = _strata(table, errors, scatter)
     if of_features is not None:
-        strata = _with_moved_means(strata, errors / scale, len(scatter), of_features / scale**2)
+        strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
     design = design_of(table, strata, candidates, scale, gaps)
-    result = Posed(
-        table=table,
-        design=design,
-        missing=gaps,
-        scale=scale,
-        steps=steps / scale,
-        scatter=tuple(scatter),
-    )
-    n = result._dof()
+    n = _dof(design)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
+    y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
+    variance, axis = np.zeros(len(steps)), np.array(strata.axis)
+    for s in strata.of(INTERACTION):
+        part = y[strata.slices[s]]
+        variance[axis[s]] = part @ part / max(n[s], 1.0)
+    least = steps[axis] ** 2 / 12
+    # Repeats that scatter less than half a step share their rounding: so do means of features.
+    first = strata.at[:, 0]
+    means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
+    shared = means & (variance[axis] < steps[axis] ** 2 / 4)
+    least = np.where(shared, strata.shape[0] * least, least)
+    known = _known(design, len(scatter), variance, n)
+    return Likelihood(design, y, errors.mean(axis=(0, 1)), n, known, least)
+
+
+def variance_of(likelihood: Likelihood, fit: Fit, kind: str) -> FloatArray:
+    """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
+    design = likelihood.design
+    result = np.zeros(design.strata.shape[2])
+    for s in design.strata.of(kind):
+        result[design.strata.axis[s]] = design.scale**2 / fit.weights[s]
     return result
+
+
+def _dof(design: Design) -> FloatArray:
+    """Degrees of freedom (S,): less the missing cells and what a datum freed."""
+    strata = design.strata
+    P, H, A = strata.shape
+    n = strata.sizes.copy()
+    for s in strata.of(INTERACTION):
+        n[s] -= design.gaps.count
+    axis, _, j = np.unravel_index(strata.place, (A, P, H))
+    taken = np.zeros(len(n))
+    for motion in design.table.motions:
+        for k in range(motion.Q.shape[1]):
+            one = np.zeros((H, A))
+            one[motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
+            share = np.einsum("ha,ahj->aj", one, strata.of_features) ** 2
+            of_strata = np.bincount(strata.labels(), share[axis, j], minlength=len(n))
+            taken += of_strata * len(motion.rows) / P
+    left = n - taken
+    # A datum that takes a stratum leaves nothing of it but rounding.
+    return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
+
+
+def _known(
+    design: Design, moving: int, variance: FloatArray, n: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D, but for
+    the last lines of each axis, which are `moving`.
+    """
+    strata, table = design.strata, design.table
+    squares, dof = np.zeros((2, len(n)))
+    if not table.of_part.shape[3]:
+        return squares, dof
+    own = min(float(table.pass_dof), 1e4)
+    F = table.of_part / design.scale
+    line = 0
+    for s, kind in enumerate(strata.kinds):
+        if kind not in (PART, LINE) or n[s] == 0:
+            continue
+        a = strata.axis[s]
+        line = 0 if kind == PART else line + 1
+        every = sum(strata.axis[other] == a for other in strata.of(LINE))
+        if line > every - moving:
+            continue
+        direction = strata.of_features[a][:, line]
+        size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
+        if size > 0:
+            dof[s], squares[s] = own, own * (variance[a] + size)
+    return squares, dof
 
 
 def steps_of(table: ResidualTable) -> FloatArray:

@@ -16,8 +16,9 @@ from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
 from mtu_cli.analyses.close_loop.gate import Gate
+from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
-from mtu_cli.analyses.close_loop.posed import Posed, posed
+from mtu_cli.analyses.close_loop.posed import posed
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.residuals import ResidualTable
 
@@ -43,7 +44,7 @@ def candidates(own: ResidualTable, *families: str) -> tuple[Candidate, ...]:
     return tuple(item for item in found if not families or item.family in families)
 
 
-def posed_of(own: ResidualTable, *families: str) -> Posed:
+def posed_of(own: ResidualTable, *families: str) -> Likelihood:
     return posed(own, candidates(own, *families))
 
 
@@ -57,12 +58,11 @@ def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
     """
     own = noise(1)
     own.errors[..., 0] += 0.4 * NOISE_MM * own.covariates["dir_x"]
-    problem = posed_of(own, "backlash")
-    like = problem.likelihood()
-    (s,) = (s for s in problem.strata.of("part") if problem.strata.axis[s] == 0)
+    like = posed_of(own, "backlash")
+    (s,) = (s for s in like.design.strata.of("part") if like.design.strata.axis[s] == 0)
     (index,) = like.closure([0])
-    x = problem.design.columns.dense([index])[0]
-    part = problem.strata.slices[s]
+    x = like.design.columns.dense([index])[0]
+    part = like.design.strata.slices[s]
     y, n, x = like.y[part], like.n[s], x[part]
     assert x @ x == pytest.approx(1)
 
@@ -104,7 +104,7 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     found = diagnosis(own, "backlash")
     assert found.names == ["backlash-x"]
     sizes = estimated(found.models, found.model)
-    strata, scale = found.posed.strata, found.posed.scale
+    strata, scale = found.design.strata, found.design.scale
     of = {
         kind: scale**2 / sizes.fit.weights[s]
         for kind in ("part", "feature", "interaction")
@@ -132,7 +132,7 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     kinds: list[dict[str, float]] = [{}, {"part": 5e-3}, {"feature": 5e-3}, flat]
     alarms = 0
     for seed, kind in enumerate(islice(cycle(kinds), sets)):
-        likelihood = posed_of(noise(seed, parts=7, **kind)).likelihood()
+        likelihood = posed_of(noise(seed, parts=7, **kind))
         alarms += min(Gate(likelihood, np.random.default_rng(seed))(()).values()) <= alpha
     low, high = (binom.ppf(q, sets, alpha) for q in (0.001, 0.999))
     assert low <= alarms <= high
@@ -145,7 +145,7 @@ def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
     own = noise(5, part=2 * NOISE_MM, feature=3 * NOISE_MM)
     x = np.random.default_rng(5).normal(size=(P, H))
     own = replace(own, covariates={"load": x})
-    likelihood = posed_of(own, "covariate").likelihood()
+    likelihood = posed_of(own, "covariate")
     gate, fit = Gate(likelihood, np.random.default_rng(1)), likelihood.fit(())
     at, lp = gate._members((), fit, fit.residual[None])
     named = [likelihood.design.name(int(m)) for m in at]
