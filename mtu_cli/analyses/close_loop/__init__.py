@@ -22,7 +22,7 @@ from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import Estimates, estimated
-from mtu_cli.analyses.close_loop.forms import candidates_of
+from mtu_cli.analyses.close_loop.forms import NOTHING_LEFT, candidates_of
 from mtu_cli.analyses.close_loop.held_out import averaged, corrected, held_out, of_written
 from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
@@ -183,7 +183,6 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     for i, candidate in enumerate(models.design.candidates):
         name, finite = candidate.name, bool(np.isfinite(total[i]))
         tested = finite or name in p
-        reason = candidate.unavailable or models.design.unavailable.get(name)
         judged.append(
             Judged(
                 name=name,
@@ -191,7 +190,7 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
                 p_familywise=min(1.0, p[name] * tables) if name in p else None,
                 log_bayes_factor=float(total[i]) if finite else None,
                 posterior=float(shares[i]) if finite else None,
-                unavailable=None if tested else reason or "not separable on this data",
+                unavailable=None if tested else candidate.unavailable or NOTHING_LEFT,
                 minimum_detectable=smallest.get(name) if tested else None,
             )
         )

@@ -115,7 +115,6 @@ class Design:
     """Prior standard deviations of columns: of the coefficients, and of random functions."""
     mean_variance: FloatArray
     """Of the mean along each axis (A,), by the coefficients."""
-    unavailable: dict[str, str] = field(default_factory=dict)
     _around: dict[int, tuple[int, ...]] = field(default_factory=dict)
 
     @property
@@ -127,10 +126,6 @@ class Design:
     def prior(self) -> FloatArray:
         """The share of each member in its candidate's prior."""
         return np.array([member.prior for member in self.members])
-
-    def name(self, member: int) -> str:
-        """The name of a member's candidate."""
-        return self.candidates[self.members[member].candidate].name
 
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
@@ -428,8 +423,6 @@ def design_of(
         )
         total = sum(item.weight for item in distinct)
         design.members += [made(design, c, item, item.weight / total) for item in distinct]
-        if not distinct and candidate.unavailable is None:
-            design.unavailable[candidate.name] = "this data cannot tell it from an offset"
     design.tested = len(design.members)
     design.kernels = tuple(_kernels(table, strata))
     return design

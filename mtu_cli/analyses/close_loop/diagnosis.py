@@ -136,7 +136,7 @@ def _offset_class(
     logs = {offset.name: 0.0}
     for i in np.flatnonzero(np.isfinite(total)):
         item = best[i]
-        if item < 0 or models.names[i] in {design.name(m) for m in models.members(model)}:
+        if item < 0 or i in {design.members[m].candidate for m in models.members(model)}:
             continue
         means = design.columns.means[list(design.members[item].own), a]
         if not np.any(np.abs(means) > LEAST_MEAN):

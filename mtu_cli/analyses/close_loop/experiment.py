@@ -80,7 +80,7 @@ def separation(
     P, H, A = table.errors.shape
     lines = [np.zeros((H, 0))] * A
     features = (FEATURE, 0) in variance
-    strata = strata_of(P, A, lines, H=H, lines_scatter=False, features_scatter=features)
+    strata = strata_of(P, A, lines, H=H, features_scatter=features)
     default = variance.get((INTERACTION, 0), 1.0)
     w = np.array(
         [

@@ -156,18 +156,16 @@ def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
     P, H, A = errors.shape
     readings = table.component is not None
-    lines, scatter = _lines(table, readings)
+    lines = _lines(table, readings)
     for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
         if lever is not None:
             lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
-            scatter = True
     along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
     rough = None if along is None else smooth_covariance(along)
 
     def made(bends: float) -> Strata:
         return strata_of(
-            P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
-            roughness=rough, bends=bends,
+            P, A, lines, H=H, features_scatter=not readings, roughness=rough, bends=bends
         )  # fmt: skip
 
     result = made(0.0)
@@ -201,13 +199,13 @@ def _along(table: ResidualTable) -> FloatArray | None:
     return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
 
 
-def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool]:
+def _lines(table: ResidualTable, readings: bool) -> list[FloatArray]:
     """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
     _, H, A = table.errors.shape
     if readings:
-        return [_reading_lines(table)] * A, True
+        return [_reading_lines(table)] * A
     if not table.of_part.shape[3]:
-        return [np.zeros((H, 0))] * A, False
+        return [np.zeros((H, 0))] * A
     F = table.of_part.mean(axis=0)
     result = []
     for a in range(A):
@@ -217,7 +215,7 @@ def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool
         U, s, _ = np.linalg.svd(own, full_matrices=False)
         kept = s**2 > NOTABLE * max(whole, 1e-300) if size > 0 else np.zeros(len(s), bool)
         result.append(U[:, kept][:, :2])
-    return result, any(item.shape[1] for item in result)
+    return result
 
 
 def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:

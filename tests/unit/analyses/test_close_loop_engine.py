@@ -12,6 +12,7 @@ from scipy.integrate import quad
 from scipy.stats import binom, invgamma, norm
 
 from mtu_cli.analyses.close_loop.describe import described
+from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
@@ -148,7 +149,8 @@ def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
     likelihood = posed_of(own, "covariate")
     gate, fit = Gate(likelihood, np.random.default_rng(1)), likelihood.fit(())
     at, lp = gate._members((), fit, fit.residual[None])
-    named = [likelihood.design.name(int(m)) for m in at]
+    design = likelihood.design
+    named = [design.candidates[design.members[m].candidate].name for m in at]
 
     def strata(values: FloatArray) -> list[tuple[FloatArray, int]]:
         parts, features = values.mean(axis=1) - values.mean(), values.mean(axis=0) - values.mean()
@@ -170,6 +172,23 @@ def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
         expected = -np.log(2 * norm.sf(abs(total) / np.sqrt(information)))
         found = max(lp[0, i] for i, own_name in enumerate(named) if own_name == name)
         assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
+    """A scale that is known to 20 um at the ends: the information S of a column of size 1 there
+    becomes 1/(1/S + u^2), of which the detectable size is the root's inverse.
+    """
+    own, u = noise(7), 20 * NOISE_MM
+    x = own.places[..., 0] - own.places[..., 0].mean()
+    common = np.zeros((P, H, 2, 1))
+    common[..., 0, 0] = u * x / np.abs(x).max()
+    found = [diagnosis(replace(own, common=known), "scale") for known in (common[..., :0], common)]
+    sizes = [minimum_detectable(each, 0.05)["scale-x"] for each in found]
+    design = found[0].design
+    (s,) = (s for s in design.strata.of("feature") if design.strata.axis[s] == 0)
+    S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].likelihood.fit(()).weights[s]
+    # The coefficients take a degree of freedom of five, too.
+    assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
 
 @pytest.mark.parametrize(("jump_um", "widest"), [(20.0, 1.0), (2.5, 8.0)])
