@@ -179,7 +179,7 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEff
         covariance=covariance,
         equations=_through_component(inputs, item.table.component, equations),
         seen=item.table.ranges(name for name in used if name in columns),
-        found=_provenance(inputs, effect),
+        found=_provenance(inputs, effect, item.table.component),
     )
 
 
@@ -216,8 +216,10 @@ def _through_component(
     }
 
 
-def _provenance(inputs: Inputs, effect: FoundEffect) -> dict[str, Any]:
-    """`found` of the machine file: by what, in which files, how surely."""
+def _provenance(inputs: Inputs, effect: FoundEffect, component: str | None) -> dict[str, Any]:
+    """`found` of the machine file: by what, in which files, how surely; the `component` is of what
+    readings of it are no scatter any more.
+    """
     judged = ("cmm",) if inputs.files("cmm") else ("lbb", "laser")
     sources = [source for source in inputs.sources if source.role in judged]
     result: dict[str, Any] = {
@@ -225,6 +227,7 @@ def _provenance(inputs: Inputs, effect: FoundEffect) -> dict[str, Any]:
         "files": [{"path": source.shown, "sha256": source.sha256} for source in sources],
         "p_familywise": effect.p_familywise,
     }
+    result |= {} if component is None else {"component": component}
     return result | ({"class": list(effect.class_names)} if len(effect.classes) > 1 else {})
 
 

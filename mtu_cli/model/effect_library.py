@@ -274,7 +274,8 @@ class BoundTemplate:
 
     `parameters` by name their units; by index of the axis `equations`, and of these the `levers`
     of each parameter; `used` are the columns that these and `needs` name, `covariate` the one
-    that the effect goes with, `grid` (G,) the values of what is searched, if anything is.
+    that the effect goes with, `grid` (G,) the values of what is searched, if anything is. With it
+    its `margins`; of a family `over` features, parts or operations one member each is `chosen`.
     """
 
     family: Family
@@ -286,11 +287,18 @@ class BoundTemplate:
     used: tuple[str, ...]
     covariate: str | None
     grid: FloatArray | None
+    margins: tuple[BoundTemplate, ...] = ()
+    chosen: tuple[str, ...] | None = None
 
     @property
-    def is_periodic(self) -> bool:
-        """Whether periods are searched: columns are of the same size for all of them."""
-        return self.template.search is not None and self.template.search.grid == "frequency"
+    def searched(self) -> str:
+        """The name of what is searched."""
+        return self.template.searched or ""
+
+    @property
+    def scale(self) -> str:
+        """Of the grid of what is searched; empty where nothing is."""
+        return "" if self.template.search is None else self.template.search.grid
 
     def columns(self, searched: FloatArray | None) -> tuple[Levers, ...]:
         """The levers of each parameter at values (G,) of what is searched.
@@ -299,7 +307,7 @@ class BoundTemplate:
         """
         values = dict(self.data.values)
         if searched is not None:
-            values[str(self.template.searched)] = searched[:, None, None]
+            values[self.searched] = searched[:, None, None]
         if self.family.over is not None:
             values[CHOSEN] = np.stack([*choices(self.data.table, self.family.over).values()])
         result: dict[str, Levers] = {name: {} for name in self.parameters}
@@ -313,9 +321,8 @@ class BoundTemplate:
 
     def slopes(self) -> dict[int, dict[str, Node]]:
         """By index of the axis the derivatives of the levers with respect to what is searched."""
-        name = self.template.searched or ""
         return {
-            axis: {parameter: slope(lever, name) for parameter, lever in levers.items()}
+            axis: {parameter: slope(lever, self.searched) for parameter, lever in levers.items()}
             for axis, levers in self.levers.items()
         }
 
@@ -324,7 +331,7 @@ class BoundTemplate:
 
         Raises NoMember where files of machines have no such unit.
         """
-        searched, unit = self.template.searched or "", self.data.table.unit
+        searched, unit = self.searched, self.data.table.unit
         tree = next(own for levers in self.slopes().values() for own in levers.values())
         algebra = Algebra(units=own_columns(names(tree), [searched]), factor=NO_LENGTH)
         powers = algebra.of(parse(filled_text(tree, {searched: 2.0})))
@@ -334,8 +341,7 @@ class BoundTemplate:
 
     def texts(self, value: float | None = None) -> dict[str, str]:
         """Equations by key (``Ex``) with all numbers in place, `value` for what is searched."""
-        searched = self.template.searched
-        filling = {} if value is None or searched is None else {searched: value}
+        filling = {} if value is None else {self.searched: value}
         axes = self.data.table.axes
         return {f"E{axes[a]}": filled_text(tree, filling) for a, tree in self.equations.items()}
 

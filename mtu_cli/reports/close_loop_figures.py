@@ -41,8 +41,6 @@ CURVE = 200
 """Places at which the curve of a smooth effect is drawn."""
 MM = ", mm"
 SIDES = (("before", figures.ORANGE), ("after", figures.BLUE))
-SHIFT = 0.01
-"""Of errors before and after, to either side, as a share of the width."""
 
 
 class Over(NamedTuple):
@@ -112,9 +110,8 @@ def _maps(item: TableResult) -> Maps | None:
 
 def _mean(values: FloatArray, there: NDArray[np.bool_]) -> FloatArray:
     """Over the parts, of what is there; nan where nothing is."""
-    count = np.broadcast_to(there, values.shape).sum(axis=0)
-    total = np.where(there, values, 0.0).sum(axis=0)
-    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+    lacking = ~np.broadcast_to(there, values.shape)
+    return np.asarray(np.ma.masked_array(values, lacking).mean(axis=0).filled(np.nan))
 
 
 def _overs(item: TableResult) -> Iterator[Over]:
@@ -151,12 +148,10 @@ def _errors(panel: Axes, item: TableResult, over: Over) -> None:
     table, scale = item.table, UNITS[item.table.unit].to_internal
     there = table.there & np.isfinite(over.x)
     both = (table.errors, table.errors - item.explained)[: 1 + bool(item.effects)]
-    shift = SHIFT * float(np.ptp(over.x[there]) or 1.0)
-    for i, ((label, colour), values) in enumerate(zip(SIDES, both, strict=False)):
+    for (label, colour), values in zip(SIDES, both, strict=False):
         panel.plot(
-            over.x[there] + shift * (2 * i - len(both) + 1),
-            values[..., over.a][there] / scale, ".", color=colour, markersize=3.0, alpha=0.45,
-            label=f"error {label}" if len(both) > 1 else None,
+            over.x[there], values[..., over.a][there] / scale, ".", color=colour, markersize=3.0,
+            alpha=0.45, label=f"error {label}" if len(both) > 1 else None,
         )  # fmt: skip
     panel.axhline(0.0, color=figures.GREY, linewidth=0.9)
     if over.effect is not None and (smooth := over.effect.table) is not None:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import yaml
 from cli_runner import Listing, Result, done, listing, mtu, report
@@ -162,26 +161,6 @@ def test_the_extended_machine_has_nothing_left(first: Run, tmp_path: Path) -> No
     assert new.read_bytes() == first.machine.read_bytes()
     assert "nothing-added" in result.stderr
     assert (tmp_path / "p.svg").read_text("utf-8").startswith("<?xml")
-
-
-def test_other_commands_take_the_extended_machine(first: Run) -> None:
-    call = ("predict-points", "-p", PART, "--lbb", READINGS)
-    plain = report(*call, "-m", MACHINE)["results"]["points"]
-    (effect,) = first.results["effects"]
-    lost, level = effect["parameters"].values()
-    (written,) = yaml.safe_load(first.machine.read_text("utf-8"))["effects"]
-    for sign in (-1, 1):
-        moved = report(*call, "-m", first.machine, "--at", f"dir_x={sign}")["results"]["points"]
-        for old, new in zip(plain, moved, strict=True):
-            assert new["Ex_um"] - old["Ex_um"] == pytest.approx(
-                sign * lost["value"] + level["value"]
-            )
-            assert new["Ey_um"] == old["Ey_um"]
-            assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(
-                np.array([sign, 1]) @ written["covariance"] @ [sign, 1], rel=1e-6
-            )
-    message = done(mtu(*call, "-m", first.machine), 2).stderr
-    assert "is missing; expected --at dir_x=VALUE" in message
 
 
 def test_without_the_block_the_old_machine_is_back(first: Run, tmp_path: Path) -> None:

@@ -108,18 +108,6 @@ def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
     assert given["results"]["points"]
 
 
-def test_a_covariate_that_is_missing(tmp_path: Path) -> None:
-    left_out = ("T_spindle_degC", "T_part_degC", "T_cmm_degC", "dir_x")
-    args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], leave_out=left_out)
-    result = done(mtu("close-loop", *args, *NO_WAVES, "--detail", "-o", "found.json", cwd=tmp_path))
-    assert "no column T_..._degC" in " ".join(result.stdout.split())
-    found = json.loads((tmp_path / "found.json").read_text())["results"]
-    assert not {"thermal-drift-x", "backlash-x"} & set(names(found))
-    why = {item["name"]: item["unavailable"] for item in found["candidates"]}
-    assert why["thermal-drift-x"] == "no column T_..._degC without gaps"
-    assert why["backlash-x"] == "no column dir_x"
-
-
 @pytest.mark.parametrize(
     ("every", "words", "named"),
     [
@@ -197,24 +185,6 @@ def test_every_command_takes_the_extended_machine(extended: Path) -> None:
             expected = lost["value"] * signs[item["id"]] + level["value"]
             assert item["predicted"]["mean_um"] == pytest.approx(expected, rel=1e-6)
             assert not item["biased"]
-
-
-def test_the_second_run_finds_nothing(extended: Path) -> None:
-    found = closed(extended, *EXTENDED, *NO_WAVES, "--cmm", "cmm.csv")
-    assert found["verdict"] == "none"
-    assert not found["effects"]
-
-
-def test_without_its_effects_it_predicts_as_before(extended: Path) -> None:
-    text = (extended / "extended.yaml").read_text()
-    head, _, _ = text.partition("effects:\n")
-    (extended / "plain.yaml").write_text(head)
-    part = ("-p", "part.yaml")
-    old, new = (
-        report("predict-points", "-m", name, *part, cwd=extended)["results"]
-        for name in ("machine.yaml", "plain.yaml")
-    )
-    assert old == new
 
 
 RING = CONFIGS / "valdes-ring"

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from cli_runner import done, mtu
 
 MACHINE = """schema: mtu/machine/1
@@ -113,10 +112,7 @@ def test_passes_that_follow_each_other_grow_or_shift(
         (tmp_path / "machine.yaml").write_text(MACHINE, "utf-8")
         done(mtu("close-loop", "-m", "machine.yaml", "--laser", "laser.csv", "-o", "o.json",
                  "--write-machine", "new.yaml", cwd=tmp_path))  # fmt: skip
-        # A machine that was found from readings speaks of passes.
         written = (tmp_path / "new.yaml").read_text("utf-8")
-        (declared,) = yaml.safe_load(written)["effects"]
-        assert declared["found"]["held_out"]["by"] == "passes"
         assert "of the parts or passes" in written or name != "trend-x"
         found = json.loads((tmp_path / "o.json").read_text("utf-8"))["results"]
         # Five levels alone may also drift as nothing of the library does.

@@ -295,6 +295,7 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
         {"Ex": "(-y)*(jump*step(time_min - 3))"},
         {"Ex": "shift*dir_x"},
     ]
+    assert effects[0].found["component"] == "axy"
 
 
 def test_what_no_equation_describes_is_left_out(

@@ -22,8 +22,9 @@ from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import Estimates, estimated
-from mtu_cli.analyses.close_loop.forms import candidates_of
+from mtu_cli.analyses.close_loop.forms import NOTHING_LEFT, candidates_of
 from mtu_cli.analyses.close_loop.held_out import averaged, corrected, held_out, of_written
+from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -101,7 +102,7 @@ def _result(
         for predicted in (of_written(effects, table), averaged(found, effects, table))
     )
     variance = _entry_variance(found, sizes)
-    covariance = sizes.covariance * found.posed.scale**2
+    covariance = sizes.covariance * found.design.scale**2
     by, errors = (None, (table.errors, after, mean)) if held is None else held
 
     def score(errors: FloatArray) -> Scores:
@@ -137,24 +138,24 @@ def _repeatability(found: Diagnosis, sizes: Estimates) -> float | None:
     """Standard deviation of single entries about the means of parts and of features, at least that
     of rounding; None where there are no such.
     """
-    posed, fit = found.posed, sizes.fit
-    variances = []
-    for s in posed.strata.of(INTERACTION):
-        rest = fit.residual[posed.strata.slices[s]]
-        rounding = posed.steps[posed.strata.axis[s]] ** 2 / 12
+    design, fit = found.design, sizes.fit
+    variances, steps = [], steps_of(design.table) / design.scale
+    for s in design.strata.of(INTERACTION):
+        rest = fit.residual[design.strata.slices[s]]
+        rounding = steps[design.strata.axis[s]] ** 2 / 12
         variances.append(max(float(rest @ rest / fit.dof[s]), float(rounding)))
-    return posed.scale * float(np.sqrt(np.mean(variances))) if variances else None
+    return design.scale * float(np.sqrt(np.mean(variances))) if variances else None
 
 
 def _entry_variance(found: Diagnosis, sizes: Estimates) -> FloatArray:
     """The variance (A,) of a single entry by the variances of its strata, mm^2."""
-    strata = found.posed.strata
+    strata = found.design.strata
     P, H, A = strata.shape
     total = np.zeros(A)
     for s, n in enumerate(strata.sizes):
         if sizes.fit.weights[s] > 0:
             total[strata.axis[s]] += n / sizes.fit.weights[s]
-    return np.asarray(total / (P * H) * found.posed.scale**2)
+    return np.asarray(total / (P * H) * found.design.scale**2)
 
 
 def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Scores:
@@ -173,7 +174,7 @@ def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Sco
 def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     """All candidates, each added to the known model alone."""
     models, smallest = found.models, minimum_detectable(found, rate)
-    p = models.gate(()) | dict(found.scatter)
+    p = models.gate(()) | {name: p for name, p, _ in found.scatter}
     total, _ = models.additions(())
     with np.errstate(over="ignore"):
         shares = np.exp(total - total.max(initial=0.0))
@@ -182,7 +183,6 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
     for i, candidate in enumerate(models.design.candidates):
         name, finite = candidate.name, bool(np.isfinite(total[i]))
         tested = finite or name in p
-        reason = candidate.unavailable or models.design.unavailable.get(name)
         judged.append(
             Judged(
                 name=name,
@@ -190,7 +190,7 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
                 p_familywise=min(1.0, p[name] * tables) if name in p else None,
                 log_bayes_factor=float(total[i]) if finite else None,
                 posterior=float(shares[i]) if finite else None,
-                unavailable=None if tested else reason or "not separable on this data",
+                unavailable=None if tested else candidate.unavailable or NOTHING_LEFT,
                 minimum_detectable=smallest.get(name) if tested else None,
             )
         )

@@ -116,10 +116,6 @@ class Columns:
             products[:n, new] = self._values[s][:n] @ self._values[s][new].T
             products[new, :n] = products[:n, new].T
 
-    def weighed(self, weights: FloatArray, one: IntArray, other: IntArray) -> FloatArray:
-        """The sum of these over the strata, by their weights (S,)."""
-        return np.asarray(np.tensordot(weights, self.cross(one, other), 1))
-
     def products(self, Y: FloatArray) -> FloatArray:
         """(S, K, B) products of the columns in each stratum with coordinates Y (B, N)."""
         self._settle()

@@ -14,10 +14,8 @@ from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
-from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
-from mtu_cli.analyses.close_loop.strata import INTERACTION
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.language.tree import Call, Node, Number, filled_text, names
@@ -47,17 +45,17 @@ def described(
             effects.append(_with_levels(found, sizes, _smooth(found, entry), levels))
             continue
         estimate = estimates[entry.item]
-        effect = _as_table(_mean_effect(found, sizes, entry, estimate), found.posed.table)
+        effect = _as_table(_mean_effect(found, sizes, entry, estimate), found.design.table)
         effect = _with_levels(found, sizes, effect, levels)
         if compare:
             effect = replace(
                 effect,
                 explained_share=_explained(found.likelihood, sizes, estimate.member),
-                aliases=aliases(found.posed.design, sizes.fit.weights, estimate.member),
+                aliases=aliases(found.design, sizes.fit.weights, estimate.member),
                 experiment=_experiment(found, sizes, entry),
             )
         effects.append(effect)
-    effects += [_scatter(found, name, p) for name, p in found.scatter]
+    effects += [_scatter(found, *one) for one in found.scatter]
     return tuple(effects + offsets)
 
 
@@ -65,7 +63,7 @@ def _with_levels(
     found: Diagnosis, sizes: Estimates, effect: FoundEffect, levels: set[str]
 ) -> FoundEffect:
     """An effect with the level of each axis that is not yet in `levels`."""
-    scale, table = found.posed.scale, found.posed.table
+    scale, table = found.design.scale, found.design.table
     if table.fitted_degree >= 0 or table.datum != "none" or effect.candidate.over in OUTLYING:
         return effect
     for key in [key for key in effect.equations if key not in levels]:
@@ -120,7 +118,7 @@ def _as_table(effect: FoundEffect, table: ResidualTable) -> FoundEffect:
 
 
 def _candidate(found: Diagnosis, name: str) -> Candidate:
-    return next(c for c in found.posed.design.candidates if c.name == name)
+    return next(c for c in found.design.candidates if c.name == name)
 
 
 def _parameter(size: Parameter, scale: float) -> Parameter:
@@ -131,10 +129,10 @@ def _parameter(size: Parameter, scale: float) -> Parameter:
 def _mean_effect(
     found: Diagnosis, sizes: Estimates, entry: Entry, estimate: Estimate
 ) -> FoundEffect:
-    scale, form, rows = found.posed.scale, estimate.member.form, estimate.rows
+    scale, form, rows = found.design.scale, estimate.member.form, estimate.rows
     return FoundEffect(
         candidate=_candidate(found, entry.name),
-        covariate=form.bound.covariate,
+        covariate=form.covariate,
         parameters=tuple(_parameter(size, scale) for size in estimate.sizes),
         covariance=sizes.covariance[np.ix_(rows, rows)] * scale**2,
         rows=rows,
@@ -153,7 +151,7 @@ def _equations(estimate: Estimate) -> dict[str, str]:
     logarithm, the sizes in proportion.
     """
     member = estimate.member
-    bound, value = member.form.bound, member.value
+    bound, value = member.form, member.value
     terms: dict[str, list[str]] = {}
     for each in (bound, *member.form.margins):
         for key, text in each.texts(value).items():
@@ -161,7 +159,7 @@ def _equations(estimate: Estimate) -> dict[str, str]:
     # Two effects that have the same change have it once.
     if value is not None and any(size.role == "searched" for size in estimate.sizes):
         assert estimate.tangent is not None
-        name, sizes = bound.template.searched or "", estimate.tangent.sizes
+        name, sizes = bound.searched, estimate.tangent.sizes
         shares = sizes / max(float(np.linalg.norm(sizes)), 1e-300)
         share = dict(zip(bound.parameters, shares[: len(bound.parameters)].tolist(), strict=True))
         for a, slopes in bound.slopes().items():
@@ -187,22 +185,26 @@ def _explained(likelihood: Likelihood, sizes: Estimates, member: Member) -> floa
 
 def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, ...]:
     """Other candidates with a member whose columns span the same, whatever the errors."""
-    weighed, own = design.columns.weighed, np.array(member.own)
+    cross, own = design.columns.cross, np.array(member.own)
     among = design.members[: design.tested]
     others = [m for m in among if m.candidate != member.candidate and len(m.own) == len(own)]
     if not others:
         return ()
     theirs = np.array([m.own for m in others])
-    across = weighed(weights, own[:, None], theirs[:, None, :])
-    inner = weighed(weights, theirs[:, :, None], theirs[:, None, :])
+    pairs = (
+        (own[:, None], own),
+        (own[:, None], theirs[:, None]),
+        (theirs[..., None], theirs[:, None]),
+    )
+    whole, across, inner = (np.tensordot(weights, cross(*pair), 1) for pair in pairs)
     inner = across @ np.linalg.solve(inner, np.swapaxes(across, 1, 2))
-    share = np.trace(np.linalg.solve(weighed(weights, own[:, None], own), inner), axis1=1, axis2=2)
+    share = np.trace(np.linalg.solve(whole, inner), axis1=1, axis2=2)
     alike = np.array(others, object)[share > ALIAS * len(own)]
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 
 
 def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment | None:
-    design, rivals = found.posed.design, []
+    design, rivals = found.design, []
     for _, item, posterior in entry.credible:
         if item < 0:
             continue
@@ -212,22 +214,22 @@ def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment 
             fit.beta[fit.columns.index(i)] / f if i >= 0 else 0.0
             for i, f in zip(member.indices, member.factors, strict=True)
         ]
-        own = np.array(estimates[: len(member.form.bound.parameters)])
+        own = np.array(estimates[: len(member.form.parameters)])
         rivals.append(Rival(member=member, sizes=own, posterior=posterior))
-    return experiment(found.posed.table, rivals, design.strata, sizes.fit.weights)
+    return experiment(found.design.table, rivals, design.strata, sizes.fit.weights)
 
 
 def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
-    posed = found.posed
-    kernel = posed.design.kernels[-1 - entry.item]
+    design = found.design
+    kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
     effect = smooth_effect(
         found.likelihood, found.likelihood.fit(found.models.columns(rest)), kernel
     )
     J = effect.values / max(effect.rms, 1e-300) / len(effect.values)
-    u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * posed.scale
+    u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * design.scale
     size = Parameter(
-        name="rms", unit=posed.table.unit, value=effect.rms * posed.scale, u=u, dof=effect.dof
+        name="rms", unit=design.table.unit, value=effect.rms * design.scale, u=u, dof=effect.dof
     )
     candidate = Candidate(
         name=entry.name,
@@ -244,49 +246,34 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
         equations={},
         table=replace(
             effect,
-            values=effect.values * posed.scale,
-            covariance=effect.covariance * posed.scale**2,
-            roughness=effect.roughness * posed.scale**2,
+            values=effect.values * design.scale,
+            covariance=effect.covariance * design.scale**2,
+            roughness=effect.roughness * design.scale**2,
         ),
         p_familywise=entry.p,
         log_bayes_factor=entry.gain,
         posterior=entry.posterior,
         classes=tuple((name, p) for name, _, p in entry.credible),
     )
-    axis = posed.table.axes[posed.strata.axis[kernel.strata[0]]]
+    axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
     return replace(smooth, equations={f"E{axis}": smooth.component})
 
 
-def _scatter(found: Diagnosis, name: str, p: float) -> FoundEffect:
-    """A scatter effect: the ratio of the standard deviations of its pattern and of all entries."""
-    table, strata = found.posed.table, found.posed.strata
-    fit = found.likelihood.fit(found.models.columns(found.model))
-    interaction = np.zeros_like(fit.residual)
-    for s in strata.of(INTERACTION):
-        interaction[strata.slices[s]] = fit.residual[strata.slices[s]]
-    E = strata.table(interaction)
+def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect:
+    """A scatter effect; of operations that which scatters more."""
     chosen = None
     if name == "operation-scatter":
-        second = table.operation == 1
-        of_second, of_rest = (float(np.mean(E[:, at] ** 2)) for at in (second, ~second))
-        low, high = sorted((of_second, of_rest))
-        chosen = table.operations[1 if of_second > of_rest else 0]
-    else:
-        lever = lever_of(name, table.axes, table.mean_places)
-        assert lever is not None
-        high = float(np.mean(np.einsum("pha,ha->p", E, lever) ** 2))
-        low = float(np.mean(E**2))
+        chosen = found.design.table.operations[1 if ratio > 1 else 0]
     return FoundEffect(
         candidate=_candidate(found, name), covariance=np.zeros((0, 0)), equations={},
-        chosen=chosen, ratio=float(np.sqrt(high / max(low, 1e-300))), p_familywise=p,
-        classes=((name, 1.0),),
+        chosen=chosen, ratio=max(ratio, 1 / ratio), p_familywise=p, classes=((name, 1.0),),
     )  # fmt: skip
 
 
 def _offset(found: Diagnosis, sizes: Estimates, offset: Offset) -> FoundEffect:
-    axes, candidate = found.posed.table.axes, _candidate(found, offset.name)
+    axes, candidate = found.design.table.axes, _candidate(found, offset.name)
     a = axes.index(candidate.axis or axes[0])
-    level = _parameter(sizes.levels[a], found.posed.scale)
+    level = _parameter(sizes.levels[a], found.design.scale)
     return FoundEffect(
         candidate=candidate,
         parameters=(replace(level, name="shift", role="own"),),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.analyses.close_loop.columns import PADDING, Columns
-from mtu_cli.analyses.close_loop.forms import Candidate, Form
+from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -19,6 +19,7 @@ from mtu_cli.analyses.close_loop.strata import (
     Levers,
     Strata,
 )
+from mtu_cli.model.effect_library import BoundTemplate
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -63,7 +64,7 @@ class Member:
     """
 
     candidate: int
-    form: Form
+    form: BoundTemplate
     value: float | None
     chosen: int | None
     own: tuple[int, ...]
@@ -99,6 +100,8 @@ class Design:
 
     table: ResidualTable
     strata: Strata
+    scale: float
+    """Errors count in units of it, mm."""
     candidates: tuple[Candidate, ...]
     columns: Columns
     gaps: Missing
@@ -112,7 +115,6 @@ class Design:
     """Prior standard deviations of columns: of the coefficients, and of random functions."""
     mean_variance: FloatArray
     """Of the mean along each axis (A,), by the coefficients."""
-    unavailable: dict[str, str] = field(default_factory=dict)
     _around: dict[int, tuple[int, ...]] = field(default_factory=dict)
 
     @property
@@ -124,10 +126,6 @@ class Design:
     def prior(self) -> FloatArray:
         """The share of each member in its candidate's prior."""
         return np.array([member.prior for member in self.members])
-
-    def name(self, member: int) -> str:
-        """The name of a member's candidate."""
-        return self.candidates[self.members[member].candidate].name
 
     def axis(self, candidate: Candidate) -> int:
         """The axis of a candidate of one; the first of errors that have none."""
@@ -203,7 +201,7 @@ class Placed:
     (k, n) of what is its own beside these.
     """
 
-    form: Form
+    form: BoundTemplate
     value: float | None
     chosen: int | None
     at: IntArray
@@ -227,9 +225,10 @@ def _means(levers: Sequence[Levers], G: int, table: ResidualTable) -> tuple[Floa
     return mean, np.sqrt(square)
 
 
-def evaluated(design: Design, form: Form, values: FloatArray | None) -> list[Placed]:
+def evaluated(design: Design, form: BoundTemplate, values: FloatArray | None) -> list[Placed]:
     """The members of a form at some values; those of which the data see nothing are left out."""
-    own, lower = form.own(values), form.lower(values)
+    own = form.columns(values)
+    lower = [lever for item in form.margins for lever in item.columns(values)]
     G = len(form.chosen) if form.chosen is not None else 1 if values is None else len(values)
     if G == 0:
         return []
@@ -240,7 +239,8 @@ def evaluated(design: Design, form: Form, values: FloatArray | None) -> list[Pla
     at, (X, Z) = at[there], np.split(X[:, :, there], [len(own)], axis=1)
     sizes = np.linalg.norm(X, axis=2)
     sound, inner = _bases(X, Z)
-    if form.bound.is_periodic:
+    # Periods: columns are of the same size for all of them.
+    if form.scale == "frequency":
         sound &= np.sum(sizes**2, axis=1) >= 2 * (SEEN * sizes.max()) ** 2
     kept: BoolArray = np.any(inner, axis=2)
     return [
@@ -316,13 +316,12 @@ def _angles(products: FloatArray) -> FloatArray:
     return np.asarray(np.arccos(np.clip(s[:, -1], -1.0, 1.0)))
 
 
-def grid_values(form: Form) -> FloatArray | None:
+def grid_values(form: BoundTemplate) -> FloatArray | None:
     """The values of a form's grid, finer where members may lie between."""
     grid = form.grid
-    if grid is None or not form.continuous or len(grid) < 2:
+    if grid is None or form.scale == "between" or len(grid) < 2:
         return grid
-    search = form.bound.template.search
-    to, back = SCALES.get(search.grid if search else "", (np.asarray, np.asarray))
+    to, back = SCALES.get(form.scale, (np.asarray, np.asarray))
     at = np.linspace(0, len(grid) - 1, FINE * (len(grid) - 1) + 1)
     return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 
@@ -404,6 +403,7 @@ def design_of(
     design = Design(
         table=table,
         strata=strata,
+        scale=scale,
         candidates=tuple(candidates),
         columns=columns,
         gaps=gaps,
@@ -423,8 +423,6 @@ def design_of(
         )
         total = sum(item.weight for item in distinct)
         design.members += [made(design, c, item, item.weight / total) for item in distinct]
-        if not distinct and candidate.unavailable is None:
-            design.unavailable[candidate.name] = "this data cannot tell it from an offset"
     design.tested = len(design.members)
     design.kernels = tuple(_kernels(table, strata))
     return design
@@ -434,69 +432,53 @@ def design_of(
 
 
 def _kernels(table: ResidualTable, strata: Strata) -> Iterator[Kernel]:
-    P, _, _A = strata.shape
+    P, _, _ = strata.shape
     parts, features = strata.of(PART), strata.of(FEATURE)
-    walk = np.minimum.outer(np.arange(P), np.arange(P)) + 1.0
     places = table.mean_places
     known = [i for i in range(3) if np.isfinite(places[:, i]).all() and np.ptp(places[:, i]) > 0]
     if P > 3:
-        made = {strata.axis[s]: _of_parts(strata, s, walk) for s in parts}
-        yield from _nameless("walk", made, parts, table)
+        walk = np.minimum.outer(np.arange(P), np.arange(P)) + 1.0
+        yield from _nameless("walk", walk, parts, table, strata)
     if features and len(known) > 1 and len(places) > FEWEST_PLACES:
         apart = np.linalg.norm(places[:, None, known] - places[None, :, known], axis=-1)
         near = np.exp(-0.5 * (apart / (0.3 * apart.max())) ** 2)
-        made = {strata.axis[s]: _of_features(strata, s, near) for s in features}
-        yield from _nameless("field", made, features, table)
+        yield from _nameless("field", near, features, table, strata)
     for a, name in enumerate(table.axes):
-        for i in known:
-            along = "xyz"[i]
+        own = [s for s in (*features, *strata.of(INTERACTION)) if strata.axis[s] == a]
+        for i in known if own else ():
             if len(np.unique(np.round(places[:, i], 6))) < FEWEST_PLACES:
                 continue
-            rough = smooth_covariance(places[:, i])
-            s = _profile_stratum(strata, a)
-            if s is None:
-                continue
-            vectors, values = _of_features(strata, s, rough)
-            own = along == name or table.component is not None
+            along = "xyz"[i]
+            vectors, values = _directions(strata, own[0], smooth_covariance(places[:, i]))
+            itself = along == name or table.component is not None
             yield Kernel(
-                name=f"profile-{name}" if own else f"profile-{name}-{along}",
+                name=f"profile-{name}" if itself else f"profile-{name}-{along}",
                 family="profile",
-                axis=name if own else f"{name}{along}",
+                axis=name if itself else f"{name}{along}",
                 named=True,
                 along=along,
-                strata=(s,),
+                strata=(own[0],),
                 vectors=(vectors,),
                 values=(values,),
                 informed=len(vectors) / float(np.any(vectors != 0.0, axis=1).sum()),
             )
 
 
-def _profile_stratum(strata: Strata, a: int) -> int | None:
-    for kind in (FEATURE, INTERACTION):
-        for s in strata.of(kind):
-            if strata.axis[s] == a:
-                return s
-    return None
-
-
 def _nameless(
-    name: str,
-    made: dict[int, tuple[FloatArray, FloatArray]],
-    strata: Sequence[int],
-    table: ResidualTable,
+    name: str, K: FloatArray, own: Sequence[int], table: ResidualTable, strata: Strata
 ) -> Iterator[Kernel]:
-    groups = [(s,) for s in strata] + ([tuple(strata)] if len(strata) > 1 else [])
-    axes = dict(zip(strata, made, strict=True))
-    for group in groups:
-        alone = len(group) == 1
+    """A random function of each axis, and of all of them at once."""
+    made = {s: _directions(strata, s, K) for s in own}
+    for group in [(s,) for s in own] + [tuple(own)] * (len(own) > 1):
+        axis = table.axes[strata.axis[group[0]]] if len(group) == 1 else None
         yield Kernel(
-            name=f"{name}-{table.axes[axes[group[0]]]}" if alone else name,
+            name=name if axis is None else f"{name}-{axis}",
             family=name,
-            axis=table.axes[axes[group[0]]] if alone else None,
+            axis=axis,
             named=False,
-            strata=tuple(group),
-            vectors=tuple(made[axes[s]][0] for s in group),
-            values=tuple(made[axes[s]][1] for s in group),
+            strata=group,
+            vectors=tuple(made[s][0] for s in group),
+            values=tuple(made[s][1] for s in group),
         )
 
 
@@ -511,34 +493,25 @@ def smooth_covariance(places: FloatArray) -> FloatArray:
     return result
 
 
-def _of_parts(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Eigenvectors and values of a covariance over parts (P, P) in a stratum of the parts."""
-    P, _H, _A = strata.shape
-    n = strata.slices[s].stop - strata.slices[s].start
-    basis = strata.of_parts[:, P - n :]
-    return _eigen(basis.T @ K @ basis, n)
-
-
-def _of_features(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same of one over features (H, H), alike in all parts."""
+def _directions(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvectors and values in a stratum of a covariance over parts (P, P), of a stratum of the
+    parts, or else of one over features (H, H) that is alike in all parts.
+    """
     P, H, A = strata.shape
-    place = strata.place[strata.slices[s]]
-    _a, i, j = np.unravel_index(place, (A, P, H))
-    shared = np.flatnonzero(i == 0)
-    basis = strata.of_features[strata.axis[s]][:, j[shared]]
-    spread = strata.spread[strata.slices[s]][shared]
-    inner = (basis.T @ K @ basis) / np.outer(spread, spread)
-    vectors, values = _eigen(inner, len(shared))
-    full = np.zeros((len(place), vectors.shape[1]))
-    full[shared] = vectors
-    return full, values
-
-
-def _eigen(K: FloatArray, n: int) -> tuple[FloatArray, FloatArray]:
-    values, vectors = np.linalg.eigh((K + K.T) / 2)
+    part = strata.slices[s]
+    _, i, j = np.unravel_index(strata.place[part], (A, P, H))
+    if strata.kinds[s] == PART:
+        shared, basis = np.arange(len(i)), strata.of_parts[:, i]
+    else:
+        shared = np.flatnonzero(i == 0)
+        basis = strata.of_features[strata.axis[s]][:, j[shared]] / strata.spread[part][shared]
+    inner = basis.T @ K @ basis
+    values, vectors = np.linalg.eigh((inner + inner.T) / 2)
     values = np.maximum(values, 0.0)
-    kept = values > RANK * values[-1]
-    return vectors[:, kept][:, ::-1], values[kept][::-1] * (n / values.sum())
+    kept = np.flatnonzero(values > RANK * values[-1])[::-1]
+    full = np.zeros((len(i), len(kept)))
+    full[shared] = vectors[:, kept]
+    return full, values[kept] * (len(shared) / values.sum())
 
 
 __all__ = ["PADDING", "Design", "Kernel", "Member", "design_of"]

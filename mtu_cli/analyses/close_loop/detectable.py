@@ -25,7 +25,7 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v). D is Sidak's over all candidates
     and the members of each.
     """
-    design, strata = found.posed.design, found.posed.strata
+    design, strata = found.design, found.design.strata
     fit = found.likelihood.fit(found.models.columns(found.model))
     P, H, _ = strata.shape
     of = design.of[: design.tested]
@@ -33,8 +33,10 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
     tests = int((counts > 0).sum())
     sizes = np.full(design.tested, np.nan)
     for (low, k), group in design.groups():
-        left = partial_out(found.likelihood, group, low, (), fit.weights)
-        signal = np.einsum("smkk->m", left.information) / k
+        left = partial_out(found.likelihood, group, (), low, fit.weights)
+        # The coefficients are uncertain as far as is known beforehand.
+        prior = np.sum(left.own_base**2 * found.likelihood.ridge(left.base), axis=(1, 2))
+        signal = (np.einsum("smkk->m", left.information) + prior) / k
         crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
         shares = fit.weights[:, None] * crossed
         v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
@@ -47,7 +49,7 @@ def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
         sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
     known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
     return {
-        design.candidates[c].name: float(np.median(own)) * found.posed.scale
+        design.candidates[c].name: float(np.median(own)) * found.design.scale
         for c, own in known.items()
         if len(own)
     }

@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.estimate import without_aliases
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet
-from mtu_cli.analyses.close_loop.posed import Posed, free_lines, posed
+from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of, variance_of
 from mtu_cli.analyses.close_loop.strata import FEATURE
 from mtu_cli.model.residuals import ResidualTable
 
@@ -34,16 +35,15 @@ class Offset:
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """What one table says: the model, its entries the strongest first, scatter effects and offsets
-    with their p, checks that fired, and the verdict.
+    """What one table says: the model, its entries the strongest first, scatter effects with their p
+    and ratio of deviations, offsets, checks that fired, and the verdict.
     """
 
-    posed: Posed
     likelihood: Likelihood
     models: ModelSet
     model: Model
     entries: tuple[Entry, ...]
-    scatter: tuple[tuple[str, float], ...]
+    scatter: tuple[tuple[str, float, float], ...]
     offsets: tuple[Offset, ...]
     checks: tuple[tuple[str, float], ...]
     fired: tuple[str, ...]
@@ -52,17 +52,22 @@ class Diagnosis:
     verdict: str
 
     @property
+    def design(self) -> Design:
+        """Of the table, its candidates and strata."""
+        return self.likelihood.design
+
+    @property
     def names(self) -> list[str]:
         """The names of all effects."""
         named = [entry.name for entry in self.entries]
-        named += [name for name, _ in self.scatter]
+        named += [name for name, _, _ in self.scatter]
         return named + [offset.name for offset in self.offsets]
 
     @property
     def classes(self) -> list[tuple[str, ...]]:
         """The class of each."""
         result = [tuple(name for name, _, _ in entry.credible) for entry in self.entries]
-        result += [(name,) for name, _ in self.scatter]
+        result += [(name,) for name, _, _ in self.scatter]
         return result + [tuple(name for name, _ in offset.credible) for offset in self.offsets]
 
 
@@ -76,28 +81,26 @@ def diagnosed(
 ) -> Diagnosis:
     """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
     there = np.isfinite(table.errors).all(axis=2) & table.there
-    steps = np.zeros(table.errors.shape[2])
-    steps[: len(table.resolution)] = table.resolution
-    hit = outliers(table.errors, there, free_lines(table), steps)
+    hit = outliers(table.errors, there, free_lines(table), steps_of(table))
     if hit.any():
         errors = np.where(hit.any(axis=2, keepdims=True), np.nan, table.errors)
         table = replace(table, errors=errors)
-    moving: list[tuple[str, float]] = []
+    moving: list[tuple[str, float, float]] = []
     of_features = None
     while True:
-        problem = posed(table, candidates, [name for name, _ in moving], of_features)
-        likelihood = problem.likelihood()
+        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features)
         gate = Gate(likelihood, np.random.default_rng(seed))
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
-        scatter = moving + models.scatter(model, [name for name, _ in moving])
+        scatter = moving + models.scatter(model, [name for name, _, _ in moving])
         # What moves whole parts at random is no repeat of their features: all is sought anew.
         of_parts = [item for item in scatter if item[0] in OF_PARTS]
         if len(of_parts) == len(moving):
             break
         moving = of_parts
-        of_features = problem.variance(likelihood.fit(models.columns(model)), FEATURE)
-    p = gate(models.columns(model), tuple(name for name, _ in scatter))
+        fit = likelihood.fit(models.columns(model))
+        of_features = variance_of(likelihood, fit, FEATURE)
+    p = gate(models.columns(model), tuple(name for name, _, _ in scatter))
     offsets = [
         Offset(name=c.name, p=p[c.name], credible=_offset_class(models, model, c))
         for c in candidates
@@ -105,11 +108,10 @@ def diagnosed(
     ]
     checks = tuple((name, p[name]) for name in CHECKS if name in p)
     fired = [name for name, value in checks if value <= alpha]
-    if OF_PARTS & {name for name, _ in scatter}:
+    if OF_PARTS & {name for name, _, _ in scatter}:
         fired = [name for name in fired if name != "pattern"]
     nameless = any(entry.overtaken for entry in entries) or models.nameless_wins(model)
     result = Diagnosis(
-        posed=problem,
         likelihood=likelihood,
         models=models,
         model=model,
@@ -134,7 +136,7 @@ def _offset_class(
     logs = {offset.name: 0.0}
     for i in np.flatnonzero(np.isfinite(total)):
         item = best[i]
-        if item < 0 or models.names[i] in {design.name(m) for m in models.members(model)}:
+        if item < 0 or i in {design.members[m].candidate for m in models.members(model)}:
             continue
         means = design.columns.means[list(design.members[item].own), a]
         if not np.any(np.abs(means) > LEAST_MEAN):

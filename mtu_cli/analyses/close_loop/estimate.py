@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.special import chdtri, logsumexp, stdtrit
@@ -125,7 +126,7 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     ranked = np.argsort(-shares, kind="stable")
     near[ranked[: 1 + int(np.searchsorted(np.cumsum(shares[ranked]), COVERED))]] = True
     return Searched(
-        name=member.form.bound.template.searched or "",
+        name=member.form.searched,
         value=float(values[int(np.argmax(gains))]),
         intervals=_intervals(values, near),
     )
@@ -204,7 +205,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
     """
     design, like = models.design, models.likelihood
     member = design.members[item]
-    if member.value is None or not member.form.continuous:
+    if member.value is None or member.form.scale == "between":
         return item, None
     rest = tuple(x for x in models.members(model) if x != item)
     grid = np.asarray(member.form.grid)
@@ -271,67 +272,54 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     closure = models.columns((*(best for best, _, _ in found), *smooth))
     columns: Columns = tuple(dict.fromkeys((*closure, *tangents)))
     fit = like.fit(columns)
-    A = len(design.table.axes)
+    axes, unit = design.table.axes, design.table.unit
     # Columns alike but for their mean are one: that of the effect counts.
-    means = design.columns.means[np.array(fit.columns, int)].reshape(len(fit.beta), A).copy()
+    means = design.columns.means[list(fit.columns)].reshape(len(fit.beta), len(axes)).copy()
     rows: list[FloatArray] = []
-    effects = []
-    used: set[int] = set()
-    for best, tangent, searched in found:
+    labels: list[tuple[str, str, str]] = []
+    starts, used = [0], set[int]()
+    for best, tangent, _ in found:
         member = design.members[best]
-        first = len(rows)
-        sizes = []
-        names = _parameters(member)
-        for (name, unit, role), index, factor, mean in zip(
-            names, member.indices, member.factors, member.means, strict=True
-        ):
-            row = np.zeros(len(fit.beta))
+        labels += _parameters(member)
+        for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
+            rows.append(np.zeros(len(fit.beta)))
             if index >= 0 and index not in used:
                 at = fit.columns.index(index)
-                row[at] = 1 / factor
-                means[at] = mean / factor
+                rows[-1][at], means[at] = 1 / factor, mean / factor
                 used.add(index)
-            sizes.append((name, unit, role))
-            rows.append(row)
         if tangent is not None and tangent.index not in used:
-            row = np.zeros(len(fit.beta))
+            rows.append(np.zeros(len(fit.beta)))
             norm = float(np.linalg.norm(tangent.sizes))
-            row[fit.columns.index(tangent.index)] = norm / tangent.norm
-            rows.append(row)
-            name = f"{member.form.bound.template.searched}_change"
-            sizes.append((name, member.form.bound.change_unit(), "searched"))
-        effects.append((member, first, sizes, searched, tangent))
-    J = np.array(rows).reshape(len(rows), len(fit.beta))
-    whole = np.concatenate([J, -means.T])
-    covariance = whole @ fit.covariance @ whole.T
-    values = whole @ fit.beta
-    grand = np.array([mean_of(like, fit.weights, fit.dof, a) for a in range(A)])
+            rows[-1][fit.columns.index(tangent.index)] = norm / tangent.norm
+            name = f"{member.form.searched}_change"
+            labels.append((name, member.form.change_unit(), "searched"))
+        starts.append(len(rows))
+    whole = np.concatenate([np.reshape(rows, (len(rows), len(fit.beta))), -means.T])
+    labels += [(f"level_{axis}", unit, "level") for axis in axes]
+    covariance, values = whole @ fit.covariance @ whole.T, whole @ fit.beta
     dof = np.array([_dof(fit, row) for row in whole])
-    values[len(J) :] += grand[:, 0]
-    covariance[len(J) :, len(J) :] += np.diag(np.nan_to_num(grand[:, 1]))
-    dof[len(J) :] = np.nan_to_num(grand[:, 2], nan=np.inf)
+    grand = np.array([mean_of(like, fit.weights, fit.dof, a) for a in range(len(axes))])
+    values[len(rows) :] += grand[:, 0]
+    covariance[len(rows) :, len(rows) :] += np.diag(np.nan_to_num(grand[:, 1]))
+    dof[len(rows) :] = np.nan_to_num(grand[:, 2], nan=np.inf)
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-
-    def size(i: int, name: str, unit: str, role: str) -> Parameter:
-        return Parameter(
-            name=name, unit=unit, value=float(values[i]), u=float(u[i]), dof=float(dof[i]),
-            role=role,
-        )  # fmt: skip
-
+    sizes = tuple(
+        Parameter(name=name, unit=unit, value=value, u=own_u, dof=own_dof, role=role)
+        for (name, unit, role), value, own_u, own_dof in zip(
+            labels, values.tolist(), u.tolist(), dof.tolist(), strict=True
+        )
+    )
     estimates = tuple(
         Estimate(
-            member=member,
-            sizes=tuple(size(first + i, *item) for i, item in enumerate(sizes)),
-            rows=tuple(range(first, first + len(sizes))),
+            member=design.members[best],
+            sizes=sizes[first:end],
+            rows=tuple(range(first, end)),
             searched=searched,
             tangent=tangent,
         )
-        for member, first, sizes, searched, tangent in effects
+        for (best, tangent, searched), (first, end) in zip(found, pairwise(starts), strict=True)
     )
-    axes = design.table.axes
-    unit = design.table.unit
-    levels = tuple(size(len(J) + a, f"level_{axes[a]}", unit, "level") for a in range(A))
-    return Estimates(effects=estimates, levels=levels, covariance=covariance, fit=fit)
+    return Estimates(effects=estimates, levels=sizes[len(rows) :], covariance=covariance, fit=fit)
 
 
 def _dof(fit: Fit, row: FloatArray) -> float:
@@ -344,7 +332,7 @@ def _dof(fit: Fit, row: FloatArray) -> float:
 
 def _parameters(member: Member) -> list[tuple[str, str, str]]:
     """(name, unit, role) of each parameter, its own and then those of the margins."""
-    own = [(name, unit, "own") for name, unit in member.form.bound.parameters.items()]
+    own = [(name, unit, "own") for name, unit in member.form.parameters.items()]
     lower = [
         (name, unit, "margin")
         for item in member.form.margins
@@ -357,7 +345,7 @@ def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:
     """Levers of all parameters of a member on other data, the numbers of its own data in place."""
     value = None if member.value is None else np.array([member.value])
     result = []
-    for bound in (member.form.bound, *member.form.margins):
+    for bound in (member.form, *member.form.margins):
         for lever in replace(bound, data=data).columns(value):
             g = member.chosen or 0
             result.append({a: v[g if len(v) > 1 else 0] for a, v in lever.items()})

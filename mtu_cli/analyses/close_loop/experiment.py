@@ -80,7 +80,7 @@ def separation(
     P, H, A = table.errors.shape
     lines = [np.zeros((H, 0))] * A
     features = (FEATURE, 0) in variance
-    strata = strata_of(P, A, lines, H=H, lines_scatter=False, features_scatter=features)
+    strata = strata_of(P, A, lines, H=H, features_scatter=features)
     default = variance.get((INTERACTION, 0), 1.0)
     w = np.array(
         [
@@ -113,7 +113,7 @@ def follow_ups(
     """Further parts as before, then made otherwise in what the rivals depend on."""
     readings = table.component is not None
     noun, make = ("passes", "run") if readings else ("parts", "make and measure")
-    forms = [rival.member.form.bound for rival in rivals]
+    forms = [rival.member.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
     yield f"{make} {MORE} more {noun} as before", extended(table)
@@ -129,7 +129,7 @@ def follow_ups(
     warmer = {n: partial(np.add, OTHER_DAY_K) for n in names if is_temperature(n)}
     if warmer:
         yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, warmer)
-    pitch = next((r.member.value for r in rivals if r.member.form.bound.is_periodic), None)
+    pitch = next((r.member.value for r in rivals if r.member.form.scale == "frequency"), None)
     for i, axis in enumerate(AXES):
         known = table.places[..., i][np.isfinite(table.places[..., i])]
         span = float(np.ptp(known)) if len(known) else 0.0

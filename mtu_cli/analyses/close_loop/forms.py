@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from mtu_cli.analyses.close_loop.strata import Levers
 from mtu_cli.files.effects import EffectLibrary, LoadedFamily, Template, filled
 from mtu_cli.language import names
 from mtu_cli.model.effect_library import (
@@ -21,42 +20,10 @@ from mtu_cli.model.effect_library import (
     of_members,
 )
 from mtu_cli.model.residuals import ResidualTable
-from mtu_cli.stats.least_squares import FloatArray
 
 SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
 NOTHING_LEFT = "not separable from an offset on this data"
 CONSTANT = "a parameter of it is a constant, which is estimated with every effect: leave it out"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Form:
-    """One form of a candidate: its equations with all names bound, and those of its margins.
-
-    Of a candidate `over` features, parts or operations one member each is `chosen`.
-    """
-
-    bound: BoundTemplate
-    margins: tuple[BoundTemplate, ...]
-    chosen: tuple[str, ...] | None
-
-    @property
-    def grid(self) -> FloatArray | None:
-        """The values (G,) of what is searched (None: nothing is)."""
-        return self.bound.grid
-
-    @property
-    def continuous(self) -> bool:
-        """Whether members lie between those of the grid."""
-        search = self.bound.template.search
-        return search is not None and search.grid != "between"
-
-    def own(self, values: FloatArray | None) -> list[Levers]:
-        """Levers of the effect's parameters: by axis (G or 1, P or 1, H or 1)."""
-        return list(self.bound.columns(values))
-
-    def lower(self, values: FloatArray | None) -> list[Levers]:
-        """The same of its margins."""
-        return [lever for item in self.margins for lever in item.columns(values)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +40,7 @@ class Candidate:
     says: str = ""
     separates: str | None = None
     sentence: str = ""
-    forms: tuple[Form, ...] = ()
+    forms: tuple[BoundTemplate, ...] = ()
     unavailable: str | None = None
 
 
@@ -97,7 +64,7 @@ def candidates_of(
 
 def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candidate | None:
     """None where the table could not have such an effect."""
-    own, forms = family.family, list[Form]()
+    own, forms = family.family, list[BoundTemplate]()
     reasons: dict[str, None] = {}
     # Of two neither is the outlier.
     least = 3 if own.kind == OUTLIER else 2
@@ -131,8 +98,10 @@ def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candi
     )
 
 
-def _form(family: LoadedFamily, template: Template, item: Binding | str, data: TableData) -> Form:
-    """Raises NoMember where the table has none."""
+def _form(
+    family: LoadedFamily, template: Template, item: Binding | str, data: TableData
+) -> BoundTemplate:
+    """With its margins. Raises NoMember where the table has none."""
     if isinstance(item, str):
         raise NoMember(item)
     own = family.family
@@ -141,7 +110,7 @@ def _form(family: LoadedFamily, template: Template, item: Binding | str, data: T
     if own.kind != OFFSET and not all(any(names(node)) for node in levers):
         raise NoMember(CONSTANT)
     chosen = None if own.over is None else tuple(choices(data.table, own.over))
-    return Form(bound=effect, margins=tuple(margins), chosen=chosen)
+    return replace(effect, margins=tuple(margins), chosen=chosen)
 
 
 def _missing_columns(family: LoadedFamily, data: TableData) -> Iterator[str]:

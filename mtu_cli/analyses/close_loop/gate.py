@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincc, log_ndtr, stdtr
 
-from mtu_cli.analyses.close_loop.design import Design, Kernel
+from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
 from mtu_cli.analyses.close_loop.posed import lever_of
 from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART, IntArray
@@ -44,6 +44,8 @@ class Gate:
         self.likelihood, self.rng = likelihood, rng
         self.design: Design = likelihood.design
         self.strata = self.design.strata
+        self.ratios: dict[Columns, dict[str, float]] = {}
+        """Beside each model that was tested how many times the rest's a scatter effect's is."""
         self._drawn: dict[Columns, tuple[list[str], FloatArray]] = {}
 
     def __call__(self, columns: Columns, scatter: tuple[str, ...] = ()) -> dict[str, float]:
@@ -59,26 +61,19 @@ class Gate:
 
     def _tests(self, columns: Columns) -> tuple[list[str], FloatArray]:
         """Names of all tests beside a model, and their -log p (B + 1, k), observed first."""
-        design = self.design
-        fit = self.likelihood.fit(columns)
+        design, fit = self.design, self.likelihood.fit(columns)
         Y, cells = self._null(fit)
-        names = [candidate.name for candidate in design.candidates]
-        best = self._candidates(columns, fit, Y)
-        blocks = [best]
-        named = [kernel for kernel in design.kernels if kernel.named]
-        ratios = [one_sided(self._kernel(kernel, fit, Y)) for kernel in named]
-        blocks.append(np.array(ratios).T if ratios else np.zeros((len(Y), 0)))
-        names += [kernel.name for kernel in named]
-        offsets, own = self._offsets(len(Y), fit)
-        blocks.append(offsets)
-        names += own
-        tests, own = self._scatter(cells)
-        blocks.append(tests)
-        names += own
-        checks, own = self._checks(fit, Y)
-        blocks.append(checks)
-        names += own
-        return names, np.concatenate(blocks, axis=1)
+        at, lp = self._members(columns, fit, Y)
+        of = design.of[at]
+        tests = {design.candidates[c].name: lp[:, of == c].max(axis=1) for c in np.unique(of)}
+        for kernel in design.kernels:
+            if kernel.named:
+                ratios = self.likelihood.kernel_deviance(fit, kernel, Y, AMPLITUDES)
+                tests[kernel.name] = one_sided(ratios.max(axis=0))
+        tests |= self._offsets(len(Y), fit)
+        scattering, self.ratios[tuple(sorted(columns))] = self._scatter(cells)
+        tests |= scattering | self._checks(fit, Y)
+        return list(tests), np.reshape(list(tests.values()), (len(tests), len(Y))).T
 
     # Null tables.
 
@@ -92,13 +87,11 @@ class Gate:
         of the parts' scatter beforehand are further coordinates of the sphere on which they turn.
         """
         strata, like, rng = self.strata, self.likelihood, self.rng
-        B = PERMUTATIONS
         up = np.sqrt(like.n / fit.dof)
-        Y = np.zeros((B + 1, len(fit.residual)))
-        null = Y[1:]
+        Y = np.zeros((PERMUTATIONS + 1, len(fit.residual)))
         crossed = bool(strata.of(FEATURE)) or strata.shape[0] == 1
         for kind in (PART, LINE, FEATURE, *(() if crossed else (INTERACTION,))):
-            self._rotated(null, strata.of(kind), fit, up)
+            self._rotated(Y[1:], strata.of(kind), fit, up)
         inner = np.isin(strata.labels(), strata.of(INTERACTION))
         cells = strata.table(np.where(inner, fit.residual * up[strata.labels()], 0.0))
         w = fit.weights[strata.labels()]
@@ -111,17 +104,17 @@ class Gate:
                 mixed = cells[within, np.arange(H)] / np.sqrt(1 - 1 / H)
                 turned = strata.coordinates(mixed)
                 for s in strata.of(INTERACTION):
-                    null[rows, strata.slices[s]] = turned[:, strata.slices[s]]
+                    Y[rows, strata.slices[s]] = turned[:, strata.slices[s]]
             if fit.columns:
-                null[rows] -= ((null[rows] * w) @ X.T) @ fit.covariance @ X
+                Y[rows] -= ((Y[rows] * w) @ X.T) @ fit.covariance @ X
         Y[0] = fit.residual
         return Y, cells
 
     def _blocks(self) -> Iterator[slice]:
         """Null tables, as many at once as a processor keeps at hand."""
         step = max(1, AT_HAND // int(np.prod(self.strata.shape)))
-        for first in range(0, PERMUTATIONS, step):
-            yield slice(first, min(first + step, PERMUTATIONS))
+        for first in range(1, PERMUTATIONS + 1, step):
+            yield slice(first, min(first + step, PERMUTATIONS + 1))
 
     def _rotated(self, null: FloatArray, group: list[int], fit: Fit, up: FloatArray) -> None:
         strata, like, rng = self.strata, self.likelihood, self.rng
@@ -144,16 +137,6 @@ class Gate:
                 null[:, strata.slices[s]] = turned[:, i]
 
     # Tests.
-
-    def _candidates(self, base: Columns, fit: Fit, Y: FloatArray) -> FloatArray:
-        """-log p (B + 1, C) of the best member of each candidate."""
-        at, lp = self._members(base, fit, Y)
-        best = np.zeros((len(Y), len(self.design.candidates)))
-        if len(at):
-            of = self.design.of[at]
-            for c in np.unique(of):
-                best[:, c] = lp[:, of == c].max(axis=1)
-        return best
 
     def _members(self, base: Columns, fit: Fit, Y: FloatArray) -> tuple[IntArray, FloatArray]:
         """-log p of every member (B + 1, M): score statistics beside base and margins at the fitted
@@ -207,25 +190,11 @@ class Gate:
             lps.append(-np.log(2) - log_ndtr(-np.sqrt(D)) if k == 1 else D / 2)
         return np.concatenate(at), np.concatenate(lps, axis=1)
 
-    def _kernel(self, kernel: Kernel, fit: Fit, Y: FloatArray) -> FloatArray:
-        """Twice the log likelihood ratio (B + 1,) of one more variance component."""
-        result = np.zeros((len(AMPLITUDES), len(Y)))
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
-            part = Y[:, self.strata.slices[s]]
-            total = (part**2).sum(axis=1) + self.likelihood.extra[s]
-            z2 = (part @ V) ** 2
-            rest = np.maximum(total - z2.sum(axis=1), 1e-9 * total)
-            spread = 1 + AMPLITUDES[:, None] * k
-            left = rest + (z2 @ (1 / spread).T).T
-            result += fit.dof[s] * np.log(np.maximum(total, 1e-300) / np.maximum(left, 1e-300))
-            result -= np.log(spread).sum(axis=1)[:, None]
-        return np.asarray(np.maximum(result.max(axis=0), 0.0))
-
-    def _offsets(self, rows: int, fit: Fit) -> tuple[FloatArray, list[str]]:
+    def _offsets(self, rows: int, fit: Fit) -> dict[str, FloatArray]:
         """-log p of each axis' mean against the scatter of parts and features, and of the level
         that effects leave of it: where these are counted from is arbitrary.
         """
-        names, columns = [], []
+        tests = {}
         for candidate in self.design.candidates:
             if candidate.kind != "offset" or candidate.unavailable:
                 continue
@@ -237,75 +206,72 @@ class Gate:
             least = min(abs(mean) / np.sqrt(variance), abs(level) / u)
             own = self.rng.exponential(size=rows)
             own[0] = -np.log(max(2 * stdtr(nu, -least), 1e-300))
-            names.append(candidate.name)
-            columns.append(own)
-        return (np.array(columns).T if columns else np.zeros((rows, 0))), names
+            tests[candidate.name] = own
+        return tests
 
-    def _scatter(self, cells: FloatArray) -> tuple[FloatArray, list[str]]:
-        """-log p (B + 1, k) of likelihood ratios of one more variance within the interaction, its
-        cells (P, H, A) permuted freely.
+    def _scatter(self, cells: FloatArray) -> tuple[dict[str, FloatArray], dict[str, float]]:
+        """-log p (B + 1,) of likelihood ratios of one more variance within the interaction, its
+        cells (P, H, A) permuted freely; by name how many times the rest's their deviation is.
         """
         table, strata = self.design.table, self.strata
         P, H, A = strata.shape
         inner = strata.of(INTERACTION)
+        levers = self._scatter_levers() if P >= 5 and len(inner) >= A else {}
         chosen = np.broadcast_to(table.operation == 1, (P, H)).ravel()
-        levers: dict[str, FloatArray | None] = {}
-        for c in self.design.candidates:
-            if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
-                continue
-            if c.name == "operation-scatter":
-                levers[c.name] = None
-            elif (lever := lever_of(c.name, table.axes, table.mean_places)) is not None:
-                levers[c.name] = lever.ravel()
-        if len(table.operations) < 2:
-            levers.pop("operation-scatter", None)
-        if not levers or P < 5 or len(inner) < A:
-            return np.zeros((PERMUTATIONS + 1, 0)), []
         flat = cells.reshape(P * H, A)
         squares = (flat * flat).sum(axis=1)
         result = np.zeros((PERMUTATIONS + 1, len(levers)))
-
-        def parts(drawn: IntArray, of: FloatArray) -> None:
-            """What of the sum of squares belongs to each effect, of some permutations."""
+        for rows in (slice(0, 1), *self._blocks()) if levers else ():
+            drawn = np.tile(np.arange(P * H), (rows.stop - rows.start, 1))
+            drawn = self.rng.permuted(drawn, axis=1) if rows.start else drawn
             for k, lever in enumerate(levers.values()):
                 if lever is None:
-                    of[:, k] = squares[drawn] @ chosen
+                    result[rows, k] = squares[drawn] @ chosen
                 else:
-                    E = flat[drawn].reshape(len(drawn), P, H * A)
-                    of[:, k] = ((E @ lever) ** 2).sum(axis=1)
-
-        order = np.arange(P * H)
-        parts(order[None], result[:1])
-        for rows in self._blocks():
-            drawn = self.rng.permuted(np.tile(order, (rows.stop - rows.start, 1)), axis=1)
-            parts(drawn, result[1:][rows])
+                    of_parts = flat[drawn].reshape(len(drawn), P, H * A) @ lever
+                    result[rows, k] = (of_parts**2).sum(axis=1)
         n = float(sum(self.likelihood.drawn[s] for s in inner))
         total = max(float(squares.sum()), 1e-300)
         kurtosis = max(float(np.mean((flat * flat * (flat.size / total)) ** 2)) - 3, 0.0)
         result = np.clip(result, 1e-9 * total, ALMOST_ONE * total)
-        for k, lever in enumerate(levers.values()):
+        tests, ratios = {}, {}
+        for k, (name, lever) in enumerate(levers.items()):
             share = float(chosen.mean())
             a, b = (n * share, n * (1 - share)) if lever is None else (P - 1.0, n - (P - 1.0))
             one, other = result[:, k], total - result[:, k]
             L = n * np.log(total / n) - a * np.log(one / a) - b * np.log(other / b)
             L = L / (1 + kurtosis / 2) if lever is None else np.where(one / a > other / b, L, 0.0)
-            result[:, k] = one_sided(L)
-        return result, list(levers)
+            ratios[name] = float(np.sqrt(one[0] / a / (other[0] / b)))
+            tests[name] = one_sided(L)
+        return tests, ratios
 
-    def _checks(self, fit: Fit, Y: FloatArray) -> tuple[FloatArray, list[str]]:
+    def _scatter_levers(self) -> dict[str, FloatArray | None]:
+        """Patterns (H A,) of what scatters from part to part; None: one operation."""
+        table, levers = self.design.table, dict[str, FloatArray | None]()
+        for c in self.design.candidates:
+            if c.kind != "scatter" or c.unavailable or FREED_SCATTER.get(table.datum) == c.name:
+                continue
+            lever = lever_of(c.name, table.axes, table.mean_places)
+            if c.name != "operation-scatter" and lever is not None:
+                levers[c.name] = lever.ravel()
+            elif c.name == "operation-scatter" and len(table.operations) > 1:
+                levers[c.name] = None
+        return levers
+
+    def _checks(self, fit: Fit, Y: FloatArray) -> dict[str, FloatArray]:
         """Remainder checks: one pattern part x feature, a walk of the parts, a smooth
         field, both; where more is left than rounding.
         """
         strata, like = self.strata, self.likelihood
         P, H, A = strata.shape
-        names, result = [], []
+        checks = {}
         squares = np.array([np.sum(Y[0, part] ** 2) for part in strata.slices])
         rough = squares > fit.dof * like.least
         inner = [s for s in strata.of(INTERACTION) if rough[s]]
         if P > 3 and H > 3 and inner:
             # Singular values are the same in all orthonormal coordinates.
             share = np.zeros(len(Y))
-            for rows in (slice(0, 1), *(slice(r.start + 1, r.stop + 1) for r in self._blocks())):
+            for rows in (slice(0, 1), *self._blocks()):
                 E = np.zeros((rows.stop - rows.start, A * P * H))
                 for s in inner:
                     part = strata.slices[s]
@@ -314,8 +280,7 @@ class Gate:
                 E = E if P <= H else np.swapaxes(E, 2, 3)
                 values = np.linalg.eigvalsh(E @ np.swapaxes(E, 2, 3))
                 share[rows] = (values[..., -1] / np.maximum(values.sum(-1), 1e-300)).max(axis=1)
-            names.append("pattern")
-            result.append(share)
+            checks["pattern"] = calibrated(share)
         for name, near in self._near.items():
             group = [s for s in near if rough[s]]
             if not group or min(like.n[s] for s in group) < 4:
@@ -325,9 +290,8 @@ class Gate:
                 own = Y[:, strata.slices[s]]
                 form = np.einsum("bn,bn->b", own @ near[s], own)
                 total += form / np.maximum(np.einsum("bn,bn->b", own, own), 1e-300)
-            names.append(name)
-            result.append(total)
-        return _calibrated(result, len(Y)), names
+            checks[name] = calibrated(total)
+        return checks
 
     @cached_property
     def _near(self) -> dict[str, dict[int, FloatArray]]:
@@ -455,17 +419,15 @@ def one_sided(ratio: FloatArray) -> FloatArray:
     return np.asarray(-log_ndtr(-np.sqrt(np.maximum(ratio, 0.0))))
 
 
-def _calibrated(found: list[FloatArray], rows: int) -> FloatArray:
-    """-log p (rows, k) of statistics by a gamma law fitted to their null rows."""
-    columns = []
-    for x in found:
-        mean, var = x[1:].mean(), max(float(x[1:].var()), 1e-300)
-        low = x[1:].min() - 0.1 * abs(x[1:].min())
-        shape, scale = (mean - low) ** 2 / var, var / max(mean - low, 1e-300)
-        # Null rows that are all alike, as of readings without any scatter, say nothing.
-        p = gammaincc(shape, np.maximum(x - low, 0.0) / scale) if mean > low else np.ones(rows)
-        columns.append(-np.log(np.maximum(p, 1e-300)))
-    return np.array(columns).T if columns else np.zeros((rows, 0))
+def calibrated(x: FloatArray) -> FloatArray:
+    """-log p (rows,) of a statistic by a gamma law fitted to its null rows."""
+    mean, var = x[1:].mean(), max(float(x[1:].var()), 1e-300)
+    low = x[1:].min() - 0.1 * abs(x[1:].min())
+    shape, scale = (mean - low) ** 2 / var, var / max(mean - low, 1e-300)
+    # Null rows that are all alike, as of readings without any scatter, say nothing.
+    if mean <= low:
+        return np.zeros(len(x))
+    return -np.log(np.maximum(gammaincc(shape, np.maximum(x - low, 0.0) / scale), 1e-300))
 
 
 def _adjusted(T: FloatArray) -> FloatArray:
@@ -477,7 +439,7 @@ def _adjusted(T: FloatArray) -> FloatArray:
     inner = np.log1p(-np.exp(-np.maximum(T, 1e-12)))
     family = -np.log(-np.expm1(number * inner) + 1e-300)
     family[:, T[0] == 0] = 0
-    null = np.sort(family[1:].max(axis=1))
+    null = np.sort(family[1:].max(axis=1, initial=0.0))
     B = len(null)
     return np.asarray((B - np.searchsorted(null, family[0], side="left") + 1) / (B + 1))
 

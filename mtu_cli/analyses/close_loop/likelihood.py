@@ -212,20 +212,28 @@ class Likelihood:
             shares=shares,
         )  # fmt: skip
 
+    def kernel_deviance(
+        self, fit: Fit, kernel: Kernel, Y: FloatArray, variances: FloatArray
+    ) -> FloatArray:
+        """Twice the log likelihood ratio (c, B) of one more variance component beside a fitted
+        model, on coordinates Y (B, N), at some variances (c,) over the stratum's.
+        """
+        result = np.zeros((len(variances), len(Y)))
+        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
+            part = Y[:, self.design.strata.slices[s]]
+            least = fit.dof[s] * self.least[s] + TINY**2
+            total = np.maximum((part**2).sum(axis=1) + self.extra[s], least)
+            z2 = (part @ V) ** 2
+            spread = 1 + variances[:, None] * k
+            left = np.maximum(total - z2.sum(axis=1), TINY * total) + (1 / spread) @ z2.T
+            result += fit.dof[s] * np.log(total / left) - np.log(spread).sum(axis=1)[:, None]
+        return result
+
     def kernel_gain(self, fit: Fit, kernel: Kernel) -> tuple[float, float]:
         """Log Bayes factor of a random function beside a fitted model, its amplitude averaged over
         the law that sizes of columns have, a Cauchy law in units of the information of one
         coordinate; and its likeliest variance.
         """
         c = np.tan(np.pi / 2 * QUANTILES) ** 2 * kernel.informed
-        logs = np.zeros(len(c))
-        for s, V, k in zip(kernel.strata, kernel.vectors, kernel.values, strict=True):
-            part = fit.residual[self.design.strata.slices[s]]
-            least = fit.dof[s] * self.least[s] + TINY**2
-            total = max(float(part @ part + self.extra[s]), least)
-            z2 = (part @ V) ** 2
-            spread = 1 + c[:, None] * k
-            left = np.maximum(total - z2.sum(), TINY * total) + (z2 / spread).sum(axis=1)
-            logs += -0.5 * np.log(spread).sum(axis=1)
-            logs += -0.5 * fit.dof[s] * np.log(left / total)
+        logs = 0.5 * self.kernel_deviance(fit, kernel, fit.residual[None], c)[:, 0]
         return float(logsumexp(logs) - np.log(len(c))), float(c[int(np.argmax(logs))])

@@ -63,7 +63,6 @@ class ModelSet:
         self.nameless = [k for k, kernel in enumerate(self.design.kernels) if not kernel.named]
         self.names = [c.name for c in self.design.candidates]
         self.names += [self.design.kernels[k].name for k in self.named]
-        self.met: dict[Model, float] = {}
         self.stopped = False
         self._smooth: dict[tuple[int, ...], Columns] = {}
         self._added: dict[Model, tuple[FloatArray, list[Item]]] = {}
@@ -94,16 +93,11 @@ class ModelSet:
 
     def evidence(self, model: Model) -> float:
         """Log marginal likelihood times prior, against no effect."""
-        key = tuple(sorted(model))
-        if key not in self.met:
-            self.met[key] = self._marginal(key) - np.log(len(self.names)) * len(key)
-        return self.met[key]
+        return self.value(model) - float(np.log(len(self.names))) * len(model)
 
     def value(self, model: Model) -> float:
         """Log marginal likelihood of a model, in the units of its additions."""
-        return self._marginal(tuple(sorted(model)))
-
-    def _marginal(self, model: Model) -> float:
+        model = tuple(sorted(model))
         columns = self.likelihood.closure(self.members(model))
         base = float(self.likelihood.evidence([columns])[0]) if columns else 0.0
         kernels = [-1 - item for item in model if item < 0]
@@ -131,7 +125,7 @@ class ModelSet:
         design, like = self.design, self.likelihood
         members, tested = self.members(model), range(design.tested)
         smooth = self.columns(model)[len(like.closure(members)) :]
-        base = self._marginal(model) - float(like.evidence([like.closure(members)], smooth)[0])
+        base = self.value(model) - float(like.evidence([like.closure(members)], smooth)[0])
         models = [like.closure((*members, m)) for m in tested]
         logs = like.evidence(models, smooth) + base
         weighed = logs + np.log(design.prior[: design.tested])
@@ -153,7 +147,7 @@ class ModelSet:
                 total[c] = logsumexp(np.concatenate([others, finer]))
                 best[c] = fine[int(np.argmax(finer))]
         fit = like.fit(like.closure(members))
-        base = self._marginal(model)
+        base = self.value(model)
         for i, k in enumerate(self.named):
             j = len(design.candidates) + i
             total[j] = base + like.kernel_gain(fit, design.kernels[k])[0]
@@ -163,7 +157,7 @@ class ModelSet:
     def without_name(self, model: Model) -> FloatArray:
         """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
         fit = self.likelihood.fit(self.likelihood.closure(self.members(model)))
-        base = self._marginal(tuple(sorted(model)))
+        base = self.value(model)
         gains = [self.likelihood.kernel_gain(fit, self.design.kernels[k])[0] for k in self.nameless]
         result: FloatArray = base + np.array(gains) + np.log(ODDS)
         return result
@@ -176,7 +170,7 @@ class ModelSet:
         total, best = self.additions(model)
         for item in model:
             total[self.place(item)] = -np.inf
-        least = self._marginal(tuple(sorted(model))) + np.log(len(self.names)) if model else -np.inf
+        least = self.value(model) + np.log(len(self.names)) if model else -np.inf
         order = [
             i
             for i in np.argsort(-total, kind="stable")
@@ -190,7 +184,6 @@ class ModelSet:
         """The likeliest model that only effects which pass the gate lead to: forward from the
         first few, each model refined by drop and swap.
         """
-        self.evidence(())
         stack: list[tuple[Model, Model]] = [((item,), ()) for item in self._passing(())[:BEAM]]
         done: set[Model] = set()
         closed: set[Model] = set()
@@ -219,7 +212,6 @@ class ModelSet:
                 model = self._revised(model, item)
                 if model != before:
                     break
-            self.evidence(model)
             if model == before:
                 break
         return model
@@ -263,7 +255,7 @@ class ModelSet:
         for x in rest:
             total[self.place(x)] = -np.inf
         smooth = self.without_name(rest) if self.nameless else np.zeros(0)
-        without = self._marginal(tuple(sorted(rest)))
+        without = self.value(rest)
         # What is less likely than nothing explains nothing.
         c = self.place(item)
         total[(total < without) & (np.arange(len(total)) != c)] = -np.inf
@@ -302,23 +294,24 @@ class ModelSet:
         if not self.nameless:
             return False
         prior = -np.log(len(self.names))
-        whole = self._marginal(tuple(sorted(model))) if model else 0.0
+        whole = self.value(model) if model else 0.0
         return any(
             self.without_name(rest).max() + (1 + len(rest) - len(model)) * prior > whole
             for n in range(max(len(model) - 1, 0))
             for rest in combinations(model, n)
         )
 
-    def scatter(self, model: Model, known: Sequence[str]) -> list[tuple[str, float]]:
+    def scatter(self, model: Model, known: Sequence[str]) -> list[tuple[str, float, float]]:
         """Scatter effects that pass beside a model and those `known`, one after another, with
-        their p.
+        their p and how many times the rest's their deviation is.
         """
-        result: list[tuple[str, float]] = []
+        result: list[tuple[str, float, float]] = []
+        columns = self.columns(model)
         while True:
-            names = [*known, *(name for name, _ in result)]
-            p = self.gate(self.columns(model), tuple(names))
+            names = [*known, *(name for name, _, _ in result)]
+            p = self.gate(columns, tuple(names))
             hits = [(p[n], n) for n in SCATTERS if p.get(n, 1.0) <= self.alpha and n not in names]
             if not hits:
                 return result
             value, name = min(hits)
-            result.append((name, value))
+            result.append((name, value, self.gate.ratios[tuple(sorted(columns))][name]))

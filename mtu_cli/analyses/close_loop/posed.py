@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from mtu_cli.analyses.close_loop.design import (
 )
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
-from mtu_cli.analyses.close_loop.missing import Missing, interaction, missing
+from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -28,149 +28,105 @@ VOID = 1e-6
 """Share of a stratum's coordinates below which nothing of it is left."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Posed:
-    """A table ready to be searched; errors count in units of `scale` (mm)."""
-
-    table: ResidualTable
-    design: Design
-    missing: Missing
-    scale: float
-    steps: FloatArray
-    """Resolution (A,) in units of the scale."""
-    scatter: tuple[str, ...] = ()
-    """Motions of whole parts that scatter: lines of their own, the last of each axis."""
-
-    @property
-    def strata(self) -> Strata:
-        """Of the table."""
-        return self.design.strata
-
-    def likelihood(self) -> Likelihood:
-        """Of the table's errors."""
-        strata = self.strata
-        errors = self.filled(self.table.errors) / self.scale
-        n = self._dof()
-        y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
-        variance = self._inner(y, n)
-        axis = np.array(strata.axis)
-        least = self.steps[axis] ** 2 / 12
-        # Repeats that scatter less than half a step share their rounding: so do means of features.
-        first = strata.at[:, 0]
-        means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
-        shared = means & (variance[axis] < self.steps[axis] ** 2 / 4)
-        least = np.where(shared, strata.shape[0] * least, least)
-        return Likelihood(
-            self.design, y, errors.mean(axis=(0, 1)), n, self._known(variance, n), least
-        )
-
-    def variance(self, fit: Fit, kind: str) -> FloatArray:
-        """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
-        result = np.zeros(self.strata.shape[2])
-        for s in self.strata.of(kind):
-            result[self.strata.axis[s]] = self.scale**2 / fit.weights[s]
-        return result
-
-    def filled(self, errors: FloatArray) -> FloatArray:
-        """Errors (P, H, A) with what is missing filled in."""
-        axes = range(errors.shape[2])
-        return np.stack([self.missing.filled(errors[..., a]) for a in axes], axis=-1)
-
-    def _dof(self) -> FloatArray:
-        """Degrees of freedom (S,): less the missing cells and what a datum freed."""
-        strata, table = self.strata, self.table
-        _, H, A = strata.shape
-        n = strata.sizes.copy()
-        for s in strata.of(INTERACTION):
-            n[s] -= self.missing.count
-        taken = np.zeros(len(n))
-        for motion in table.motions:
-            for k in range(motion.Q.shape[1]):
-                one = np.zeros((1, H, A))
-                one[0, motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
-                for a in range(A):
-                    share = (one[0, :, a] @ strata.of_features[a]) ** 2
-                    taken += self._by_stratum(a, share) * len(motion.rows)
-        left = n - taken
-        # A datum that takes a stratum leaves nothing of it but rounding.
-        return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
-
-    def _by_stratum(self, a: int, share: FloatArray) -> FloatArray:
-        """Squares (H,) of one part by direction of the features, as means by stratum (S,)."""
-        strata = self.strata
-        P, H, A = strata.shape
-        axis, _, j = np.unravel_index(strata.place, (A, P, H))
-        labels = strata.labels()
-        own = np.where(axis == a, share[j], 0.0) / P
-        return np.asarray(np.bincount(labels, own, minlength=len(strata.slices)), float)
-
-    def _inner(self, y: FloatArray, n: FloatArray) -> FloatArray:
-        """The interaction's variance (A,)."""
-        strata, result = self.strata, np.zeros(self.strata.shape[2])
-        for s in strata.of(INTERACTION):
-            part = y[strata.slices[s]]
-            result[strata.axis[s]] = part @ part / max(n[s], 1.0)
-        return result
-
-    def _known(self, variance: FloatArray, n: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D."""
-        strata, table = self.strata, self.table
-        S = len(strata.slices)
-        squares, dof = np.zeros(S), np.zeros(S)
-        if not table.of_part.shape[3]:
-            return squares, dof
-        own = min(float(table.pass_dof), 1e4)
-        F = table.of_part / self.scale
-        line = 0
-        for s, kind in enumerate(strata.kinds):
-            if kind not in (PART, LINE) or n[s] == 0:
-                continue
-            a = strata.axis[s]
-            line = 0 if kind == PART else line + 1
-            every = sum(strata.axis[other] == a for other in strata.of(LINE))
-            if line > every - len(self.scatter):
-                continue
-            direction = strata.of_features[a][:, line]
-            size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
-            if size <= 0:
-                continue
-            dof[s] = own
-            squares[s] = own * (variance[a] + size)
-        return squares, dof
-
-
 def posed(
     table: ResidualTable,
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
     of_features: FloatArray | None = None,
-) -> Posed:
-    """The strata and columns of a table and its candidates, beside motions of whole parts that
-    `scatter`; `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
+) -> Likelihood:
+    """The likelihood of a table's errors in its strata with the columns of its candidates, beside
+    motions of whole parts that `scatter`, which are lines of their own, the last of each axis;
+    `of_features` (A,) mm^2 is then the variance of what is alike in all parts.
     """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     gaps = missing(there, free_lines(table))
-    errors = np.stack(
-        [gaps.filled(table.errors[..., a]) for a in range(table.errors.shape[2])], axis=-1
-    )
-    steps = np.zeros(errors.shape[2])
-    steps[: len(table.resolution)] = table.resolution
-    scale = _scale(errors, steps, gaps.lines)
-    strata = _strata(table, errors / scale, scatter)
+    errors = gaps.of_axes(table.errors)
+    scale = _scale(errors, steps_of(table), gaps.lines)
+    errors, steps = errors / scale, steps_of(table) / scale
+    strata = _strata(table, errors, scatter)
     if of_features is not None:
-        strata = _with_moved_means(strata, errors / scale, len(scatter), of_features / scale**2)
+        strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
     design = design_of(table, strata, candidates, scale, gaps)
-    result = Posed(
-        table=table,
-        design=design,
-        missing=gaps,
-        scale=scale,
-        steps=steps / scale,
-        scatter=tuple(scatter),
-    )
-    n = result._dof()
+    n = _dof(design)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
+    y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
+    variance, axis = np.zeros(len(steps)), np.array(strata.axis)
+    for s in strata.of(INTERACTION):
+        part = y[strata.slices[s]]
+        variance[axis[s]] = part @ part / max(n[s], 1.0)
+    least = steps[axis] ** 2 / 12
+    # Repeats that scatter less than half a step share their rounding: so do means of features.
+    first = strata.at[:, 0]
+    means = np.isin(np.arange(len(axis)), strata.labels()[first[first >= 0]])
+    shared = means & (variance[axis] < steps[axis] ** 2 / 4)
+    least = np.where(shared, strata.shape[0] * least, least)
+    known = _known(design, len(scatter), variance, n)
+    return Likelihood(design, y, errors.mean(axis=(0, 1)), n, known, least)
+
+
+def variance_of(likelihood: Likelihood, fit: Fit, kind: str) -> FloatArray:
+    """The variance (A,) mm^2 of the coordinates of a kind beside a fit, by axis."""
+    design = likelihood.design
+    result = np.zeros(design.strata.shape[2])
+    for s in design.strata.of(kind):
+        result[design.strata.axis[s]] = design.scale**2 / fit.weights[s]
     return result
+
+
+def _dof(design: Design) -> FloatArray:
+    """Degrees of freedom (S,): less the missing cells and what a datum freed."""
+    strata = design.strata
+    P, H, A = strata.shape
+    n = strata.sizes.copy()
+    for s in strata.of(INTERACTION):
+        n[s] -= design.gaps.count
+    axis, _, j = np.unravel_index(strata.place, (A, P, H))
+    taken = np.zeros(len(n))
+    for motion in design.table.motions:
+        for k in range(motion.Q.shape[1]):
+            one = np.zeros((H, A))
+            one[motion.columns] = motion.Q[:, k].reshape(len(motion.columns), A)
+            share = np.einsum("ha,ahj->aj", one, strata.of_features) ** 2
+            of_strata = np.bincount(strata.labels(), share[axis, j], minlength=len(n))
+            taken += of_strata * len(motion.rows) / P
+    left = n - taken
+    # A datum that takes a stratum leaves nothing of it but rounding.
+    return np.where(left > VOID * n, np.maximum(left, 1.0), 0.0)
+
+
+def _known(
+    design: Design, moving: int, variance: FloatArray, n: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Sums of squares and degrees of freedom (S,) of the parts' scatter by the model's D, but for
+    the last lines of each axis, which are `moving`.
+    """
+    strata, table = design.strata, design.table
+    squares, dof = np.zeros((2, len(n)))
+    if not table.of_part.shape[3]:
+        return squares, dof
+    own = min(float(table.pass_dof), 1e4)
+    F = table.of_part / design.scale
+    line = 0
+    for s, kind in enumerate(strata.kinds):
+        if kind not in (PART, LINE) or n[s] == 0:
+            continue
+        a = strata.axis[s]
+        line = 0 if kind == PART else line + 1
+        every = sum(strata.axis[other] == a for other in strata.of(LINE))
+        if line > every - moving:
+            continue
+        direction = strata.of_features[a][:, line]
+        size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))
+        if size > 0:
+            dof[s], squares[s] = own, own * (variance[a] + size)
+    return squares, dof
+
+
+def steps_of(table: ResidualTable) -> FloatArray:
+    """The resolution (A,) of errors, mm."""
+    steps = np.zeros(table.errors.shape[2])
+    steps[: len(table.resolution)] = table.resolution
+    return steps
 
 
 def free_lines(table: ResidualTable) -> FloatArray:
@@ -200,29 +156,21 @@ def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
     P, H, A = errors.shape
     readings = table.component is not None
-    lines, scatter = _lines(table, readings)
+    lines = _lines(table, readings)
     for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
         if lever is not None:
             lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
-            scatter = True
-    rough = None
-    bends = 0.0
-    if readings and table.component is not None:
-        along = _along(table)
-        if along is not None and P >= FEWEST_FOR_BENDS:
-            rough = smooth_covariance(along)
-    result = strata_of(
-        P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
-        roughness=rough, bends=0.0,
-    )  # fmt: skip
-    if rough is not None:
-        bends = own_bends(result, errors)
-        if bends > 0:
-            result = strata_of(
-                P, A, lines, H=H, lines_scatter=scatter, features_scatter=not readings,
-                roughness=rough, bends=bends,
-            )  # fmt: skip
-    return result
+    along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
+    rough = None if along is None else smooth_covariance(along)
+
+    def made(bends: float) -> Strata:
+        return strata_of(
+            P, A, lines, H=H, features_scatter=not readings, roughness=rough, bends=bends
+        )  # fmt: skip
+
+    result = made(0.0)
+    bends = 0.0 if rough is None else own_bends(result, errors)
+    return made(bends) if bends > 0 else result
 
 
 def _with_moved_means(
@@ -251,13 +199,13 @@ def _along(table: ResidualTable) -> FloatArray | None:
     return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
 
 
-def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool]:
+def _lines(table: ResidualTable, readings: bool) -> list[FloatArray]:
     """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
     _, H, A = table.errors.shape
     if readings:
-        return [_reading_lines(table)] * A, True
+        return [_reading_lines(table)] * A
     if not table.of_part.shape[3]:
-        return [np.zeros((H, 0))] * A, False
+        return [np.zeros((H, 0))] * A
     F = table.of_part.mean(axis=0)
     result = []
     for a in range(A):
@@ -267,7 +215,7 @@ def _lines(table: ResidualTable, readings: bool) -> tuple[list[FloatArray], bool
         U, s, _ = np.linalg.svd(own, full_matrices=False)
         kept = s**2 > NOTABLE * max(whole, 1e-300) if size > 0 else np.zeros(len(s), bool)
         result.append(U[:, kept][:, :2])
-    return result, any(item.shape[1] for item in result)
+    return result
 
 
 def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:
@@ -311,15 +259,10 @@ def _reading_lines(table: ResidualTable) -> FloatArray:
 
 def _orthonormal(columns: FloatArray) -> FloatArray:
     """Columns made orthonormal to the first, which is left out, and to each other."""
-    kept = [columns[:, 0] / np.linalg.norm(columns[:, 0])]
-    for column in columns[:, 1:].T:
-        left = column.copy()
-        for _ in range(2):
-            left = left - np.array(kept).T @ (np.array(kept) @ left)
-        size = np.linalg.norm(left)
-        if size > 1e-8 * np.linalg.norm(column):
-            kept.append(left / size)
-    return np.array(kept[1:]).reshape(-1, len(columns)).T
+    size = np.linalg.norm(columns, axis=0)
+    left = np.abs(np.diag(np.linalg.qr(columns, mode="r")))
+    Q, R = np.linalg.qr(columns[:, left > 1e-8 * size])
+    return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])
 
 
 def own_bends(strata: Strata, errors: FloatArray) -> float:

@@ -149,15 +149,14 @@ def strata_of(
     lines: Sequence[FloatArray],
     *,
     H: int,
-    lines_scatter: bool,
     features_scatter: bool,
     roughness: FloatArray | None = None,
     bends: float = 0.0,
 ) -> Strata:
     """The strata of P parts with H features along some axes.
 
-    `lines` (H, k) by axis are orthonormal and orthogonal to the level. `lines_scatter`: each line
-    has a variance of its own over the parts. `features_scatter`: the features' means have one;
+    `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
+    own over the parts. `features_scatter`: the features' means have one;
     where not, they belong to the strata of the parts (V = I_P x S). The mean of all is in none:
     every effect has an offset beside it. `roughness` (H, H) is the covariance of the bends that
     every part has of its own, `bends` their variance over the interaction's.
@@ -185,12 +184,10 @@ def strata_of(
         k = 1 + lines[a].shape[1]
         first = 1 if features_scatter else 0
         groups: list[tuple[str, tuple[slice, slice]]] = [(PART, (slice(1, None), slice(0, 1)))]
-        if lines_scatter:
-            groups += [(LINE, (slice(first, None), slice(j, j + 1))) for j in range(1, k)]
+        groups += [(LINE, (slice(first, None), slice(j, j + 1))) for j in range(1, k)]
         if features_scatter:
             groups.append((FEATURE, (slice(0, 1), slice(1, None))))
-        start = k if lines_scatter else 1
-        groups.append((INTERACTION, (slice(first, None), slice(start, None))))
+        groups.append((INTERACTION, (slice(first, None), slice(k, None))))
         for kind, where in groups:
             if label[a][where].size:
                 label[a][where] = len(kinds)

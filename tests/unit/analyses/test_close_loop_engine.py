@@ -12,12 +12,14 @@ from scipy.integrate import quad
 from scipy.stats import binom, invgamma, norm
 
 from mtu_cli.analyses.close_loop.describe import described
+from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
 from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
 from mtu_cli.analyses.close_loop.gate import Gate
+from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
-from mtu_cli.analyses.close_loop.posed import Posed, posed
+from mtu_cli.analyses.close_loop.posed import posed
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.residuals import ResidualTable
 
@@ -43,7 +45,7 @@ def candidates(own: ResidualTable, *families: str) -> tuple[Candidate, ...]:
     return tuple(item for item in found if not families or item.family in families)
 
 
-def posed_of(own: ResidualTable, *families: str) -> Posed:
+def posed_of(own: ResidualTable, *families: str) -> Likelihood:
     return posed(own, candidates(own, *families))
 
 
@@ -57,12 +59,11 @@ def test_the_evidence_of_one_column_is_the_integral_over_its_size() -> None:
     """
     own = noise(1)
     own.errors[..., 0] += 0.4 * NOISE_MM * own.covariates["dir_x"]
-    problem = posed_of(own, "backlash")
-    like = problem.likelihood()
-    (s,) = (s for s in problem.strata.of("part") if problem.strata.axis[s] == 0)
+    like = posed_of(own, "backlash")
+    (s,) = (s for s in like.design.strata.of("part") if like.design.strata.axis[s] == 0)
     (index,) = like.closure([0])
-    x = problem.design.columns.dense([index])[0]
-    part = problem.strata.slices[s]
+    x = like.design.columns.dense([index])[0]
+    part = like.design.strata.slices[s]
     y, n, x = like.y[part], like.n[s], x[part]
     assert x @ x == pytest.approx(1)
 
@@ -104,7 +105,7 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     found = diagnosis(own, "backlash")
     assert found.names == ["backlash-x"]
     sizes = estimated(found.models, found.model)
-    strata, scale = found.posed.strata, found.posed.scale
+    strata, scale = found.design.strata, found.design.scale
     of = {
         kind: scale**2 / sizes.fit.weights[s]
         for kind in ("part", "feature", "interaction")
@@ -132,7 +133,7 @@ def test_the_gate_alarms_rarely_on_pure_noise() -> None:
     kinds: list[dict[str, float]] = [{}, {"part": 5e-3}, {"feature": 5e-3}, flat]
     alarms = 0
     for seed, kind in enumerate(islice(cycle(kinds), sets)):
-        likelihood = posed_of(noise(seed, parts=7, **kind)).likelihood()
+        likelihood = posed_of(noise(seed, parts=7, **kind))
         alarms += min(Gate(likelihood, np.random.default_rng(seed))(()).values()) <= alpha
     low, high = (binom.ppf(q, sets, alpha) for q in (0.001, 0.999))
     assert low <= alarms <= high
@@ -145,10 +146,11 @@ def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
     own = noise(5, part=2 * NOISE_MM, feature=3 * NOISE_MM)
     x = np.random.default_rng(5).normal(size=(P, H))
     own = replace(own, covariates={"load": x})
-    likelihood = posed_of(own, "covariate").likelihood()
+    likelihood = posed_of(own, "covariate")
     gate, fit = Gate(likelihood, np.random.default_rng(1)), likelihood.fit(())
     at, lp = gate._members((), fit, fit.residual[None])
-    named = [likelihood.design.name(int(m)) for m in at]
+    design = likelihood.design
+    named = [design.candidates[design.members[m].candidate].name for m in at]
 
     def strata(values: FloatArray) -> list[tuple[FloatArray, int]]:
         parts, features = values.mean(axis=1) - values.mean(), values.mean(axis=0) - values.mean()
@@ -170,6 +172,23 @@ def test_the_gate_is_the_weighed_sum_of_each_stratum_s_students_t() -> None:
         expected = -np.log(2 * norm.sf(abs(total) / np.sqrt(information)))
         found = max(lp[0, i] for i, own_name in enumerate(named) if own_name == name)
         assert found == pytest.approx(expected, rel=1e-6)
+
+
+def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
+    """A scale that is known to 20 um at the ends: the information S of a column of size 1 there
+    becomes 1/(1/S + u^2), of which the detectable size is the root's inverse.
+    """
+    own, u = noise(7), 20 * NOISE_MM
+    x = own.places[..., 0] - own.places[..., 0].mean()
+    common = np.zeros((P, H, 2, 1))
+    common[..., 0, 0] = u * x / np.abs(x).max()
+    found = [diagnosis(replace(own, common=known), "scale") for known in (common[..., :0], common)]
+    sizes = [minimum_detectable(each, 0.05)["scale-x"] for each in found]
+    design = found[0].design
+    (s,) = (s for s in design.strata.of("feature") if design.strata.axis[s] == 0)
+    S = np.sum(x**2) / np.abs(x).max() ** 2 * found[0].likelihood.fit(()).weights[s]
+    # The coefficients take a degree of freedom of five, too.
+    assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
 
 @pytest.mark.parametrize(("jump_um", "widest"), [(20.0, 1.0), (2.5, 8.0)])
@@ -212,7 +231,13 @@ def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
     size = 4 * NOISE_MM / np.hypot(x, y).max()
     own.errors[..., 0] -= size * turn * y
     own.errors[..., 1] += size * turn * x
-    assert diagnosis(own).names == ["rotation-scatter"]
+    found = diagnosis(own)
+    (effect,) = described(found, estimated(found.models, found.model))
+    assert effect.name == "rotation-scatter"
+    assert effect.ratio is not None
+    # Of the unit pattern a turn has the size |q|, of a largest 4 times that of the noise.
+    wanted = 4 * np.sqrt(np.sum(x[0] ** 2 + y[0] ** 2)) / np.hypot(x, y).max()
+    assert effect.ratio == pytest.approx(np.hypot(wanted, 1), rel=0.4)
 
 
 def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:

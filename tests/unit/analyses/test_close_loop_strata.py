@@ -13,7 +13,7 @@ P, H = 4, 5
 def strata() -> Strata:
     line = np.arange(H) - (H - 1) / 2
     lines = [(line / np.linalg.norm(line))[:, None]] * 2
-    return strata_of(P, 2, lines, H=H, lines_scatter=True, features_scatter=True)
+    return strata_of(P, 2, lines, H=H, features_scatter=True)
 
 
 @pytest.mark.parametrize("shape", [(P, 1), (1, H), (P, H), (1, 1)])

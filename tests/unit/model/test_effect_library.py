@@ -40,7 +40,7 @@ def found_on(own: ResidualTable, *files: Path) -> dict[str, Candidate]:
 
 
 def forms_of(own: ResidualTable, name: str, *files: Path) -> list[BoundTemplate]:
-    return [form.bound for form in found_on(own, *files)[name].forms]
+    return list(found_on(own, *files)[name].forms)
 
 
 def values_of(own: ResidualTable) -> dict[str, FloatArray]:
@@ -70,7 +70,7 @@ def test_candidates_of_a_plane_of_a_space_and_of_readings() -> None:
         assert plane[name].unavailable is None, name
     assert not {"scale-z", "rotation-x", "squareness-xz", "abbe-z", "scale-trend-z"} & set(plane)
     for name, axes in (("rotation-x", "yz"), ("rotation-y", "zx"), ("thermal-growth", "xyz")):
-        assert list(space[name].forms[0].bound.texts()) == [f"E{axis}" for axis in axes]
+        assert list(space[name].forms[0].texts()) == [f"E{axis}" for axis in axes]
     assert space["backlash-z"].unavailable == "no column dir_z"
     found = {name for name, item in axis.items() if item.forms}
     wanted = {"scale-trend-x", "trend-x", "cyclic-x", "step-x", "part-outlier", "warm-up-x"}
@@ -151,7 +151,7 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
 ) -> None:
     """By their units, too; margins as well."""
     whole = [form for item in found_on(own).values() for form in item.forms]
-    forms = chain.from_iterable((form.bound, *form.margins) for form in whole)
+    forms = chain.from_iterable((form, *form.margins) for form in whole)
     named = {f"e{i}": form for i, form in enumerate(forms) if form.family.over is None}
     first = {name: next(members_of(form)) for name, form in named.items()}
     machine = {
