@@ -52,6 +52,7 @@ _STYLE: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.grid": True,
+    "axes.formatter.offset_threshold": 5,
     "grid.color": "#e6e9ed",
     "grid.linewidth": 0.7,
     "xtick.color": INK,
@@ -200,6 +201,13 @@ def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequ
     panel.margins(x=0.16 if min(values, default=0.0) >= 0 else 0.32)
     panel.axvline(0.0, color=GREY, linewidth=0.8)
     panel.grid(axis="y", visible=False)
+
+
+def shades(count: int) -> list[Any]:
+    """Colours from dark to light: early and late passes, one end of an axis and the other."""
+    from matplotlib import colormaps
+
+    return [colormaps["viridis"](0.05 + 0.8 * i / max(count - 1, 1)) for i in range(count)]
 
 
 def columns_of(count: int, most: int = 3) -> int:

@@ -49,7 +49,7 @@ def components(
     figures.title(page, f"Components: readings (first pass dark, last one light), fit, ± {k:g} u")
     instruments = [item for x in fit.components.values() for item in x.instruments]
     numbers = sorted({1, *(number for item in instruments for number in _passes(item))})
-    colours = dict(zip(numbers, _shades(len(numbers)), strict=True))
+    colours = dict(zip(numbers, figures.shades(len(numbers)), strict=True))
     # By role, whatever it read: one instrument has the same marks in every panel.
     roles = list(dict.fromkeys(item.role for item in instruments))
     markers = {role: MARKERS[min(i, 1)] for i, role in enumerate(roles)}
@@ -70,13 +70,6 @@ def components(
 
 def _passes(item: InstrumentFit) -> list[int]:
     return sorted({key[1] for key in item.keys_read}) or [1]
-
-
-def _shades(count: int) -> list[Any]:
-    """Colours from dark to light: early and late passes, one end of an axis and the other."""
-    from matplotlib import colormaps
-
-    return [colormaps["viridis"](0.05 + 0.8 * i / max(count - 1, 1)) for i in range(count)]
 
 
 def _readings(
@@ -145,7 +138,7 @@ def _curves(panel: Axes, item: ComponentDrift) -> None:
     every = list(dict.fromkeys(curve.position for curve in item.curves))
     drawn = [every[i] for i in spread(len(every), POSITIONS)]
     along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0
-    shades = _shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
+    shades = figures.shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
     colours = dict(zip(drawn, shades, strict=True))
     for cycle in dict.fromkeys(curve.cycle for curve in item.curves):
         curves = [curve for curve in item.curves if curve.cycle == cycle and len(curve.time)]
