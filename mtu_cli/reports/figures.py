@@ -215,7 +215,7 @@ def columns_of(count: int, most: int = 3) -> int:
     return 2 if count == 4 and most > 2 else max(1, min(count, most))
 
 
-def panels_of(page: Figure, count: int, columns: int) -> list[Axes]:
+def panels_of(page: Figure | SubFigure, count: int, columns: int) -> list[Axes]:
     """`count` panels row by row, and blank ones where the last row has more."""
     rows = math.ceil(count / columns)
     every: list[Axes] = list(page.subplots(rows, columns, squeeze=False).ravel())
