@@ -129,7 +129,7 @@ def sheet(maps: Maps, width: float | None = None) -> Sheet:
                 sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
         scales[count] = apart / max(sizes)
     low, high = places.min(axis=0) - 1.3 * apart, places.max(axis=0) + 1.3 * apart
-    columns = figures.columns_of(len(panels), 3)
+    columns = min(len(panels), len(levels) if len(levels) > 1 else 2, 3)
     page = width or (8.0 if columns == 1 else 12.0)
     inches = (page - 0.9) / columns - 0.2
     inch = max((high - low) / (inches, PANEL[1]))

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.findings import listed
 from mtu_cli.reports import figures
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.labels import cut, spread
@@ -73,7 +72,7 @@ def histogram(
 def orthogonality(result: OrthogonalityResult) -> Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     shown = result.angles[:ANGLES]
-    columns = figures.columns_of(len(shown), 2)
+    columns = max(1, min(len(shown), 2))
     page = figures.blank((6.5, 11.0)[columns - 1], 1.0 + 3.0 * math.ceil(len(shown) / columns))
     for panel, item in zip(figures.panels_of(page, len(shown), columns), shown, strict=False):
         run, first, scale = item.run, item.first_order, item.scale / ARCSEC
@@ -122,11 +121,9 @@ def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
 def simulated(result: GraphSimulation) -> Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
     varying = [item for item in result.coordinates if not item.fixed and not item.chance]
-    largest: dict[str, float] = {}
-    for item in varying:
-        largest[item.output.unit] = max(largest.get(item.output.unit, 0.0), item.u)
-    seen = [x for x in varying if x.u >= SEEN * largest[x.output.unit]][:COORDINATES]
-    columns, count = figures.columns_of(len(seen)), max(1, len(seen))
+    most = [max(y.u for y in varying if y.output.unit == x.output.unit) for x in varying]
+    seen = [x for x, u in zip(varying, most, strict=True) if x.u >= SEEN * u][:COORDINATES]
+    columns, count = max(1, min(len(seen), 3)), max(1, len(seen))
     page = figures.blank(max(6.0, 3.6 * columns), 1.1 + 2.6 * math.ceil(count / columns))
     for panel, item in zip(figures.panels_of(page, count, columns), seen, strict=False):
         factor, unit = small_unit(item.output.unit)
@@ -138,10 +135,9 @@ def simulated(result: GraphSimulation) -> Figure:
         panel.set_xlabel(f"from nominal, {unit}" + ("" if of == "-" else f"\n{of} % of u²"))
         name = cut(str(item.output), NAME)
         panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
-    figures.legend(page, 4 if columns > 1 else 2)
-    rest = [str(item.output) for item in varying if item not in seen]
-    without = f" (not drawn: {listed(rest, 4)})" if rest else ""
-    figures.title(page, f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{without}")
+    figures.legend(page, 2)
+    some = f" ({len(seen)} of {len(varying)})" if len(seen) < len(varying) else ""
+    figures.title(page, f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}")
     return page
 
 

@@ -20,10 +20,10 @@ def shown_at(sheet: Sheet, width: int) -> str:
     return re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
 
 
-def sheet(widths: list[int], begins: tuple[int, ...] = ()) -> Sheet:
+def sheet(widths: list[int]) -> Sheet:
     """Names of eight letters and numbers of these widths."""
     columns = [Column(title="name", text=True)]
-    columns += [Column(title="n", begins=i in begins) for i in range(len(widths))]
+    columns += [Column(title="n") for _ in widths]
     return Sheet(title="t", columns=columns, rows=[["n" * 8, *("1" * w for w in widths)]])
 
 
