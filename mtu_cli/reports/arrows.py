@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -75,7 +75,7 @@ class Panel(NamedTuple):
         """Half axes (rows, 2) um, the smaller first, and their directions (rows, 2, 2)."""
         squares, m = np.zeros((len(self.rows), 2, 2)), len(self.axes)
         if side.covariance is not None:
-            squares[:, -m:, -m:] = k**2 * side.covariance[np.ix_(self.rows, self.axes, self.axes)]
+            squares[:, -m:, -m:] = k**2 * side.covariance[self.rows][:, self.axes][:, :, self.axes]
         values, directions = np.linalg.eigh(squares)
         return np.sqrt(np.clip(values, 0.0, None)), directions
 
@@ -128,8 +128,8 @@ def sheet(maps: Maps, width: float | None = None) -> Sheet:
                 longest = np.linalg.norm(np.nan_to_num(arrows), axis=1).max(initial=0.0)
                 sizes += [longest / REACH, float(half.max(initial=0.0)) / RADIUS]
         scales[count] = apart / max(sizes)
-    low, high = places.min(axis=0) - 1.1 * apart, places.max(axis=0) + 1.1 * apart
-    columns = figures.columns_of(len(panels), 3)
+    low, high = places.min(axis=0) - 1.3 * apart, places.max(axis=0) + 1.3 * apart
+    columns = min(len(panels), len(levels) if len(levels) > 1 else 2, 3)
     page = width or (8.0 if columns == 1 else 12.0)
     inches = (page - 0.9) / columns - 0.2
     inch = max((high - low) / (inches, PANEL[1]))
@@ -157,8 +157,8 @@ def _spacing(places: FloatArray) -> float:
     spots = np.unique(np.round(places, 3), axis=0)
     if len(spots) < 2:
         return 10.0
-    nearest = KDTree(spots).query(spots, 2)[0][:, 1]
-    return max(float(np.median(nearest)), 0.05 * float(np.ptp(spots, axis=0).max()))
+    nearest: Any = KDTree(spots).query(spots, 2)[0]
+    return max(float(np.median(nearest[:, 1])), 0.05 * float(np.ptp(spots, axis=0).max()))
 
 
 def _title(maps: Maps, group: str, axes: list[int], rows: IntArray, normal: int) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from mtu_cli.analyses.circular import CircularResult, circle_fit
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
-from mtu_cli.reports.figures import BLUE, GREY, INK, ORANGE, bars, blank, styled, title
+from mtu_cli.reports.figures import BLUE, INK, ORANGE, blank, legend, styled, title
 from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import ARCSEC, UM
 
@@ -105,7 +105,7 @@ def document(result: CircularResult, digits: int = 2) -> Document:
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
     tables += [stated_by] if result.instrument else []
-    figure, verdict = partial(polar, result, digits), _verdict(result, digits)
+    figure, verdict = partial(polar, result), _verdict(result, digits)
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
 
 
@@ -159,40 +159,26 @@ def components(result: CircularResult) -> dict[str, Any]:
 
 
 @styled
-def polar(result: CircularResult, digits: int) -> Page:
-    """Deviations about each trace's circle over the angle, the joint fit, and the shares."""
-    page = blank(10.0, 5.6)
+def polar(result: CircularResult) -> Page:
+    """Deviations about each trace's circle over the angle, and the joint fit."""
+    page = blank(6.5, 6.5)
     plane = f"{result.traces.plane}, " if result.traces.plane else ""
     title(page, f"Circular test, {plane}radius {result.traces.radius:g} mm")
-    halves: Any = page.subfigures(1, 2, width_ratios=[1.15, 1.0])
-    left, right = halves
-    panel: Any = left.add_subplot(projection="polar")
-    colours, seen, reach = {"ccw": BLUE, "cw": ORANGE}, set[str](), 0.0
+    panel: Any = page.add_subplot(projection="polar")
+    colours, reach = {"ccw": BLUE, "cw": ORANGE}, 0.0
     for trace, fitted in zip(result.traces.traces, result.fitted, strict=True):
-        rest = circle_fit(trace.angle, trace.deviation)[1]
         order = np.argsort(np.mod(trace.angle, 2 * math.pi), kind="stable")
-        label = None if trace.direction in seen else trace.direction
-        seen.add(trace.direction)
-        angle, model = trace.angle[order], circle_fit(trace.angle, fitted)[1][order]
-        panel.plot(angle, rest[order] / UM, color=colours[trace.direction], lw=1.0, label=label)
-        step = len(order) // MOST_ANGLES + 1
-        fit = "joint fit" if len(seen) == 1 and label else None
-        panel.plot(angle[::step], model[::step] / UM, color=INK, lw=0.6, ls="--", label=fit)
-        reach = max(reach, float(np.abs(rest).max() / UM))
-    reach = reach or 1.0
-    turn = np.linspace(0, 2 * math.pi, 181)
-    panel.plot(turn, np.zeros_like(turn), color=GREY, lw=0.9)
-    tick = float(significant(0.8 * reach, 1))
-    panel.set_rticks([-tick, 0.0, tick])
-    panel.set_rlabel_position(112.5)
-    panel.set_rlim(-1.15 * reach, 1.15 * reach)
+        rest, model = (
+            circle_fit(trace.angle, values)[1][order] / UM for values in (trace.deviation, fitted)
+        )
+        angle, step = trace.angle[order], len(order) // MOST_ANGLES + 1
+        panel.plot(angle, rest, color=colours[trace.direction], lw=1.0, label=trace.direction)
+        panel.plot(angle[::step], model[::step], color=INK, lw=0.6, ls="--", label="joint fit")
+        reach = max(reach, float(np.abs(rest).max()))
+    reach = float(significant(reach or 1.0, 1))
+    panel.set_rlim(-1.2 * reach, 1.2 * reach)
     panel.set_rorigin(-4 * reach)
+    panel.set_rticks([-reach, 0.0, reach])
     panel.set_title("deviation from the least-squares circle, um", pad=16)
-    panel.legend(loc="lower center", bbox_to_anchor=(0.5, -0.2), ncols=3)
-    shown = sorted((x for x in result.causes if x.share == x.share), key=lambda x: -x.share)
-    beside = right.subplots()
-    bars(beside, [x.name for x in shown], [100 * x.share for x in shown],
-         [stated(x, digits) for x in shown])  # fmt: skip
-    beside.set_xlabel("share of the sum of all terms, %")
-    beside.margins(x=0.55)
+    legend(page)
     return page

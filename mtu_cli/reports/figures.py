@@ -52,6 +52,7 @@ _STYLE: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.axisbelow": True,
     "axes.grid": True,
+    "axes.formatter.offset_threshold": 5,
     "grid.color": "#e6e9ed",
     "grid.linewidth": 0.7,
     "xtick.color": INK,
@@ -136,33 +137,6 @@ class Intervals:
     value: FloatArray
     half: FloatArray | None = None
     shift: float = 0.0
-    width: float = 2.0
-
-
-def rows_height(count: int) -> float:
-    """Inches of a panel of `count` rows of intervals."""
-    return (0.36 if count <= FEW_ROWS else 0.25) * count + 0.9
-
-
-def intervals(
-    panel: Axes, names: Sequence[str], shown: Sequence[Intervals], beside: Sequence[str] = ()
-) -> None:
-    """Intervals about their values, a row each from top to bottom; texts `beside` the rows."""
-    rows = np.arange(len(names))
-    panel.axvline(0.0, color=GREY, linewidth=0.9)
-    for item in shown:
-        panel.errorbar(
-            item.value, rows + item.shift, xerr=item.half, fmt="o", color=item.colour,
-            elinewidth=item.width, capsize=2.0, markersize=4.0, label=item.label,
-        )  # fmt: skip
-    for row, text in enumerate(beside):
-        panel.annotate(
-            text, (1.01, row), xycoords=panel.get_yaxis_transform(), va="center", fontsize=7.5,
-            annotation_clip=False,
-        )  # fmt: skip
-    panel.set_yticks(rows, [cut(name, WIDTH) for name in names])
-    panel.set_ylim(len(names) - 0.4, -0.6)
-    panel.grid(axis="y", visible=False)
 
 
 def listing(
@@ -174,17 +148,30 @@ def listing(
     limits: Sequence[FloatArray] = (),
     beside: Sequence[str] = (),
 ) -> Figure:
-    """A page of intervals row by row; `limits` (n,) in red, nan where there are none."""
-    page = blank(8.0, rows_height(len(names)) + 0.8)
+    """A page of intervals about their values, a row each from top to bottom; `limits` (n,) in red,
+    nan where there are none; texts `beside` the rows.
+    """
+    page = blank(8.0, (0.36 if len(names) <= FEW_ROWS else 0.25) * len(names) + 1.7)
     title(page, text)
-    panel = page.subplots()
-    intervals(panel, names, shown, beside)
-    panel.set_xlabel(label)
-    rows = np.arange(len(names))
+    panel, rows = page.subplots(), np.arange(len(names))
+    panel.axvline(0.0, color=GREY, linewidth=0.9)
+    for item in shown:
+        panel.errorbar(
+            item.value, rows + item.shift, xerr=item.half, fmt="o", color=item.colour,
+            elinewidth=2.0, capsize=2.0, markersize=4.0, label=item.label,
+        )  # fmt: skip
     for limit in limits:
         if (known := np.isfinite(limit)).any():
             at = rows[known]
             panel.vlines(limit[known], at - 0.3, at + 0.4, color=RED, lw=2.0, label="tolerance")
+    for row, words in enumerate(beside):
+        panel.annotate(
+            words, (1.01, row), xycoords=panel.get_yaxis_transform(), va="center", fontsize=7.5,
+            annotation_clip=False,
+        )  # fmt: skip
+    panel.set_yticks(rows, [cut(name, WIDTH) for name in names])
+    panel.set(ylim=(len(names) - 0.4, -0.6), xlabel=label)
+    panel.grid(axis="y", visible=False)
     return page
 
 
@@ -202,12 +189,14 @@ def bars(panel: Axes, names: Sequence[str], values: Sequence[float], texts: Sequ
     panel.grid(axis="y", visible=False)
 
 
-def columns_of(count: int, most: int = 3) -> int:
-    """Panels in a row: four are two and two."""
-    return 2 if count == 4 and most > 2 else max(1, min(count, most))
+def shades(count: int) -> list[Any]:
+    """Colours from dark to light: early and late passes, one end of an axis and the other."""
+    from matplotlib import colormaps
+
+    return [colormaps["viridis"](0.05 + 0.8 * i / max(count - 1, 1)) for i in range(count)]
 
 
-def panels_of(page: Figure, count: int, columns: int) -> list[Axes]:
+def panels_of(page: Figure | SubFigure, count: int, columns: int) -> list[Axes]:
     """`count` panels row by row, and blank ones where the last row has more."""
     rows = math.ceil(count / columns)
     every: list[Axes] = list(page.subplots(rows, columns, squeeze=False).ravel())

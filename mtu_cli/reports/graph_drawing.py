@@ -36,15 +36,15 @@ COLOURS = {
     "frame": "#f3b4b4",
     "constant": "#e2e4e8",
 }
-RADIUS, BAR = 0.14, (0.07, 0.30)
+RADIUS, BAR = 0.14, (0.07, 0.28)
 """Of a circle, and width and height of a bar, inches."""
-INSIDE = 3
-"""Signs of a name that fit into a circle; longer ones stand below it."""
 FONT, LETTER = 7.0, 0.066
-"""Points of a label, and width of its letters in inches."""
-MARGIN, HEAD, FOOT, KEY, TITLE = 0.6, 0.35, 0.5, 0.95, 0.105
-"""Room about the picture, for its title and its key; widths of an entry of the key and of a letter
-of the title, inches."""
+"""Points of a label below a node, and width of its letters in inches."""
+ROOM, BEND, GAP = 0.23, 0.08, 0.35
+"""Half the height of a node with its label and of an arc that passes, and between columns."""
+MARGIN, FOOT, KEY, TITLE = 0.8, 0.2, 0.95, 0.105
+"""Room about the picture and for its key; widths of an entry of the key and of a letter of the
+title, inches."""
 SWEEPS, PASSES = 9, 80
 LEVEL, FINE = 0.02, 100
 """Inches that an arc is level at its ends, and points of it that are drawn."""
@@ -74,29 +74,9 @@ class Node:
         return bool(self.kind)
 
     @property
-    def measures(self) -> bool:
-        """Whether it is a transition without inputs, a measurement: its label is to the left."""
-        return not self.kind and self.label == "meas"
-
-    @property
-    def inside(self) -> bool:
-        """Whether it is a place with its name in the circle."""
-        return self.place and len(self.label) <= INSIDE
-
-    @property
     def width(self) -> float:
         """Width of the node with its label."""
-        letters = LETTER * len(self.label)
-        if self.measures:
-            return 2 * letters + 0.15
-        return max(2 * RADIUS if self.place else 0.1, 0.0 if self.inside else letters)
-
-    @property
-    def room(self) -> tuple[float, float]:
-        """Room above the middle and below it."""
-        if self.measures or self.inside:
-            return RADIUS + 0.05, RADIUS + 0.05
-        return (RADIUS + 0.05, 0.34) if self.place else (0.32, 0.17)
+        return max(2 * RADIUS, LETTER * len(self.label))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -177,7 +157,9 @@ def lay_out(net: Net) -> Layout:
         rank += bends
     steps = [pair for path in paths for pair in pairwise(path)]
     layers = _ordered(rank, steps)
-    spots = np.column_stack([_columns(net.nodes, layers), _rows(net.nodes, layers, steps)])
+    wide = [max((net.nodes[i].width for i in x if i < len(net.nodes)), default=0) for x in layers]
+    middles = np.cumsum(wide) - np.array(wide) / 2 + GAP * np.arange(len(wide))
+    spots = np.column_stack([middles[rank], _rows(len(net.nodes), layers, steps)])
     width, height = spots.max(axis=0, initial=0.0)
     return Layout(width, height, spots[: len(net.nodes)], [spots[path] for path in paths])
 
@@ -211,14 +193,8 @@ def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
     """Layers from top to bottom by the mean position of neighbours, to and fro; at last forward."""
     before, after = _adjacent(arcs)
     layers: list[list[int]] = [[] for _ in range(max(rank, default=0) + 1)]
-    waiting = [node for node in reversed(range(len(rank))) if not after[node]]
-    seen = set()
-    while waiting:
-        node = waiting.pop()
-        if node not in seen:
-            seen.add(node)
-            layers[rank[node]].append(node)
-            waiting.extend(reversed(before[node]))
+    for node, number in enumerate(rank):
+        layers[number].append(node)
     for sweep in range(SWEEPS):
         near, pairs = (after, layers[::-1]) if sweep % 2 else (before, layers)
         for fixed, layer in pairwise(pairs):
@@ -230,35 +206,22 @@ def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
     return layers
 
 
-def _columns(nodes: Sequence[Node], layers: list[list[int]]) -> FloatArray:
-    """Layers beside one another, as wide as their widest label."""
-    x = np.zeros(sum(map(len, layers)))
-    at = half = 0.0
-    for number, layer in enumerate(layers):
-        wide = max((nodes[i].width for i in layer if i < len(nodes)), default=0.1) / 2
-        at += (half + wide + (0.42 if len(layer) > 12 else 0.3)) if number else 0.0
-        half = wide
-        x[layer] = at
-    return x
-
-
-def _rows(nodes: Sequence[Node], layers: list[list[int]], arcs: Arcs) -> FloatArray:
+def _rows(nodes: int, layers: list[list[int]], arcs: Arcs) -> FloatArray:
     """Rows at the means of their neighbours, gaps kept, by weighted least squares."""
     from scipy.optimize import isotonic_regression
     from scipy.sparse import csr_array
 
     count, ends = sum(map(len, layers)), np.reshape(np.array(arcs, np.int64), (-1, 2)).T
     # Between nodes, between a node and a bend, between bends.
-    weights = np.array([1.0, 2.0, 8.0])[(ends >= len(nodes)).sum(axis=0)]
+    weights = np.array([1.0, 2.0, 8.0])[(ends >= nodes).sum(axis=0)]
     pull = csr_array((weights, (ends[0], ends[1])), shape=(count, count))
     pull = (pull + pull.T).tocsr()
     total = pull.sum(axis=1)
     y: FloatArray = np.zeros(count)
     offsets = []
     for layer in layers:
-        rooms = [nodes[i].room if i < len(nodes) else (0.1, 0.1) for i in layer]
-        gaps = [below + above for (_, below), (above, _) in pairwise(rooms)]
-        offsets.append(np.cumsum([0.0, *gaps]))
+        rooms = np.where(np.array(layer) < nodes, ROOM, BEND)
+        offsets.append(np.cumsum(rooms) + np.cumsum(np.append(0.0, rooms[:-1])))
         y[layer] = offsets[-1] - offsets[-1].mean()
     for turn in range(PASSES):
         for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
@@ -275,21 +238,15 @@ def _rows(nodes: Sequence[Node], layers: list[list[int]], arcs: Arcs) -> FloatAr
 @figures.styled
 def drawing(net: Net) -> Figure:
     """The graph, left to right; with shares, thicker arcs and percents where variance comes in."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     layout = lay_out(net)
-    halves = np.array([(1.15 if x.reported else 1.0) * x.width / 2 + 0.1 for x in net.nodes])
-    middles = layout.places[:, 0]
-    reach = max(MARGIN, *(halves - middles), *(halves + middles - layout.width))
-    kinds = [kind for kind in COLOURS if any(node.kind == kind for node in net.nodes)]
-    width = max(layout.width + 2 * reach, KEY * (len(kinds) + 3))
-    page = Figure(figsize=(width, layout.height + HEAD + FOOT + 2 * MARGIN))
-    FigureCanvasAgg(page)
+    kinds = {node.kind for node in net.nodes}
+    sides = MARGIN + max((node.width for node in net.nodes), default=0.0) / 2
+    width = max(layout.width + 2 * sides, KEY * (len(kinds) + 3))
+    page = figures.blank(width, layout.height + 2 * MARGIN + FOOT)
+    page.set_layout_engine("none")
     panel = page.add_axes((0.0, 0.0, 1.0, 1.0))
     left = (width - layout.width) / 2
-    panel.set_xlim(-left, width - left)
-    panel.set_ylim(layout.height + MARGIN + FOOT, -MARGIN - HEAD)
+    panel.set(xlim=(-left, width - left), ylim=(layout.height + MARGIN + FOOT, -MARGIN))
     panel.axis("off")
     for (a, b), route in zip(net.arcs, layout.routes, strict=True):
         before, after = (RADIUS if net.nodes[x].place else BAR[0] / 2 for x in (a, b))
@@ -299,15 +256,10 @@ def drawing(net: Net) -> Figure:
         x, y = layout.places[number].tolist()
         _draw_node(panel, node, x, y, net.shares.get(number, 0.0))
     of = "" if net.of is None else f": where the variance of {net.of} is from"
-    top = 1.0 - 0.25 / page.get_figheight()
-    title = cut(net.title + of, int(width / TITLE))
-    page.text(0.3 / width, top, title, fontsize=10.5, fontweight="bold", va="center")
+    figures.title(page, cut(net.title + of, int(width / TITLE)))
     handles, names = panel.get_legend_handles_labels()
     key = dict(zip(names, handles, strict=True))
-    page.legend(
-        [*key.values()], [*key], loc="lower left", ncols=len(key), fontsize=7.5, markerscale=0.55,
-        handletextpad=0.2, columnspacing=1.2,
-    )  # fmt: skip
+    page.legend([*key.values()], [*key], loc="lower left", ncols=len(key), markerscale=0.55)
     return page
 
 
@@ -331,26 +283,18 @@ def _draw_arc(panel: Axes, before: float, after: float, route: FloatArray, share
 
 
 def _draw_node(panel: Axes, node: Node, x: float, y: float, share: float) -> None:
-    """A circle with its name in or below it, or a bar with what it does; a share to the left."""
-    style: dict[str, Any] = {"fontsize": FONT, "ha": "center", "va": "center", "zorder": 5}
+    """A circle, or a bar, with its name below; a share to the left."""
     ring: dict[str, Any] = {"ls": "", "marker": "o", "ms": 144 * RADIUS, "mec": figures.INK}
     if node.place:
         panel.plot(x, y, **ring, mfc=COLOURS[node.kind], mew=0.9, zorder=3, label=node.kind)
-        if node.reported:
-            panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
-        if node.marked:
-            spot = y + 0.085 * node.inside
-            panel.plot(x, spot, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
-        at = (x, y - 0.03 * node.marked) if node.inside else (x, y + RADIUS + 0.03)
-        style |= {"fontweight": "bold" if node.reported else "normal"}
-        style |= {} if node.inside else {"va": "top"}
     else:
-        wide, high = BAR[0], BAR[1] * (0.7 if node.measures else 1.0)
-        bar: dict[str, Any] = {"ms": 72 * high, "mew": 72 * wide, "color": figures.INK}
+        bar: dict[str, Any] = {"ms": 72 * BAR[1], "mew": 72 * BAR[0], "color": figures.INK}
         panel.plot(x, y, "|", **bar, zorder=3, label="transition")
-        at = (x - wide, y) if node.measures else (x, y - high / 2 - 0.02)
-        style |= {"ha": "right"} if node.measures else {"va": "bottom"}
-    panel.text(*at, node.label, **style)
+    if node.reported:
+        panel.plot(x, y, **ring, mfc="none", mew=2.0, zorder=3, label="reported")
+    if node.marked:
+        panel.plot(x, y, "o", ms=4.3, mew=0, color=figures.INK, zorder=4, label="marker")
+    panel.text(x, y + RADIUS + 0.02, node.label, fontsize=FONT, ha="center", va="top", zorder=5)
     if share >= LEAST_SHARE:
         panel.text(
             x - RADIUS - 0.04, y - 0.025 - 0.02 * share, f"{share_percent(share)} %",

@@ -321,22 +321,6 @@ def _panel(panel: Axes, axis: Axis) -> None:
     both = axis.mean.mean(axis=0) / size
     if np.isfinite(both).any():
         panel.plot(test.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
-        _width(panel, axis)
     panel.set_title(f"{axis.name}: {', '.join(_stated(axis, 2))} {test.unit}")
     panel.set_xlabel(f"target, {'deg' if test.rotary else 'mm'}")
     panel.set_ylabel(f"deviation, {test.unit}")
-
-
-def _width(panel: Axes, axis: Axis) -> None:
-    """The bars of A and E at the right, as in the standard's figure."""
-    size, band = axis.test.size, 2 * np.nan_to_num(axis.s)
-    right = float(axis.test.targets[-1]) + 0.05 * axis.test.travel
-    spans = {"E": (np.nanmin(axis.mean), np.nanmax(axis.mean))}
-    if not math.isnan(axis.figures["A"].value):
-        spans["A"] = (np.nanmin(axis.mean - band), np.nanmax(axis.mean + band))
-    for i, (name, (low, high)) in enumerate(spans.items()):
-        x = right + i * 0.05 * axis.test.travel
-        arrow = {"arrowstyle": "<->", "color": INK, "lw": 1.0, "shrinkA": 0, "shrinkB": 0}
-        panel.annotate("", (x, low / size), (x, high / size), arrowprops=arrow)
-        panel.text(x, float(high) / size, name, ha="center", va="bottom", fontsize=8.5)
-    panel.set_xlim(right=right + 0.1 * axis.test.travel)

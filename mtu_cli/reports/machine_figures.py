@@ -17,14 +17,13 @@ if TYPE_CHECKING:
 
     from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
     from mtu_cli.model.estimates import ComponentEstimate, Estimates
-    from mtu_cli.model.estimation import ComponentFit, InstrumentFit
+    from mtu_cli.model.estimation import InstrumentFit
     from mtu_cli.model.fit import MachineFit
 
 TITLE, NAME = 36, 26
 """Characters of a line above a panel, and of a component's name in it."""
-MARKERS = ({1: ">", -1: "<", 0: "o"}, {1: "^", -1: "v", 0: "s"})
-"""By instrument (the machine's first, others) and direction."""
-WORDS = {1: "forward", -1: "reverse", 0: "reading"}
+MARKS = {1: (">", "forward"), -1: ("<", "reverse"), 0: ("o", "reading")}
+"""Markers and words by direction."""
 COMPONENTS, POSITIONS = 6, 6
 """Drifting components drawn, and positions of each."""
 
@@ -43,78 +42,55 @@ def components(
     The band is k times the root of x'(C + D)x + s_repeat^2 about the line.
     """
     shown, k = estimates.components, coverage_factor
-    columns = figures.columns_of(len(shown))
-    titles = [cut(f"{name}  {(says or {}).get(name, '')}".rstrip(), TITLE) for name in shown]
+    columns = max(1, min(len(shown), 3))
     page = figures.blank(3.4 * max(columns, 2), 2.15 * -(-len(shown) // columns) + 0.6)
     figures.title(page, f"Components: readings (first pass dark, last one light), fit, ± {k:g} u")
     instruments = [item for x in fit.components.values() for item in x.instruments]
-    numbers = sorted({1, *(number for item in instruments for number in _passes(item))})
-    colours = dict(zip(numbers, _shades(len(numbers)), strict=True))
-    # By role, whatever it read: one instrument has the same marks in every panel.
-    roles = list(dict.fromkeys(item.role for item in instruments))
-    markers = {role: MARKERS[min(i, 1)] for i, role in enumerate(roles)}
+    numbers = sorted({1, *(key[1] for item in instruments for key in item.keys_read)})
+    colours = dict(zip(numbers, figures.shades(len(numbers)), strict=True))
     panels = figures.panels_of(page, len(shown), columns)
-    for panel, title, (name, estimate) in zip(panels, titles, shown.items(), strict=False):
+    for panel, (name, estimate) in zip(panels, shown.items(), strict=False):
         found = fit.components.get(name)
         for item in found.instruments if found else ():
-            of = f"{item.role}, " if len(roles) > 1 else ""
-            _readings(panel, item, estimate, of, markers[item.role], colours)
-        # Where a component states no range, that of another along the axis stands in.
-        alike = (x.position_range for x in (estimate, *shown.values()) if x.of == estimate.of)
-        _band(panel, estimate, found, next(filter(None, alike), (0.0, 100.0)), k)
-        panel.set_title(title if found else f"{title} (machine file)")
+            _readings(panel, item, estimate, colours)
+        if estimate.of is None:
+            ends = 0.5, numbers[-1] + 0.5
+            panel.locator_params(axis="x", integer=True)
+        else:
+            # Where a component states no range, that of another along the axis stands in.
+            alike = (x.position_range for x in (estimate, *shown.values()) if x.of == estimate.of)
+            ends = next(filter(None, alike), (0.0, 100.0))
+        _band(panel, estimate, ends, k)
+        text = f"{name}  {(says or {}).get(name, '')}".rstrip() + " (machine file)" * (not found)
+        panel.set_title(cut(text, TITLE))
+        panel.set_xlabel("pass" if estimate.of is None else f"{estimate.of}, mm")
         panel.set_ylabel(estimate.unit.name)
     figures.legend(page)
     return page
 
 
-def _passes(item: InstrumentFit) -> list[int]:
-    return sorted({key[1] for key in item.keys_read}) or [1]
-
-
-def _shades(count: int) -> list[Any]:
-    """Colours from dark to light: early and late passes, one end of an axis and the other."""
-    from matplotlib import colormaps
-
-    return [colormaps["viridis"](0.05 + 0.8 * i / max(count - 1, 1)) for i in range(count)]
-
-
 def _readings(
-    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, of: str,
-    markers: dict[int, str], colours: dict[int, Any],
-) -> None:  # fmt: skip
+    panel: Axes, item: InstrumentFit, estimate: ComponentEstimate, colours: dict[int, Any]
+) -> None:
     """A line a pass and direction; of a constant the passes side by side."""
     group = np.zeros(len(item.error), np.int64) if item.group is None else item.group
-    numbers = _passes(item)
     for g, (number, sign) in enumerate([key[1:] for key in item.keys_read] or [(1, 0)]):
         inside = np.flatnonzero(group == g)
         inside = inside[np.argsort(item.position[inside], kind="stable")]
-        place = item.position[inside]
-        if estimate.of is None:
-            place = np.full(len(inside), float(numbers.index(number) + 1))
+        place = item.position[inside] if estimate.of else np.full(len(inside), float(number))
+        marker, word = MARKS[sign]
         panel.plot(
-            place, item.error[inside] / estimate.unit.to_internal, marker=markers[sign],
+            place, item.error[inside] / estimate.unit.to_internal, marker=marker,
             linestyle="-" if estimate.of else "none", linewidth=0.4, color=colours[number],
-            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3, label=f"{of}{WORDS[sign]}",
+            markersize=4.2, markeredgewidth=0.0, alpha=0.8, zorder=3, label=word,
         )  # fmt: skip
 
 
-def _band(
-    panel: Axes, estimate: ComponentEstimate, found: ComponentFit | None,
-    ends: tuple[float, float], k: float,
-) -> None:  # fmt: skip
-    """The fitted line between the `ends`, or over the passes, and what is to be expected."""
-    f = estimate.unit.to_internal
-    if estimate.of is None:
-        last = max(len(_passes(item)) for item in found.instruments) if found else 1
-        place, X = np.array([0.5, last + 0.5]), np.ones((2, 1))
-        panel.set_xlabel("pass" if found else "")
-        panel.set_xticks(range(1, last + 1, max(1, last // 8)) if found else [])
-    else:
-        low, high = ends
-        place = np.linspace(low, high, 101) if high > low else np.array([low - 1.0, high + 1.0])
-        X = estimate.shape.columns(place)
-        panel.set_xlabel(f"{estimate.of}, mm")
+def _band(panel: Axes, estimate: ComponentEstimate, ends: tuple[float, float], k: float) -> None:
+    """The fitted line between the `ends` and what is to be expected about it."""
+    f, (low, high) = estimate.unit.to_internal, ends
+    place = np.linspace(low, high, 101) if high > low else np.array([low - 1.0, high + 1.0])
+    X = estimate.shape.columns(place)
     line = X @ estimate.coefficients / f
     C = estimate.covariance + estimate.pass_covariance
     variance = np.einsum("ni,ij,nj->n", X, C, X) + estimate.s_repeat**2
@@ -145,7 +121,7 @@ def _curves(panel: Axes, item: ComponentDrift) -> None:
     every = list(dict.fromkeys(curve.position for curve in item.curves))
     drawn = [every[i] for i in spread(len(every), POSITIONS)]
     along, start = item.estimate.degree > 0 and len(drawn) > 1, 0.0
-    shades = _shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
+    shades = figures.shades(len(drawn)) if along else [figures.BLUE] * len(drawn)
     colours = dict(zip(drawn, shades, strict=True))
     for cycle in dict.fromkeys(curve.cycle for curve in item.curves):
         curves = [curve for curve in item.curves if curve.cycle == cycle and len(curve.time)]

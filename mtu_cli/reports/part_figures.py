@@ -130,8 +130,8 @@ def compare(result: CompareResult) -> Figure:
         sides = (found.predicted, found.measured)
         values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
     shown = [
-        Intervals(name, colour, *side, shift)
-        for (name, colour), side, shift in zip(
+        Intervals(name, colour, value, half, shift)
+        for (name, colour), (value, half), shift in zip(
             COMPARED, np.concatenate(values, axis=2) / UM, (-0.14, 0.14), strict=True
         )
     ]

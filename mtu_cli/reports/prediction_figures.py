@@ -33,9 +33,7 @@ def lengths(result: LengthsResult, digits: int = 2) -> Figure:
     u, apart = (np.sqrt(v[rows]) / UM for v in (result.variance, result.independent_variance))
     shown = [
         Intervals("with shared covariance", figures.BLUE, value, k * u),
-        Intervals(
-            "independent ends and components", figures.ORANGE, value, k * apart, 0.28, width=1.0
-        ),
+        Intervals("independent ends and components", figures.ORANGE, value, k * apart, 0.28),
     ]
     conformance = [result.conformance[i] for i in rows]
     tolerances = [None if each is None else each.tolerance for each in conformance]

@@ -198,7 +198,8 @@ def test_the_picture_shows_the_differences_and_their_verdicts(two: CompareResult
     assert page.get_suptitle().endswith("(22 of 100)")
     row = names.index("drilled 1 x")
     assert [text.get_text() for text in panel.texts][row] == "under-predicted"
-    (lines,) = [item.lines for item in panel.containers if item.get_label() == "measured"]
+    containers: list[Any] = list(panel.containers)
+    (lines,) = [item.lines for item in containers if item.get_label() == "measured"]
     bias = 1000 * (two.features.measured.mean[0] - two.features.predicted.mean[0])
     assert np.asarray(lines[0].get_xdata())[row] == pytest.approx(bias)
     boxes = [text.get_window_extent() for text in (*panel.texts, *panel.get_yticklabels())]
