@@ -138,7 +138,7 @@ def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
 @figures.styled
 def simulated(result: GraphSimulation) -> Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
-    varying = [item for item in result.coordinates if not item.fixed and not item.chance]
+    varying = [item for item in result.coordinates if not item.fixed]
     largest: dict[str, float] = {}
     for item in varying:
         largest[item.output.unit] = max(largest.get(item.output.unit, 0.0), item.u)
@@ -164,7 +164,7 @@ def simulated(result: GraphSimulation) -> Figure:
 
 @figures.styled
 def swept(result: Sweep) -> Figure:
-    """u, or the chance, against the first of what is varied, a line for each value of the rest;
+    """u against the first of what is varied, a line for each value of the rest;
     dots are Monte Carlo with two standard errors, curves the formula.
     """
     from matplotlib import colormaps
@@ -176,32 +176,27 @@ def swept(result: Sweep) -> Figure:
         lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel, formula, short = page.subplots(), result.formula, cut(str(result.output), NAME)
-    factor, unit = (1.0, "") if result.chance else small_unit(result.output.unit)
+    factor, unit = small_unit(result.output.unit)
     named = set(spread(len(lines), LINES))
     for i, (label, points) in enumerate(lines.items()):
         shade = 0.35 + 0.6 * i / max(len(lines) - 1, 1)
         colour = colormaps["Blues"](shade) if len(lines) > 1 else figures.BLUE
         x = [item.at[first] for item in points]
-        pairs = [(y.mean, y.se_mean) if result.chance else (y.u, y.se_u) for y in points]
-        y, se = np.array(pairs).T * factor
-        form: Any = "o-" if result.chance else "o"
+        y, se = np.array([(point.u, point.se_u) for point in points]).T * factor
         panel.errorbar(
-            x, y, 2 * se, fmt=form, ms=4, color=colour, label=label if i in named else None
+            x, y, 2 * se, fmt="o", ms=4, color=colour, label=label if i in named else None
         )
         if formula is not None:
             at = {name: np.full(CURVE, value) for name, value in points[0].at.items()}
             at[first] = np.linspace(min(x), max(x), CURVE)
             panel.plot(at[first], formula.u_at(at, CURVE) * factor, color=colour)
     panel.set_xlabel(first)
-    panel.set_ylabel(f"chance that {short} is 1" if result.chance else f"u of {short}, {unit}")
-    if not result.chance:
-        # A jump that no trial saw has u 0 and no standard error.
-        reached = [item.u + 2 * item.se_u for item in result.grid if math.isfinite(item.se_u)]
-        panel.set_ylim(0.0, HEADROOM * factor * max(reached, default=0.0) or None)
+    panel.set_ylabel(f"u of {short}, {unit}")
+    reached = [item.u + 2 * item.se_u for item in result.grid]
+    panel.set_ylim(0.0, HEADROOM * factor * max(reached) or None)
     if formula is not None:
         panel.set_title(formula.form, fontweight="normal")
-    what = f"Chance that {short} is 1" if result.chance else f"Uncertainty of {short}"
-    figures.title(page, f"{what} over {first}")
+    figures.title(page, f"Uncertainty of {short} over {first}")
     if rest:
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), reverse=True)
     return page
