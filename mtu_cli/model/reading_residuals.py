@@ -10,7 +10,6 @@ import numpy as np
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language import parse
 from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
 from mtu_cli.model.estimates import (
     ComponentEstimate,
@@ -20,7 +19,7 @@ from mtu_cli.model.estimates import (
 )
 from mtu_cli.model.estimation import reading_rounding
 from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
-from mtu_cli.model.machine_model import AXES, TIME, MachineModel, Term, drift_terms
+from mtu_cli.model.machine_model import AXES, TIME, component_alone
 from mtu_cli.model.passes import Passes, passes_read
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
 from mtu_cli.model.shapes import MOST_AUTO
@@ -92,7 +91,7 @@ def _table(
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
         own, both = (None, None) if estimate is None else _shared_by_directions(estimate)
-        model = _alone(name, of or AXES[0], own, drift)
+        model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
         warned += temperature_warnings(model, layout.nominal, values)
@@ -103,7 +102,7 @@ def _table(
             signs = layout.direction[None, :, None, None]
             apart = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
             if both is not None:
-                model = _alone(name, of or AXES[0], both, None)
+                model = component_alone(name, of or AXES[0], both)
                 apart.append(cell_model(model, layout.nominal, {}, layout.cells, {})[2])
             of_part = np.concatenate(apart, axis=3)
     if estimate is None:
@@ -177,24 +176,6 @@ def _shared_by_directions(
     own = replace(estimate, pass_covariance=drawable_passes(D - K, C))
     zero = np.zeros_like(estimate.coefficients)
     return own, replace(estimate, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
-
-
-def _alone(
-    name: str, axis: str, estimate: ComponentEstimate | None, drift: ThermalEstimate | None
-) -> MachineModel:
-    """A machine whose only error, along `axis`, is that of one component."""
-    lever = {axis: parse("1")}
-    terms = [] if estimate is None else [Term(estimate=estimate, levers=lever)]
-    if drift is not None:
-        terms += drift_terms(drift, lever)
-    return MachineModel(
-        name=name,
-        axes=(axis,),
-        terms=tuple(terms),
-        remainders={axis: ()},
-        constants={},
-        joint=(),
-    )
 
 
 # Passes and targets.
