@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -201,22 +201,7 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Findi
         for name, own in stated.items()
         if np.array_equal(estimates.components[name].coefficients, own.coefficients)
     }
-    own = [x for x in machine.warnings if x.facts.get("coefficients_of") in {None, *used}]
-    idle = [name for name in stated if name not in used and name in machine.used]
-    return [*own, *beaten_warnings(machine, idle, "coefficients")]
-
-
-def beaten_warnings(
-    machine: LoadedMachine, idle: Sequence[str], key: Literal["coefficients", "thermal"]
-) -> list[Finding]:
-    """That what the file states of components under a key is not used: one warning of all."""
-    if not idle:
-        return []
-    what, by = {"coefficients": ("coefficients", "readings"),
-                "thermal": ("thermal blocks", "drift readings")}[key]  # fmt: skip
-    reason = f"{by}, or the report of their fit, replace them"
-    place = {"file": machine.source.shown, "line": machine.line_of("components", idle[0], key)}
-    return [finding("not-used", what=what, names=idle, reason=reason, **place)]
+    return [x for x in machine.warnings if x.facts.get("coefficients_of") in {None, *used}]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -30,8 +29,6 @@ from mtu_cli.stats.covariance import bounded
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.units import ANGLE, UNITS
 
-SHOWN = 3
-"""Pairs of passes that are named one by one."""
 Columns = dict[str, np.ndarray]
 
 
@@ -83,7 +80,7 @@ def _table(
     of, unit = entry.of, UNITS[entry.unit]
     layout, columns = _laid_out(machine, readings, rows, name)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
-    warned += [*_together(name, readings, rows, layout), *gaps]
+    warned += gaps
     drift = _usable(known.thermal.get(name), name, columns, warned)
     said, left_out = effects_on_readings(machine, name, layout.nominal, columns)
     warned += left_out
@@ -125,21 +122,6 @@ def _table(
         pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
         resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
     )
-
-
-def _together(
-    name: str, readings: Readings, rows: IntArray, layout: ReadingLayout
-) -> list[Finding]:
-    """What is judged as one: readings of several instruments, and passes that run one way."""
-    result = []
-    roles = dict.fromkeys(readings.roles[i] for i in readings.file_index[rows])
-    if len(roles) > 1:
-        listed = " and ".join(roles)
-        result.append(finding("instruments-together", component=name, instruments=listed))
-    if layout.pairs:
-        pairs = ", ".join(layout.pairs[:SHOWN]) + " and so on" * (len(layout.pairs) > SHOWN)
-        result.append(finding("passes-paired", component=name, pairs=pairs))
-    return result
 
 
 def _usable(
@@ -187,12 +169,9 @@ SIGNS = {1: " +", -1: " -", 0: ""}
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLayout(Layout):
-    """Passes in order of time by targets and directions, whose sign is `direction` (H,); `pairs`
-    are those of two passes, one there and one back.
-    """
+    """Passes in order of time by targets and directions, whose sign is `direction` (H,)."""
 
     direction: IntArray
-    pairs: tuple[str, ...]
 
 
 def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> ReadingLayout:
@@ -210,9 +189,6 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
     names = _row_names(readings, passes)
-    # Runs, in their order, that two numbers of passes are of.
-    numbered = {(int(run), key[:2]) for run, key in zip(passes.runs, passes.keys, strict=True)}
-    of_two = [a for (a, _), (b, _) in pairwise(sorted(numbered)) if a == b]
     return ReadingLayout(
         parts=names,
         features=tuple(
@@ -223,7 +199,6 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
         cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
         nominal=reading_places(readings, rows, of),
         direction=signs,
-        pairs=tuple(names[run] for run in of_two),
     )
 
 
