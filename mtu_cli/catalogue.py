@@ -258,20 +258,12 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "lack-of-fit": _warning(
         "{component} is not a polynomial of the degree that the machine file gives (p = {p:.1g}): "
-        "{advice}"
+        "raise its degree"
     ),
     "instruments-disagree": _warning(
         "the instruments disagree on {component} (p = {p:.2g}): u of the combined line is too small"
     ),
-    "grid-of-fewer-axes": _warning("--grid {grid}: {reason}"),
     # Tables of readings.
-    "passes-paired": _warning(
-        "passes of {component} run one way: each forward pass was paired with the next reverse one "
-        "({pairs})"
-    ),
-    "instruments-together": _warning(
-        "{component} was read by {instruments}: their passes stand in one table"
-    ),
     "drift-not-removed": _warning(
         "the readings of {component} do not have {columns} in every row: its known drift with "
         "temperature stays in them"

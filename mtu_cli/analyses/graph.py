@@ -32,9 +32,8 @@ STATISTICS = ("mean", "u", "se_mean", "se_u", "low", "high", "shortest_low", "sh
 class SimulatedCoordinate:
     """One coordinate of a place, in its own unit. `shares` of its first-order variance by source
     (nan where that is 0). `se_*`: standard errors of the Monte Carlo. `converged`: to the digits of
-    u asked for. `chance`: all trials are 0 or 1, and their mean is the chance of 1. `validation`
-    None where it is fixed, jumps, or its first-order form is nil. `samples`: the first trials;
-    without `trials` it does not vary. `k`: coverage factor.
+    u asked for. `validation` None where it is fixed, or its first-order form is nil. `samples`: the
+    first trials; without `trials` it does not vary. `k`: coverage factor.
     """
 
     output: Output
@@ -50,7 +49,6 @@ class SimulatedCoordinate:
     se_u: float
     trials: int
     converged: bool
-    chance: bool
     validation: Validation | None
     samples: FloatArray
 
@@ -112,7 +110,7 @@ class GraphSimulation:
         result = []
         if self.coordinates and all(item.fixed for item in self.coordinates):
             result.append(finding("unrelated", output="the result", names=["anything uncertain"]))
-        nil = [x for x in self.coordinates if not (x.fixed or x.chance or x.first_order_u)]
+        nil = [x for x in self.coordinates if not (x.fixed or x.first_order_u)]
         if nil:
             reason = "the first-order uncertainty is 0, u is of second order"
             what = {"quantity": "shares by source", "names": [str(item.output) for item in nil]}
@@ -185,12 +183,11 @@ def simulate_outputs(
     """Outputs by Monte Carlo, at most so many trials where the count adapts, and to first order;
     whether they have their digits is judged by mean and u and, with `ends`, by the interval.
 
-    Where clause 8 is not settled by then, the count goes on to a fifth of the tolerance (8.2). What
-    goes through a step has not converged while all its trials are the same.
+    Where clause 8 is not settled by then, the count goes on to a fifth of the tolerance (8.2).
     """
     model = GraphTrials(graph, outputs)
     nominal, first_u, shares = model.nominal.tolist(), model.u.tolist(), model.shares()
-    judged = [i for i, u in enumerate(first_u) if u > 0.0 and not model.jumps[i]]
+    judged = [i for i, u in enumerate(first_u) if u > 0.0]
     verdicts: dict[int, Validation] = {}
     for fraction in (1.0, CONVERGED_TO):
         run = settings.run(model, keep=DRAWN, fraction=fraction, most=most)
@@ -205,8 +202,8 @@ def simulate_outputs(
     tolerance = np.array([numerical_tolerance(float(u), settings.digits) for u in run.u])
     result = []
     for i, item in enumerate(outputs):
-        jumps, made = bool(model.jumps[i]), {name: getattr(run, name)[i] for name in STATISTICS}
-        fixed = first_u[i] == 0.0 and not jumps and made["u"] <= STILL * float(model.sizes[i])
+        made = {name: getattr(run, name)[i] for name in STATISTICS}
+        fixed = first_u[i] == 0.0 and made["u"] <= STILL * float(model.sizes[i])
         if fixed:
             made = {**dict.fromkeys(STATISTICS, nominal[i]), "u": 0.0, "se_mean": 0.0, "se_u": 0.0}
         made = {name: float(value) for name, value in made.items()}
@@ -221,8 +218,7 @@ def simulate_outputs(
             interval=(low, high),
             shortest=(shortest_low, shortest_high),
             trials=0 if fixed else run.trials,
-            converged=fixed or bool(twice[i] <= tolerance[i] and not (jumps and made["u"] == 0.0)),
-            chance=bool(jumps and np.isin(run.samples[i], (0.0, 1.0)).all()),
+            converged=fixed or bool(twice[i] <= tolerance[i]),
             validation=verdicts.get(i),
             samples=run.samples[i],
         )
@@ -297,11 +293,6 @@ class Sweep:
         return self.grid[0].nominal
 
     @property
-    def chance(self) -> bool:
-        """Whether it is 0 or 1, and its means are chances."""
-        return all(item.chance for item in self.grid)
-
-    @property
     def converged(self) -> bool:
         """Whether the trials of all grid points did."""
         return all(item.converged for item in self.grid)
@@ -313,7 +304,7 @@ class Sweep:
         if short := [item for item in self.grid if not item.converged]:
             where = f"at {len(short)} of {len(self.grid)} points of the grid"
             noted.append(not_converged(max(x.trials for x in short), self.digits, where))
-        if self.formula is None and not self.chance:
+        if self.formula is None:
             noted.append(finding("no-formula", reason=self.no_formula))
         return tuple(noted)
 
@@ -350,8 +341,6 @@ def sweep_graph(
         (found,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
         grid.append(GridPoint(at=at, **vars(found)))
     swept = Sweep(output=output, digits=settings.digits, varied=values, grid=tuple(grid))
-    if swept.chance:
-        return swept
     u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
     settled = {name: np.array([item.at[name] for item in grid]) for name in values}
     formula = fit_formula(settled, u, se_u, linear_u, output.unit)

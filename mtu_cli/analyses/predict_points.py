@@ -74,10 +74,10 @@ def predict_points(
     Raises InputError for a missing covariate or coordinate.
     """
     ids, points, warnings = feature_points(part, model)
-    result = predict_places(model, ids, points, settings, covariates, warnings)
+    result = predict_places(model, ids, points, settings, covariates)
     zones = [part.part.features[name].position_um for name in ids]
     consequence = "positions have no predicted error along it"
-    warnings = [
+    warnings += [
         finding("axis-without-equation", axis=axis, consequence=consequence)
         for axis in "xy"
         if axis not in model.axes and any(zones)
@@ -85,7 +85,7 @@ def predict_points(
     return replace(
         result,
         conformance=position_conformance(result.prediction, zones, settings),
-        warnings=(*result.warnings, *warnings),
+        warnings=(*warnings, *result.warnings),
     )
 
 
@@ -95,7 +95,6 @@ def predict_places(
     points: FloatArray,
     settings: Settings,
     covariates: Mapping[str, float] | None = None,
-    warnings: Sequence[Finding] = (),
 ) -> PointsResult:
     """The same at any places (n, 3) in mm, such as a grid over the machine's volume."""
     prediction = predict(model, ids, points, covariates)
@@ -118,7 +117,6 @@ def predict_places(
         independent=settings.independent,
         conformance=(None,) * len(ids),
         warnings=(
-            *warnings,
             *prediction_warnings(model, prediction, covariates),
             *dof_warnings(names, dof),
         ),

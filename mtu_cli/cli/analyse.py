@@ -36,7 +36,7 @@ def fit_components(inputs: Inputs, settings: Settings) -> Outcome:
     says = {name: item.says for name, item in machine.machine.components.items() if item.says}
     k = settings.coverage_factor
     result = fit_result(machine.machine.name, fit, estimates, says=says, coverage_factor=k)
-    warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit, inputs.suspicions)]
+    warnings = [*machine_warnings(machine, estimates), *fit_warnings(fit)]
     return Outcome.of(
         report.document(result, settings.digits),
         warnings=[*warnings, *result.warnings],
@@ -81,8 +81,8 @@ def predict_points(inputs: Inputs, settings: Settings) -> Outcome:
     if grid is None:
         result = analysis.predict_points(found.model, inputs.part, settings, inputs.at)
     else:
-        ids, places, beyond = grid_of(inputs.machine, found.model, grid)
-        result = analysis.predict_places(found.model, ids, places, settings, inputs.at, beyond)
+        ids, places = grid_of(inputs.machine, found.model, grid)
+        result = analysis.predict_places(found.model, ids, places, settings, inputs.at)
     matrix = bool(inputs.options.covariance)
     document = report.document(result, settings.digits, with_covariance=matrix)
     known = dict(zip(result.prediction.ids, result.conformance, strict=True))

@@ -15,7 +15,6 @@ from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import (
     MachineFit,
-    beaten_warnings,
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
@@ -112,17 +111,13 @@ def drift_estimates(inputs: Inputs) -> tuple[dict[str, ThermalEstimate], list[Fi
     stated = thermal_from_machine_file(machine)
     report = inputs.reports.thermal
     if report is not None:
-        own, winners = thermal_from_report(machine, report), set(report.components)
-        doubts = _carried(report, DOUBTS, winners)
-        warnings = [*doubts, *_not_read(inputs, ("drift",), report)]
-    elif inputs.files("drift"):
+        doubts = _carried(report, DOUBTS, set(report.components))
+        doubts += _not_read(inputs, ("drift",), report)
+        return stated | thermal_from_report(machine, report), doubts
+    if inputs.files("drift"):
         fit = fitted_drift(inputs, inputs.drift, "auto")
-        own, winners = {x.name: x.estimate for x in fit.components.values()}, set(fit.components)
-        warnings = [*fit.warnings]
-    else:
-        return stated, []
-    beaten = [name for name in stated if name in winners]
-    return stated | own, [*warnings, *beaten_warnings(machine, beaten, "thermal")]
+        return stated | {x.name: x.estimate for x in fit.components.values()}, [*fit.warnings]
+    return stated, []
 
 
 def fitted_drift(inputs: Inputs, readings: Readings, method: str) -> ThermalFit:

@@ -98,19 +98,19 @@ def dof_warnings(what: Sequence[str], dof: FloatArray) -> list[Finding]:
 
 def grid_of(
     machine: LoadedMachine, model: MachineModel, text: str
-) -> tuple[tuple[str, ...], FloatArray, list[Finding]]:
+) -> tuple[tuple[str, ...], FloatArray]:
     """Ids and coordinates (n, 3) in mm of a grid over the travels that the machine file states.
 
     `text` is a count an axis, such as 5 or 7,5,3 (z of two counts has one place, in the middle); an
     axis that a constant fixes, or that no equation and component needs, has one place (nan where
-    nothing fixes it). Warns of counts that an axis of them cannot have.
+    nothing fixes it).
 
     Raises InputError for a count that is none, or an axis without travel.
     """
     given, fixed, travels = _counts(text), model.position_constants(), machine.machine.travels
     counts = [*(given * 3 if len(given) == 1 else given), 1][:3]
     needed = {name for axis in model.axes for name in coordinates_of(model, axis)}
-    levels, problems, lost = [], [], []
+    levels, problems = [], []
     for axis, count in zip(AXES, counts, strict=True):
         ends = travels.get(axis, (np.nan, np.nan))
         if axis in fixed:
@@ -124,9 +124,6 @@ def grid_of(
                 expected = f"axes: {{{axis}: {{travel_mm: [LOW, HIGH]}}}}"
                 key = {"key": f"{axis}.travel_mm", "path": "axes", "expected": expected}
                 problems.append(finding("missing-key", **key, **place))
-        if len(given) > 1 and count > len(levels[-1]):
-            why = "a constant fixes it" if axis in fixed else "it enters no equation"
-            lost.append(f"{axis} has one place: {why}")
     if problems:
         raise InputError(problems)
     count = int(np.prod([len(level) for level in levels]))
@@ -135,7 +132,7 @@ def grid_of(
         raise error("out-of-range", path="--grid", value=text, expected=expected)
     points = np.array(list(product(*levels)))
     names = tuple(",".join(f"{value:g}" for value in row if np.isfinite(value)) for row in points)
-    return names, points, [finding("grid-of-fewer-axes", grid=text, reason=each) for each in lost]
+    return names, points
 
 
 def _counts(text: str) -> list[int]:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -20,8 +20,7 @@ from mtu_cli.files.reports_read import (
     ThermalReport,
 )
 from mtu_cli.findings import Finding, InputError, finding, suggestion
-from mtu_cli.language import Node, evaluate, names
-from mtu_cli.language.linear import LinearForm
+from mtu_cli.language import evaluate
 from mtu_cli.model.basis import Powers
 from mtu_cli.model.effect_parameters import declared_effects
 from mtu_cli.model.effect_ranges import outside_seen
@@ -36,7 +35,8 @@ from mtu_cli.model.estimates import (
     stated_table,
 )
 from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
-from mtu_cli.model.machine_model import AXES, TIME
+from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone, theta
+from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.passes import passes_read
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.units import PARAMETER_UNITS, UNITS
@@ -153,32 +153,20 @@ def effects_on_readings(
     """
     total, warned = np.zeros(len(places)), []
     numeric = {n: c.astype(np.float64) for n, c in columns.items() if c.dtype != object}
+    known = {name: column for name, column in numeric.items() if np.isfinite(column).all()}
     along = {axis: places[:, i] for i, axis in enumerate(AXES)}
-    known: dict[str, Any] = {a: np.nan_to_num(p, nan=ELSEWHERE) for a, p in along.items()}
-    known |= {name: item.value for name, item in machine.machine.constants.items()}
-    known |= {name: column for name, column in numeric.items() if np.isfinite(column).all()}
-
-    def levers(forms: Mapping[str, LinearForm], equation: str) -> Mapping[str, Node]:
-        return forms[equation].coefficients if equation in forms else {}
-
-    effects = zip(
-        machine.machine.effects, machine.effect_forms, declared_effects(machine), strict=True
-    )
-    for effect, form, declared in effects:
+    points = np.nan_to_num(places, nan=ELSEWHERE)
+    for index, effect in enumerate(machine.machine.effects):
         if effect.found.get("component") != component:
             continue
-        values = known | {
-            name: p.value * PARAMETER_UNITS[p.unit].to_internal
-            for name, p in effect.parameters.items()
+        model = effect_alone(machine, index)
+        levers = {
+            axis: form.coefficients[component]
+            for axis in model.axes
+            if (form := machine.forms.get(f"E{axis}")) and component in form.coefficients
         }
-        for name, item in effect.components.items():
-            own_table = stated_component(name, item)
-            place = along[own_table.of] if own_table.of else np.zeros(len(places))
-            values[name] = own_table.shape.columns(place) @ own_table.coefficients
-        # An equation of the effect, and the same of the machine, that hold the component.
-        both = next((name for name in form if component in levers(machine.forms, name)), None)
-        own = {} if both is None else levers(form, both)
-        missing = sorted({name for node in own.values() for name in names(node)} - set(values))
+        both = next(iter(levers), None)
+        missing = [name for name in model.covariates() if name not in known]
         if both is None or missing:
             lacking = f"they have no column {', '.join(missing)}"
             facts = {"effect": effect.name, "component": component}
@@ -186,9 +174,12 @@ def effects_on_readings(
             read, what = [f"the readings of {component}"], f"the effect {effect.name}"
             warned.append(finding("not-used", what=what, names=read, **facts))
             continue
-        terms = [np.asarray(values[name]) * evaluate(node, values) for name, node in own.items()]
-        warned += outside_seen([declared], numeric | along)
-        total += sum(terms) / evaluate(levers(machine.forms, both)[component], values)
+        warned += outside_seen([declared_effects(machine)[index]], numeric | along)
+        rows = design(model, points, known)
+        errors = (rows.J @ theta(model)).reshape(len(places), -1)[:, model.axes.index(both)]
+        values: dict[str, Any] = {**fixed_places(model, points), **known}
+        values |= {name: value for name, (value, _) in model.constants.items()}
+        total += errors / evaluate(levers[both], values)
     return total, warned
 
 
@@ -210,22 +201,7 @@ def machine_warnings(machine: LoadedMachine, estimates: Estimates) -> list[Findi
         for name, own in stated.items()
         if np.array_equal(estimates.components[name].coefficients, own.coefficients)
     }
-    own = [x for x in machine.warnings if x.facts.get("coefficients_of") in {None, *used}]
-    idle = [name for name in stated if name not in used and name in machine.used]
-    return [*own, *beaten_warnings(machine, idle, "coefficients")]
-
-
-def beaten_warnings(
-    machine: LoadedMachine, idle: Sequence[str], key: Literal["coefficients", "thermal"]
-) -> list[Finding]:
-    """That what the file states of components under a key is not used: one warning of all."""
-    if not idle:
-        return []
-    what, by = {"coefficients": ("coefficients", "readings"),
-                "thermal": ("thermal blocks", "drift readings")}[key]  # fmt: skip
-    reason = f"{by}, or the report of their fit, replace them"
-    place = {"file": machine.source.shown, "line": machine.line_of("components", idle[0], key)}
-    return [finding("not-used", what=what, names=idle, reason=reason, **place)]
+    return [x for x in machine.warnings if x.facts.get("coefficients_of") in {None, *used}]
 
 
 def from_machine_file(machine: LoadedMachine) -> dict[str, ComponentEstimate]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,10 +19,6 @@ ONE_RUN = "read in one run there and back: scatter from run to run is not seen"
 ALL_REPEATABILITY = "one pass, or no column `pass`: all of it counts as repeatability"
 LIMITS = ("reversal", "passes-drift", "instruments-disagree")
 """Warnings of what u of a part holds nothing of. A misfit is among its repeatability."""
-SINGLE = "outlying-value"
-"""Doubts of single rows, which alone may make a line misfit."""
-RAISE = "raise its degree"
-FIRST = "correct its outlying reading first, else raise its degree"
 
 
 def scatter_warnings(fit: MachineFit) -> list[Finding]:
@@ -56,19 +51,9 @@ def scatter_warnings(fit: MachineFit) -> list[Finding]:
     return warnings
 
 
-def fit_warnings(fit: MachineFit, doubts: Iterable[Finding] = ()) -> list[Finding]:
-    """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement.
-
-    A component of which the `doubts` of the readings name a single row is not advised to be given
-    a higher degree.
-    """
-    outlying = {item.facts["what"] for item in doubts if item.code == SINGLE}
-    misfits = [
-        replace(item, facts={**item.facts, "advice": FIRST})
-        if item.facts["component"] in outlying
-        else item
-        for item in _significant(fit, "lack-of-fit")
-    ]
+def fit_warnings(fit: MachineFit) -> list[Finding]:
+    """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
+    misfits = _significant(fit, "lack-of-fit")
     return [*fit.warnings, *scatter_warnings(fit), *misfits, *limit_warnings(fit)]
 
 
@@ -112,7 +97,5 @@ def _significant(fit: MachineFit, code: str) -> list[Finding]:
             facts["size"] = found.value / unit.to_internal
         if code == "passes-drift":
             facts["each"] = "a pass there and back" if len(instrument.fit.pairs) else "a pass"
-        if code == "lack-of-fit":
-            facts["advice"] = RAISE
         warnings.append(finding(code, **facts))
     return warnings

@@ -17,7 +17,7 @@ from mtu_cli.files.covariates import SENSOR_EXPECTED, no_temperature
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import Finding, InputError, closest, error, finding, listed
 from mtu_cli.language import LinearForm, Node, evaluate, names
-from mtu_cli.language.tree import Call
+from mtu_cli.language.tree import Call, Number
 from mtu_cli.model.effect_parameters import (
     EFFECT_MARK,
     DeclaredEffect,
@@ -158,6 +158,16 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
     for name, drift in estimates.thermal.items():
         if levers.get(name):
             terms += drift_terms(drift, levers[name])
+    joint = (*estimates.joint, *effects.joint)
+    return replace(_joined(machine, parts, terms, joint), effects=declared_effects(machine))
+
+
+def _joined(
+    machine: LoadedMachine,
+    parts: Sequence[Part],
+    terms: Sequence[Term],
+    joint: tuple[JointPasses, ...],
+) -> MachineModel:
     constants = machine.machine.constants.items()
     forms = {axis: [form[f"E{axis}"] for form, _ in parts if f"E{axis}" in form] for axis in AXES}
     axes = tuple(axis for axis in AXES if forms[axis])
@@ -170,9 +180,36 @@ def build_model(machine: LoadedMachine, estimates: Estimates) -> MachineModel:
             for axis in axes
         },
         constants={name: (constant.value, constant.u) for name, constant in constants},
-        joint=(*estimates.joint, *effects.joint),
-        effects=declared_effects(machine),
+        joint=joint,
         file=machine.source.shown,
+    )
+
+
+def effect_alone(machine: LoadedMachine, index: int) -> MachineModel:
+    """What one of the machine's effects adds, its parameters as the file states them."""
+    effects = effects_of(machine, None)
+    part: Part = (machine.effect_forms[index], effects.renames[index])
+    known, levers = effects.components | effects.own, _levers([part])
+    terms = [Term(estimate=known[name], levers=own) for name, own in levers.items()]
+    joint = tuple(x for x in effects.joint if set(x.components) <= levers.keys())
+    return _joined(machine, [part], terms, joint)
+
+
+def component_alone(
+    name: str, axis: str, estimate: ComponentEstimate | None, drift: ThermalEstimate | None = None
+) -> MachineModel:
+    """A machine whose only error, along `axis`, is that of one component."""
+    lever: dict[str, Node] = {axis: Number(1.0, 0)}
+    terms = [] if estimate is None else [Term(estimate=estimate, levers=lever)]
+    if drift is not None:
+        terms += drift_terms(drift, lever)
+    return MachineModel(
+        name=name,
+        axes=(axis,),
+        terms=tuple(terms),
+        remainders={axis: ()},
+        constants={},
+        joint=(),
     )
 
 

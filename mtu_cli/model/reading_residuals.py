@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, finding
-from mtu_cli.language import parse
 from mtu_cli.model.covariates import gap_rows, table_covariates, text_warnings
 from mtu_cli.model.estimates import (
     ComponentEstimate,
@@ -20,7 +18,7 @@ from mtu_cli.model.estimates import (
 )
 from mtu_cli.model.estimation import reading_rounding
 from mtu_cli.model.fit import effects_on_readings, error_axis, reading_columns, reading_places
-from mtu_cli.model.machine_model import AXES, TIME, MachineModel, Term, drift_terms
+from mtu_cli.model.machine_model import AXES, TIME, component_alone
 from mtu_cli.model.passes import Passes, passes_read
 from mtu_cli.model.residuals import Layout, ResidualTable, cell_model
 from mtu_cli.model.shapes import MOST_AUTO
@@ -31,8 +29,6 @@ from mtu_cli.stats.covariance import bounded
 from mtu_cli.stats.least_squares import FloatArray, least_squares, polynomial
 from mtu_cli.units import ANGLE, UNITS
 
-SHOWN = 3
-"""Pairs of passes that are named one by one."""
 Columns = dict[str, np.ndarray]
 
 
@@ -84,7 +80,7 @@ def _table(
     of, unit = entry.of, UNITS[entry.unit]
     layout, columns = _laid_out(machine, readings, rows, name)
     shown, gaps = table_covariates(columns, layout.cells, readings, rows)
-    warned += [*_together(name, readings, rows, layout), *gaps]
+    warned += gaps
     drift = _usable(known.thermal.get(name), name, columns, warned)
     said, left_out = effects_on_readings(machine, name, layout.nominal, columns)
     warned += left_out
@@ -92,7 +88,7 @@ def _table(
     common = of_part = np.zeros((1, len(layout.features), 1, 0))
     if estimate is not None or drift is not None:
         own, both = (None, None) if estimate is None else _shared_by_directions(estimate)
-        model = _alone(name, of or AXES[0], own, drift)
+        model = component_alone(name, of or AXES[0], own, drift)
         wanted = [*model.covariates(), *((TIME,) if drift is not None else ())]
         values = {key: columns[key] for key in wanted if key in columns}
         warned += temperature_warnings(model, layout.nominal, values)
@@ -103,7 +99,7 @@ def _table(
             signs = layout.direction[None, :, None, None]
             apart = [np.where(signs == sign, drawn, 0.0) for sign in np.unique(signs)]
             if both is not None:
-                model = _alone(name, of or AXES[0], both, None)
+                model = component_alone(name, of or AXES[0], both)
                 apart.append(cell_model(model, layout.nominal, {}, layout.cells, {})[2])
             of_part = np.concatenate(apart, axis=3)
     if estimate is None:
@@ -126,21 +122,6 @@ def _table(
         pass_dof=np.inf if estimate is None else estimate.pass_dof or np.inf,
         resolution=(float(np.sqrt(12 * reading_rounding(readings, rows, unit))),),
     )
-
-
-def _together(
-    name: str, readings: Readings, rows: IntArray, layout: ReadingLayout
-) -> list[Finding]:
-    """What is judged as one: readings of several instruments, and passes that run one way."""
-    result = []
-    roles = dict.fromkeys(readings.roles[i] for i in readings.file_index[rows])
-    if len(roles) > 1:
-        listed = " and ".join(roles)
-        result.append(finding("instruments-together", component=name, instruments=listed))
-    if layout.pairs:
-        pairs = ", ".join(layout.pairs[:SHOWN]) + " and so on" * (len(layout.pairs) > SHOWN)
-        result.append(finding("passes-paired", component=name, pairs=pairs))
-    return result
 
 
 def _usable(
@@ -179,24 +160,6 @@ def _shared_by_directions(
     return own, replace(estimate, coefficients=zero, covariance=np.zeros_like(C), pass_covariance=K)
 
 
-def _alone(
-    name: str, axis: str, estimate: ComponentEstimate | None, drift: ThermalEstimate | None
-) -> MachineModel:
-    """A machine whose only error, along `axis`, is that of one component."""
-    lever = {axis: parse("1")}
-    terms = [] if estimate is None else [Term(estimate=estimate, levers=lever)]
-    if drift is not None:
-        terms += drift_terms(drift, lever)
-    return MachineModel(
-        name=name,
-        axes=(axis,),
-        terms=tuple(terms),
-        remainders={axis: ()},
-        constants={},
-        joint=(),
-    )
-
-
 # Passes and targets.
 
 SAME = 1e-4
@@ -206,12 +169,9 @@ SIGNS = {1: " +", -1: " -", 0: ""}
 
 @dataclass(frozen=True, kw_only=True)
 class ReadingLayout(Layout):
-    """Passes in order of time by targets and directions, whose sign is `direction` (H,); `pairs`
-    are those of two passes, one there and one back.
-    """
+    """Passes in order of time by targets and directions, whose sign is `direction` (H,)."""
 
     direction: IntArray
-    pairs: tuple[str, ...]
 
 
 def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str) -> ReadingLayout:
@@ -229,9 +189,6 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
     signs = 1 - columns % 3
     several = len(np.unique(signs)) > 1
     names = _row_names(readings, passes)
-    # Runs, in their order, that two numbers of passes are of.
-    numbered = {(int(run), key[:2]) for run, key in zip(passes.runs, passes.keys, strict=True)}
-    of_two = [a for (a, _), (b, _) in pairwise(sorted(numbered)) if a == b]
     return ReadingLayout(
         parts=names,
         features=tuple(
@@ -242,7 +199,6 @@ def reading_layout(readings: Readings, rows: IntArray, of: str | None, name: str
         cells=cells_of(passes.runs[group], column.reshape(-1), len(names), len(columns)),
         nominal=reading_places(readings, rows, of),
         direction=signs,
-        pairs=tuple(names[run] for run in of_two),
     )
 
 

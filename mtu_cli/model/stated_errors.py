@@ -8,11 +8,12 @@ import numpy as np
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.findings import error, suggestion
-from mtu_cli.language import evaluate, names
-from mtu_cli.model.effect_parameters import effects_of
-from mtu_cli.model.estimates import ComponentEstimate, stated_component
+from mtu_cli.language import names
+from mtu_cli.model.estimates import stated_component
+from mtu_cli.model.machine_model import AXES, component_alone, design, effect_alone, theta
+from mtu_cli.model.variance import component_blocks
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import LENGTH
+from mtu_cli.units import LENGTH, UNITS
 
 POINTS = 11
 """Over the travel, of what is no table."""
@@ -99,52 +100,22 @@ def stated_errors(machine: LoadedMachine, name: str, positions: FloatArray) -> S
 
     Raises InputError for one without coefficients, or that depends on more than one axis.
     """
-    axis, n = axis_of(machine, name), len(positions)
-    entry = machine.machine.components.get(name)
-    if entry is not None:
-        if entry.coefficients is None:
-            expected = "readings of it, or coefficients in the machine file"
-            raise error("missing-input", what=f"an estimate of {name}", expected=expected)
-        own = stated_component(name, entry)
-        J = np.tile(own.shape.columns(positions), (2, 1))
-        return _of(axis, J, own.coefficients, own.covariance, own, False)
-    effects = effects_of(machine, None)
-    index = [each.name for each in machine.machine.effects].index(name)
-    (form,) = machine.effect_forms[index].values()
-    places = {axis: np.tile(positions, 2), f"dir_{axis}": np.repeat([1.0, -1.0], n)}
-    values = {key: each.value for key, each in machine.machine.constants.items()} | places
-    found = {effects.renames[index][key]: lever for key, lever in form.coefficients.items()}
-    estimates = {key: (effects.components | effects.own)[key] for key in found}
-    columns = [
-        np.broadcast_to(evaluate(lever, values), 2 * n)[:, None]
-        * (np.ones((2 * n, 1)) if (of := estimates[key]).of is None
-           else of.shape.columns(places[axis]))
-        for key, lever in found.items()
-    ]  # fmt: skip
-    widths = [each.shape[1] for each in columns]
-    ends = dict(zip(found, np.cumsum(widths).tolist(), strict=True))
-    C = np.zeros((sum(widths), sum(widths)))
-    for key, width in zip(found, widths, strict=True):
-        place = slice(ends[key] - width, ends[key])
-        C[place, place] = estimates[key].covariance
-    for joint in effects.joint:
-        if set(joint.components) <= set(found):
-            at = np.array([ends[key] - 1 for key in joint.components])
-            C[np.ix_(at, at)] = joint.covariance
-    theta = np.concatenate([each.coefficients for each in estimates.values()])
-    J = np.hstack(columns)
-    turns = any(f"dir_{axis}" in names(lever) for lever in found.values())
-    return _of(axis, J, theta, C, None, turns)
-
-
-def _of(
-    axis: str,
-    J: FloatArray,
-    theta: FloatArray,
-    C: FloatArray,
-    component: ComponentEstimate | None,
-    turns: bool,
-) -> StatedErrors:
-    angle = component is not None and component.unit.dimension != LENGTH
-    values = (J @ theta).reshape(2, -1)
-    return StatedErrors(axis=axis, values=values, covariance=J @ C @ J.T, turns=turns, angle=angle)
+    axis, entry = axis_of(machine, name), machine.machine.components.get(name)
+    if entry is None:
+        model = effect_alone(machine, [x.name for x in machine.machine.effects].index(name))
+    elif entry.coefficients is None:
+        expected = "readings of it, or coefficients in the machine file"
+        raise error("missing-input", what=f"an estimate of {name}", expected=expected)
+    else:
+        model = component_alone(name, axis, stated_component(name, entry))
+    way, points = f"dir_{axis}", np.full((2 * len(positions), 3), np.nan)
+    points[:, AXES.index(axis)] = np.tile(positions, 2)
+    rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})
+    blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+    return StatedErrors(
+        axis=axis,
+        values=(rows.J @ theta(model)).reshape(2, -1),
+        covariance=np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0),
+        turns=way in model.covariates(),
+        angle=entry is not None and UNITS[entry.unit].dimension != LENGTH,
+    )

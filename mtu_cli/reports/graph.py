@@ -15,7 +15,7 @@ from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, declare, record, validation
 from mtu_cli.reports.graph_drawing import shares_text, small_unit
 from mtu_cli.reports.monte_carlo_figures import simulated, swept
-from mtu_cli.reports.numbers import chance, fixed, plus_minus, significant
+from mtu_cli.reports.numbers import fixed, plus_minus, significant
 
 MOST = 12
 """Places named in one cell."""
@@ -82,15 +82,8 @@ def check(result: MeasurementGraph, figure: Callable[[], Any]) -> Document:
     return Document(result.graph.name, (CHECK, result), [order], figure, verdict)
 
 
-def chance_text(item: SimulatedCoordinate) -> str:
-    """How likely a place is 1, in percent. About 1/(n + 2) is the standard deviation of a chance,
-    all values being equally likely before, where none or all of n trials hit.
-    """
-    return chance(item.mean, max(item.se_mean, 1.0 / (item.trials + 2)))
-
-
 MOMENTS = """
-    mean | | mean of the trials; of a chance the share of 1
+    mean | | mean of the trials
     u | | standard uncertainty, by the trials
 """
 STANDARD_ERRORS = """
@@ -118,7 +111,6 @@ COORDINATE = """
     - | shares() | | variance from / % of u^2, text
     - | first_order_u | | first- / order u, size=size(), detail
     *validation
-    chance | | whether all trials are 0 or 1 | -, json
     trials | | number of trials; 0: the place is fixed
     converged | | whether they reached the digits asked for
     *errors
@@ -151,16 +143,6 @@ def coordinate(sources: tuple[str, ...] = ()) -> Fields:
     return fields
 
 
-CHANCE = declare(
-    """
-    - | place() | | place, text
-    - | nominal | | at nominal, exact
-    - | chance() | | chance of 1 / %, count
-    - | trials | | trials, count
-    """,
-    place=lambda item: str(item.output),
-    chance=chance_text,
-)
 PLACES = declare(
     """
     places{}{} | | *coordinate
@@ -180,23 +162,19 @@ COORDINATE_ROW = coordinate(("<source>",))
 
 
 def simulate(result: GraphSimulation, digits: int = 2) -> Document:
-    """One row a coordinate that varies by degrees, and one a chance; in CSV all together."""
-    name, every = result.graph.graph.name, result.coordinates
-    chances, others = ([x for x in every if x.chance == chance] for chance in (True, False))
+    """One row a coordinate."""
+    name = result.graph.graph.name
     title, footer = f"Graph: {name}", f"U = k u; {result.trials} Monte Carlo trials"
     fields = coordinate(result.sources)
-    places = Table(title, fields, every, footer, shown=others)
-    tables, figure = [places, Table("Chances", CHANCE, chances)], partial(simulated, result)
+    places, figure = Table(title, fields, result.coordinates, footer), partial(simulated, result)
     verdict = _simulated(result, digits)
-    return Document(name, (SIMULATION, result), tables, figure, verdict, digits)
+    return Document(name, (SIMULATION, result), [places], figure, verdict, digits)
 
 
 def _simulated(result: GraphSimulation, digits: int) -> str:
     """The result of a single coordinate; of several, what clause 8 says of them."""
     if len(result.coordinates) == 1:
         (item,) = result.coordinates
-        if item.chance:
-            return f"The chance that {item.output} is 1 is {chance_text(item)} %."
         unit = "" if item.output.unit == "1" else f" {item.output.unit}"
         return f"{item.output} = {plus_minus(item.mean, item.U, digits)}{unit} (k = {item.k:g})."
     passed = {x.output: x.validation.passed for x in result.coordinates if x.validation}
@@ -238,12 +216,7 @@ def grid_point(varied: Iterable[str], result: Sweep | None = None) -> Fields:
     if result is not None:
         unit = result.output.unit
         factor, small = small_unit(unit)
-        chance = "- | chance() | | chance of 1 / %, count"
-        shown = declare(
-            chance if result.chance else DEVIATION.replace("UNIT", small),
-            chance=chance_text,
-            size=lambda item: 1.0 / factor,
-        )
+        shown = declare(DEVIATION.replace("UNIT", small), size=lambda item: 1.0 / factor)
     return declare(
         GRID_POINT,
         varied=[field for each in texts for field in declare(each)],
@@ -259,7 +232,6 @@ def grid(fields: Fields) -> Fields:
     text = """
         of | output() | the output
         unit | output.unit | unit of means and u
-        chance | | whether the means are chances
         varied | | values of what is varied
         grid[] | | *point
         formula.
@@ -285,7 +257,7 @@ SWEEP: Fields = (*PLACES, *grid(GRID_ROW), *ALL_CONVERGED)
 def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
     """One row a point of the grid; `base` is the output as the file has it."""
     fields, formula = grid_point(result.varied, result), result.formula
-    title, footer = f"{'chance' if result.chance else 'u'} of {result.output}", ""
+    title, footer = f"u of {result.output}", ""
     if formula is not None:
         pairs = formula.coefficients.items()
         values = ", ".join(f"{name} = {significant(value, 4)}" for name, value in pairs)
@@ -298,10 +270,6 @@ def sweep(base: GraphSimulation, result: Sweep, digits: int = 2) -> Document:
 
 def _swept(result: Sweep) -> str:
     found = result.formula
-    if result.chance:
-        points = sorted(result.grid, key=lambda item: item.mean)
-        least, most = chance_text(points[0]), chance_text(points[-1])
-        return f"The chance that {result.output} is 1 goes from {least} % to {most} %."
     if found is None:
         return f"No formula: {result.no_formula}."
     if len(result.grid) == len(found.terms):

@@ -25,12 +25,12 @@ TOPS = {"rectangular": 1.0, "curvilinear-trapezoidal": 1.0, "triangular": 0.0}
 """Share of the base that the top takes: these shapes are trapezoids."""
 NORMAL_DOF = 1e6
 """From here on Student's t is drawn as normal: its quantiles differ by about a millionth."""
-TERMS = 60
-NODES = 4_001
+COARSE, FINE = 401, 8001
+"""Nodes of a double and of a single integral over normals."""
 REACH = 8.5
-LAST_ODD = TERMS - 1
 BEYOND = 1e-8
-"""A coefficient larger by no more than this share is the largest there is, as it was written."""
+"""A coefficient that differs by no more than this share is the largest there is, as it was written.
+"""
 ROUNDING = 1e-12
 
 
@@ -183,74 +183,46 @@ def bounded_quantile(item: Distribution, probability: FloatArray) -> FloatArray:
     return item.half_width * np.where(p < 0.5, deviation, -deviation)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Marginal:
-    """A distribution as a function of a standard normal z: X = Q(Phi(z)).
-
-    `at` (NODES,): that at equal steps of z over -+`REACH`. `coefficients` (TERMS,): a_k of
-    X = sum a_k He_k(z)/sqrt(k!), k from 0; their squares sum to u^2 but for what is cut.
-    """
-
-    item: Distribution
-    at: FloatArray
-    coefficients: FloatArray
+def copula_covariance(
+    first: Distribution, second: Distribution, rho: float, nodes: int = COARSE
+) -> float:
+    """E Q_1(Phi(z)) Q_2(Phi(y)) of normals z, y of correlation rho, at the stated half-widths."""
+    z, weight = _nodes(nodes)
+    y = z if rho == 1.0 else rho * z[:, None] + math.sqrt(1.0 - rho * rho) * z
+    inner = _of_normal(second, y) if rho == 1.0 else _of_normal(second, y) @ weight
+    return float((weight * _of_normal(first, z)) @ inner)
 
 
-def marginal(item: Distribution) -> Marginal:
-    """A distribution expanded for `normal_correlation`, at its stated half-width."""
-    from scipy.special import ndtr
-
-    z, weight = _nodes()
-    if not item.bounded:
-        result = np.zeros(TERMS)
-        result[1] = item.u
-        return Marginal(item=item, at=item.u * z, coefficients=result)
-    at = bounded_quantile(item, ndtr(z))
-    q = at * weight
-    before, own = np.zeros_like(z), np.ones_like(z)
-    result = np.empty(TERMS)
-    for k in range(TERMS):
-        result[k] = float(q @ own)
-        before, own = own, (z * own - math.sqrt(k) * before) / math.sqrt(k + 1.0)
-    return Marginal(item=item, at=at, coefficients=result)
+def largest_covariance(first: Distribution, second: Distribution) -> float:
+    """That of two inputs that rise together, the most there can be (Frechet)."""
+    return copula_covariance(first, second, 1.0, FINE)
 
 
-def largest_covariance(first: Marginal, second: Marginal) -> float:
-    """E Q_1(U) Q_2(U): what two inputs have that rise together, the most there can be (Frechet).
-
-    Of two of one shape the product of their standard deviations.
-    """
-    a, b = first.item, second.item
-    if not (a.bounded or b.bounded):
-        return a.u * b.u
-    # Shares of equal shapes may differ by the rounding of their widths.
-    same = (a.kind == "arcsine") == (b.kind == "arcsine")
-    if a.bounded and b.bounded and same and abs(a.top_share - b.top_share) <= ROUNDING:
-        return a.half_width * b.half_width * shape_moments(a.kind, a.top_share)[0]
-    return float(first.at @ (second.at * _nodes()[1]))
-
-
-def normal_correlation(first: Marginal, second: Marginal, covariance: float) -> float | None:
-    """rho of the normals for which the inputs have this `covariance`, sum a_k b_k rho^k over odd k
-    (Mehler), rising in rho; None where none gives it. What the series leaves out goes to its last
-    term, so that at rho = +-1, and within rounding of it, it is exact.
-    """
-    most = largest_covariance(first, second)
-    terms = first.coefficients * second.coefficients
-    terms[0::2] = 0.0
-    terms[LAST_ODD] += most - float(terms.sum())
-    if abs(covariance) > most * (1.0 + BEYOND):
-        return None
-    if abs(covariance) >= most * (1.0 - ROUNDING):
-        return math.copysign(1.0, covariance)
+def normal_correlation(
+    first: Distribution, second: Distribution, covariance: float
+) -> float | None:
+    """rho of the normals for which the inputs have this `covariance`; None where none gives it."""
     from scipy.optimize import brentq
 
+    most = largest_covariance(first, second)
+    if abs(covariance) > most * (1.0 + BEYOND):
+        return None
+    if abs(covariance) >= most * (1.0 - BEYOND):
+        return math.copysign(1.0, covariance)
+    scale = most / copula_covariance(first, second, 1.0)
+
     def excess(rho: float) -> float:
-        return float(np.polyval(terms[::-1], rho)) - covariance
+        return scale * copula_covariance(first, second, rho) - covariance
 
     return float(brentq(excess, -1.0, 1.0, xtol=ROUNDING))
 
 
-def _nodes() -> tuple[FloatArray, FloatArray]:
-    z = np.linspace(-REACH, REACH, NODES)
+def _of_normal(item: Distribution, z: FloatArray) -> FloatArray:
+    from scipy.special import ndtr
+
+    return bounded_quantile(item, ndtr(z)) if item.bounded else item.u * z
+
+
+def _nodes(count: int) -> tuple[FloatArray, FloatArray]:
+    z = np.linspace(-REACH, REACH, count)
     return z, np.exp(-0.5 * z * z) * ((z[1] - z[0]) / math.sqrt(2.0 * math.pi))

@@ -22,27 +22,21 @@ Term = tuple[float, Distribution]
 """(coefficient, distribution) of one independent contribution."""
 
 POINTS = 2**15
-REACH = 10.0
-"""Half a period, in standard deviations."""
-FAR_REACH = 32.0
-"""The same where the tails are those of t with fewer degrees of freedom than `SHORT_TAILS`."""
-SHORT_TAILS = 30.0
+REACHES = ((30.0, 10.0, POINTS), (6.0, 32.0, POINTS), (0.0, 128.0, 4 * POINTS))
+"""Half a period in standard deviations, and its points, by the degrees of freedom from which on the
+tails of t do not reach into the next one."""
 LEAST_DOF = 3.0
-"""With fewer degrees of freedom the tails of t reach from one period into the next."""
-LONG_TAILS = 6.0
-"""Below this the tails that do reach into it are taken off."""
+"""With fewer degrees of freedom they always do."""
 CUT = 3e-6
 """What the characteristic function may still be where its series ends; over pi it is the error
 of the distribution function where that has a corner, elsewhere far more."""
 LAST = POINTS // 32
 NEGLIGIBLE = 1e-13
 SCALE_NODES = 96
-HALF_WIDTH_NODES = 48
-SLOW = 24.0
-"""Phase over the range of an inexact half-width, rad, up to which the nodes follow it."""
-FLAT = 1e-8
-"""A trapezoid whose sides are a smaller share of its base is a rectangle; limits that are less
-inexact are exact."""
+PHASE_STEP = 0.02
+"""Of the integral over phases, rad; Simpson's rule is right to 1e-10 there."""
+SLIGHT = 0.01
+"""Range of phases, rad, over which what is averaged is a parabola."""
 
 
 def sum_quantile(terms: Sequence[Term]) -> Quantile | None:
@@ -89,9 +83,9 @@ def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray
     """F(x) - 1/2 (n,) at x (n,) from 0 up in standard deviations; None where the series is cut
     too early.
     """
-    dofs = [item.dof for _, item in terms if not item.bounded]
-    reach = FAR_REACH if min(dofs, default=math.inf) < SHORT_TAILS else REACH
-    omega = np.arange(1, POINTS // 2, dtype=np.float64) * (math.pi / reach)
+    dof = min((item.dof for _, item in terms if not item.bounded), default=math.inf)
+    reach, points = next((reach, points) for least, reach, points in REACHES if dof >= least)
+    omega = np.arange(1, points // 2, dtype=np.float64) * (math.pi / reach)
     phi = np.ones_like(omega)
     # The quick ones first: where they vanish the others need not be known.
     for c, item in sorted(terms, key=lambda term: (term[1].bounded, term[1].dof < NORMAL_DOF)):
@@ -100,48 +94,35 @@ def _series(terms: Sequence[Term], sigma: float) -> tuple[FloatArray, FloatArray
         phi[:alive] *= characteristic(item, c / sigma * omega[:alive])
     if float(np.max(np.abs(phi[-LAST:]))) > CUT:
         return None
-    x: FloatArray = 2.0 * reach / POINTS * np.arange(POINTS // 2, dtype=np.float64)
-    spectrum = np.zeros(POINTS // 2 + 1, dtype=np.complex128)
+    x: FloatArray = 2.0 * reach / points * np.arange(points // 2, dtype=np.float64)
+    spectrum = np.zeros(points // 2 + 1, dtype=np.complex128)
     spectrum[1:-1] = -1j * phi / omega
-    # F(x) - 1/2 = (x + 2 sum over k of phi_k sin(omega_k x)/omega_k) / (2 REACH).
-    above = (x + np.fft.irfft(spectrum, POINTS)[: len(x)] * POINTS) / (2.0 * reach)
-    return above - _from_next_period(terms, sigma, reach, x), x
-
-
-def _from_next_period(
-    terms: Sequence[Term], sigma: float, reach: float, x: FloatArray
-) -> FloatArray:
-    """P(2 R - x < X < 2 R + x) (n,), which the series, of period 2 R, counts as within x.
-
-    So far out a sum is as large as the one t that makes it so.
-    """
-    from scipy.special import stdtr
-
-    result = np.zeros_like(x)
-    for c, item in terms:
-        if not item.bounded and item.dof < LONG_TAILS:
-            scale = sigma / (c * item.u)
-            for period in (2.0 * reach, 4.0 * reach, 6.0 * reach):
-                result += stdtr(item.dof, scale * (x - period))
-                result -= stdtr(item.dof, -scale * (x + period))
-    return result
+    # F(x) - 1/2 = (x + 2 sum over k of phi_k sin(omega_k x)/omega_k) / (2 reach).
+    return (x + np.fft.irfft(spectrum, points)[: len(x)] * points) / (2.0 * reach), x
 
 
 def characteristic(item: Distribution, omega: FloatArray) -> FloatArray:
-    """E cos(omega X) (n,) of what is drawn for `item`, at angular frequencies `omega` (n,) > 0."""
+    """E cos(omega X) (n,) of what is drawn for `item`, at angular frequencies `omega` (n,) > 0.
+
+    An inexact half-width is rectangular: the mean of the shape's own function over its phases.
+    """
     if not item.bounded:
         return _normal(item, omega)
-    if item.inexact < FLAT:
-        return _shape(item, item.half_width * omega)
-    # The half-width is rectangular: the mean of the shape's own function over it. In closed form
-    # it cancels at small phases, where few nodes follow it.
-    slow = item.inexact * item.half_width * omega <= SLOW
+    from scipy.integrate import cumulative_simpson
+    from scipy.interpolate import CubicSpline
+
+    phase = item.half_width * omega
+    half = item.inexact * phase
+    wide = half > SLIGHT
+    # To the fourth order in the range: f + f'' half^2/6, the mean of both at half/sqrt(3).
+    off = half[~wide] / math.sqrt(3.0)
     result = np.empty_like(omega)
-    result[slow] = _averaged(item, omega[slow])
-    if not np.all(slow):
-        high = item.half_width * (1.0 + item.inexact) * omega[~slow]
-        low = item.half_width * (1.0 - item.inexact) * omega[~slow]
-        result[~slow] = (_integral(item, high) - _integral(item, low)) / (high - low)
+    result[~wide] = 0.5 * (_shape(item, phase[~wide] + off) + _shape(item, phase[~wide] - off))
+    if wide.any():
+        t = np.arange(0.0, (phase + half).max() + PHASE_STEP, PHASE_STEP)
+        integral = CubicSpline(t, cumulative_simpson(_shape(item, t), dx=PHASE_STEP, initial=0.0))
+        ends = (integral((phase + sign * half)[wide]) for sign in (1.0, -1.0))
+        result[wide] = np.subtract(*ends) / (2.0 * half[wide])
     return result
 
 
@@ -163,15 +144,6 @@ def _normal(item: Distribution, omega: FloatArray) -> FloatArray:
     return result
 
 
-def _averaged(item: Distribution, omega: FloatArray) -> FloatArray:
-    nodes, weights = np.polynomial.legendre.leggauss(HALF_WIDTH_NODES)
-    result = np.zeros_like(omega)
-    for node, weight in zip(nodes, weights, strict=True):
-        width = item.half_width * (1.0 + item.inexact * node)
-        result += 0.5 * weight * _shape(item, width * omega)
-    return result
-
-
 def _shape(item: Distribution, x: FloatArray) -> FloatArray:
     """Characteristic function of the shape, x = half-width times frequency."""
     if item.kind == "arcsine":
@@ -180,22 +152,3 @@ def _shape(item: Distribution, x: FloatArray) -> FloatArray:
         return j0(x)
     first = 0.5 * (1.0 + item.top_share)
     return np.sinc(first * x / np.pi) * np.sinc((1.0 - first) * x / np.pi)
-
-
-def _integral(item: Distribution, x: FloatArray) -> FloatArray:
-    """Integral (n,) of `_shape` from 0 to `x` (n,) >= 0.
-
-    Arcsine, by the Struve functions H: x J0 + pi x (J1 H0 - J0 H1)/2 (Abramowitz & Stegun,
-    11.1.7). Trapezoid of top b: the function is 2 (cos bt - cos t)/((1 - b^2) t^2), its integral by
-    parts 2 ((cos x - cos bx)/x + Si(x) - b Si(bx))/(1 - b^2); of a rectangle Si(x).
-    """
-    from scipy.special import j0, j1, sici, struve
-
-    if item.kind == "arcsine":
-        by_struve = j1(x) * struve(0, x) - j0(x) * struve(1, x)
-        return x * j0(x) + 0.5 * np.pi * x * by_struve
-    b = item.top_share
-    if 1.0 - b < FLAT:
-        return sici(x)[0]
-    fall = np.divide(np.cos(x) - np.cos(b * x), x, out=np.zeros_like(x), where=x > 0.0)
-    return 2.0 * (fall + sici(x)[0] - b * sici(b * x)[0]) / (1.0 - b * b)

@@ -21,7 +21,7 @@ from mtu_cli.stats.blocks import (
 )
 from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray, IntArray
-from mtu_cli.stats.pooling import Estimates, Pool, single_block_estimates, with_atoms
+from mtu_cli.stats.pooling import Estimates, Pool, single_block_estimates
 from mtu_cli.stats.threads import available_threads, one_blas_thread, workers
 
 Progress = Callable[[int, int | None], None]
@@ -125,13 +125,12 @@ def _estimates(run: _Runner, criterion: Criterion, most: int) -> Estimates:
     pool = Pool(exists)
     if plan.blocks == 1:
         run.run_to(1, pool)
-        estimates = single_block_estimates(run.samples(), plan.probability, exists)
-        return with_atoms(estimates, run.samples(), plan.probability)
+        return single_block_estimates(run.samples(), plan.probability, exists)
     largest = plan.blocks or most // plan.size
     goal = plan.blocks or FIRST_LOOK
     while True:
         run.run_to(goal, pool)
-        estimates = with_atoms(pool.estimates(), run.samples(), plan.probability)
+        estimates = pool.estimates()
         ratio = criterion(estimates)
         if goal >= largest or ratio * few_blocks_factor(goal) <= 1.0:
             return estimates

@@ -1,12 +1,12 @@
 """Estimates from trials: of blocks, with the first-order form as control variate; of one block,
-JCGM 101:2008 to the letter; of outputs that take few values.
+JCGM 101:2008 to the letter.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +23,6 @@ REACH = 2.0
 """Binomial standard deviations about an end's rank: the interval of 95 % for a quantile, whatever
 the distribution (David & Nagaraja 2003, 7.1). The spread over one has half as many values in it
 and is itself so unsure that two standard errors hold 92 % of the errors."""
-MOST_VALUES = 64
-"""An output of no more values than this is a discrete one."""
-HEAD = 4096
-"""Trials that are looked at first for few values; of fewer nothing is said."""
 
 
 class Gain(NamedTuple):
@@ -268,31 +264,3 @@ def _end_error(ordered: FloatArray, rank: int, probability: float) -> FloatArray
     higher = (ordered[:, above - 1] - end) / max(above - rank, 1)
     lower = (end - ordered[:, below - 1]) / max(rank - below, 1)
     return np.sqrt((higher**2 + lower**2) / 2) * deviation
-
-
-def with_atoms(estimates: Estimates, samples: FloatArray, probability: float) -> Estimates:
-    """The estimates with the interval ends of discrete outputs from the samples (outputs, kept):
-    values of it, the smallest v with F(v) >= (1 - p)/2 and F(v) >= (1 + p)/2 (JCGM 101:2008,
-    7.7.1), and the interval of least width with a share of p or more. They have no standard error.
-    """
-    names = ("low", "high", "shortest_low", "shortest_high", "se_low", "se_high")
-    changed = {name: getattr(estimates, name).copy() for name in names}
-    for i, column in enumerate(samples):
-        few = len(column) >= HEAD and len(np.unique(column[:HEAD])) <= MOST_VALUES
-        if few and len(np.unique(column)) <= MOST_VALUES:
-            for name, value in zip(names, (*_ends(column, probability), 0.0, 0.0), strict=True):
-                changed[name][i] = value
-    return replace(estimates, **changed)
-
-
-def _ends(column: FloatArray, probability: float) -> tuple[float, float, float, float]:
-    values, counts = np.unique(column, return_counts=True)
-    F = np.cumsum(counts)
-    n, outside = int(F[-1]), 0.5 * (1.0 - probability)
-    low = values[np.searchsorted(F, outside * n)]
-    high = values[np.searchsorted(F, (1.0 - outside) * n)]
-    before = F - counts
-    last = np.searchsorted(F, before + probability * n)
-    first = np.flatnonzero(last < len(values))
-    i = int(first[np.argmin(values[last[first]] - values[first])])
-    return float(low), float(high), float(values[i]), float(values[last[i]])

@@ -35,23 +35,6 @@ def test_a_model_that_nothing_was_held_out_of_says_so_once(
     assert ("warning: t.json: a: there are two cycles: " in predicted.stderr) == (times > 0)
 
 
-def test_thermal_blocks_that_a_drift_test_wins_over_are_named(tmp_path: Path) -> None:
-    """By its readings or by the report of their fit; not those of components without any."""
-    (tmp_path / "m.yaml").write_text(MACHINE)
-    (tmp_path / "p.yaml").write_text(PART)
-    done(mtu("simulate", "-m", "m.yaml", "-p", "p.yaml", "--cycles", 3, "--write-drift", "d.csv",
-             cwd=tmp_path))  # fmt: skip
-    rows = (tmp_path / "d.csv").read_text().splitlines(keepends=True)
-    (tmp_path / "a.csv").write_text("".join(row for row in rows if not row.startswith("b,")))
-    done(mtu("thermal-fit", "-m", "m.yaml", "--drift", "a.csv", "-o", "t.json", cwd=tmp_path))
-    call = ("predict-points", "-m", "m.yaml", "-p", "p.yaml", "--at", "T_*_degC=23")
-    alone = done(mtu(*call, cwd=tmp_path)).stderr
-    assert "[not-used]" not in alone
-    for source in (("--drift", "a.csv"), ("-c", "t.json")):
-        told = done(mtu(*call, *source, cwd=tmp_path)).stderr
-        assert "m.yaml:4: thermal blocks not used (a): drift readings" in told
-
-
 def test_a_report_of_drifts_alone_gives_no_components(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(MACHINE)
     (tmp_path / "p.yaml").write_text(PART)

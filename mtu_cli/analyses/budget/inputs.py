@@ -28,7 +28,6 @@ from mtu_cli.stats.distributions import (
     dof_of_inexact,
     inexact_of,
     largest_covariance,
-    marginal,
     normal_correlation,
     shape_moments,
 )
@@ -361,9 +360,9 @@ def _correlated(
     if not any(item.bounded for item in members):
         return Source(rows=rows, members=members, covariance=joint, factor=factor_of(joint))
     # The correlation matrix of the normals behind inputs that are not all normal.
-    marginals, rho = [marginal(item) for item in members], np.eye(len(rows))
+    rho = np.eye(len(rows))
     for a, b in zip(*np.nonzero(np.tril(joint, -1)), strict=True):
-        wanted, of = float(joint[a, b]), (marginals[a], marginals[b])
+        wanted, of = float(joint[a, b]), (members[a], members[b])
         coefficient = normal_correlation(*of, wanted)
         if coefficient is None:
             unit = math.sqrt(joint[a, a] * joint[b, b])

@@ -149,8 +149,7 @@ class GraphTrials:
     first order: `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,). As a Monte
     Carlo model: m simulation cycles a block, every place of a cycle from one draw of the inputs.
     The first-order form is drawn along and serves as control variate: of the whole distribution
-    where all inputs are normal, of the mean and u where some are not. Of what `jumps` (n,), which a
-    random input reaches through the equation language's step, it is nil.
+    where all inputs are normal, of the mean and u where some are not.
     """
 
     def __init__(self, graph: MeasurementGraph, outputs: Iterable[Output]) -> None:
@@ -158,22 +157,18 @@ class GraphTrials:
         self.names = tuple(map(str, self.outputs))
         start, self.steps = graph.needed(self.outputs)
         self.inputs = Inputs(graph.graph, start)
-        behind = [graph.needed([item])[1] for item in self.outputs]
-        jumps = [any(step.may_jump for step in steps) for steps in behind]
-        self.jumps = np.array(jumps, dtype=bool) & (self.inputs.k > 0)
         # What rounding is a share of: the part's largest coordinate for a length, 1 for a ratio.
         part = float(np.max(np.abs(self.inputs.mean), initial=1.0))
         self.sizes = np.array([1.0 if x.unit in ("1", "rad") else part for x in self.outputs])
         self.nominal, self.gradient = self._derivatives()
         with np.errstate(over="ignore", invalid="ignore"):
             self.u = np.sqrt(np.sum((self.gradient @ self.inputs.factor) ** 2, axis=1))
-        smooth = ~self.jumps
-        u = (self.u * smooth)[:, None]
-        self.linear_mean, self.linear_variance = self.nominal, u[:, 0] ** 2
+        u = self.u[:, None]
+        self.linear_mean, self.linear_variance = self.nominal, self.u**2
         self.linear_quantiles: Quantiles | None = None
         if self.inputs.normal:
             self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
-        self._linear = (self.gradient * smooth[:, None]) @ self.inputs.factor
+        self._linear = self.gradient @ self.inputs.factor
         self._work = Workspace()
         # glibc gives memory back to the system beyond twice the largest block that it has seen
         # freed (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked
@@ -247,7 +242,7 @@ class GraphTrials:
         # What is not a number compares as neither.
         if not (values.max() < LARGEST and values.min() > -LARGEST):
             self._raise_not_finite(X)
-        for i in np.flatnonzero((self.u == 0.0) & ~self.jumps):
+        for i in np.flatnonzero(self.u == 0.0):
             if np.all(np.abs(values[i] - self.nominal[i]) <= STILL * self.sizes[i]):
                 values[i] = self.nominal[i]
         return Draws(values=values, linear=linear)

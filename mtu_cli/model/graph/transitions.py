@@ -18,7 +18,7 @@ import numpy as np
 from mtu_cli.findings import InputError
 from mtu_cli.language import Node, evaluate, names
 from mtu_cli.language.derivative import derivatives
-from mtu_cli.language.tree import Call, Name, walk
+from mtu_cli.language.tree import Call, Name
 from mtu_cli.language.unit_algebra import Algebra
 from mtu_cli.model.geometry import GeometryError
 from mtu_cli.model.graph import constructions as make
@@ -197,12 +197,6 @@ class Step:
     outputs: tuple[str, ...]
     formula: Node | None = None
     construct: Callable[..., Any] | None = None
-
-    @property
-    def may_jump(self) -> bool:
-        """Whether its formula has a step, so that few trials may see no change at all."""
-        nodes = () if self.formula is None else walk(self.formula)
-        return any(isinstance(node, Call) and node.function == "step" for node in nodes)
 
     def unit(self, units: dict[str, Unit]) -> Unit:
         """Of what it makes, by the units of its inputs; None where they do not tell it.

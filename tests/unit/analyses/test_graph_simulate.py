@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,6 @@ from scipy.special import ndtri
 
 from mtu_cli.analyses.graph import GraphSimulation, simulate_graph
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph as report
 
 Floats = NDArray[np.float64]
 M = 200_000
@@ -138,44 +136,6 @@ def test_a_square_at_zero(tmp_path: Path) -> None:
         error = math.sqrt(probability * (1 - probability) / item.trials) / density
         assert end == pytest.approx(9 * q, abs=5 * error)
     assert item.validation is None
-
-
-RARE = """
-uncertainty: {axis_um: 1.0}
-places:
-  x: {kind: coordinate, axis: x, nominal_mm: 10}
-  lim: {kind: constant, value: 10.0035, unit: mm}
-  ok: {kind: constant, unit: '1'}
-transitions:
-  - {do: meas, out: x}
-  - {do: compute, in: [x, lim], out: ok, formula: step(lim - x)}
-report: [ok]
-"""
-
-
-def test_a_rare_failure_is_not_taken_for_none(tmp_path: Path) -> None:
-    """One in 4300 fails, 1 - Phi(3.5): a pilot of some thousand trials may see none."""
-    chance = 0.5 * math.erfc(-3.5 / math.sqrt(2))
-    count = 400_000
-    found = simulate_graph(graph_of(tmp_path, RARE), replace(Settings(), trials=count))
-    (ok,) = found.coordinates
-    assert ok.chance
-    assert ok.trials == count
-    # Four standard errors of a share.
-    assert abs(ok.mean - chance) < 4 * math.sqrt(chance * (1 - chance) / count)
-    assert ok.interval == ok.shortest == (1.0, 1.0)
-
-
-def test_a_failure_that_no_trial_met_is_not_converged(tmp_path: Path) -> None:
-    """One in 3.5 thousand million, 1 - Phi(6.2): of u no digit is known, and p < 3/n."""
-    graph = graph_of(tmp_path, RARE.replace("10.0035", "10.0062"))
-    result = simulate_graph(graph, Settings(trials=50_000))
-    (ok,) = result.coordinates
-    assert (ok.mean, ok.u, ok.chance, ok.converged) == (1.0, 0.0, True, False)
-    (warned,) = result.warnings
-    assert warned.message.endswith("for ok")
-    made = report.simulate(result)
-    assert made.tables[1].sheet(2, detail=False).rows == [("ok", "1", ">99.99", "50000")]
 
 
 def test_rectangular_inputs(tmp_path: Path) -> None:

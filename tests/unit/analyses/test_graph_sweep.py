@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +10,10 @@ import pytest
 from graph_examples import graph_of, shipped
 
 from mtu_cli.analyses.graph import (
-    simulate_graph,
     sweep_graph,
 )
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports import graph as report
-from mtu_cli.reports.figures import figure_bytes
-from mtu_cli.reports.monte_carlo_figures import swept as drawn
 
 
 def test_repeats_average_the_probe_alone() -> None:
@@ -108,27 +103,3 @@ transitions:
   - {do: distance, in: [C, N], out: d}
 report: [C, d]
 """
-
-
-def test_a_chance_is_swept(tmp_path: Path) -> None:
-    """P(d <= 2 um) = 1 - exp(-2/s^2) of s^2 = (u1^2 + u2^2)/2; no formula for u is fitted to it."""
-    text = HOLE.replace("report: [C, d]", "  - STEP\nreport: [C, ok]")
-    text = text.replace("  d:", "  ok: {kind: constant}\n  d:")
-    text = text.replace("STEP", "{do: compute, in: [d], out: ok, formula: step(0.002 - d)}")
-    graph = graph_of(tmp_path, text)
-    seen: list[tuple[int, int | None]] = []
-    settings = replace(Settings(), progress=lambda done, total: seen.append((done, total)))
-    result = sweep_graph(graph, settings, "ok", {"axis_um": [1.0, 2.0], "perpendicular_um": [0]})
-    assert result.chance
-    assert result.converged
-    assert result.formula is None
-    for item in result.grid:
-        chance = 1 - math.exp(-4 / (item.at["axis_um"] ** 2 + 1))
-        assert item.mean == pytest.approx(chance, abs=5 * item.se_mean)
-    made = report.sweep(simulate_graph(graph, Settings(trials=100), ["ok"]), result)
-    sheet = made.tables[0].sheet(2, detail=False)
-    assert sheet.title == "chance of ok"
-    assert [row[2][:2] for row in sheet.rows] == ["86", "55"]
-    assert figure_bytes(drawn(result), "png").startswith(b"\x89PNG")
-    assert {done for done, _ in seen} == {0, 1}
-    assert {total for _, total in seen} == {2}

@@ -143,10 +143,3 @@ transitions:
     graph = graph_of(tmp_path, text)
     with pytest.raises(InputError, match=r"yaml:9: transitions\[0\].*no finite sqrt\(\) at -"):
         GraphTrials(graph, graph.outputs()).draw(np.random.default_rng(1), 100)
-    jumping = graph_of(tmp_path, text.replace("sqrt(a)", "step(a)"))
-    part = GraphTrials(jumping, jumping.outputs())
-    assert part.jumps.tolist() == [True]
-    draws = part.draw(np.random.default_rng(1), 100)
-    assert draws.linear is not None
-    assert np.ptp(draws.linear) == 0.0
-    assert set(draws.values[0]) == {1.0, 2.0}

@@ -11,9 +11,6 @@ import pytest
 from graph_examples import graph_of
 from numpy.typing import NDArray
 
-from mtu_cli.language import parse
-from mtu_cli.language.functions import BUDGET_FUNCTIONS
-from mtu_cli.language.parser import DOTTED
 from mtu_cli.model.geometry import GeometryError
 from mtu_cli.model.graph.transitions import TRANSITIONS, Step
 
@@ -224,11 +221,3 @@ def test_degenerate_nominals_and_their_neighbours(
     with pytest.raises(GeometryError, match=words):
         ready(bad)
     ready(good)
-
-
-def test_what_may_jump() -> None:
-    (use,) = TRANSITIONS["compute"]
-    for formula, jumps in (("x", False), ("x + abs(y)", False), ("3 + 2*step(x)", True)):
-        node = parse(formula, BUDGET_FUNCTIONS, DOTTED)
-        step = Step(index=0, do="compute", use=use, inputs=(), outputs=("a",), formula=node)
-        assert step.may_jump is jumps

@@ -18,7 +18,6 @@ from mtu_cli.model.fit import (
     estimates_from_fit,
     estimates_from_report,
     fit_machine,
-    machine_warnings,
 )
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
@@ -77,10 +76,6 @@ def test_readings_win_over_coefficients_and_the_rest_stays(tmp_path: Path) -> No
     assert found["a"].coefficients == pytest.approx([2.0])
     assert found["b"].coefficients == pytest.approx([7e-3])
     assert estimates_from_fit(known, None).components["a"].coefficients == pytest.approx([5e-3])
-    told = machine_warnings(known, estimates_from_fit(known, fit))
-    assert [x.facts["names"] for x in told if x.code == "not-used"] == [["a"]]
-    none = machine_warnings(known, estimates_from_fit(known, None))
-    assert "not-used" not in {x.code for x in none}
 
 
 def test_a_component_with_nothing_is_listed_and_not_predicted(tmp_path: Path) -> None:

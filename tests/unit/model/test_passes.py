@@ -86,7 +86,6 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     assert several.pass_dof == one.pass_dof
     np.testing.assert_allclose(several.covariance, one.covariance, rtol=1e-9)
     layout = reading_layout(split, np.arange(len(WAY)), "x", "a")
-    assert layout.pairs == layout.parts
     assert layout.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
 
 
@@ -123,5 +122,4 @@ def test_passes_of_other_set_ups_are_rows_of_their_own() -> None:
     labels = np.array(["there", "back"], object)[(WAY < 0).astype(int)]
     given = replace(given, pass_number=(NUMBER + 1) // 2, covariates={"setup": labels})
     layout = reading_layout(given, np.arange(len(WAY)), "x", "a")
-    assert not layout.pairs
     assert layout.parts == tuple(f"{i} {way}" for i in range(1, RUNS + 1) for way in "+-")

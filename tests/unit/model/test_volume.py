@@ -27,7 +27,7 @@ def grid(
     folder: Path, text: str, machine: str = SPACE
 ) -> tuple[tuple[str, ...], NDArray[np.float64]]:
     known = loaded(folder, machine)
-    return grid_of(known, build_model(known, estimates_from_fit(known, None)), text)[:2]
+    return grid_of(known, build_model(known, estimates_from_fit(known, None)), text)
 
 
 def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
@@ -53,23 +53,6 @@ def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:
         "the key 'x.travel_mm' is missing",
         "the key 'y.travel_mm' is missing",
     ]
-
-
-@pytest.mark.parametrize(
-    ("text", "extra", "told"),
-    [
-        ("3", "", []),
-        ("3,2,1", "", []),
-        ("3,2,4", "", ["--grid 3,2,4: z has one place: it enters no equation"]),
-        ("3,2", "constants: {y: 30.0}\n", ["--grid 3,2: y has one place: a constant fixes it"]),
-    ],
-)
-def test_an_axis_with_fewer_places_than_asked_for_is_told(
-    tmp_path: Path, text: str, extra: str, told: list[str]
-) -> None:
-    known = loaded(tmp_path, SPACE + extra)
-    _, _, found = grid_of(known, build_model(known, estimates_from_fit(known, None)), text)
-    assert [item.message for item in found] == told
 
 
 @pytest.mark.parametrize("text", ["", "a", "0", "3,-1", "2,2,2,2", "1.5", "3,"])

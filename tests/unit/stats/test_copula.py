@@ -13,7 +13,6 @@ from mtu_cli.stats.distributions import (
     Kind,
     bounded_quantile,
     largest_covariance,
-    marginal,
     normal_correlation,
     shape_moments,
 )
@@ -31,13 +30,13 @@ SHAPES = [item("rectangular"), item("triangular"), item("arcsine"), item("trapez
 @pytest.mark.parametrize("r", [-0.95, -0.3, 0.5, 0.9])
 def test_two_rectangles_in_closed_form(r: float) -> None:
     """Pearson's r = (6/pi) asin(rho/2) for uniform marginals (Pearson 1907)."""
-    a = marginal(item("rectangular"))
+    a = item("rectangular")
     assert normal_correlation(a, a, r / 3) == pytest.approx(2 * math.sin(math.pi * r / 6), abs=1e-6)
 
 
 def test_a_rectangle_and_a_normal_in_closed_form() -> None:
     """r = rho sqrt(3/pi), so at most 0.977 can be had."""
-    a, b = marginal(item("rectangular")), marginal(NORMAL)
+    a, b = item("rectangular"), NORMAL
     u = 2.0 / math.sqrt(3.0)
     assert normal_correlation(a, b, 0.5 * u) == pytest.approx(
         0.5 * math.sqrt(math.pi / 3), abs=1e-6
@@ -48,8 +47,7 @@ def test_a_rectangle_and_a_normal_in_closed_form() -> None:
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda x: x.kind)
 def test_samples_have_the_stated_correlation(shape: Distribution) -> None:
     m, r = 400_000, 0.7
-    a = marginal(shape)
-    rho = normal_correlation(a, a, r * shape.u**2)
+    rho = normal_correlation(shape, shape, r * shape.u**2)
     assert rho is not None
     z = np.random.default_rng(8).standard_normal((2, m))
     z[1] = rho * z[0] + math.sqrt(1 - rho**2) * z[1]
@@ -65,8 +63,7 @@ def test_full_correlation_of_one_shape_is_full(shape: Distribution, sign: float)
     wide = Distribution(
         kind=shape.kind, u=3.0 * shape.u, half_width=3.0 * shape.half_width, top=3.0 * shape.top
     )
-    a, b = marginal(shape), marginal(wide)
-    assert normal_correlation(a, b, sign * shape.u * wide.u) == sign
+    assert normal_correlation(shape, wide, sign * shape.u * wide.u) == sign
 
 
 # The most that can be had, E Q_1(U) Q_2(U)/(u_1 u_2), by hand: rectangle and normal sqrt(3/pi);
@@ -82,12 +79,12 @@ LARGEST = [
 @pytest.mark.parametrize(("first", "second", "most"), LARGEST)
 def test_no_coefficient_is_lowered(first: Distribution, second: Distribution, most: float) -> None:
     """The largest coefficient is had, as is one below it; one a millionth above is refused."""
-    a, b, unit = marginal(first), marginal(second), first.u * second.u
-    assert largest_covariance(a, b) / unit == pytest.approx(most, abs=1e-9)
-    rho = normal_correlation(a, b, most * (1.0 - 1e-6) * unit)
+    unit = first.u * second.u
+    assert largest_covariance(first, second) / unit == pytest.approx(most, abs=1e-9)
+    rho = normal_correlation(first, second, most * (1.0 - 1e-6) * unit)
     assert rho is not None
     assert 0.99 < rho < 1.0
     for sign in (-1.0, 1.0):
-        assert normal_correlation(a, b, sign * most * (1.0 + 1e-6) * unit) is None
-        found = normal_correlation(a, b, sign * most * unit)
+        assert normal_correlation(first, second, sign * most * (1.0 + 1e-6) * unit) is None
+        found = normal_correlation(first, second, sign * most * unit)
         assert found == pytest.approx(sign, abs=1e-8)
