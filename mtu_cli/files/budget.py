@@ -40,7 +40,7 @@ LARGEST_PROBABILITY = 0.999
 """Beyond it a Monte Carlo takes too many trials to check the interval."""
 LARGEST = 1e150
 """Variances are squares, which a computer cannot hold beyond."""
-LEAST_BOUNDED_DOF = 0.5
+LEAST_DOF = 0.5
 """Fewer would let a half-width be uncertain by more than itself: dof = (a/da)^2 / 2."""
 ROUNDING = 1e-9
 OUTPUT_NAMES = ("y", "Y", "result", "measurand")
@@ -84,7 +84,9 @@ class Contribution(Contract):
     U: Width | None = optional("Expanded uncertainty; with `k`")
     k: Annotated[float, Field(ge=0.1, lt=MAX_COVERAGE)] | None = optional("Coverage factor of `U`")
     distribution: DistributionName | None = optional("Default: normal")
-    dof: Positive | None = optional("Degrees of freedom; default: infinite")
+    dof: Annotated[float, Field(ge=LEAST_DOF)] | None = optional(
+        "Degrees of freedom; default: infinite"
+    )
     top: Width | None = optional("Half-width of the flat top of a trapezoidal distribution")
     inexact: Positive | None = optional(
         "Half-range of the half-width itself (curvilinear-trapezoidal), d of JCGM 101"
@@ -287,9 +289,6 @@ def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> N
     if dof is not None and item.inexact is not None:
         expected = "one: dof = (half_width/inexact)^2 / 2 (JCGM 100, G.4.2)"
         faults.add((*path, "dof"), "exclusive", names="inexact and dof", expected=expected)
-    elif item.ways and dof is not None and kind in BOUNDED and dof < LEAST_BOUNDED_DOF:
-        expected = f"{LEAST_BOUNDED_DOF:g} or more for limits (JCGM 100, G.4.2)"
-        faults.add((*path, "dof"), "wrong-value", value=dof, expected=expected)
     for key, (owner, ratio) in SHAPES.items():
         value = getattr(item, key)
         if value is None:
