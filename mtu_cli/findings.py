@@ -21,8 +21,6 @@ EXIT_GATE = 3
 
 MOST_SHOWN = 20
 """Findings of an error that are shown; the rest is counted."""
-SHOWN_ALIKE = 3
-"""Findings that differ in their row alone are shown one by one up to so many, else by the first."""
 SHOWN_RUNS = 6
 """Runs of rows that a finding names."""
 SHOWN_NAMES = 6
@@ -145,9 +143,8 @@ class InputError(MtuError):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        groups = together(self.findings)
-        lines = [f"{own[0].message}{also_in(own[1:])}" for own in groups[:MOST_SHOWN]]
-        left = self.uncounted + sum(len(own) for own in groups[MOST_SHOWN:])
+        lines = [each.message for each in self.findings[:MOST_SHOWN]]
+        left = self.uncounted + len(self.findings[MOST_SHOWN:])
         return "\n".join([*lines, *([f"... and {left} more"] if left else [])])
 
 
@@ -166,31 +163,6 @@ def finding(code: str, **place_and_facts: Any) -> Finding:
     own = {name: value for name, value in place_and_facts.items() if name in fields}
     facts = {name: value for name, value in place_and_facts.items() if name not in fields}
     return Finding(code=code, **{**own, "facts": {**facts, **own.get("facts", {})}})
-
-
-def together(findings: Sequence[Finding]) -> list[list[Finding]]:
-    """Findings that differ in the row, or in the entry of a document, alone: one fault of a whole
-    column is one line. Few of them stand each by itself.
-    """
-    alike: dict[tuple[object, ...], list[Finding]] = {}
-    for each in findings:
-        path = tuple((each.path or "").split("."))
-        entry = (path[:1], path[2:]) if len(path) > 1 else (path, each.line)
-        own = (each.code, each.file, each.column, each.value, each.expected, each.meant)
-        alike.setdefault((*own, entry, repr(each.facts)), []).append(each)
-    apart = ([[one] for one in own] if len(own) <= SHOWN_ALIKE else [own] for own in alike.values())
-    order = {id(each): i for i, each in enumerate(findings)}
-    return sorted((own for group in apart for own in group), key=lambda own: order[id(own[0])])
-
-
-def also_in(others: Sequence[Finding]) -> str:
-    """Where the same stands again: `` (and rows 3 to 91)``."""
-    rows = [each.row or each.line for each in others]
-    known = [row for row in rows if row is not None]
-    if not others or len(known) < len(rows):
-        return f" (and {len(others)} more)" if others else ""
-    name = "row" if others[0].row is not None else "line"
-    return f" (and {name}{'s' if len(known) > 1 else ''} {runs(known)})"
 
 
 def runs(numbers: Sequence[int]) -> str:

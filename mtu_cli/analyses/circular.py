@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -158,29 +158,49 @@ class Fit(NamedTuple):
     lagged: FloatArray
 
 
-def _designs(traces: Traces) -> list[FloatArray]:
-    """Of each trace (n, p): TERMS in common, a circle of each trace's own."""
+def _designs(traces: Traces, pitches: tuple[float, float] | None) -> list[FloatArray]:
+    """Of each trace (n, p): TERMS in common, a circle of each trace's own, and waves of `pitches`.
+
+    Waves of fewer than FEWEST_CYCLES over the diameter, or of fewer than four samples, are 0.
+    """
     count, result = len(traces.traces), []
     feeds = np.array([trace.feed for trace in traces.traces])
     speeds = feeds / feeds.mean() if np.isfinite(feeds).all() else np.ones(count)
+    step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
     for k, (trace, speed) in enumerate(zip(traces.traces, speeds.tolist(), strict=True)):
         t, circle = trace.angle, np.zeros((len(trace.angle), 3 * count))
         circle[:, 3 * k : 3 * k + 3] = np.column_stack([np.ones_like(t), np.cos(t), np.sin(t)])
-        result.append(np.column_stack([terms(t, trace.sign, speed), circle]))
+        columns = [terms(t, trace.sign, speed), circle]
+        for axis, pitch in enumerate(pitches or ()):
+            there = 2 * traces.radius / pitch >= FEWEST_CYCLES and traces.radius * step <= pitch / 4
+            columns.append(there * waves(trace, traces.radius, axis, pitch))
+        result.append(np.hstack(columns))
     return result
 
 
-def joint_fit(traces: Traces) -> Fit:
+def waves(trace: Trace, radius: float, axis: int, pitch: float) -> FloatArray:
+    """Sin and cos (n, 4) of 2 pi x/pitch of an axis, x = R cos t or R sin t, as radial deviations,
+    where the axis moves forward and where in reverse.
+    """
+    along = np.cos(trace.angle - axis * math.pi / 2)
+    forward = (-trace.sign * np.sin(trace.angle - axis * math.pi / 2) > 0)[:, None]
+    phase = 2 * math.pi * radius * along / pitch
+    wave = np.column_stack([np.sin(phase), np.cos(phase)]) * along[:, None]
+    return np.hstack([wave * forward, wave * ~forward])
+
+
+def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit:
     """One least-squares fit of all traces.
 
     Samples that follow each other are correlated: generalised least squares by restricted
     likelihood (`stats.serial`), of many traces by the scatter between these. Long traces go in as
     means of neighbours, of samples and design alike, which leaves the equations exact.
     """
-    designs, blocks = _designs(traces), []
+    designs, blocks = _designs(traces, pitches), []
+    most = MOST_SAMPLES * (1 if pitches is None else 3)
     used = [~_in_window(trace) for trace in traces.traces]
     for k, (trace, design, own) in enumerate(zip(traces.traces, designs, used, strict=True)):
-        group = np.arange(own.sum()) // (int(own.sum()) // MOST_SAMPLES + 1)
+        group = np.arange(own.sum()) // (int(own.sum()) // most + 1)
         rows = np.column_stack([design[own], trace.deviation[own]])
         means = [np.bincount(group, x) / np.bincount(group) for x in rows.T]
         if len(group):
@@ -202,60 +222,6 @@ def joint_fit(traces: Traces) -> Fit:
     lagged = np.array([_lagged(left, k) for k in range(most)])
     u = np.where(np.isfinite(stated.u), stated.u, np.nan)
     return Fit(beta, covariance, u, left, designs, lagged)
-
-
-def waves(traces: Traces, axis: int, pitch: float) -> list[FloatArray]:
-    """Of each trace (n, 4): sin and cos of 2 pi x/pitch of an axis, x = R cos t or R sin t, as
-    radial deviations, where the axis moves forward and where in reverse.
-    """
-    result = []
-    for trace in traces.traces:
-        along = np.cos(trace.angle - axis * math.pi / 2)
-        forward = (-trace.sign * np.sin(trace.angle - axis * math.pi / 2) > 0)[:, None]
-        phase = 2 * math.pi * traces.radius * along / pitch
-        wave = np.column_stack([np.sin(phase), np.cos(phase)]) * along[:, None]
-        result.append(np.hstack([wave * forward, wave * ~forward]))
-    return result
-
-
-def _cyclic(traces: Traces, pitches: tuple[float, float]) -> tuple[Traces, list[Cause]]:
-    """The traces without the waves of the pitches, and these: amplitudes in each direction.
-
-    All terms and waves by one least-squares fit, b = A X'y with A = (X'X)^-1; its covariance is
-    A X'G X A with the autocovariance G of the remainder, up to where that first falls to 0. Waves
-    of fewer than FEWEST_CYCLES over the diameter, or of fewer than four samples, are not estimable.
-    """
-    step = max(float(np.median(np.abs(np.diff(trace.angle)))) for trace in traces.traces)
-    there = [2 * traces.radius / p >= FEWEST_CYCLES and traces.radius * step <= p / 4
-             for p in pitches]  # fmt: skip
-    own = [
-        np.hstack([wave * here for wave, here in zip(each, there, strict=True)])
-        for each in zip(*(waves(traces, i, p) for i, p in enumerate(pitches)), strict=True)
-    ]
-    used = [~_in_window(trace) for trace in traces.traces]
-    X = [np.hstack([wave, design]) * u[:, None]
-         for wave, design, u in zip(own, _designs(traces), used, strict=True)]  # fmt: skip
-    y = [trace.deviation * u for trace, u in zip(traces.traces, used, strict=True)]
-    A = np.linalg.pinv(sum(each.T @ each for each in X))
-    beta = A @ sum(each.T @ value for each, value in zip(X, y, strict=True))
-    left = [np.where(u, value - each @ beta, np.nan)
-            for each, value, u in zip(X, y, used, strict=True)]  # fmt: skip
-    S = np.zeros_like(A)
-    for k in range(min(map(len, left)) // 4):
-        if (lagged := _lagged(left, k)) <= 0:
-            break
-        products = sum(each[k:].T @ each[: len(each) - k] for each in X)
-        S += lagged * (products + products.T * (k > 0))
-    C, causes = A @ S @ A, []
-    for i, name in enumerate(CYCLIC):
-        at = slice(2 * i, 2 * i + 2)
-        value = float(np.hypot(*beta[at]))
-        g = beta[at] / value if value else np.full(2, math.sqrt(0.5))
-        value, u = (value, math.sqrt(g @ C[at, at] @ g)) if there[i // 2] else (math.nan, math.nan)
-        causes.append(Cause(name, value, u, "um", UM, 2 * value))
-    without = tuple(replace(trace, deviation=trace.deviation - wave @ beta[:8])
-                    for trace, wave in zip(traces.traces, own, strict=True))  # fmt: skip
-    return replace(traces, traces=without), causes
 
 
 def _in_window(trace: Trace) -> np.ndarray:
@@ -285,8 +251,7 @@ def diagnose(
     )
     if not traces.traces:
         return CircularResult(traces=traces, instrument=instrument)
-    plain, cyclic = (traces, list[Cause]()) if pitches is None else _cyclic(traces, pitches)
-    fit, R = joint_fit(plain), traces.radius
+    fit, R = joint_fit(traces, pitches), traces.radius
     speed = float(np.mean([trace.feed for trace in traces.traces])) / 60.0
     timed = math.isfinite(speed) and speed > 0
     units = {
@@ -303,9 +268,13 @@ def diagnose(
         span = abs(value) * float(ranges[i])
         found.append(Cause(name, value * factor, u * factor, unit, size, span))
     for name in REVERSALS:
-        value, u = _spike(plain, fit, name)
+        value, u = _spike(traces, fit, name)
         found.append(Cause(name, value, u, "um", UM, abs(value)))
-    found += cyclic
+    for i, name in enumerate(CYCLIC if pitches else ()):
+        first = len(TERMS) + 3 * len(traces.traces) + 2 * i
+        wave = _length(fit, np.eye(len(fit.beta))[first : first + 2])
+        value, u = wave if np.isfinite(fit.u[first]) else (math.nan, math.nan)
+        found.append(Cause(name, value, u, "um", UM, 2 * value))
     total = float(np.nansum([each.range for each in found]))
     causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in found]
     causes.append(_centre(fit, len(traces.traces)))
@@ -326,10 +295,7 @@ def diagnose(
         causes=tuple(causes),
         remainder_rms=float(np.sqrt(np.nanmean(left**2))),
         remainder_range=float(np.nanmax(left) - np.nanmin(left)),
-        fitted=tuple(
-            design @ fit.beta + whole.deviation - own.deviation
-            for design, whole, own in zip(fit.designs, traces.traces, plain.traces, strict=True)
-        ),
+        fitted=tuple(design @ fit.beta for design in fit.designs),
         instrument=instrument,
         warnings=tuple(_warnings(causes, both, timed)),
     )
@@ -364,11 +330,16 @@ def _centre(fit: Fit, count: int) -> Cause:
     pick = np.zeros((2, len(fit.beta)))
     for k in range(count):
         pick[0, len(TERMS) + 3 * k + 1] = pick[1, len(TERMS) + 3 * k + 2] = 1.0 / count
-    centre, C = pick @ fit.beta, pick @ fit.covariance @ pick.T
-    value = float(np.hypot(*centre))
-    g = centre / value if value > 0 else np.full(2, math.sqrt(0.5))
-    u = math.sqrt(max(float(g @ C @ g), 0.0))
+    value, u = _length(fit, pick)
     return Cause("centre-offset", value, u, "um", UM, 2 * value)
+
+
+def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:
+    """The length of two combinations `pick` (2, p) of the parameters, and its u."""
+    pair, C = pick @ fit.beta, pick @ fit.covariance @ pick.T
+    value = float(np.hypot(*pair))
+    g = pair / value if value > 0 else np.full(2, math.sqrt(0.5))
+    return value, math.sqrt(max(float(g @ C @ g), 0.0))
 
 
 def _figures(trace: Trace) -> TraceFigures:

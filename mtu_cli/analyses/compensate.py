@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mtu_cli.analyses.iso230 import figures_of
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.stats.coverage import coverage_factor
@@ -216,11 +217,9 @@ def figures(means: FloatArray, ways: int) -> Figures:
     """Systematic figures of ISO 230-2 of means (..., 2, T): E = max - min of both directions, B the
     largest |forward - reverse|, M the range of the mean of both; rms over all of them.
     """
-    both = means[..., 0, :] - means[..., 1, :]
-    B = np.abs(both).max(-1) if ways == 2 else np.full(means.shape[:-2], np.nan)
-    middle = means.mean(-2)
-    E = means.max((-1, -2)) - means.min((-1, -2))
-    return Figures(E, B, np.ptp(middle, axis=-1), np.sqrt((means**2).mean((-1, -2))))
+    of = figures_of(means, np.full_like(means, np.nan))
+    B = of["B"] if ways == 2 else np.full(means.shape[:-2], np.nan)
+    return Figures(of["E"], B, of["M"], np.sqrt((means**2).mean((-1, -2))))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,6 @@ DRIFT = "drift"
 """The role of readings that follow temperatures in time: their runs are cycles, no passes."""
 SYNTHETIC = "# Synthetic"
 """How a file of `mtu simulate` begins: another one holds what somebody has measured."""
-KINDS = {".yaml": "yaml", ".yml": "yaml", ".csv": "csv", ".json": "json"}
-"""What the endings of files say: those of one kind may be meant for each other."""
 MARKS = {
     b"<!doctype html": "a web page: was a login or error page saved?",
     b"<html": "a web page: was a login or error page saved?",
@@ -97,7 +95,7 @@ def read_source(path: Path, role: str, *, max_bytes: int | None = None) -> tuple
     place = {"file": given_path(path) if path.is_absolute() else shown}
     if not path.parent.is_dir():
         expected = "a path to an existing folder"
-    elif role == "study" and path.suffix not in KINDS:
+    elif role == "study" and path.suffix not in (".yaml", ".yml"):
         expected = "a study or its folder"
     try:
         details = path.stat()
@@ -136,21 +134,12 @@ def begins_with(path: Path, mark: str) -> bool:
 
 
 def near_name(path: Path) -> tuple[str, ...]:
-    """The file of the same kind in the folder that is nearly called so, if there is one."""
-    stem, kind = _parts(path.name)
+    """The file in the folder that is nearly called so, if there is one."""
     try:
-        parts = {entry.name: _parts(entry.name) for entry in path.parent.iterdir()}
+        near = closest(path.name, [entry.name for entry in path.parent.iterdir()])
     except (OSError, ValueError):
         return ()
-    stems = {other: name for name, (other, its) in parts.items() if kind in ("", its)}
-    near = closest(stem, stems)
-    return () if near is None else (stems[near],)
-
-
-def _parts(name: str) -> tuple[str, str]:
-    """A name without its ending, and what that says; "" where it is none of ours."""
-    plain = Path(name.casefold().removesuffix(".gz"))
-    return plain.stem, KINDS.get(plain.suffix, "")
+    return () if near is None else (near,)
 
 
 def check_text(content: bytes, shown: str) -> None:

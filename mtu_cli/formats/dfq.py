@@ -64,7 +64,7 @@ def _parsed(file: RawFile, faults: Faults) -> _Data:
     stated = data.of(0, "K0100")
     if stated != str(data.count):
         facts = {"found": f"{data.count} characteristics", "expected": f"{stated}, as K0100 says"}
-        faults.found.append(file.finding("wrong-count", **facts))
+        faults.add(file.finding("wrong-count", **facts))
     return data
 
 

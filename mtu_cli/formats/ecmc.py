@@ -48,7 +48,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
     )
     if unit not in ("mm", "deg"):
         facts = {"what": "unit", "value": unit, "expected": "mm or deg"}
-        faults.found.append(file.finding("unknown-name", **facts))
+        faults.add(file.finding("unknown-name", **facts))
     component, result = need_component(file, ask), Imported(format="ecmc-iso230")
     for line, way, index, cycle, value in rows:
         if index not in targets:
@@ -61,7 +61,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
         # A file that is cut off lacks its last readings: reverse ones.
         found = f"{len(rows)} readings of {len(targets)} positions in {cycles} cycles"
         expected = f"{due}: {places} positions, {stated} cycles, both directions, as the file says"
-        faults.found.append(file.finding("wrong-count", found=found, expected=expected))
+        faults.add(file.finding("wrong-count", found=found, expected=expected))
     faults.raise_if_any()
     if not rows:
         raise file.error("empty-file", what="reference positions", expected="a whole file")

@@ -9,9 +9,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from mtu_cli.files.csv_table import Decimal
+from mtu_cli.files.csv_table import CellFaults, Decimal
 from mtu_cli.files.csv_table import number as plain_number
-from mtu_cli.findings import Finding, InputError
 from mtu_cli.formats.base import RawFile
 
 SEPARATORS = (";", "\t", "|", ",", " ")
@@ -150,12 +149,12 @@ def said(grid: Grid, signs: Iterable[Decimal]) -> str:
     return f"{NAMES[grid.separator]} between columns, {result or 'whole numbers'}"
 
 
-class Faults:
+class Faults(CellFaults):
     """Bad cells of a file, all of them, before anything is raised."""
 
     def __init__(self, file: RawFile) -> None:
+        super().__init__()
         self.file = file
-        self.found: list[Finding] = []
 
     def cell(self, row: int, column: str, value: str, expected: str = "a number") -> None:
         """A cell that is not what stands in its column."""
@@ -163,21 +162,15 @@ class Faults:
         if not value:
             code, facts = "empty-cell", {}
         place = {"row": row, "column": column, "expected": expected}
-        self.found.append(self.file.finding(code, **place, **facts))
+        self.add(self.file.finding(code, **place, **facts))
 
     def widths(self, rows: Iterable[Row], wanted: int, fewest: int | None = None) -> None:
         """Raises InputError with every row that has not as many cells as the header."""
         for row in rows:
             if len(row.cells) < fewest if fewest else len(row.cells) != wanted:
                 facts = {"cells": f"{len(row.cells)} cells", "expected": f"{wanted} cells"}
-                self.found.append(self.file.finding("row-length", row=row.line, **facts))
+                self.add(self.file.finding("row-length", row=row.line, **facts))
         self.raise_if_any()
-
-    def raise_if_any(self) -> None:
-        """Raises InputError with every fault, in the order of the rows."""
-        if self.found:
-            self.found.sort(key=lambda each: each.row or 0)
-            raise InputError(self.found[:2000], max(0, len(self.found) - 2000))
 
 
 class Columns:

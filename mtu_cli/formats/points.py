@@ -56,7 +56,7 @@ def collect(
                 faults.cell(row.line, name, text)
             elif place.setdefault(name, value * scale) != value * scale:
                 other = f"another {name} of {row.feature}, {row.part}"
-                faults.found.append(file.finding("copied-rows", row=row.line, other=other))
+                faults.add(file.finding("copied-rows", row=row.line, other=other))
     faults.raise_if_any()
     for part, features in points.items():
         for feature, (line, place) in features.items():
@@ -164,7 +164,7 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
         elif cells[:1] == ["AX"]:
             heading = cells
             if "MEAS" not in cells:
-                faults.found.append(
+                faults.add(
                     file.finding("missing-column", row=line, column="MEAS", expected="AX ... MEAS")
                 )
                 heading = []
@@ -174,7 +174,7 @@ def read_pcdmis(file: RawFile, ask: Ask) -> Imported:
             result.drop("rows of other characteristics")
         elif len(cells) < len(heading):
             facts = {"cells": f"{len(cells)} cells", "expected": " ".join(heading)}
-            faults.found.append(file.finding("row-length", row=line, **facts))
+            faults.add(file.finding("row-length", row=line, **facts))
         else:
             own = dict(zip(heading, cells, strict=False))
             values = (own["AX"].lower(), own["MEAS"], own.get("NOMINAL", ""))

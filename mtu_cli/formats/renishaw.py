@@ -87,7 +87,7 @@ def _targets(lines: Lines, faults: Faults) -> list[float]:
 def _check_count(lines: Lines, key: str, count: int, what: str, faults: Faults) -> None:
     if (stated := _entry(lines, key)) and stated[1] != str(count):
         facts = {"found": f"{count} {what}", "expected": f"{stated[1]}, as {key} says"}
-        faults.found.append(faults.file.finding("wrong-count", row=stated[0], **facts))
+        faults.add(faults.file.finding("wrong-count", row=stated[0], **facts))
 
 
 def _deviations(
@@ -108,7 +108,7 @@ def _deviations(
             faults.cell(row, "Target", cells[1], f"an index from 1 to {targets}")
         elif place in result:
             other = f"row {result[place][0]}: run {place[0]}, target {place[1]}"
-            faults.found.append(faults.file.finding("copied-rows", row=row, other=other))
+            faults.add(faults.file.finding("copied-rows", row=row, other=other))
         else:
             result[place] = (row, value)
     return result
@@ -128,7 +128,7 @@ def read(file: RawFile, ask: Ask) -> Imported:
     for name in ("TARGET DATA", "DEVIATIONS", "EOF"):
         if name not in sections:
             facts = {"what": f"the section {name}::", "expected": "a whole file: it may be cut off"}
-            faults.found.append(file.finding("missing-input", **facts))
+            faults.add(file.finding("missing-input", **facts))
     faults.raise_if_any()
     targets = _targets(sections["TARGET DATA"], faults)
     values = _deviations(sections["DEVIATIONS"], len(targets), faults)

@@ -152,7 +152,7 @@ def _places(file: RawFile, header: Row, profile: Profile, faults: Cells) -> dict
             code = "appears-twice" if twice else "missing-column"
             facts = {"what": f"the column {heading!r}"} if twice else {}
             facts |= {"expected": f"one of: {', '.join(header.cells[:12])}"}
-            faults.found.append(file.finding(code, row=header.line, column=str(heading), **facts))
+            faults.add(file.finding(code, row=header.line, column=str(heading), **facts))
     faults.raise_if_any()
     return result
 

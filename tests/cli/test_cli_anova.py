@@ -84,7 +84,7 @@ def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_
     one = mtu("anova", "--cmm", measured)
     assert one.returncode == 2
     assert "row 4, column 'feature': the nominal place is missing" in one.stderr
-    assert "(and rows 5 to " in one.stderr
+    assert one.stderr.splitlines()[-1].endswith(" more")
     plate = tmp_path / "plate.csv"
     plate.write_text(
         "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,diameter_mm\n"

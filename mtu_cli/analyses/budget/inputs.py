@@ -36,6 +36,8 @@ from mtu_cli.stats.least_squares import FloatArray
 NOT_DEFINITE = 1e-9
 """An eigenvalue of a correlation matrix below minus this is no rounding."""
 ROUNDING = 1e-13
+NOTHING = 1e-150
+"""A u whose square a computer cannot hold is 0."""
 SHOWN_PAIRS = 6
 
 
@@ -122,28 +124,6 @@ class Source:
         # Of fully correlated inputs that cancel, rounding is all that is left.
         return 0.0 if value <= ROUNDING * float(own**2 @ np.diag(self.covariance)) else value
 
-    def drawn_variance(self, gradient: FloatArray) -> float:
-        """Variance of the same sum as it is drawn; nan where a t of two degrees of freedom or fewer
-        has none.
-
-        With a scale S of its own a member i varies by u_i^2 E(S_i^2), and two of them together by
-        V_ij E(S_i) E(S_j): the covariance is that of what is scaled.
-        """
-        if self.is_t:
-            return self.variance(gradient) * self.members[0].drawn_variance / self.members[0].u ** 2
-        # What is not in the sum need not have a variance.
-        counted = np.flatnonzero(gradient[self.rows])
-        members = [self.members[i] for i in counted]
-        own, joint = gradient[self.rows][counted], self.covariance[np.ix_(counted, counted)]
-        drawn = np.array([item.drawn_variance for item in members])
-        if np.isnan(drawn).any():
-            return math.nan
-        scale = np.array([item.mean_scale for item in members])
-        joint = joint * np.outer(scale, scale)
-        np.fill_diagonal(joint, drawn)
-        value = float(own @ joint @ own)
-        return 0.0 if value <= ROUNDING * float(own**2 @ drawn) else value
-
     def dof(self, gradient: FloatArray) -> float:
         """Degrees of freedom of that variance; infinite where no member counts."""
         pairs = zip(self.rows, self.members, strict=True)
@@ -209,7 +189,7 @@ def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
         if (shape := _distribution(stated)) is not None:
             says = "" if stated is item else stated.says or ""
             parts.append(Part(distribution=shape, says=says))
-    parts = [part for part in parts if part.distribution.u > 0.0]
+    parts = [part for part in parts if part.distribution.u > NOTHING]
     known = [part.distribution for part in parts]
     squares = np.array([each.u**2 for each in known])
     u = math.sqrt(math.fsum(squares))

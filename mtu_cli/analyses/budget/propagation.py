@@ -158,24 +158,19 @@ class BudgetTrials:
             self._quantiles = [quantile for _, quantile in known]
 
     def _control(self, g: FloatArray) -> tuple[float, Quantile | None]:
-        """Variance and quantiles of a first-order form with gradient `g`, as far as known."""
-        # Inputs that cancel to first order still scatter where each has a scale of its own.
-        counted = [
-            source
-            for source in self.inputs.sources
-            if source.variance(g) > 0.0
-            or (source.factor is not None and not source.is_t and np.any(g[source.rows]))
-        ]
-        variance = math.fsum(source.drawn_variance(g) for source in counted)
+        """Variance and quantiles of a first-order form with gradient `g`; nan and None where inputs
+        are correlated that are not jointly t.
+        """
         terms = []
-        for source in counted:
-            if source.factor is None:
+        for source in self.inputs.sources:
+            own, dof = source.variance(g), source.members[0].dof
+            if source.factor is not None and not source.is_t and np.any(g[source.rows]):
+                return math.nan, None
+            if own > 0.0 and source.factor is None:
                 terms.append((float(g[source.rows[0]]), source.members[0]))
-            elif source.is_t:
-                u, dof = math.sqrt(source.variance(g)), source.members[0].dof
-                terms.append((1.0, Distribution(kind="normal", u=u, dof=dof)))
-            else:
-                return variance, None
+            elif own > 0.0:
+                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(own), dof=dof)))
+        variance = math.fsum(c * c * item.drawn_variance for c, item in terms)
         return variance, sum_quantile(terms)
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -198,9 +197,7 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
     for group in max((at.inseparable for at in drift.at_positions), key=len, default=()):
         first, *others = group.sensors
         value, u = (each / drift.unit.to_internal for each in (group.value, group.u or 0.0))
-        # Both to the second digit of u.
-        places = max(1 - math.floor(math.log10(u)), 0) if u > 0 else 3
-        shown = f"{value:.{places}f} ± {u:.{places}f}" if u > 0 else f"{value:.{places}f}"
+        shown = f"{value:.4g} ± {u:.2g}" if u > 0 else f"{value:.4g}"
         where = "" if group.position is None else f" at {group.position:g} mm"
         text = f"reliable together only, {shown} {drift.unit.name} per degC of {first}{where}"
         facts = {"what": f"{name}: {first}", "others": others, "consequence": text}

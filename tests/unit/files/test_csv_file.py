@@ -19,7 +19,7 @@ from mtu_cli.files.contract import A_NAME
 from mtu_cli.files.csv_file import _Body, read_table
 from mtu_cli.files.csv_table import LISTED_FAULTS, CellFaults, perhaps_equal, time_of
 from mtu_cli.files.headers import LIKE, POINTS, READINGS, meant_by
-from mtu_cli.findings import InputError
+from mtu_cli.findings import MOST_SHOWN, InputError
 
 PLAIN = "name,value,size\na,1,2\nb,-2.5e-3,\n"
 
@@ -127,9 +127,10 @@ def test_very_many_bad_cells_are_counted(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         found.raise_if_any()
     assert len(caught.value.findings) + caught.value.uncounted == many
-    first, last = str(caught.value).splitlines()
+    first, *others, last = str(caught.value).splitlines()
+    assert len(others) == MOST_SHOWN - 1
     assert first.startswith("m.csv, row 2, column 'value': not a number: 'x'")
-    assert last == "... and 5000 more"
+    assert last == f"... and {many - MOST_SHOWN} more"
 
 
 @pytest.mark.parametrize(
