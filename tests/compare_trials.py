@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
-from pathlib import Path
 
 import numpy as np
+from made_tables import made_points
 from support import SIMULATED, as_readings
 
 from mtu_cli.analyses.compare import CompareResult, compare
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
-from mtu_cli.files.source import Source
 from mtu_cli.files.study import Datum
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
@@ -44,29 +43,10 @@ def study() -> tuple[LoadedMachine, MachineModel, LoadedPart]:
 
 def as_points(found: SimulatedPoints, ids: tuple[str, ...], places: FloatArray) -> Points:
     """Simulated points as if they had been read from a file."""
-    n = len(found.part)
     feature = np.array([ids.index(name) for name in found.feature])
-    parts = tuple(dict.fromkeys(found.part))
-    measured = np.full((n, 3), np.nan)
+    measured = np.full((len(feature), 3), np.nan)
     measured[:, : found.measured.shape[1]] = found.measured
-    return Points(
-        parts=parts,
-        part=np.array([parts.index(name) for name in found.part]),
-        features=ids,
-        feature=feature,
-        operations=(),
-        operation=np.full(n, -1),
-        measured=measured,
-        nominal=places[feature],
-        repeat=np.asarray(found.repeat),
-        time_min=np.full(n, np.nan),
-        sequence=np.array([parts.index(name) + 1 for name in found.part]),
-        direction=np.full((n, 3), np.nan),
-        covariates={},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n) + 2,
-        sources=(Source(role="cmm", path=Path("cmm.csv"), shown="cmm.csv", sha256=""),),
-    )
+    return made_points(found.part, feature, ids, measured, places[feature], repeat=found.repeat)
 
 
 def made(

@@ -7,13 +7,13 @@ from pathlib import Path
 from textwrap import dedent
 
 import numpy as np
+from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
-from mtu_cli.files.source import Source
 from mtu_cli.model.machine_model import MachineModel
 
 Floats = NDArray[np.float64]
@@ -91,29 +91,19 @@ def ring_points(
     z: bool = False,
 ) -> Points:
     """Points of rings (rings*11, 3), one ring an entry of `parts`."""
-    rings, n = len(parts), 11 * len(parts)
-    names = list(dict.fromkeys(parts))
-    nominal = np.tile(ring_places(), (rings, 1))
+    nominal = np.tile(ring_places(), (len(parts), 1))
     if not z:
         measured, nominal = measured.copy(), nominal.copy()
         measured[:, 2] = nominal[:, 2] = np.nan
-    return Points(
-        parts=tuple(names),
-        part=np.repeat([names.index(name) for name in parts], 11),
-        features=tuple(f"r{i}" for i in range(11)),
-        feature=np.tile(np.arange(11), rings),
-        operations=(),
-        operation=np.full(n, -1),
-        measured=measured,
-        nominal=nominal,
-        repeat=np.repeat(repeats or [-1] * rings, 11),
-        time_min=np.full(n, np.nan) if time is None else time,
-        sequence=np.repeat([names.index(name) for name in parts], 11) + 1,
-        direction=np.full((n, 3), np.nan),
-        covariates=covariates or {},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n) + 2,
-        sources=(Source(role="cmm", path=Path("cmm.csv"), shown="cmm.csv", sha256=""),),
+    return made_points(
+        np.repeat(parts, 11).tolist(),
+        np.tile(np.arange(11), len(parts)),
+        [f"r{i}" for i in range(11)],
+        measured,
+        nominal,
+        repeat=np.repeat(repeats or [-1] * len(parts), 11),
+        time=np.nan if time is None else time,
+        covariates=covariates,
     )
 
 

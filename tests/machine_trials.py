@@ -9,11 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from made_tables import made_readings
 from numpy.typing import NDArray
 
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
@@ -111,25 +111,10 @@ def read_machine(rng: np.random.Generator, drift: Drift, passes: int = 5) -> Rea
     number = np.append(np.tile(g // 2 + 1, count), np.arange(1, AXY_PASSES + 1))
     direction = np.append(np.tile(1 - 2 * (g % 2), count), np.zeros(AXY_PASSES, int))
     code = np.repeat(np.arange(count + 1), [len(item) for item in error])
-    n = len(code)
-    return Readings(
-        components=names,
-        code=code,
-        position_mm=position,
-        error=np.concatenate(error),
-        dimension=np.ones(n, np.int8),
-        pass_number=number,
-        has_pass=np.ones(n, bool),
-        direction=direction.astype(np.int8),
-        cycles=(),
-        cycle=np.full(n, -1),
-        time_min=np.full(n, np.nan),
-        covariates={},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n),
-        sources=(Source(role="lbb", path=__file__, shown="lbb.csv", sha256="", rows=n),),  # type: ignore[arg-type]  # never opened
-        roles=("lbb",),
-    )
+    return made_readings(
+        np.concatenate(error), names, code=code, position=position, passes=number,
+        direction=direction,
+    )  # fmt: skip
 
 
 def true_coefficients() -> dict[str, FloatArray]:

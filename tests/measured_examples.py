@@ -6,12 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from made_tables import made_points
 
 from mtu_cli.analyses.anova import AnovaResult, analyse_variance
 from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.files.points import Points
-from mtu_cli.files.source import Source
 from mtu_cli.model.settings import Settings
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -37,32 +37,17 @@ def points(
     rows: list[tuple[str, str, int, float, float]], operations: list[str] | None = None
 ) -> Points:
     """Points from (part, feature, repeat, error x, error y); errors in mm, repeat -1 unknown."""
-    parts = list(dict.fromkeys(row[0] for row in rows))
     features = list(dict.fromkeys(row[1] for row in rows))
-    n = len(rows)
-    names = list(dict.fromkeys(operations or ()))
     place = np.array([[*PLACES[str(row[1])], np.nan] for row in rows])
     error = np.array([[row[3], row[4], np.nan] for row in rows])
-    source = Source(role="cmm", path=Path("cmm.csv"), shown="cmm.csv", sha256="")
-    return Points(
-        parts=tuple(parts),
-        part=np.array([parts.index(row[0]) for row in rows]),
-        features=tuple(features),
-        feature=np.array([features.index(row[1]) for row in rows]),
-        operations=tuple(names),
-        operation=np.array([names.index(item) for item in operations])
-        if operations
-        else np.full(n, -1),
-        measured=place + error,
-        nominal=place,
-        repeat=np.array([row[2] for row in rows]),
-        time_min=np.full(n, np.nan),
-        sequence=np.array([parts.index(row[0]) + 1 for row in rows]),
-        direction=np.full((n, 3), np.nan),
-        covariates={},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n) + 2,
-        sources=(source,),
+    return made_points(
+        [row[0] for row in rows],
+        np.array([features.index(row[1]) for row in rows]),
+        features,
+        place + error,
+        place,
+        repeat=[row[2] for row in rows],
+        operation=operations,
     )
 
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from made_tables import made_points
 from numpy.typing import NDArray
 
 from mtu_cli.files.points import Points
-from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
@@ -62,23 +61,16 @@ def measured(
     nominal = place[feature]
     way = np.where(part < (parts + 1) // 2, 1.0, -1.0)
     cell = part * features + feature
-    found = Points(
-        parts=tuple(f"P{i}" for i in range(parts)),
-        part=part,
-        features=tuple(f"h{i}" for i in range(features)),
-        feature=feature,
-        operations=(),
-        operation=np.full(n, -1),
-        measured=nominal + sigma * rng.standard_normal((n, 3)),
-        nominal=nominal,
+    found = made_points(
+        [f"P{i}" for i in part],
+        feature,
+        [f"h{i}" for i in range(features)],
+        nominal + sigma * rng.standard_normal((n, 3)),
+        nominal,
         repeat=np.tile(np.arange(repeats) + 1, parts * features),
-        time_min=1.5 * cell.astype(np.float64),
-        sequence=part + 1,
+        time=1.5 * cell,
         direction=np.column_stack([way, -way, np.full(n, np.nan)]),
-        covariates=dict(covariates or {}),
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n) + 2,
-        sources=(Source(role="cmm", path=Path("cmm.csv"), shown="cmm.csv", sha256=""),),
+        covariates=covariates,
     )
     kept = rng.random(n) < keep
     kept[np.flatnonzero(part == feature % parts)] = True

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from made_tables import made_readings
 
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
@@ -72,26 +73,16 @@ def as_readings(simulated: SimulatedReadings, model: MachineModel) -> Readings:
     """Simulated readings as if they had been read from a ball-bar file."""
     units = {term.estimate.name: term.estimate.unit for term in model.terms}
     names = tuple(units)
-    n = len(simulated.error)
     factor = np.array([units[name].to_internal for name in simulated.component])
     code = np.array([names.index(name) for name in simulated.component])
     axis = {term.estimate.name: term.estimate.of for term in model.terms}
     known = np.array([axis[name] is not None for name in simulated.component])
-    return Readings(
-        components=names,
+    return made_readings(
+        simulated.error * factor,
+        names,
         code=code,
-        position_mm=np.where(known, simulated.position, np.nan),
-        error=simulated.error * factor,
-        dimension=np.array([units[name].dimension for name in simulated.component], np.int8),
-        pass_number=simulated.pass_number.astype(np.int64),
-        has_pass=np.ones(n, bool),
-        direction=simulated.direction.astype(np.int8),
-        cycles=(),
-        cycle=np.full(n, -1),
-        time_min=np.full(n, np.nan),
-        covariates={},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n),
-        sources=(),
-        roles=("lbb",),
+        position=np.where(known, simulated.position, np.nan),
+        dimension=[units[name].dimension for name in simulated.component],
+        passes=simulated.pass_number,
+        direction=simulated.direction,
     )

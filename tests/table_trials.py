@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from made_tables import made_readings
 from numpy.typing import NDArray
 
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import read_yaml
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
@@ -75,25 +75,7 @@ def axis_readings(
             values = profile(targets) + way * LOST / 2 + state + noise
             rows += [(run, way, x, y) for x, y in zip(targets, values, strict=True)]
     run_, way_, x_, y_ = map(np.array, zip(*rows, strict=True))
-    n = len(rows)
-    return Readings(
-        components=("dx_x",),
-        code=np.zeros(n, np.int64),
-        position_mm=x_,
-        error=np.round(y_, 6),
-        dimension=np.ones(n, np.int8),
-        pass_number=run_.astype(np.int64),
-        has_pass=np.ones(n, bool),
-        direction=way_.astype(np.int8),
-        cycles=(),
-        cycle=np.full(n, -1),
-        time_min=np.full(n, np.nan),
-        covariates={},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(n),
-        sources=(Source(role="laser", path=__file__, shown="laser.csv", sha256="", rows=n),),  # type: ignore[arg-type]  # never opened
-        roles=("laser",),
-    )
+    return made_readings(np.round(y_, 6), position=x_, passes=run_, direction=way_, role="laser")
 
 
 @dataclass(frozen=True)

@@ -1,23 +1,14 @@
-"""`mtu anova` on five million rows, against pandas reading the same file.
-
-Ratios decide: to a process that imports pandas and reads the file, and to the memory of the
-frame that it gets. pandas before 3.1 reads with one thread, later versions with all cores unless
-`low_memory=False` is asked for: the bound is on the one-threaded reading, the other ratio is
-printed. Runs alternate and the best of each counts, so that a busy machine disturbs both alike.
-"""
+"""`mtu anova` on five million rows, against pandas reading the same file."""
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from measured_examples import part_file, planted_and_clean
-from watched_process import MTU, READ, watched
+from watched_process import against_pandas
 
 from mtu_cli.analyses.anova.outliers import PartsTable, unusual_parts
 
@@ -47,31 +38,11 @@ def write(path: Path, parts: int, features: int) -> None:
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_five_million_rows(shape: str, tmp_path: Path) -> None:
-    path, out = tmp_path / "cmm.csv", tmp_path / "out.json"
+    path = tmp_path / "cmm.csv"
     write(path, *SHAPES[shape])
-    reader = tmp_path / "read.py"
-    reader.write_text(READ)
-    alone = subprocess.run(
-        [sys.executable, reader, path, "default", "size"],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    frame = json.loads(alone.stdout)
-    commands: dict[str, list[object]] = {
-        "mtu": [MTU, "anova", "--cmm", path, "-o", out],
-        "one thread": [sys.executable, reader, path, "whole"],
-        "default": [sys.executable, reader, path, "default"],
-    }
-    found = [{name: watched(*command) for name, command in commands.items()} for _ in range(RUNS)]
-    best = {name: min(run[name]["seconds"] for run in found) for name in commands}
-    memory = max(run["mtu"]["bytes"] for run in found)
-    print(
-        f"\nmtu anova, {frame['rows']} rows, {shape}: {best['mtu']:.2f} s, "
-        f"{best['mtu'] / best['one thread']:.2f} x pandas with one thread, "
-        f"{best['mtu'] / best['default']:.2f} x pandas with its defaults; memory "
-        f"{memory / frame['deep']:.2f} x the frame's"
-    )
-    assert memory <= 3 * frame["deep"]
-    assert best["mtu"] <= 4 * best["one thread"]
+    time, memory = against_pandas(path, tmp_path / "out.json", "anova", "--cmm", path, runs=RUNS)
+    assert memory <= 3
+    assert time <= 4
 
 
 def test_unusual_parts_of_a_large_table() -> None:

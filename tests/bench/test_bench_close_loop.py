@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from shop_day import ShopDay, effect, measure, write_csv, write_machine, write_part
 from shop_day.noise import SIG_CMM
+from watched_process import MTU
 
-MTU = Path(sys.executable).parent / "mtu"
 PROMISED_SECONDS, REFERENCE_SECONDS = 5.0, 0.6
 REFERENCE = """
 import numpy as np

@@ -11,18 +11,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from support import PAPER, Study, paper_study, simulated_study
+from watched_process import MTU, added_mib
 
-from mtu_cli.analyses.orthogonality import angle_trials, predict_orthogonality
+from mtu_cli.analyses.orthogonality import angle_trials
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 
 TRIALS = 4_000_000
-MTU = Path(sys.executable).parent / "mtu"
 
 
 def best(run: Callable[[], object], times: int = 3) -> float:
@@ -60,39 +59,16 @@ def test_orthogonality_against_bare_normals() -> None:
         assert ours / bare <= 1.0
 
 
-def test_adaptive_orthogonality_is_quick() -> None:
-    study = paper_study()
-    settings = Settings()
-    seconds = best(lambda: predict_orthogonality(study.model, study.part, settings))
-    bare = best(lambda: draw_normals(26 * 1_000_000))
-    print(f"\nboth adaptive angles / 26e6 bare normals: {seconds / bare:.2f}")
-
-
 def test_memory_does_not_grow_with_the_trials() -> None:
-    code = (
-        "import sys; sys.path.insert(0, sys.argv[1])\n"
+    before = (
         "from support import paper_study\n"
         "from test_bench_commands import orthogonality\n"
-        "study = paper_study()\n"
-        "read = lambda key: next(\n"
-        "    int(line.split()[1]) / 1024\n"
-        "    for line in open('/proc/self/status') if line.startswith(key))\n"
-        # The peak of importing would hide what follows: Linux lets it be reset.
-        "open('/proc/self/clear_refs', 'w').write('5')\n"
-        "before = read('VmRSS'); orthogonality(study, int(sys.argv[2]))\n"
-        "print(read('VmHWM') - before)"
+        "study = paper_study()"
     )
-    here = Path(__file__).parent
     for trials in (1_000_000, 20_000_000, 100_000_000):
-        result = subprocess.run(
-            [sys.executable, "-c", code, str(here.parent), str(trials)],
-            capture_output=True,
-            text=True,
-            check=True,
-            env={"PYTHONPATH": str(here)},
-        )
-        print(f"\n{trials} trials: {float(result.stdout):.0f} MiB above import")
-        assert float(result.stdout) <= 200
+        added = added_mib(before, f"orthogonality(study, {trials})")
+        print(f"\n{trials} trials: {added:.0f} MiB above import")
+        assert added <= 200
 
 
 def test_start_up() -> None:

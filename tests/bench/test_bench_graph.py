@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import time
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import numpy as np
 import pytest
 from graph_examples import shipped
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]  # no stubs published
+from watched_process import added_mib
 
 from mtu_cli.model.graph.propagation import GraphTrials
 from mtu_cli.stats.monte_carlo import monte_carlo
@@ -51,37 +50,15 @@ def test_distance_of_axes(threads: int) -> None:
     assert min(ratios) <= MOST
 
 
-MEMORY = """
-import sys
-from test_bench_graph import model
-from mtu_cli.stats.monte_carlo import monte_carlo
-
-def read():
-    lines = open("/proc/self/status").read().splitlines()
-    return next(int(line.split()[1]) for line in lines if line.startswith("VmHWM"))
-
-trials = model()
-# The peak of importing would hide what follows: Linux lets it be reset.
-open("/proc/self/clear_refs", "w").write("5")
-before = read()
-monte_carlo(trials, seed=1, trials=int(float(sys.argv[1])), threads=2, keep=2**16)
-print(read() - before)
-"""
-
-
-def added_mb(trials: float) -> float:
-    """Memory that a run takes beyond what its process has before."""
-    path = ":".join([item for item in sys.path if item])
-    call = [sys.executable, "-c", MEMORY, str(trials)]
-    found = subprocess.run(
-        call, capture_output=True, text=True, check=True, env={"PYTHONPATH": path}
-    )
-    return int(found.stdout) / 1024
-
-
 @pytest.mark.skipif(not Path("/proc/self/clear_refs").exists(), reason="Linux tells its peak")
 def test_memory_does_not_grow() -> None:
     """From 1e5 to 1e7 trials here; 1e8 take a minute more and no more memory."""
-    few, many = added_mb(1e5), added_mb(1e7)
+    before = (
+        "from test_bench_graph import model\n"
+        "from mtu_cli.stats.monte_carlo import monte_carlo\n"
+        "trials = model()"
+    )
+    run = "monte_carlo(trials, seed=1, trials={}, threads=2, keep=2**16)"
+    few, many = (added_mib(before, run.format(count)) for count in (10**5, 10**7))
     print(f"added {few:.1f} MB at 1e5 trials, {many:.1f} MB at 1e7")
     assert many - few < FLAT_MB

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
+from made_tables import made_readings
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.thermal_fit import METHODS, thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ThermalFit
 from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 
 Floats = NDArray[np.float64]
 
@@ -90,25 +89,12 @@ def drift_test(rng: np.random.Generator, kind: Kind) -> tuple[Readings, Floats]:
         T.append(20 + own + 0.01 * rng.standard_normal(own.shape))
         y.append(seen @ truth + kind.noise_um * noise)
         cycle += [c] * kind.n
-    n = len(cycle)
-    readings = Readings(
-        components=("d",),
-        code=np.zeros(n, np.int64),
-        position_mm=np.full(n, np.nan),
-        error=1e-3 * np.concatenate(y),
-        dimension=np.ones(n, np.int8),
-        pass_number=np.full(n, -1),
-        has_pass=np.zeros(n, bool),
-        direction=np.zeros(n, np.int8),
-        cycles=tuple(str(c) for c in range(kind.cycles)),
-        cycle=np.array(cycle, np.int64),
-        time_min=STEP_MIN * np.arange(n) + 1440.0 * np.array(cycle),
+    number = np.array(cycle)
+    readings = made_readings(
+        1e-3 * np.concatenate(y), ("d",), cycle=number, role="drift",
+        time=STEP_MIN * np.arange(len(cycle)) + 1440.0 * number,
         covariates=dict(zip(NAMES, np.vstack(T).T, strict=True)),
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(2, n + 2),
-        sources=(Source(role="drift", path=Path("d.csv"), shown="d.csv", sha256="", rows=None),),
-        roles=("drift",),
-    )
+    )  # fmt: skip
     return readings, truth
 
 

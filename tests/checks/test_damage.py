@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from made_tables import made_readings
 
 from checks.damage import CONFIGS, DAMAGES, DRAWS, draws, verdict
 from mtu_cli import checks
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 from mtu_cli.units import UNITS
 
 FEWER = {
@@ -36,29 +35,19 @@ def as_table(frame: pd.DataFrame, components: dict) -> Readings:
     """A frame as sound cells are read."""
     names, code = np.unique(frame.component, return_inverse=True)
     units = [UNITS[unit] for unit in frame.unit]
-    n = len(frame)
     axisless = np.array([components[name].of is None for name in names])[code]
-    given = {"pass": np.full(n, -1), "direction": [""] * n, "time_min": np.full(n, np.nan)}
-    columns = {name: frame[name].to_numpy() if name in frame else to for name, to in given.items()}
-    cycles, cycle = np.unique(frame["cycle"].astype(str) if "cycle" in frame else [""] * n,
-                              return_inverse=True)  # fmt: skip
-    return Readings(
-        components=tuple(names),
+    ways = frame["direction"].map({"forward": 1, "reverse": -1}) if "direction" in frame else 0
+    return made_readings(
+        frame.error.to_numpy(float) * [unit.to_internal for unit in units],
+        names,
         code=code,
-        position_mm=np.where(axisless, np.nan, frame.position_mm.to_numpy(float)),
-        error=frame.error.to_numpy(float) * [unit.to_internal for unit in units],
-        dimension=np.array([unit.dimension for unit in units], np.int8),
-        pass_number=np.asarray(columns["pass"], np.int64),
-        has_pass=np.full(n, "pass" in frame),
-        direction=np.array([{"forward": 1, "reverse": -1}.get(x, 0) for x in columns["direction"]]),
-        cycles=tuple(cycles),
-        cycle=cycle if "cycle" in frame else np.full(n, -1),
-        time_min=np.asarray(columns["time_min"], float),
+        position=np.where(axisless, np.nan, frame.position_mm.to_numpy(float)),
+        dimension=[unit.dimension for unit in units],
+        passes=frame.get("pass"),
+        direction=np.nan_to_num(ways),
+        cycle=frame["cycle"].astype(str) if "cycle" in frame else None,
+        time=frame.get("time_min", np.nan),
         covariates={name: frame[name].to_numpy(float) for name in frame if name[:2] == "T_"},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(2, n + 2),
-        sources=(Source(role="lbb", path=Path("a.csv"), shown="a.csv", sha256=""),),
-        roles=("lbb",),
     )
 
 

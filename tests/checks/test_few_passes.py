@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from made_tables import made_readings
 
 from mtu_cli import checks
-from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 
 
 def found(
@@ -21,24 +18,11 @@ def found(
     lines = 3 * rng.standard_normal((passes, 1)) + 0.01 * rng.standard_normal((passes, 1)) * x
     error = 5 * np.sin(x / 100) + lines + rng.standard_normal(x.shape)
     error[0, positions // 2] += off_um
-    n = x.size
-    table = Readings(
-        components=("dx_x",),
-        code=np.zeros(n, np.int64),
-        position_mm=x.ravel(),
-        error=1e-3 * error.round(2).ravel(),
-        dimension=np.ones(n, np.int8),
-        pass_number=np.repeat(np.arange(passes), positions),
-        has_pass=np.ones(n, bool),
-        direction=np.ones(n, np.int8),
-        cycles=(),
-        cycle=np.full(n, -1),
-        time_min=np.full(n, np.nan),
-        covariates={},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(2, n + 2),
-        sources=(Source(role="lbb", path=Path("a.csv"), shown="a.csv", sha256=""),),
-        roles=("lbb",),
+    table = made_readings(
+        1e-3 * error.round(2).ravel(),
+        position=x.ravel(),
+        passes=np.repeat(np.arange(passes), positions),
+        direction=1,
     )
     return [(item.code, item.row) for item in checks.run("readings", checks.ReadingsData(table))]
 

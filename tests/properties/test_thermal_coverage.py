@@ -11,13 +11,13 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from made_tables import made_readings
 from model_examples import loaded
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
-from mtu_cli.files.source import Source
 from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
@@ -81,25 +81,12 @@ def drift_test(rng: np.random.Generator) -> Readings:
                     rows[key].append(np.broadcast_to(np.asarray(value, float), N))
                 seen.append(20 + read)
     table = {key: np.concatenate(values) for key, values in rows.items()}
-    T, n = np.concatenate(seen), CYCLES * len(GRADIENTS) * len(PLACES) * N
-    return Readings(
-        components=tuple(GRADIENTS),
-        code=table["code"].astype(np.int64),
-        position_mm=table["place"],
-        error=table["y"],
-        dimension=np.ones(n, np.int8),
-        pass_number=np.full(n, -1),
-        has_pass=np.zeros(n, bool),
-        direction=np.zeros(n, np.int8),
-        cycles=tuple(str(c) for c in range(CYCLES)),
-        cycle=table["cycle"].astype(np.int64),
-        time_min=table["time"],
+    T = np.concatenate(seen)
+    return made_readings(
+        table["y"], tuple(GRADIENTS), code=table["code"], position=table["place"],
+        cycle=table["cycle"].astype(int), time=table["time"], role="drift",
         covariates={"T_a_degC": T[:, 0], "T_b_degC": T[:, 1]},
-        file_index=np.zeros(n, np.int64),
-        row=np.arange(2, n + 2),
-        sources=(Source(role="drift", path=Path("d.csv"), shown="d.csv", sha256="", rows=None),),
-        roles=("drift",),
-    )
+    )  # fmt: skip
 
 
 def held(rng: np.random.Generator, known: LoadedMachine) -> tuple[bool, ...]:

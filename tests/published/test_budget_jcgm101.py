@@ -69,6 +69,10 @@ def test_additive_rectangular_of_unequal_widths() -> None:
     assert output.k * output.first.u == pytest.approx(19.9, abs=0.05)
     assert output.validation.passed is False
     assert output.validation.d_high == pytest.approx(2.9, abs=0.05)
+    # To one digit of 10 the tolerance is 0.5: not valid either.
+    coarse = single(evaluated(additive(*kinds), digits=2)).validation
+    assert coarse.tolerance == pytest.approx(0.5)
+    assert coarse.passed is False
 
 
 def test_additive_t_by_hand() -> None:

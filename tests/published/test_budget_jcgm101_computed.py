@@ -2,7 +2,8 @@
 
 They are those that test_budget_jcgm101.py gives from memory of the document: what is compared is
 the calculation, with the figure as it is remembered and with the budget. Half a unit of the last
-digit, or what the document's own sample of so many trials may be off.
+digit, or what the document's own sample of so many trials may be off. Those of 9.5 were drawn with
+numpy alone (2e6 trials): 838 nm, u 36 nm, the ends within two standard errors of both samples.
 """
 
 from __future__ import annotations
@@ -139,31 +140,3 @@ def test_comparison_loss(x1: float, printed: tuple[int, int]) -> None:
     run = evaluated("equation: 1e6*(x1**2 + x2**2)\n" + inputs, trials=1_000_000).run
     assert run.low[0] == pytest.approx(quantile(0.025), abs=4 * run.se_low[0])
     assert run.high[0] == pytest.approx(quantile(0.975), abs=4 * run.se_high[0])
-
-
-def test_gauge_block() -> None:
-    """9.5: 838 nm = 623 + 215 and the shortest 99 % interval [745, 932] nm, by a plain simulation.
-
-    numpy alone, of 2e6 trials: the shortest interval of the ordered values (7.7.2). Theirs of
-    1.4e6 and this have standard errors of 0.3 and 0.2 nm of the width and 0.6 nm of the ends.
-    """
-    rng, m = np.random.default_rng(950), 2_000_000
-
-    def inexact(a: float, d: float) -> FloatArray:
-        return (a + d * (2.0 * rng.random(m) - 1.0)) * (2.0 * rng.random(m) - 1.0)
-
-    y = 215.0 + 6.0 * rng.standard_t(24, m) + 4.0 * rng.standard_t(5, m)
-    y += 7.0 * rng.standard_t(8, m)
-    reference = 50000623.0 + 25.0 * rng.standard_t(18, m)
-    away = -0.1 + 0.2 * rng.standard_normal(m) + 0.5 * np.sin(2.0 * math.pi * rng.random(m))
-    alpha = 11.5e-6 + 2e-6 * (2.0 * rng.random(m) - 1.0)
-    y += reference * (1.0 - inexact(1e-6, 0.1e-6) * away - alpha * inexact(0.050, 0.025)) - 5e7
-    y.sort()
-    q = round(0.99 * m)
-    best = int(np.argmin(y[q:] - y[:-q]))
-    low, high = float(y[best]), float(y[best + q])
-    assert float(y.mean()) == pytest.approx(838.0, abs=0.5)
-    assert float(y.std()) == pytest.approx(36.0, abs=0.5)
-    assert high - low == pytest.approx(932 - 745, abs=1.0 + 2 * math.hypot(0.3, 0.2))
-    assert low == pytest.approx(745, abs=0.5 + 2 * math.hypot(0.6, 0.6))
-    assert high == pytest.approx(932, abs=0.5 + 2 * math.hypot(0.6, 0.6))

@@ -20,6 +20,10 @@ WITHIN = {1: 0.002, 2: 6e-5, 3: 1e-4}
 
 @pytest.mark.parametrize("number", EXPECTED)
 def test_iso_230_2_figures_of_public_data(number: int) -> None:
+    """R is the largest R of a target, of set 2 0.0688, and not the larger of R forward and R
+    reverse, 0.0629; E takes the lowest mean of both directions (an evaluator printed 65.14 of set
+    1 and 0.0246 of set 2).
+    """
     _, mean, s = statistics(published(number)[1])
     found = figures_of(mean, s)
     assert {name: float(found[name]) for name in EXPECTED[number]} == pytest.approx(
@@ -63,22 +67,7 @@ def test_mistake_2_means_are_divided_by_runs_not_by_targets() -> None:
     assert len(targets) == readings.shape[2]
 
 
-def test_mistake_3_R_is_the_largest_R_of_a_target() -> None:
-    """Not the larger of R forward and R reverse: of set 2 0.0688 and not 0.0629."""
-    _, mean, s = statistics(published(2)[1])
-    found = figures_of(mean, s)
-    assert found["R"] == pytest.approx(0.06882, abs=1e-5)
-    assert found["R"] > max(found["R_forward"], found["R_reverse"]) + 0.005
-
-
-@pytest.mark.parametrize(("number", "E"), [(1, 74.772), (2, 0.0368)])
-def test_mistake_4_E_takes_the_lowest_mean_of_both_directions(number: int, E: float) -> None:
-    """The evaluator printed 65.14 and 0.0246."""
-    _, mean, s = statistics(published(number)[1])
-    assert figures_of(mean, s)["E"] == pytest.approx(E, abs=1e-4 * max(E, 1))
-
-
-def test_mistake_5_a_missing_run_is_no_obstacle_and_costs_no_pair() -> None:
+def test_mistake_3_a_missing_run_is_no_obstacle_and_costs_no_pair() -> None:
     _, readings = published(3)
     readings[0, 1, 4] = readings[1, 2, 0] = readings[1, 2, 1] = np.nan
     count, mean, s = statistics(readings)

@@ -270,30 +270,27 @@ def judged(kind: str, both: dict[int | None, dict[str, Series]], wanted: float) 
 BUDGET = Path(__file__).resolve().parents[3] / "configs" / "budgets" / "gum-h1-end-gauge.yaml"
 PRINTED = (50000838.0, 32.0, 93.0)
 """l, u and U99 in nm, JCGM 100:2008, H.1.6; U99 there at 16 degrees of freedom, not 16.8."""
-METROLOPY = """
-from metrolopy import gummy
+SUM = """
 d3 = 3 ** 0.5
-ls = gummy(50000623, u=25, dof=18)
-d = gummy(215, u=5.8, dof=24) + gummy(0, u=3.9, dof=5) + gummy(0, u=6.7, dof=8)
-dalpha = gummy(0, u=1e-6 / d3, dof=50)
-theta = gummy(-0.1, u=0.2) + gummy(0, u=0.5 / 2 ** 0.5)
-alphas = gummy(11.5e-6, u=2e-6 / d3)
-dtheta = gummy(0, u=0.05 / d3, dof=2)
+ls = number(50000623, 25, 18)
+d = number(215, 5.8, 24) + number(0, 3.9, 5) + number(0, 6.7, 8)
+dalpha = number(0, 1e-6 / d3, 50)
+theta = number(-0.1, 0.2) + number(0, 0.5 / 2 ** 0.5)
+alphas = number(11.5e-6, 2e-6 / d3)
+dtheta = number(0, 0.05 / d3, 2)
 l = ls + d - ls * (dalpha * theta + alphas * dtheta)
+"""
+METROLOPY = f"""
+from metrolopy import gummy
+number = lambda x, u, dof=float("inf"): gummy(x, u=u, dof=dof)
+{SUM}
 l.p = 0.99
 print(float(l.x), float(l.u), float(l.U))
 """
-GTC = """
-from GTC import ureal
+GTC = f"""
+from GTC import ureal as number
 from GTC.reporting import k_factor
-d3 = 3 ** 0.5
-ls = ureal(50000623, 25, 18)
-d = ureal(215, 5.8, 24) + ureal(0, 3.9, 5) + ureal(0, 6.7, 8)
-dalpha = ureal(0, 1e-6 / d3, 50)
-theta = ureal(-0.1, 0.2) + ureal(0, 0.5 / 2 ** 0.5)
-alphas = ureal(11.5e-6, 2e-6 / d3)
-dtheta = ureal(0, 0.05 / d3, 2)
-l = ls + d - ls * (dalpha * theta + alphas * dtheta)
+{SUM}
 print(l.x, l.u, k_factor(l.df, 99) * l.u)
 """
 SUNCAL = """

@@ -34,18 +34,6 @@ def fault_of(text: str) -> Finding:
     return fault
 
 
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("-x**2", -9.0), ("2**3**2", 512.0), ("2**-x", 0.125), ("10-4-3", 3.0), ("7/x*3", 7.0),
-        ("-+-x", 3.0), (".5 + 5. + 1e1 + 1E-1 + 2.5e+0", 18.1), ("2*pi", 6.283185307179586),
-        ("abs(-x) + sqrt(16)", 7.0), ("\tx\n+ 1 ", 4.0),
-    ],
-)  # fmt: skip
-def test_precedence_and_grouping(text: str, value: float) -> None:
-    assert evaluate(parse(text), {"x": 3.0}) == pytest.approx(value, rel=1e-15)
-
-
 def test_the_tree_has_columns_and_folded_constants() -> None:
     sine = Call("sin", (Call("neg", (Name("b", 11),), 10),), 5)
     assert parse("a - sin( -b)") == Call("-", (Name("a", 1), sine), 3)
@@ -200,19 +188,6 @@ def test_linear_forms(text: str, coefficients: dict[str, str], remainder: str | 
     form = linear_form(parse(text), "abc")
     assert {name: to_text(node) for name, node in form.coefficients.items()} == coefficients
     assert (None if form.remainder is None else to_text(form.remainder)) == remainder
-
-
-def test_the_machine_of_gilsinn_and_ling() -> None:
-    """Eq. (1): the lever arms of Ex, differenced numerically."""
-    node = parse("dx_x + dx_y + z*ey_x + y*ez_x + z*ey_y + y*ez_y - y*axy")
-    at = {"x": 3.0, "y": 5.0, "z": 127.0}
-    components = [name for name in names(node) if name not in at]
-    form = linear_form(node, components)
-    base = dict.fromkeys(components, 0.0) | at
-    for name in components:
-        lever = evaluate(node, base | {name: 1.0}) - evaluate(node, base)
-        assert evaluate(form.coefficients[name], at) == lever
-    assert form.remainder is None
 
 
 @pytest.mark.parametrize(
