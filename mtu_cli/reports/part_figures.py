@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.correct.sizes import Size
 
 PANELS, RUNS = 6, 4
-"""Features whose parts are drawn, and charts of what has a tolerance or a trend."""
+"""Features whose parts are drawn, and charts of what has a tolerance."""
 PART = 14
 """Characters of a part's name."""
 ITEMS, SIZES = 36, 40
@@ -52,9 +52,7 @@ class Chart(NamedTuple):
 
 @figures.styled
 def anova(result: AnovaResult) -> Figure:
-    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), what has a tolerance, and
-    clear trends.
-    """
+    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
     charts = [*_features(result), *islice(_runs(result), RUNS)]
     columns = min(len(charts), 2)
     page = figures.blank(8.5, 1.45 * math.ceil(len(charts) / columns) + 1.0)
@@ -87,10 +85,12 @@ def anova(result: AnovaResult) -> Figure:
 
 
 def _features(result: AnovaResult) -> Iterator[Chart]:
-    """Outliers and the largest errors first."""
+    """Clear trends, outliers and the largest errors first."""
     found = result.features
     labels, k = found.tables.labels, found.coverage_factor
-    for key in result.shown[:PANELS]:
+    clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in labels]
+    keys = dict.fromkeys([*(label[:2] for label in clear), *result.shown])
+    for key in list(keys)[:PANELS]:
         for i in (i for i, label in enumerate(labels) if label[:2] == key):
             mean, u = (each / UM for each in found.part_means(i))
             out = {p: name for p, name in enumerate(found.tables.parts) if name in found.unusual[i]}
@@ -99,24 +99,13 @@ def _features(result: AnovaResult) -> Iterator[Chart]:
 
 
 def _runs(result: AnovaResult) -> Iterator[Chart]:
-    """What has a tolerance, the least capable first, then clear trends."""
-    drawn = set()
+    """What has a tolerance, the least capable first."""
     for item in sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf])):
         unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
         limits = [item.high] if item.kind == "position" else [item.low, item.high]
         title = f"{words(item.operation, item.id)} {item.kind}: ppk {item.ppk:.2f}"
-        drawn.add((item.operation, item.id, item.kind))
         values, ends = item.values / size, np.array(limits) / size
         yield Chart(title, unit, item.sequence, values, None, ends, True, {})
-    kinds = {label: (kind, i) for kind in result.kinds for i, label in enumerate(kind.labels)}
-    for trend in sorted(result.trends, key=lambda item: item.p):
-        if trend.p <= FAMILY_RATE and trend.where not in drawn:
-            kind, i = kinds[trend.where]
-            unit, size = ("arcsec", ARCSEC) if trend.where[2] == "angle" else ("um", UM)
-            title = f"{words(*trend.where)}: {trend.slope / size:.2g} {unit} a part"
-            values = kind.part_means(i)[0] / size
-            sequence = result.sequence[trend.where[0]]
-            yield Chart(title, unit, sequence, values, None, np.zeros(0), False, {})
 
 
 @figures.styled
@@ -196,7 +185,6 @@ def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
     page = figures.listing(title, names, shown, label)
     panel, U = page.axes[0], np.array([item.U_reference for item in chosen]) / UM
     rows = np.arange(len(chosen))
-    panel.hlines(rows, before, after, color=figures.GREY, linewidth=0.8, zorder=1)
     if (known := np.isfinite(U)).any():
         panel.barh(
             rows[known], 2 * U[known], left=-U[known], height=0.64, color=figures.PALE, zorder=0,
