@@ -65,8 +65,6 @@ class Table:
             column = [field.cell(item, digits) for item in items]
             if all(text in (MISSING, "") for text in column):
                 continue
-            if field.show == "mm" and all(text.endswith((".000", MISSING)) for text in column):
-                column = [text.removesuffix(".000") for text in column]
             cells.append(column)
             columns.append(
                 Column(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -32,7 +32,6 @@ PART = 14
 ITEMS, SIZES = 36, 40
 """Items that are compared, and sizes that are corrected, drawn with their intervals."""
 COMPARED = (("predicted", figures.BLUE), ("measured", figures.ORANGE))
-CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
 class Chart(NamedTuple):
@@ -140,55 +139,37 @@ def compare(result: CompareResult) -> Figure:
 
 @figures.styled
 def correct(result: CorrectResult) -> Figure:
-    """Errors of diameters (or lengths) before and after with 95 % intervals; without either
-    the mean errors of the features.
+    """Errors of diameters (or lengths) before and after with 95 % intervals of one part; without
+    either the mean errors of the features.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
-    for kind, items, of in (
-        ("diameters", rounds, "calibrated diameter"),
-        ("lengths", result.of_kind("length"), "nominal length"),
-    ):
+    kinds = {"diameters": rounds, "lengths": result.of_kind("length")}
+    for what, items in kinds.items():
+        title = f"Errors of the {what}"
         known = [item for item in items if not np.isnan(item.reference)]
+        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in known]
+        before, after = np.array([x.error for x in known]).reshape(-1, 2).T / UM
+        half = np.array([np.ptp(x.error_interval95) for x in known]) / (2 * UM)
         if known:
-            return _sizes(kind, known, f"measured minus {of}, um")
-    found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
-    names = [f"{name} {axis}" for name in found.features for axis in result.axes]
+            break
+    else:
+        found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
+        names = [f"{name} {axis}" for name in found.features for axis in result.axes]
+        before, after = (x[:, at].ravel() / UM for x in (found.before, found.after))
+        title, half = "Mean errors of the features", np.full(len(names), np.nan)
     rows = spread(len(names), SIZES)
+    some = f" ({len(rows)} of {len(names)})" if len(rows) < len(names) else ""
     shown = [
-        Intervals(*label, errors[:, at].ravel()[rows] / UM)
-        for label, errors in zip(CORRECTED, (found.before, found.after), strict=True)
+        Intervals("before", figures.ORANGE, before[rows]),
+        Intervals("after, with 95 % interval", figures.BLUE, after[rows], half[rows]),
     ]
-    title = "Mean errors of the features before and after the correction"
-    chosen = [names[i] for i in rows]
-    page = figures.listing(title, chosen, shown, "measured minus nominal, um")
+    page = figures.listing(
+        f"{title} before and after the correction{some}", [names[i] for i in rows],
+        shown, "measured minus reference, um",
+    )  # fmt: skip
     figures.legend(page)
     return page
 
 
-def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
-    """A row a size, before and after, the interval of which is that of one part."""
-    chosen, names = [items[i] for i in spread(len(items), SIZES)], []
-    for item in chosen:
-        warm = "" if np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
-        of = (item.id, words(item.operation, f"part {item.part}"), warm)
-        names.append(", ".join(filter(None, of)))
-    (before, after), half = (
-        np.array([item.error for item in chosen]).T / UM,
-        np.array([np.ptp(item.error_interval95) for item in chosen]) / (2 * UM),
-    )
-    shown = [
-        Intervals(*CORRECTED[0], before),
-        Intervals(f"{CORRECTED[1][0]} ± 95 %", CORRECTED[1][1], after, half),
-    ]
-    title = f"Errors of the {kind} before and after the correction"
-    title += f" ({len(chosen)} of {len(items)})" if len(chosen) < len(items) else ""
-    page = figures.listing(title, names, shown, label)
-    panel, U = page.axes[0], np.array([item.U_reference for item in chosen]) / UM
-    rows = np.arange(len(chosen))
-    if (known := np.isfinite(U)).any():
-        panel.barh(
-            rows[known], 2 * U[known], left=-U[known], height=0.64, color=figures.PALE, zorder=0,
-            label="± U of the calibration",
-        )  # fmt: skip
-    figures.legend(page)
-    return page
+def _warmth(item: Size) -> str:
+    return "" if np.isnan(item.temperature) else f"at {item.temperature:.1f} °C"

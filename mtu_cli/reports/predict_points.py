@@ -129,10 +129,10 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
 
 
 def _verdict(result: PointsResult, digits: int) -> str:
-    """The largest error and the largest U, of equal figures the first, whatever the last digit."""
+    """The largest error and the largest U."""
     axes, ids = result.prediction.axes, result.prediction.ids
     E, U = result.prediction.mean / UM, result.coverage_factor * np.sqrt(result.variance) / UM
-    row, worst = (int(np.argmax([float(f"{x:.9g}") for x in values])) for values in (abs(E), U))
+    row, worst = int(np.argmax(abs(E))), int(np.argmax(U))
     names = [f"E{axes[each % len(axes)]} of {ids[each // len(axes)]}" for each in (row, worst)]
     return (
         f"The largest predicted error is {names[0]}, {plus_minus(E[row], U[row], digits)} um; the "
