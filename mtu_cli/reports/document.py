@@ -65,11 +65,13 @@ class Table:
             column = [field.cell(item, digits) for item in items]
             if all(text in (MISSING, "") for text in column):
                 continue
+            if field.show == "mm" and all(text.endswith((".000", MISSING)) for text in column):
+                column = [text.removesuffix(".000") for text in column]
             cells.append(column)
             columns.append(
                 Column(
                     title=field.title, text=field.show == "text", names=field.names,
-                    meaning=field.meaning,
+                    begins=field.begins, meaning=field.meaning,
                 )
             )  # fmt: skip
         if all(column.title.endswith("\n") for column in columns):
