@@ -68,7 +68,8 @@ def histogram(panel: Axes, item: Trials) -> None:
         panel.plot(grid, curve, color=figures.INK, label="first order")
         for end in item.first_ends:
             panel.axvline(end, color=figures.INK, lw=1, ls="--", label=f"{percent}, first order")
-    panel.axvspan(*item.ends, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
+    low, high = item.ends
+    panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
     panel.set(xlim=limits, yticks=[], xlabel=item.label)
     panel.set_title(item.title)
     panel.locator_params(axis="x", nbins=5)
