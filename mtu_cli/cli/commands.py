@@ -128,7 +128,7 @@ COMMANDS = declare(f"""
         | file:instrument decimal out quiet
     import | instruments | about | - | Instruments' files to the contract's CSV of readings, \
         points or drift. \
-        | files as_ component:read map unit decimal directions machine out:csv
+        | file:import as_ component:read map unit decimal directions machine to_csv
     schema | help | about | - | The JSON Schema of a YAML contract, for editors. \
         | kind
     help | help | about | - | Topics, the meaning of a warning or error, and the options of a \
@@ -157,7 +157,7 @@ def _called(name: str) -> Callable[..., None]:
 
     def call(**values: Any) -> None:
         options = Options(name.replace(" ", "-"), values, command.gates or ())
-        if command.chapter == "cli.help" or name == "import":
+        if command.chapter == "cli.help":
             analysis_of(name)(options)
         else:
             from mtu_cli.cli.emit import execute

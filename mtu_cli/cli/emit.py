@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
-from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options, option_name
+from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.csv_table import number
 from mtu_cli.files.source import SYNTHETIC, begins_with, given_path, same
 from mtu_cli.files.write import check_targets, made_ready
@@ -328,10 +328,10 @@ def check_outputs(inputs: Inputs) -> None:
 def _wrong_forms(command: str, written: Mapping[str, Path]) -> Iterator[Finding]:
     """Files that would be taken for what they are not; measured data is not overwritten."""
     for name, path in written.items():
-        option, ending = "-o" if name == "out" else option_name(name), path.suffix.lower()
+        option, ending = WRITTEN[name].named(name)[0], path.suffix.lower()
         endings, file = WRITTEN[name].endings, given_path(path)
         if path == STANDARD_OUTPUT:
-            if name != "out" and (name != "csv" or written.get("out") == path):
+            if name not in ("out", "to_csv") and (name != "csv" or written.get("out") == path):
                 reason = f"{option} cannot go to standard output"
                 yield finding("output-form", reason=reason, expected="a file")
         elif endings and ending not in endings and (path.is_file() or not os.path.exists(path)):

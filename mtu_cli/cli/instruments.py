@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome, deliver
+from mtu_cli.cli.emit import STANDARD_OUTPUT, Outcome
 from mtu_cli.cli.load import MEASURED, Inputs, named_file
 from mtu_cli.cli.options import Options, option_name
 from mtu_cli.cli.values import known_name
 from mtu_cli.files.contract import is_name
-from mtu_cli.files.source import given_path, same
-from mtu_cli.findings import Finding, InputError, error, finding
+from mtu_cli.files.source import same
+from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.formats.base import DRIFT, INSPECT, POINTS, READINGS, Ask, Imported, RawFile, raw_file
 from mtu_cli.formats.base import walk as elements_of
 from mtu_cli.formats.instruments import (
@@ -96,19 +95,21 @@ def _lines(results: dict[str, Any]) -> Iterable[str]:
         yield from [f"  and {left} more element paths (-o)"] if left > 0 else []
 
 
-def import_(options: Options) -> None:
-    """Writes the contract's CSV of all files, and says how they were understood."""
+def import_(inputs: Inputs, settings: Settings) -> Outcome:
+    """The contract's CSV of all files, and how they were understood."""
+    options = inputs.options
     kind = _choice(options, "as_", (READINGS, POINTS, DRIFT))
     words = {"unit": tuple(UNITS), "decimal": (".", ","), "directions": DIRECTIONS}
     given = {name: _choice(options, name, known) for name, known in words.items()}
     if options.component is not None and not is_name(options.component):
         raise error("wrong-type", path="--component", kind="a name", value=options.component)
-    asked = [each for path in options.files for each in _asked(options, path, str(kind), given)]
-    _check_target(options, [path for path, _ in asked])
     tables, findings, faults = list[Imported](), list[Finding](), list[Finding]()
-    for path, ask in asked:
+    target = None if options.to_csv == STANDARD_OUTPUT else options.to_csv
+    for path, ask in (each for file in options.file for each in _asked(options, file, kind, given)):
         try:
             file = raw_file(path, "file")
+            if target and same(target, path):
+                raise file.error("not-overwritten", reason="it is an input")
             if is_contract(file.content) and not ask.profile:
                 raise file.error("other-table", kind="the contract's CSV already")
             found = read(file, ask)
@@ -120,18 +121,13 @@ def import_(options: Options) -> None:
         tables.append(found)
     if faults:
         raise InputError(faults)
-    text = _joined(tables).csv(list(SPECS[str(kind)].columns))
-    target = options.out or STANDARD_OUTPUT
-    alone = target == STANDARD_OUTPUT
-    sentences = [each.message for each in findings if each.severity == "note"]
-    warnings = [f"warning: {each.message} [{each.code}]" for each in findings
-                if each.severity == "warning"]  # fmt: skip
-
-    def say() -> None:
-        sys.stdout.write(text if alone else "".join(f"{line}\n" for line in sentences))
-
-    files = {} if alone else {target: text.encode()}
-    deliver(files, say, [*(sentences if alone else []), *warnings])
+    text = _joined(tables).csv(list(SPECS[kind].columns))
+    notes = [each for each in findings if each.severity == "note"]
+    return Outcome(
+        tables=lambda detail: [each.message for each in notes] if target else [text.rstrip("\n")],
+        warnings=[each for each in findings if not (target and each in notes)],
+        files=lambda: {target: text.encode()} if target else {},
+    )
 
 
 def _asked(
@@ -186,17 +182,3 @@ def _unit_of(options: Options, component: str | None) -> str | None:
     components = load_machine(options.machine).machine.components
     known_name("--component", "component", component, components)
     return components[component].unit
-
-
-def _check_target(options: Options, read: list[Path]) -> None:
-    """Refuses a file that is read, or whose name is that of another kind."""
-    target: Path | None = options.out
-    if target is None or target == STANDARD_OUTPUT:
-        return
-    read_too = [*read, *(path for path in (options.map, options.machine) if path)]
-    place = {"file": given_path(target)}
-    if any(same(target, path) for path in read_too):
-        raise InputError(finding("not-overwritten", reason="it is an input", **place))
-    if target.suffix.lower() != ".csv":
-        reason = f"-o does not write {target.suffix or 'a file without an ending'}"
-        raise error("output-form", reason=reason, expected="a name that ends in .csv", **place)

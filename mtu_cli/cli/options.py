@@ -37,7 +37,7 @@ class Option:
     kind: type
     metavar: str | None
     text: str
-    short: str = ""
+    flags: tuple[str, ...] = ()
     default: Any = None
     argument: bool = False
     shown: str | None = None
@@ -69,8 +69,11 @@ class Option:
             common |= dict(zip(("min", "max"), self.bounds, strict=True))
         if self.argument:
             return Annotated[kind, typer.Argument(**common)]
-        flags = filter(None, (self.short, option_name(name)))
-        return Annotated[kind, typer.Option(*flags, **common)]
+        return Annotated[kind, typer.Option(*self.named(name), **common)]
+
+    def named(self, name: str) -> tuple[str, ...]:
+        """Its names on the command line: those it has, and by that of the parameter `name`."""
+        return self.flags if self.flags[1:] else (*self.flags, option_name(name))
 
 
 def option_name(name: str) -> str:
@@ -106,8 +109,9 @@ KINDS = {"path": Path, "text": str, "int": int, "float": float, "flag": bool}
 def declare(text: str, panel: str | None = None) -> dict[str, Option]:
     """Options by name, of lines ``name | kind ... | word for the value | meaning | default``.
 
-    Behind its kind stand a short form, ``argument``, bounds LOW..HIGH or endings of a file's name;
-    the default is a value, ``required``, or ``shown:`` what a study or the command chooses.
+    Behind its kind stand a short form or all names, ``argument``, bounds LOW..HIGH or endings of a
+    file's name; the default is a value, ``required``, or ``shown:`` what a study or the command
+    chooses.
 
     >>> declare("k | float 0..9 | K... | Factor | shown: 2")["k"].bounds
     (0.0, 9.0)
@@ -125,7 +129,7 @@ def declare(text: str, panel: str | None = None) -> dict[str, Option]:
             elif each == "argument":
                 known["argument"] = True
             elif each[0] == "-":
-                known["short"] = each
+                known["flags"] = (*known.get("flags", ()), each)
             else:
                 known["endings"] = (*known.get("endings", ()), each)
         if stated.startswith("shown: "):
@@ -159,8 +163,8 @@ FILES = declare("""
         .b5r | required
     file:budget | path argument | FILE | Budget YAML | required
     file:instrument | path argument | FILE | A file of an instrument | required
-    files | path argument | FILE... | Files of an instrument, or NAME=FILE with the component that \
-        it reads | required
+    file:import | path argument | FILE... | Files of an instrument, or NAME=FILE with the \
+        component that it reads | required
     map | path | FILE | Mapping profile (mtu/import/1) of any table
     file:graph | path argument | FILE | Graph YAML | required
 """)
@@ -174,6 +178,7 @@ WRITTEN = declare("""
         .pl (the paper's) | required
     to_file | path | FILE | The table for the control
     to_nc | path .nc .ngc .mpf .h .txt | FILE | The verification moves as G-code
+    to_csv | path -o --out .csv | FILE | The contract's CSV; without it on standard output
     write_machine | path .yaml .yml | FILE | The machine YAML with the found effects added to it
     write_components | path .json | FILE | Components report (-c) with the effects' joint \
         covariance
@@ -214,7 +219,6 @@ CHOICES = declare("""
     decimal | text | SIGN | Decimal sign . or , where the file leaves it open
     directions | text | HOW | Of runs, where the file leaves it open: alternate, forward or \
         reverse
-    out:csv | path -o | FILE | The contract's CSV; without it on standard output
     topic | text argument | TOPIC... | A topic, the code of a warning or error, or a command; \
         without: all topics
     standard | text | STANDARD | Figures of the table: iso230-2 or vdi3441 | iso230-2
@@ -315,7 +319,7 @@ OPTIONS: dict[str, Option] = {
 BESIDE = {"to_file": ".txt"}
 """Ending of a file that may be written beside that of an option."""
 ROLES = ("machine", "part", "components", "lbb", "laser", "cmm", "drift", "effects", "before",
-         "budget", "file", "current", "read", "verify")  # fmt: skip
+         "budget", "file", "map", "current", "read", "verify")  # fmt: skip
 """Options that name files to read."""
 MADE: dict[str, dict[str, tuple[str, ...]]] = {
     "simulate": {

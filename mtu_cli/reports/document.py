@@ -71,7 +71,7 @@ class Table:
             columns.append(
                 Column(
                     title=field.title, text=field.show == "text", names=field.names,
-                    meaning=field.meaning,
+                    begins=field.begins, meaning=field.meaning,
                 )
             )  # fmt: skip
         if all(column.title.endswith("\n") for column in columns):

@@ -207,17 +207,12 @@ def _ordered(rank: list[int], arcs: Arcs) -> list[list[int]]:
 
 
 def _rows(nodes: int, layers: list[list[int]], arcs: Arcs) -> FloatArray:
-    """Rows at the means of their neighbours, gaps kept, by weighted least squares."""
+    """Rows at the means of their neighbours, gaps kept, by least squares."""
     from scipy.optimize import isotonic_regression
-    from scipy.sparse import csr_array
 
-    count, ends = sum(map(len, layers)), np.reshape(np.array(arcs, np.int64), (-1, 2)).T
-    # Between nodes, between a node and a bend, between bends.
-    weights = np.array([1.0, 2.0, 8.0])[(ends >= nodes).sum(axis=0)]
-    pull = csr_array((weights, (ends[0], ends[1])), shape=(count, count))
-    pull = (pull + pull.T).tocsr()
-    total = pull.sum(axis=1)
-    y: FloatArray = np.zeros(count)
+    before, after = _adjacent(arcs)
+    y: FloatArray = np.zeros(sum(map(len, layers)))
+    near = [before[i] + after[i] or [i] for i in range(len(y))]
     offsets = []
     for layer in layers:
         rooms = np.where(np.array(layer) < nodes, ROOM, BEND)
@@ -226,11 +221,8 @@ def _rows(nodes: int, layers: list[list[int]], arcs: Arcs) -> FloatArray:
     for turn in range(PASSES):
         for index in range(len(layers)) if turn % 2 else reversed(range(len(layers))):
             layer, offset = layers[index], offsets[index]
-            weight = total[layer]
-            mean = pull[layer] @ y / np.maximum(weight, 0.1)
-            wanted = np.where(weight > 0, mean, y[layer])
-            fitted = isotonic_regression(wanted - offset, weights=np.maximum(weight, 0.1))
-            y[layer] = offset + fitted.x
+            wanted = np.array([y[near[i]].mean() for i in layer])
+            y[layer] = offset + isotonic_regression(wanted - offset).x
     top: FloatArray = y - y.min(initial=np.inf)
     return top
 

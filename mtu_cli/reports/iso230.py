@@ -237,27 +237,22 @@ def document(result: Iso230Result, digits: int = 2) -> Document:
 
 def _verdict(result: Iso230Result, digits: int) -> str:
     """The figures of the first axes, what fails, what changed."""
-    axes = list(result.axes.values())
-    texts = []
+    axes, texts = list(result.axes.values()), []
     for axis in axes[:SHOWN_AXES]:
         shown = _stated(axis, digits)
         if result.standard != "iso230-2":
             vdi = {name: axis.vdi[name] / axis.test.size for name in ("P", "Pa", "Ps_max", "U_max")}
             shown = [f"{x} {significant(value, 4)}" for x, value in vdi.items() if value == value]
-        texts.append(f"{axis.name}: {', '.join(shown)} {axis.test.unit}")
-    more = f"; and {len(axes) - SHOWN_AXES} more axes" if len(axes) > SHOWN_AXES else ""
-    text = f"{'; '.join(texts)}{more}."
+        texts.append(f"{axis.name}: {', '.join(shown)} {axis.test.unit}.")
+    texts += [f"And {len(axes) - SHOWN_AXES} more axes."] * (len(axes) > SHOWN_AXES)
     for verdict in ("nonconforming", "not proven"):
-        failed = [item for item in result.decisions if item.verdict == verdict]
-        if failed:
-            names = listed(f"{item.figure} of {item.component}" for item in failed)
-            text += f" {verdict.capitalize()}: {names}."
-    changes = [(axis.name, name, x) for axis in axes for name, x in (axis.before or {}).items()]
-    if changes:
-        differ = listed(f"{name} of {axis}" for axis, name, x in changes if x.differs)
-        none = "No figure differs from the earlier test by more than repeated tests do."
-        text += f" Changed since the earlier test: {differ}." if differ else f" {none}"
-    return text
+        failed = [f"{x.figure} of {x.component}" for x in result.decisions if x.verdict == verdict]
+        texts += [f"{verdict.capitalize()}: {listed(failed)}."] if failed else []
+    if any(axis.before for axis in axes):
+        pairs = ((axis, name, x) for axis in axes for name, x in (axis.before or {}).items())
+        differ = listed(f"{name} of {axis.name}" for axis, name, x in pairs if x.differs)
+        texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
+    return " ".join(texts)
 
 
 def _stated(axis: Axis, digits: int) -> list[str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -38,53 +38,72 @@ LINES = 14
 """Lines of a sweep that are named."""
 
 
-def histogram(
-    panel: Axes,
-    samples: FloatArray,
-    ends: Sequence[float],
-    first: tuple[float, float, float],
-    first_ends: Sequence[float],
-    percent: str = "95 %",
-) -> None:
-    """The density of the trials with the `ends` of their interval, and the curve of first order
-    (value, u, dof) with its ends; u 0: none.
+class Trials(NamedTuple):
+    """Trials with the `ends` of their interval, and those of the first order (value, u, dof; u 0:
+    none); what stands above and below.
     """
-    value, u, dof = first
-    known = [*ends, *first_ends] if u > 0.0 else [*ends]
+
+    samples: FloatArray
+    ends: Sequence[float]
+    first: tuple[float, float, float]
+    first_ends: Sequence[float]
+    title: str
+    label: str
+    percent: str = "95 %"
+
+
+def histogram(panel: Axes, item: Trials) -> None:
+    """The density of the trials and the curve of first order."""
+    (value, u, dof), percent = item.first, item.percent
+    known = [*item.ends, *item.first_ends] if u > 0.0 else [*item.ends]
     room = max(MARGIN * (max(known) - min(known)), 1e-6 * max(map(abs, known)), 1e-300)
-    left, right = min(known) - room, max(known) + room
+    limits = min(known) - room, max(known) + room
     style: dict[str, Any] = {"color": figures.PALE, "label": "Monte Carlo trials"}
-    panel.hist(samples, BINS, range=(left, right), density=True, histtype="stepfilled", **style)
+    panel.hist(item.samples, BINS, range=limits, density=True, histtype="stepfilled", **style)
     if u > 0.0:
         from scipy.stats import t
 
-        grid = np.linspace(left, right, 400)
+        grid = np.linspace(*limits, 400)
         curve = t.pdf(grid, dof, loc=value, scale=u)
         panel.plot(grid, curve, color=figures.INK, label="first order")
-        for end in first_ends:
+        for end in item.first_ends:
             panel.axvline(end, color=figures.INK, lw=1, ls="--", label=f"{percent}, first order")
-    panel.axvspan(ends[0], ends[1], ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
-    panel.set(xlim=(left, right), yticks=[])
+    low, high = item.ends
+    panel.axvspan(low, high, ymax=0.03, color=figures.BLUE, label=f"{percent}, Monte Carlo")
+    panel.set(xlim=limits, yticks=[], xlabel=item.label)
+    panel.set_title(item.title)
     panel.locator_params(axis="x", nbins=5)
+
+
+def _sheet(text: str, shown: Sequence[Trials]) -> Figure:
+    """A page of histograms."""
+    count, columns = max(1, len(shown)), max(1, min(len(shown), 3))
+    page = figures.blank(max(6.5, 3.7 * columns), 1.2 + 2.6 * math.ceil(count / columns))
+    for panel, item in zip(figures.panels_of(page, count, columns), shown, strict=False):
+        histogram(panel, item)
+    figures.legend(page, 2)
+    figures.title(page, text)
+    return page
 
 
 @figures.styled
 def orthogonality(result: OrthogonalityResult) -> Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
-    shown = result.angles[:ANGLES]
-    columns = max(1, min(len(shown), 2))
-    page = figures.blank((6.5, 11.0)[columns - 1], 1.0 + 3.0 * math.ceil(len(shown) / columns))
-    for panel, item in zip(figures.panels_of(page, len(shown), columns), shown, strict=False):
-        run, first, scale = item.run, item.first_order, item.scale / ARCSEC
-        ends = float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)
-        curve = first.mean / ARCSEC, first.u / ARCSEC, first.dof
-        first_ends = [x / ARCSEC for x in first.interval95]
-        histogram(panel, run.samples[0] / ARCSEC, ends, curve, first_ends)
-        mean, u = with_u(run.mean[0] / ARCSEC, scale)[0], significant(run.u[0] / ARCSEC)
-        panel.set_title(f"{cut(item.id, NAME)}: mean {mean}, u {u} arcsec")
-        panel.set_xlabel("angle minus 90 degrees, arcsec")
-    figures.legend(page)
-    return page
+    shown = []
+    for item in result.angles[:ANGLES]:
+        run, first = item.run, item.first_order
+        mean, u = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0], run.u[0] / ARCSEC
+        shown.append(
+            Trials(
+                run.samples[0] / ARCSEC,
+                (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
+                (first.mean / ARCSEC, first.u / ARCSEC, first.dof),
+                [end / ARCSEC for end in first.interval95],
+                f"{cut(item.id, NAME)}: mean {mean}, u {significant(u)} arcsec",
+                "angle minus 90 degrees, arcsec",
+            )
+        )
+    return _sheet("Angles between rows and columns", shown)
 
 
 @figures.styled
@@ -99,12 +118,13 @@ def budget(result: BudgetResult) -> Figure:
         name = cut(first.name, NAME)
         _shares(left, result, 100.0 * first.share)
         left.set_title(f"{name}: shares of the variance")
-        ends, curve = (float(run.low[i]), float(run.high[i])), (first.value, first.u, first.dof)
-        histogram(right, run.samples[i], ends, curve, [float(x) for x in output.interval], percent)
-        right.set_xlabel(name + unit.replace(" ", ", ", 1))
         text = f"{name} = {with_u(first.value, first.u or None)[0]}{unit}"
         u, by_trials = significant(first.u), significant(float(run.u[i]))
-        right.set_title(f"{text}\nu = {u}, by Monte Carlo {by_trials}{unit}")
+        text = f"{text}\nu = {u}, by Monte Carlo {by_trials}{unit}"
+        ends, curve = (float(run.low[i]), float(run.high[i])), (first.value, first.u, first.dof)
+        label, interval = name + unit.replace(" ", ", ", 1), [float(x) for x in output.interval]
+        samples = run.samples[i]
+        histogram(right, Trials(samples, ends, curve, interval, text, label, percent))
     figures.legend(page)
     return page
 
@@ -123,22 +143,16 @@ def simulated(result: GraphSimulation) -> Figure:
     varying = [item for item in result.coordinates if not item.fixed]
     most = [max(y.u for y in varying if y.output.unit == x.output.unit) for x in varying]
     seen = [x for x, u in zip(varying, most, strict=True) if x.u >= SEEN * u][:COORDINATES]
-    columns, count = max(1, min(len(seen), 3)), max(1, len(seen))
-    page = figures.blank(max(6.0, 3.6 * columns), 1.1 + 2.6 * math.ceil(count / columns))
-    for panel, item in zip(figures.panels_of(page, count, columns), seen, strict=False):
+    shown = []
+    for item in seen:
         factor, unit = small_unit(item.output.unit)
         ends, u = [end * factor for end in item.deviations], item.first_order_u * factor
-        half = coverage_factor(0.95) * u
-        samples = (item.samples - item.nominal) * factor
-        histogram(panel, samples, ends, (0.0, u, math.inf), (-half, half))
-        of = shares_text(item.shares)
-        panel.set_xlabel(f"from nominal, {unit}" + ("" if of == "-" else f"\n{of} % of u²"))
-        name = cut(str(item.output), NAME)
-        panel.set_title(f"{name}: u {significant(item.u * factor)} {unit}")
-    figures.legend(page, 2)
+        half, samples = coverage_factor(0.95) * u, (item.samples - item.nominal) * factor
+        text = f"{cut(str(item.output), NAME)}: u {significant(item.u * factor)} {unit}"
+        of = f"from nominal, {unit}\n{shares_text(item.shares)} % of u²"
+        shown.append(Trials(samples, ends, (0.0, u, math.inf), (-half, half), text, of))
     some = f" ({len(seen)} of {len(varying)})" if len(seen) < len(varying) else ""
-    figures.title(page, f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}")
-    return page
+    return _sheet(f"{cut(result.graph.graph.name, TITLE)}: scatter of the results{some}", shown)
 
 
 @figures.styled

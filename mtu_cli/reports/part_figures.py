@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import islice
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,13 +26,12 @@ if TYPE_CHECKING:
     from mtu_cli.analyses.correct.sizes import Size
 
 PANELS, RUNS = 6, 4
-"""Features whose parts are drawn, and charts of what has a tolerance or a trend."""
+"""Features whose parts are drawn, and charts of what has a tolerance."""
 PART = 14
 """Characters of a part's name."""
 ITEMS, SIZES = 36, 40
 """Items that are compared, and sizes that are corrected, drawn with their intervals."""
 COMPARED = (("predicted", figures.BLUE), ("measured", figures.ORANGE))
-CORRECTED = (("before", figures.ORANGE), ("after", figures.BLUE))
 
 
 class Chart(NamedTuple):
@@ -51,9 +50,7 @@ class Chart(NamedTuple):
 
 @figures.styled
 def anova(result: AnovaResult) -> Figure:
-    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), what has a tolerance, and
-    clear trends.
-    """
+    """Run charts: mean errors by part (Gilsinn & Ling 2004, Fig. 5), and what has a tolerance."""
     charts = [*_features(result), *islice(_runs(result), RUNS)]
     columns = min(len(charts), 2)
     page = figures.blank(8.5, 1.45 * math.ceil(len(charts) / columns) + 1.0)
@@ -83,10 +80,12 @@ def anova(result: AnovaResult) -> Figure:
 
 
 def _features(result: AnovaResult) -> Iterator[Chart]:
-    """Outliers and the largest errors first."""
+    """Clear trends, outliers and the largest errors first."""
     found = result.features
     labels, k = found.tables.labels, found.coverage_factor
-    for key in result.shown[:PANELS]:
+    clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in labels]
+    keys = dict.fromkeys([*(label[:2] for label in clear), *result.shown])
+    for key in list(keys)[:PANELS]:
         for i in (i for i, label in enumerate(labels) if label[:2] == key):
             mean, u = (each / UM for each in found.part_means(i))
             out = {p: name for p, name in enumerate(found.tables.parts) if name in found.unusual[i]}
@@ -94,24 +93,13 @@ def _features(result: AnovaResult) -> Iterator[Chart]:
 
 
 def _runs(result: AnovaResult) -> Iterator[Chart]:
-    """What has a tolerance, the least capable first, then clear trends."""
-    drawn = set()
+    """What has a tolerance, the least capable first."""
     for item in sorted(result.capabilities, key=lambda x: np.nanmin([x.ppk, x.cpk, np.inf])):
         unit, size = ("arcsec", ARCSEC) if item.kind == "angle" else ("um", UM)
         limits = [item.high] if item.kind == "position" else [item.low, item.high]
         title = f"{words(item.operation, item.id)} {item.kind}: ppk {item.ppk:.2f}"
-        drawn.add((item.operation, item.id, item.kind))
         ends = [limit / size for limit in limits]
         yield Chart(title, unit, item.sequence, item.values / size, None, ends, {})
-    kinds = {label: (kind, i) for kind in result.kinds for i, label in enumerate(kind.labels)}
-    for trend in sorted(result.trends, key=lambda item: item.p):
-        if trend.p <= FAMILY_RATE and trend.where not in drawn:
-            kind, i = kinds[trend.where]
-            unit, size = ("arcsec", ARCSEC) if trend.where[2] == "angle" else ("um", UM)
-            title = f"{words(*trend.where)}: {trend.slope / size:.2g} {unit} a part"
-            values = kind.part_means(i)[0] / size
-            sequence = result.sequence[trend.where[0]]
-            yield Chart(title, unit, sequence, values, None, (), {})
 
 
 @figures.styled
@@ -146,56 +134,37 @@ def compare(result: CompareResult) -> Figure:
 
 @figures.styled
 def correct(result: CorrectResult) -> Figure:
-    """Errors of diameters (or lengths) before and after with 95 % intervals; without either
-    the mean errors of the features.
+    """Errors of diameters (or lengths) before and after with 95 % intervals of one part; without
+    either the mean errors of the features.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
-    for kind, items, of in (
-        ("diameters", rounds, "calibrated diameter"),
-        ("lengths", result.of_kind("length"), "nominal length"),
-    ):
+    kinds = {"diameters": rounds, "lengths": result.of_kind("length")}
+    for what, items in kinds.items():
+        title = f"Errors of the {what}"
         known = [item for item in items if not np.isnan(item.reference)]
+        names = [words(x.id, x.operation, f"part {x.part}", _warmth(x)) for x in known]
+        before, after = np.array([x.error for x in known]).reshape(-1, 2).T / UM
+        half = np.array([np.ptp(x.error_interval95) for x in known]) / (2 * UM)
         if known:
-            return _sizes(kind, known, f"measured minus {of}, um")
-    found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
-    names = [f"{name} {axis}" for name in found.features for axis in result.axes]
+            break
+    else:
+        found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
+        names = [f"{name} {axis}" for name in found.features for axis in result.axes]
+        before, after = (x[:, at].ravel() / UM for x in (found.before, found.after))
+        title, half = "Mean errors of the features", np.full(len(names), np.nan)
     rows = spread(len(names), SIZES)
+    some = f" ({len(rows)} of {len(names)})" if len(rows) < len(names) else ""
     shown = [
-        Intervals(*label, errors[:, at].ravel()[rows] / UM)
-        for label, errors in zip(CORRECTED, (found.before, found.after), strict=True)
+        Intervals("before", figures.ORANGE, before[rows]),
+        Intervals("after, with 95 % interval", figures.BLUE, after[rows], half[rows]),
     ]
-    title = "Mean errors of the features before and after the correction"
-    chosen = [names[i] for i in rows]
-    page = figures.listing(title, chosen, shown, "measured minus nominal, um")
+    page = figures.listing(
+        f"{title} before and after the correction{some}", [names[i] for i in rows],
+        shown, "measured minus reference, um",
+    )  # fmt: skip
     figures.legend(page)
     return page
 
 
-def _sizes(kind: str, items: Sequence[Size], label: str) -> Figure:
-    """A row a size, before and after, the interval of which is that of one part."""
-    chosen, names = [items[i] for i in spread(len(items), SIZES)], []
-    for item in chosen:
-        warm = "" if np.isnan(item.temperature) else f"{item.temperature:.1f} °C"
-        of = (item.id, words(item.operation, f"part {item.part}"), warm)
-        names.append(", ".join(filter(None, of)))
-    (before, after), half = (
-        np.array([item.error for item in chosen]).T / UM,
-        np.array([np.ptp(item.error_interval95) for item in chosen]) / (2 * UM),
-    )
-    shown = [
-        Intervals(*CORRECTED[0], before),
-        Intervals(f"{CORRECTED[1][0]} ± 95 %", CORRECTED[1][1], after, half),
-    ]
-    title = f"Errors of the {kind} before and after the correction"
-    title += f" ({len(chosen)} of {len(items)})" if len(chosen) < len(items) else ""
-    page = figures.listing(title, names, shown, label)
-    panel, U = page.axes[0], np.array([item.U_reference for item in chosen]) / UM
-    rows = np.arange(len(chosen))
-    panel.hlines(rows, before, after, color=figures.GREY, linewidth=0.8, zorder=1)
-    if (known := np.isfinite(U)).any():
-        panel.barh(
-            rows[known], 2 * U[known], left=-U[known], height=0.64, color=figures.PALE, zorder=0,
-            label="± U of the calibration",
-        )  # fmt: skip
-    figures.legend(page)
-    return page
+def _warmth(item: Size) -> str:
+    return "" if np.isnan(item.temperature) else f"at {item.temperature:.1f} °C"

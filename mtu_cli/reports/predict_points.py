@@ -24,7 +24,7 @@ POINT = """
     *errors
     conformance.
         position_um | | diameter of the zone of true position; conformance is null without \
-            | position, diameter(), csv=position_um, size=as_stated()
+            | position, diameter(), begins, csv=position_um, size=as_stated()
         *conforming
         se | | standard error of the probability (Monte Carlo) | -, json
     outside_measured_range | outside() | components whose measured range the feature leaves \
@@ -32,7 +32,7 @@ POINT = """
 """
 OF_AXIS = """
     EAXIS_um | prediction.mean | error along AXIS: actual minus nominal \
-        | EAXIS, u=root(variance)
+        | EAXIS, u=root(variance), begins
     u_AXIS_um | root(variance) | standard uncertainty of one future part | u, u=root(variance)
     U_AXIS_um | U() | expanded uncertainty k u | U, u=root(variance)
     var_AXIS_um2 | variance | variance, u squared
@@ -129,10 +129,10 @@ def document(result: PointsResult, digits: int = 2, *, with_covariance: bool = F
 
 
 def _verdict(result: PointsResult, digits: int) -> str:
-    """The largest error and the largest U, of equal figures the first, whatever the last digit."""
+    """The largest error and the largest U."""
     axes, ids = result.prediction.axes, result.prediction.ids
     E, U = result.prediction.mean / UM, result.coverage_factor * np.sqrt(result.variance) / UM
-    row, worst = (int(np.argmax([float(f"{x:.9g}") for x in values])) for values in (abs(E), U))
+    row, worst = int(np.argmax(abs(E))), int(np.argmax(U))
     names = [f"E{axes[each % len(axes)]} of {ids[each // len(axes)]}" for each in (row, worst)]
     return (
         f"The largest predicted error is {names[0]}, {plus_minus(E[row], U[row], digits)} um; the "

@@ -100,7 +100,6 @@ def on_a_terminal(*args: object, columns: int = 100) -> str:
 def test_a_terminal_receives_colour() -> None:
     shown = on_a_terminal("lengths", SMALL)
     assert ESCAPE in shown
-    assert BOXES.search(shown)
     bare = re.sub(r"\x1b\[[0-9;]*m", "", shown)
     for line in in_a_pipe().splitlines()[3:5]:
         assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()

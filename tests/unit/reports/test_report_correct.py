@@ -102,14 +102,11 @@ def test_pictures(tmp_path: Path, kind: str) -> None:
         # A row a part, of the first to the last of 50.
         what = "ring" if kind == "circles" else "r0-r5"
         assert len(names) == 40
-        assert all(name.startswith(f"{what}, part ") for name in names)
+        assert all(name.startswith(f"{what} part ") for name in names)
         assert page.get_suptitle().endswith("(40 of 50)")
-        shades = [item.get_label() for item in panel.containers]
-        assert any("calibration" in str(label) for label in shades) == (kind == "circles")
     else:
         axes = "x" if kind == "axis" else "xy"
         assert names == [f"r{i} {axis}" for i in range(11) for axis in axes]
-        assert [text.get_text() for text in page.legends[0].get_texts()] == ["before", "after"]
     assert len(figure_bytes(page, ".png")) > 5000
 
 

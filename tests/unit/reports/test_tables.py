@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mtu_cli.reports.tables import Column, Sheet, plain_text
+from mtu_cli.reports.tables import Column, Sheet
 
 
 def shown_at(sheet: Sheet, width: int) -> str:
@@ -25,11 +25,6 @@ def sheet(widths: list[int]) -> Sheet:
     columns = [Column(title="name", text=True)]
     columns += [Column(title="n") for _ in widths]
     return Sheet(title="t", columns=columns, rows=[["n" * 8, *("1" * w for w in widths)]])
-
-
-def blocks(table: Sheet) -> list[str]:
-    """The lines of numbers, one a group of columns."""
-    return [line for line in plain_text([table]).splitlines() if line.startswith("nnnnnnnn")]
 
 
 @settings(deadline=None)
