@@ -99,17 +99,13 @@ def _runs(result: AnovaResult) -> Iterator[tuple[str, str, FloatArray, FloatArra
 
 
 def _parts(panel: Axes, result: AnovaResult, i: int, width: float) -> None:
-    """The mean of every part with the CMM's scatter, outliers among them, and their limits."""
+    """The mean of every part with the CMM's scatter, and outliers among them."""
     found, parts = result.features, result.features.tables.parts
     k, (mean, u) = found.coverage_factor, (each / UM for each in found.part_means(i))
     count, half = len(parts), k * u
     at = np.arange(count) + 1.0
     overall = found.one_way.mean[i] / UM
     panel.axhline(overall, color=figures.BLUE, linewidth=1.0, label="mean of all readings")
-    limits = "limits of an outlier (over all parts and features)"
-    for limit in result.limits(i) / UM:
-        if np.isfinite(limit).any():
-            panel.step(at, limit, where="mid", color=figures.RED, lw=1.0, ls="--", label=limits)
     bars = count <= MANY and np.nanmax(half) > 0
     size = min(4.0, max(0.7, 160.0 / count))
     out = np.array([part in found.unusual[i] for part in parts], dtype=bool)

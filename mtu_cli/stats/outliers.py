@@ -36,18 +36,6 @@ def deviation_p(d: FloatArray, count: FloatArray) -> FloatArray:
     return np.where(count >= FEWEST, 2 * stdtr(n - 2, -t), 1.0)
 
 
-def deviation_limit(count: FloatArray, p: float) -> FloatArray:
-    """The deviation (value - mean)/s whose two-sided p is `p` (Grubbs 1969, as `deviation_p`); nan
-    for too few values.
-    """
-    from scipy.special import stdtrit
-
-    n = np.maximum(count, float(FEWEST))
-    t = stdtrit(n - 2, 1 - p / 2)
-    limit = (n - 1) / np.sqrt(n) * np.sqrt(t**2 / (n - 2 + t**2))
-    return np.where(count >= FEWEST, limit, np.nan)
-
-
 SAMPLED = 100_000
 """Values that are enough for a median and a deviation to half a percent."""
 OUTLYING_P = 1e-4

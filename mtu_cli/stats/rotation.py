@@ -17,10 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mtu_cli.stats.least_squares import FloatArray, IntArray
-from mtu_cli.stats.outliers import deviation_limit, deviation_p
+from mtu_cli.stats.outliers import deviation_p
 from mtu_cli.stats.resolution import hidden
 
-RATE = 0.05
 ROTATIONS = 999
 ENTRIES = 100_000
 """Tables with more entries are tested by bounds, single entries and means alone."""
@@ -39,21 +38,17 @@ Rotate = Callable[[int], FloatArray]
 class Outstanding:
     """Family-wise p values, each adjusted for all rows, columns, groups and kinds: `by_row` (rows,)
     the smallest for the row as a whole (its distance and its mean over the columns of each group),
-    `by_cell` (rows, columns) for single entries. `limit` (columns,) is the deviation from the
-    column's mean, over its sample deviation, beyond which an entry's p is at most the rate; nan
-    where no entry can get there.
+    `by_cell` (rows, columns) for single entries.
     """
 
     by_row: FloatArray
     by_cell: FloatArray
-    limit: FloatArray
 
 
 def outstanding_rows(
     table: FloatArray,
     groups: IntArray,
     seed: int,
-    rate: float = RATE,
     rounding: FloatArray | float = 0.0,
 ) -> Outstanding:
     """Rows that stand out of `table` (rows, columns), nan where an entry is missing.
@@ -68,13 +63,11 @@ def outstanding_rows(
     d, count = _scaled(table, rounding)
     indicator = (groups[:, None] == np.unique(groups)[None, :]).astype(np.float64)
     if d.size <= ENTRIES:
-        return _by_rotation(d, count, indicator, np.random.default_rng(seed), rate)
-    return _by_bounds(d, count, indicator, rate)
+        return _by_rotation(d, indicator, np.random.default_rng(seed))
+    return _by_bounds(d, count, indicator)
 
 
-def _by_rotation(
-    d: FloatArray, count: FloatArray, indicator: FloatArray, rng: np.random.Generator, rate: float
-) -> Outstanding:
+def _by_rotation(d: FloatArray, indicator: FloatArray, rng: np.random.Generator) -> Outstanding:
     observed = _statistics(d, indicator)
     rotate = _rotations(_filled(d), rng)
     largest: list[list[FloatArray]] = [[], [], []]
@@ -97,16 +90,11 @@ def _by_rotation(
     own = np.array([_tail(null, null) for null in nulls])
     smallest = own.min(axis=0)
     entries, distance, mean = (_lower_tail(item, smallest) for item in p)
-    # The deviation beyond which the adjusted p is at most `rate`.
-    steps = np.arange(1, len(nulls[0]) + 1)
-    reached = steps[_lower_tail(steps / (1 + len(steps)), smallest) <= rate]
-    critical = np.sort(nulls[0])[-reached[-1]] if len(reached) else np.inf
-    limit = np.full(len(count), float(critical))
     by_row = np.minimum(distance.min(axis=1), mean.min(axis=1))
-    return _outstanding(entries, by_row, limit, count)
+    return Outstanding(by_row=by_row, by_cell=entries)
 
 
-def _by_bounds(d: FloatArray, count: FloatArray, indicator: FloatArray, rate: float) -> Outstanding:
+def _by_bounds(d: FloatArray, count: FloatArray, indicator: FloatArray) -> Outstanding:
     """Large tables: half of the error rate each to single entries and means, by the bound of
     Bonferroni on Grubbs's statistic.
     """
@@ -116,8 +104,7 @@ def _by_bounds(d: FloatArray, count: FloatArray, indicator: FloatArray, rate: fl
     scale = np.sqrt((means**2).sum(axis=0) / (rows - 1))
     means = means / np.where(scale > 0, scale, 1.0)
     mean = np.minimum(2 * means.size * deviation_p(means, np.full(1, float(rows))), 1.0)
-    limit = deviation_limit(count, rate / (2 * d.size))
-    return _outstanding(entries, mean.min(axis=1), limit, count)
+    return Outstanding(by_row=mean.min(axis=1), by_cell=entries)
 
 
 def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -129,14 +116,6 @@ def _alike(observed: FloatArray, largest: FloatArray) -> tuple[FloatArray, Float
     s = pool.std(axis=0)
     s = np.where(s > 0, s, 1.0)
     return (observed - pool.mean(axis=0)) / s, ((largest - pool.mean(axis=0)) / s).max(axis=1)
-
-
-def _outstanding(
-    by_cell: FloatArray, by_row: FloatArray, limit: FloatArray, count: FloatArray
-) -> Outstanding:
-    largest = (count - 1) / np.sqrt(np.maximum(count, 1.0))
-    reached = np.where(limit < largest, limit, np.nan)
-    return Outstanding(by_row=by_row, by_cell=by_cell, limit=reached)
 
 
 def _scaled(table: FloatArray, rounding: FloatArray | float) -> tuple[FloatArray, FloatArray]:

@@ -65,8 +65,6 @@ class AnovaResult:
     method: Method
     datum: Datum
     kinds: tuple[Analysed, ...]
-    deviations: PartsTable
-    limit: FloatArray
     unusual: tuple[UnusualPart, ...] | None
     sequence: Mapping[str, FloatArray]
     trends: tuple[Trend, ...]
@@ -79,11 +77,6 @@ class AnovaResult:
     def features(self) -> Analysed:
         """The tables of features, which there always are."""
         return self.kinds[0]
-
-    def limits(self, i: int) -> FloatArray:
-        """Limits (2, parts) of the part means of table `i` of features, mm; nan where none."""
-        centre: FloatArray = self.features.one_way.mean[i] + self.deviations.limits(i, self.limit)
-        return centre
 
 
 def analyse_variance(
@@ -104,8 +97,7 @@ def analyse_variance(
     measured, warnings = _measured(points, part, datum)
     k = settings.coverage_factor
     kinds = [analysed(kind, tables, method, k) for kind, tables in measured.items()]
-    deviations = parts_table(kinds)
-    limit, unusual = unusual_parts(deviations, settings.seed)
+    unusual = unusual_parts(parts_table(kinds), settings.seed)
     names: dict[Label, tuple[str, ...]] = {}
     for item in unusual or ():
         for label in item.singles:
@@ -123,8 +115,6 @@ def analyse_variance(
         method=method,
         datum=datum,
         kinds=tuple(kinds),
-        deviations=deviations,
-        limit=limit,
         unusual=unusual,
         sequence=sequence,
         trends=trends(kinds, sequence),

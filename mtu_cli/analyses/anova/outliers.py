@@ -10,10 +10,9 @@ import numpy as np
 
 from mtu_cli.analyses.anova.tables import Analysed, Label
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.resolution import hidden
-from mtu_cli.stats.rotation import RATE, Outstanding, outstanding_rows
+from mtu_cli.stats.rotation import Outstanding, outstanding_rows
 
-FAMILY_RATE = RATE
+FAMILY_RATE = 0.05
 """Of clean studies so many have an alarm of any kind at most: an outlying part, or a trend over the
 sequence."""
 PARTS, TRENDS = 0.6, 0.2
@@ -64,16 +63,6 @@ class PartsTable:
     scaled: FloatArray
     rounding: FloatArray
 
-    def limits(self, column: int, limit: FloatArray) -> FloatArray:
-        """The values (2, parts) of part means beyond which a part is an outlier of one table by
-        itself, about the table's mean: `limit` (tables,) sample deviations from their centre.
-        """
-        scaled, scale = self.scaled[:, column], np.abs(self.scale[:, column])
-        known = scaled[np.isfinite(scaled)]
-        s2 = known.var(ddof=1) if len(known) > 1 else np.nan
-        half = limit[column] * np.sqrt(s2 + hidden(s2, self.rounding_scaled[column]))
-        return np.stack([scale * (known.mean() - half), scale * (known.mean() + half)])
-
     @property
     def rounding_scaled(self) -> FloatArray:
         """`rounding` (tables,) of scaled values."""
@@ -105,22 +94,20 @@ def parts_table(kinds: Sequence[Analysed]) -> PartsTable:
     )
 
 
-def unusual_parts(
-    table: PartsTable, seed: int
-) -> tuple[FloatArray, tuple[UnusualPart, ...] | None]:
-    """The limits (tables,) of single tables, nan where no part can be an outlier, and outlying
-    parts at their share of the family-wise rate over all parts and tables; None of too few parts.
+def unusual_parts(table: PartsTable, seed: int) -> tuple[UnusualPart, ...] | None:
+    """Outlying parts at their share of the family-wise rate over all parts and tables; None of too
+    few parts.
     """
     if len(table.parts) < FEWEST_PARTS:
-        return np.full(len(table.labels), np.nan), None
+        return None
     names = [(operation, "", axis) for operation, _, axis in table.labels]
     codes = {name: code for code, name in enumerate(dict.fromkeys(names))}
     groups = np.array([codes[name] for name in names])
-    result = outstanding_rows(table.scaled, groups, seed, PARTS_RATE, table.rounding_scaled)
+    result = outstanding_rows(table.scaled, groups, seed, table.rounding_scaled)
     p = np.minimum(result.by_row, result.by_cell.min(axis=1))
     outside = np.flatnonzero(p <= PARTS_RATE).tolist()
     unusual = [_unusual(table, groups, list(codes), result, i) for i in outside]
-    return result.limit, tuple(sorted(unusual, key=lambda item: item.p))
+    return tuple(sorted(unusual, key=lambda item: item.p))
 
 
 def _unusual(
