@@ -16,7 +16,6 @@ from mtu_cli.analyses.anova.capability import (
     trends,
 )
 from mtu_cli.analyses.anova.outliers import (
-    PartsTable,
     UnusualPart,
     parts_table,
     unusual_parts,
