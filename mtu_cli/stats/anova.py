@@ -54,7 +54,6 @@ class OneWay:
     F: FloatArray
     F_critical_95: FloatArray
     p: FloatArray
-    r2: FloatArray
     n0: FloatArray
 
 
@@ -118,7 +117,6 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     F = np.where(ms_within > 0, _ratio(ms_between, noise), np.nan)
     known = np.isfinite(F) & (df_between > 0)
     safe_b, safe_w = np.where(known, df_between, 1), np.where(known, df_within, 1)
-    total = ss_between + cells.within
     return OneWay(
         parts=parts,
         N=N,
@@ -130,7 +128,6 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
         F=F,
         F_critical_95=np.where(known, fdtri(safe_b, safe_w, 0.95), np.nan),
         p=np.where(known, fdtrc(safe_b, safe_w, np.where(known, F, 1.0)), np.nan),
-        r2=_ratio(ss_between, total),
         n0=n0,
     )
 

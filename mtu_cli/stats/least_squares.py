@@ -92,42 +92,27 @@ def _refined(
 def batched_least_squares(X: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Minimises |y - X b|^2 of m small problems at once; X is (k, n, m), y is (n, m), k <= n.
 
-    Returns b (k, m) and the sum of squares (m,) that X explains, |y|^2 - |y - X b|^2, by
-    `gram_schmidt`. Where a problem does not determine its b (to `RANK_TOLERANCE` of a column's
-    length) both are nan.
-    """
-    R, z, _ = gram_schmidt(X, y, RANK_TOLERANCE * _length(X), np.nan)
-    k, m = z.shape
-    b = np.empty((k, m))
-    for j in reversed(range(k)):
-        b[j] = (z[j] - np.einsum("cm,cm->m", R[j, j + 1 :], b[j + 1 :])) / R[j, j]
-    return b, np.einsum("km,km->m", z, z)
-
-
-def gram_schmidt(
-    X: FloatArray, y: FloatArray, least: FloatArray, undetermined: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """X = Q R with R (k, k, m), z = Q'y (k, m) and what X leaves of y (n, m).
-
-    Modified Gram-Schmidt of X with y beside it, which loses no more digits than Householder's
-    (Bjorck 1967, BIT 7, 1-21): the condition of X is not squared. The diagonal of R is
-    `undetermined` where no more than `least` (k or 1, m or 1) is left of a column beside the ones
-    before it: nan makes all of its problem nan, infinity a column of Q that is 0.
+    Returns b (k, m) and the sum of squares (m,) that X explains, |y|^2 - |y - X b|^2, by modified
+    Gram-Schmidt of X with y beside it, which loses no more digits than Householder's (Bjorck 1967,
+    BIT 7, 1-21): the condition of X is not squared. Where a problem does not determine its b (to
+    `RANK_TOLERANCE` of a column's length) both are nan.
     """
     k, _, m = X.shape
-    least = np.broadcast_to(least, (k, m))
+    least = RANK_TOLERANCE * _length(X)
     Q, rest = X.copy(), y.copy()
-    R, z = np.zeros((k, k, m)), np.empty((k, m))
+    R, z, b = np.zeros((k, k, m)), np.empty((k, m)), np.empty((k, m))
     for j in range(k):
         left = _length(Q[j])
-        R[j, j] = np.where(left > least[j], left, undetermined)
+        R[j, j] = np.where(left > least[j], left, np.nan)
         Q[j] /= R[j, j]
         for c in range(j + 1, k):
             R[j, c] = np.einsum("nm,nm->m", Q[j], Q[c])
             Q[c] -= R[j, c] * Q[j]
         z[j] = np.einsum("nm,nm->m", Q[j], rest)
         rest -= z[j] * Q[j]
-    return R, z, rest
+    for j in reversed(range(k)):
+        b[j] = (z[j] - np.einsum("cm,cm->m", R[j, j + 1 :], b[j + 1 :])) / R[j, j]
+    return b, np.einsum("km,km->m", z, z)
 
 
 def _length(columns: FloatArray) -> FloatArray:

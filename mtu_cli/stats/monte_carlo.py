@@ -43,8 +43,8 @@ class MonteCarloResult(Estimates):
     symmetric coverage interval for `probability`; `shortest_low`, `shortest_high`: the shortest
     (7.7). `se_*`: the Monte Carlo's own standard uncertainty of mean, u, low, high.
     `converged`: 2 se is within the tolerance asked for, for every output and statistic.
-    `gain`: variance reduction by the control variate. `blocks`: how many blocks the standard
-    errors come from; 1 where they are asymptotic. `samples` (outputs, kept): the first trials.
+    `blocks`: how many blocks the standard errors come from; 1 where they are asymptotic. `samples`
+    (outputs, kept): the first trials.
     """
 
     names: tuple[str, ...]

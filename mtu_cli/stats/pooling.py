@@ -7,7 +7,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,17 +24,6 @@ the distribution (David & Nagaraja 2003, 7.1). The spread over one has half as m
 and is itself so unsure that two standard errors hold 92 % of the errors."""
 
 
-class Gain(NamedTuple):
-    """Variance of the plain estimate over that of the estimate used, each (outputs,): the same
-    standard error would take so many times the trials without the control variate.
-    """
-
-    mean: FloatArray
-    u: FloatArray
-    low: FloatArray
-    high: FloatArray
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
     """Pooled estimates: each (outputs,), `covariance` (outputs, outputs)."""
@@ -51,7 +39,6 @@ class Estimates:
     shortest_low: FloatArray
     shortest_high: FloatArray
     covariance: FloatArray
-    gain: Gain
 
 
 MIDDLE = QUANTILES // 2
@@ -106,7 +93,7 @@ class Pool:
         eq. (16) and (17)); interval ends as averages over blocks (7.9.4); standard errors
         s/sqrt(h).
         """
-        value, of_value, gain, slope = self._controlled()
+        value, of_value, slope = self._controlled()
         plain_covariance = self._squares / (self.trials - 1)
         plain = np.array([self._mean, np.diagonal(plain_covariance), value[2], value[3]])
         mean, variance, low, high = np.where(slope == 0.0, plain, value)
@@ -129,12 +116,11 @@ class Pool:
             shortest_low=shortest_low,
             shortest_high=shortest_high,
             covariance=plain_covariance * np.outer(ratio, ratio),
-            gain=Gain(*gain),
         )
 
-    def _controlled(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def _controlled(self) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Each statistic with and without its control, the one of less variance: values,
-        variances, gains and slopes (0 without the control).
+        variances and slopes (0 without the control).
 
         Plain: the blocks' average with s_ss/(h (h - 1)). Controlled: group g of blocks gives
         Y_g = s_g - beta_g c_g with beta_g = S_sc/S_cc over the blocks outside the group, so
@@ -164,8 +150,7 @@ class Pool:
         least = np.finfo(np.float64).eps ** 2 * plain
         least[2:] = np.maximum(least[2:], (KNOWN * (value[3] - value[2])) ** 2)
         variance = np.where(better, np.maximum(variance, np.minimum(least, plain)), plain)
-        gain = np.divide(plain, variance, out=np.ones_like(plain), where=better & (variance > 0.0))
-        return value, variance, gain, np.where(better, slope.mean(axis=0), 0.0)
+        return value, variance, np.where(better, slope.mean(axis=0), 0.0)
 
     def _shortest(self) -> tuple[FloatArray, FloatArray]:
         """Shortest interval (JCGM 101:2008, 7.7.2) from the block averages of the quantiles, the
@@ -224,7 +209,6 @@ def single_block_estimates(
     undefined = np.where(u_exists, 1.0, np.nan)
     fourth = np.mean(centred**4, axis=1) - variance**2 * (trials - 3) / (trials - 1)
     of_variance = np.sqrt(np.maximum(fourth, 0.0) / trials)
-    ones = np.ones(outputs)
     return Estimates(
         mean=mean,
         u=u,
@@ -237,7 +221,6 @@ def single_block_estimates(
         shortest_low=ordered[each, best],
         shortest_high=ordered[each, best + q],
         covariance=covariance * np.outer(undefined, undefined),
-        gain=Gain(ones, ones, ones, ones),
     )
 
 

@@ -20,7 +20,6 @@ from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.outliers import deviation_p
 from mtu_cli.stats.resolution import hidden
 
-RATE = 0.05
 ROTATIONS = 999
 ENTRIES = 100_000
 """Tables with more entries are tested by bounds, single entries and means alone."""

