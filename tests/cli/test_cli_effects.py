@@ -13,7 +13,7 @@ import pytest
 from cli_runner import prepared
 from loop_examples import effect, on_table, parameter, result, searched
 from model_examples import run_command
-from support import read_components
+from support import read_components, written_effect
 
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.cli import close_loop
@@ -23,24 +23,24 @@ from mtu_cli.cli.emit import (
 )
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
+from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import load_machine
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 EFFECTS = [
-    WrittenEffect(
+    written_effect(
         name="backlash-x",
         parameters={"lost_motion": (4.0, 0.3, "um")},
         equations={"Ex": "lost_motion*dir_x"},
     ),
-    WrittenEffect(
+    written_effect(
         name="trend-y",
         parameters={"slope": (0.5, 0.1, "um")},
         equations={"Ey": "slope*(tool_parts - 3)"},
     ),
 ]
-CYCLIC = WrittenEffect(
+CYCLIC = written_effect(
     name="cyclic-x",
     parameters={"sine": (1.6, 0.1, "um")},
     equations={"Ex": "sine*sin(2*pi*x/160)"},
@@ -122,7 +122,7 @@ def test_measured_points_bring_their_covariates(
 def untold(work: Path) -> str:
     """The small study, whose machine has a pitch that is one of four; what is to be told of it."""
     before = load_machine(work / "before.yaml")
-    trend = replace(EFFECTS[1], seen={"tool_parts": [0.0, 2.0]})
+    trend = EFFECTS[1] | {"seen": {"tool_parts": [0.0, 2.0]}}
     content = extended_machine(before, [trend, CYCLIC]).content
     (work / "machine.yaml").write_bytes(content)
     line = 1 + content.decode().splitlines().index("- name: cyclic-x")
@@ -158,7 +158,7 @@ def test_a_column_that_no_equation_has_may_tell_where_an_effect_holds(
 ) -> None:
     """Parts at nearly one temperature: what was found may be of it. Nobody has to give that one."""
     before = load_machine(work / "before.yaml")
-    held = replace(EFFECTS[1], within={"T_room_degC": [25.6, 26.4]})
+    held = EFFECTS[1] | {"within": {"T_room_degC": [25.6, 26.4]}}
     (work / "machine.yaml").write_bytes(extended_machine(before, [held]).content)
     rows = (work / "cmm.csv").read_text().splitlines()
     warm = [f"{row},{own}" for row, own in zip(rows, ["T_room_degC", *["20"] * 99], strict=False)]

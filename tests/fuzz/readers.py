@@ -17,6 +17,7 @@ from types import FrameType
 from unittest.mock import patch
 
 import numpy as np
+from support import written_effect
 
 from fuzz.cases import Case
 from fuzz.messages import unclean
@@ -25,7 +26,7 @@ from mtu_cli.files.budget import load_budget
 from mtu_cli.files.csv_file import _Body, read_table
 from mtu_cli.files.csv_table import CellFaults
 from mtu_cli.files.effects import load_effects
-from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
+from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.headers import POINTS, READINGS, TableSpec
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import LoadedPart, load_part
@@ -116,7 +117,7 @@ def _machine(path: Path, sample: Sample, rng: Random) -> object:
 def _extended(machine: LoadedMachine) -> None:
     """A machine that was read takes an effect, and is itself but for it when read again."""
     equation = next(iter(machine.machine.equations), "Ex")
-    effect = WrittenEffect(
+    effect = written_effect(
         name="found", parameters={"slope": (1.5, 0.1, "um/m")}, equations={equation: "slope*x"}
     )
     try:
