@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from made_tables import made_readings
@@ -24,6 +25,15 @@ DATA = ROOT / "data"
 
 PAPER = CONFIGS / "gilsinn-ling"
 SIMULATED = CONFIGS / "gilsinn-ling-simulated"
+
+
+def written_effect(
+    parameters: Mapping[str, tuple[float, float, str]], **rest: Any
+) -> dict[str, Any]:
+    """An effect for a machine file, of value, u and unit of its parameters."""
+    keys = ("value", "u", "unit")
+    own = {name: dict(zip(keys, each, strict=True)) for name, each in parameters.items()}
+    return {**rest, "parameters": own}
 
 
 def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) -> None:

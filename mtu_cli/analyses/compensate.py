@@ -15,6 +15,7 @@ import numpy as np
 from mtu_cli.analyses.iso230 import figures_of
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.pass_tests import FTest, f_test
@@ -106,7 +107,7 @@ class AxisErrors:
             z = rng.standard_normal((trials, root.shape[1]))
             result += share * scale[:, None] * (z @ root.T)
         if self.known is not None:
-            result += rng.standard_normal((trials, 2 * T)) @ root_of(self.known).T
+            result += rng.standard_normal((trials, 2 * T)) @ covariance_root(self.known).T
         drawn = result.reshape(trials, 2, T)
         return drawn - (1.0 - np.sqrt((1.0 + self.own_reversal) / 2)) * reversal_of(drawn)
 
@@ -118,12 +119,6 @@ def reversal_of(errors: FloatArray) -> FloatArray:
     half = (errors[..., 0, :] - errors[..., 1, :]) / 2
     half = half - half.mean(-1, keepdims=True)
     return np.stack([half, -half], -2)
-
-
-def root_of(C: FloatArray) -> FloatArray:
-    """A root of a covariance, negative eigenvalues as 0."""
-    values, vectors = np.linalg.eigh(C)
-    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None)))
 
 
 def axis_errors(
@@ -180,7 +175,7 @@ def _scatter(
         rows = run == number
         lines[i] = np.linalg.lstsq(X[cell[rows]], residual[rows], rcond=None)[0]
         left[rows] -= X[cell[rows]] @ lines[i]
-    blocks = [Block(spread @ X @ root_of(lines.T @ lines / (R - 1)), float(R - 1))]
+    blocks = [Block(spread @ X @ covariance_root(lines.T @ lines / (R - 1)), float(R - 1))]
     dof = rest - X.shape[1] * (R - 1)
     if dof > 0:
         s = np.sqrt(float(left @ left) / dof)

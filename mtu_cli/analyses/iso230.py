@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import NamedTuple
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
@@ -168,15 +169,14 @@ def statistics(readings: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray
     """Number, mean and s of the runs (last axis); nan where there are none, or one for s. A target
     that reads 0 in every run is where the instrument was zeroed: it carries no scatter.
     """
-    there = np.isfinite(readings)
-    count = there.sum(axis=-1).astype(np.float64)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(there, readings, 0.0).sum(axis=-1) / count
-        square = np.where(there, (readings - mean[..., None]) ** 2, 0.0).sum(axis=-1)
-        s = np.sqrt(square / (count - 1))
-    zeroed = (np.where(there, readings, 0.0) == 0).all(axis=-1)
+    count = np.isfinite(readings).sum(axis=-1).astype(np.float64)
+    with catch_warnings():
+        # Of no run, or one, there is none.
+        simplefilter("ignore", RuntimeWarning)
+        mean, s = np.nanmean(readings, axis=-1), np.nanstd(readings, axis=-1, ddof=1)
+    zeroed = (np.nan_to_num(readings) == 0).all(axis=-1)
     zeroed &= ~zeroed.all(axis=-1, keepdims=True)
-    return count, mean, np.where((count < 2) | zeroed, np.nan, s)
+    return count, mean, np.where(zeroed, np.nan, s)
 
 
 def reversal_and_repeatability(
@@ -240,9 +240,9 @@ def vdi_figures(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
 
 def _average(values: FloatArray) -> FloatArray:
     """Mean of the known values along the last axis; nan of none."""
-    there = np.isfinite(values)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.where(there, values, 0.0).sum(-1) / there.sum(-1))
+    with catch_warnings():
+        simplefilter("ignore", RuntimeWarning)
+        return np.asarray(np.nanmean(values, axis=-1))
 
 
 def sampling_u(
@@ -394,13 +394,13 @@ def _test(
     readings: Readings, name: str, position: FloatArray, rotary: bool, rows: np.ndarray
 ) -> Test:
     """The readings of `rows` as (direction, target, run)."""
+    import pandas as pd
+
     targets, of = np.unique(np.round(position[rows], 6), return_inverse=True)
     way = (readings.direction[rows] < 0).astype(int)
     cell = way * len(targets) + of
-    counts = np.bincount(cell, minlength=2 * len(targets))
-    rank, order = np.empty(len(rows), int), np.argsort(cell, kind="stable")
-    rank[order] = np.arange(len(rows)) - np.repeat(np.cumsum(counts) - counts, counts)
-    result = np.full((2, len(targets), int(counts.max())), np.nan)
+    rank = pd.Series(cell).groupby(cell).cumcount().to_numpy()
+    result = np.full((2, len(targets), int(rank.max()) + 1), np.nan)
     result[way, of, rank] = readings.error[rows]
     lines = np.zeros(result.shape, int)
     lines[way, of, rank] = readings.row[rows]
@@ -416,7 +416,7 @@ def _test(
         file=readings.sources[readings.file_index[rows[0]]].shown,
         directed=bool(readings.direction[rows].any()),
         stepped=bool(np.isfinite(time).all() and len(set(time.tolist())) == len(rows)
-                     and moves == len(targets) - 1 and counts.max() > 1),
+                     and moves == len(targets) - 1 and rank.any()),
     )  # fmt: skip
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         TableResult,
     )
     from mtu_cli.analyses.close_loop.smooth import SmoothEffect
-    from mtu_cli.files.extend_machine import ExtendedMachine, WrittenEffect
+    from mtu_cli.files.extend_machine import ExtendedMachine
     from mtu_cli.model.estimates import EffectEstimates
     from mtu_cli.model.residuals import ResidualTable
 
@@ -148,9 +148,8 @@ def _written(
     return files, [*warnings, *extended.warnings]
 
 
-def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEffect:
+def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> dict[str, Any]:
     """An effect as the machine file has it; a smooth one is a component with a table of its own."""
-    from mtu_cli.files.extend_machine import WrittenEffect
     from mtu_cli.language import names as names_of
     from mtu_cli.language import parse
 
@@ -165,22 +164,22 @@ def _entry(inputs: Inputs, effect: FoundEffect, item: TableResult) -> WrittenEff
     equations, candidate = dict(effect.equations), effect.candidate
     used = dict.fromkeys(name for text in equations.values() for name in names_of(parse(text)))
     columns = used.keys() - {*components, *(p.name for p in parameters)}
-    return WrittenEffect(
-        name=effect.name,
-        family=candidate.family,
-        axis=candidate.axis,
-        covariate=effect.covariate,
-        says=candidate.says,
-        parameters={
-            p.name: (float(p.value / scale), float(p.u / scale), p.unit)
+    return {
+        "name": effect.name,
+        "family": candidate.family,
+        "axis": candidate.axis,
+        "covariate": effect.covariate,
+        "says": candidate.says,
+        "parameters": {
+            p.name: {"value": float(p.value / scale), "u": float(p.u / scale), "unit": p.unit}
             for p, scale in zip(parameters, f, strict=True)
         },
-        components=components,
-        covariance=covariance,
-        equations=_through_component(inputs, item.table.component, equations),
-        seen=item.table.ranges(name for name in used if name in columns),
-        found=_provenance(inputs, effect, item.table.component),
-    )
+        "components": components,
+        "covariance": covariance,
+        "equations": _through_component(inputs, item.table.component, equations),
+        "seen": item.table.ranges(name for name in used if name in columns),
+        "found": _provenance(inputs, effect, item.table.component),
+    }
 
 
 def _stated_table(table: SmoothEffect, unit: str) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import hashlib
 import math
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import yaml
@@ -24,45 +24,8 @@ from mtu_cli.findings import Finding, InputError, error, finding
 from mtu_cli.language import names, parse
 from mtu_cli.language.functions import MACHINE_FUNCTIONS
 
-Figure = tuple[float, float, str]
-"""Value and standard uncertainty, both in the unit that follows."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenEffect:
-    """An effect for the `effects` of a machine file; the order of its fields is that of its keys.
-
-    `parameters` by name, `components` its own, in plain data; `covariance` (k, k) over them in
-    their order and units; `equations` by their name (Ex), linear in the parameters, evaluated in
-    mm, rad, degC, min; `seen` holds the lowest and highest value of the columns of the equations,
-    `found` says where the effect was found, in plain data.
-    """
-
-    name: str
-    family: str | None = None
-    axis: str | None = None
-    covariate: str | None = None
-    says: str | None = None
-    parameters: Mapping[str, Figure]
-    components: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-    covariance: Sequence[Sequence[float]] | None = None
-    equations: Mapping[str, str]
-    seen: Mapping[str, Sequence[float]] = field(default_factory=dict)
-    found: Mapping[str, Any] = field(default_factory=dict)
-
-    def entry(self) -> dict[str, Any]:
-        """The effect as the contract has it; what it lacks is left out."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        values["parameters"] = {
-            name: {"value": value, "u": u, "unit": unit}
-            for name, (value, u, unit) in self.parameters.items()
-        }
-        must = ("parameters", "equations")
-        return {
-            key: _plain(value)
-            for key, value in values.items()
-            if key in must or not (value is None or (isinstance(value, Mapping) and not value))
-        }
+Entry = Mapping[str, Any]
+"""An effect as the contract has it, in plain data or arrays; what is None or {} is left out."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,7 +41,7 @@ class ExtendedMachine:
     warnings: tuple[Finding, ...]
 
 
-def extended_machine(machine: LoadedMachine, effects: Sequence[WrittenEffect]) -> ExtendedMachine:
+def extended_machine(machine: LoadedMachine, effects: Sequence[Entry]) -> ExtendedMachine:
     """The machine file with `effects` behind its own.
 
     A name that the machine has already gets a number: a second `backlash-x` is `backlash-x-2`,
@@ -90,7 +53,10 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[WrittenEffect]) -
     covariates = _needed_covariates(machine, effects)
     named = _named(machine, effects, covariates)
     old = machine.document.data
-    entries: list[Any] = [effect.entry() for effect in named]
+    entries: list[Any] = [
+        {key: _plain(x) for key, x in effect.items() if key == "parameters" or x not in (None, {})}
+        for effect in named
+    ]
     additions = {"covariates": covariates, "effects": entries}
     lists = {key: [*(old.get(key) or []), *items] for key, items in additions.items() if items}
     content, lossless = machine.document.content, True
@@ -102,7 +68,7 @@ def extended_machine(machine: LoadedMachine, effects: Sequence[WrittenEffect]) -
     return ExtendedMachine(
         content=content,
         machine=_read_again(machine, content, {**old, **lists}),
-        parameters=tuple(f"{effect.name}.{name}" for effect in named for name in effect.parameters),
+        parameters=tuple(f"{x['name']}.{name}" for x in named for name in x["parameters"]),
         warnings=() if lossless else (lost,),
     )
 
@@ -125,32 +91,30 @@ def _read_again(machine: LoadedMachine, content: bytes, data: Mapping[str, Any])
 # Names of its own for every effect and parameter.
 
 
-def _needed_covariates(machine: LoadedMachine, effects: Sequence[WrittenEffect]) -> list[str]:
+def _needed_covariates(machine: LoadedMachine, effects: Sequence[Entry]) -> list[str]:
     """Covariates that equations use and the machine does not know yet.
 
     Raises InputError for a covariate whose name means something else to the machine.
     """
     entry = machine.machine
     known = {"pi", *POSITIONS, *entry.constants, *entry.components}
-    if taken := [effect for effect in effects if effect.covariate in known]:
+    if taken := [effect for effect in effects if effect.get("covariate") in known]:
         expected = "another name of the column or of the machine's constant"
+        facts = [{"taken": f"no column for {x['name']!r}", "value": x["covariate"]} for x in taken]
         place = {"file": machine.source.shown, "expected": expected}
-        raise InputError(
-            finding("name-taken", taken=f"no column for {x.name!r}", value=x.covariate, **place)
-            for x in taken
-        )
+        raise InputError(finding("name-taken", **each, **place) for each in facts)
     needed: dict[str, None] = {}
     for effect in effects:
-        own = {*known, *entry.covariates, *effect.parameters, *effect.components}
-        for text in effect.equations.values():
+        own = {*known, *entry.covariates, *effect["parameters"], *effect.get("components", ())}
+        for text in effect["equations"].values():
             used = names(parse(text))
             needed |= {name: None for name in used if not (name in own or is_covariate(name))}
     return list(needed)
 
 
 def _named(
-    machine: LoadedMachine, effects: Sequence[WrittenEffect], covariates: Collection[str]
-) -> list[WrittenEffect]:
+    machine: LoadedMachine, effects: Sequence[Entry], covariates: Collection[str]
+) -> list[dict[str, Any]]:
     """The effects with names of their own."""
     entry = machine.machine
     taken = {effect.name for effect in entry.effects}
@@ -158,17 +122,18 @@ def _named(
     used |= {*entry.constants, *entry.components}
     named = []
     for effect in effects:
-        name = free_name(effect.name, taken, "-")
+        name = free_name(effect["name"], taken, "-")
         taken.add(name)
         new: dict[str, str] = {}
-        for old in (own := {**effect.parameters, **effect.components}):
+        keys = [key for key in ("parameters", "components") if key in effect]
+        own = dict.fromkeys(each for key in keys for each in effect[key])
+        for old in own:
             new[old] = free_name(old, used | (own.keys() - {old}) | {*new.values()}, "_")
         changes: dict[str, Any] = {
-            key: {new[old]: value for old, value in getattr(effect, key).items()}
-            for key in ("parameters", "components")
+            key: {new[old]: value for old, value in effect[key].items()} for key in keys
         }
-        changes["equations"] = {key: _renamed(text, new) for key, text in effect.equations.items()}
-        named.append(replace(effect, name=name, **changes))
+        changes["equations"] = {x: _renamed(text, new) for x, text in effect["equations"].items()}
+        named.append({**effect, "name": name, **changes})
     return named
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import inf
 from pathlib import Path
 
 from mtu_cli.files.contract import Faults, Loaded, check_contract, present
@@ -76,7 +75,7 @@ def machine_from(document: YamlDocument) -> LoadedMachine:
         faults.once(("components",), iso, "the name", "iso")
         for name, component in machine.components.items():
             _check_component(component, ("components", name), faults)
-            _check_thermal(machine, component, ("components", name, "thermal"), faults)
+            _check_thermal(component, ("components", name, "thermal"), faults)
         if not faults.keys("components"):
             # That is reported; every name of every equation would be unknown.
             return
@@ -218,7 +217,7 @@ def covariance_fault(rows: Sequence[Sequence[float]], size: int) -> str | None:
     return "not positive semidefinite: a combination has a negative variance"
 
 
-def _check_thermal(machine: Machine, item: Component, path: YamlPath, faults: Faults) -> None:
+def _check_thermal(item: Component, path: YamlPath, faults: Faults) -> None:
     """Positions, degree, sensors and the number of gradients of a component's drift."""
     if (thermal := item.thermal) is None:
         return
@@ -226,11 +225,6 @@ def _check_thermal(machine: Machine, item: Component, path: YamlPath, faults: Fa
     if positions and item.of is None:
         faults.add(own, "incomplete", what="positions of a component", other="`of`")
     faults.once(own, enumerate(f"{position + 0.0:g}" for position in positions), "the position")
-    low, high = machine.travels.get(item.of or "", (-inf, inf))
-    for index, position in enumerate(positions):
-        if not low <= position <= high:
-            expected = f"{low:g} to {high:g} mm, the travel of {item.of}"
-            faults.add((*own, index), "out-of-range", value=f"{position:g}", expected=expected)
     count = len(positions) or 1
     if thermal.degree >= count:
         given = {"what": counted(count, "position"), "expected": f"at most {count - 1}"}
@@ -251,7 +245,7 @@ def _check_thermal(machine: Machine, item: Component, path: YamlPath, faults: Fa
 
 
 def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
-    """What an effect is of, its components and covariance, and the ranges of its data."""
+    """What an effect is of, its components and covariance."""
     path: YamlPath = ("effects", index)
     for name, item in effect.components.items():
         own = (*path, "components", name)
@@ -270,12 +264,6 @@ def _check_effect(effect: Effect, index: int, faults: Faults) -> None:
     if effect.covariance is not None:
         size = len(effect.parameters)
         check_covariance(effect.covariance, size, (*path, "covariance"), faults)
-    if faults.is_faulty(*path, "equations"):
-        return
-    columns = sorted(_used(effect) - _units(effect).keys())
-    for name in effect.seen:
-        if name not in columns:
-            faults.unknown((*path, "seen", name), name, columns, "column")
 
 
 def _units(effect: Effect) -> dict[str, Unit]:

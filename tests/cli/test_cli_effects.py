@@ -13,7 +13,7 @@ import pytest
 from cli_runner import prepared
 from loop_examples import effect, on_table, parameter, result, searched
 from model_examples import run_command
-from support import read_components
+from support import read_components, written_effect
 
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.cli import close_loop
@@ -23,18 +23,18 @@ from mtu_cli.cli.emit import (
 )
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import Options
-from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
+from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import load_machine
 from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 EFFECTS = [
-    WrittenEffect(
+    written_effect(
         name="backlash-x",
         parameters={"lost_motion": (4.0, 0.3, "um")},
         equations={"Ex": "lost_motion*dir_x"},
     ),
-    WrittenEffect(
+    written_effect(
         name="trend-y",
         parameters={"slope": (0.5, 0.1, "um")},
         equations={"Ey": "slope*(tool_parts - 3)"},
@@ -116,7 +116,7 @@ def test_measured_points_bring_their_covariates(
 def test_beyond_the_range_that_was_seen_every_command_warns_once(
     command: str, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trend = replace(EFFECTS[1], seen={"tool_parts": [0.0, 2.0]})
+    trend = EFFECTS[1] | {"seen": {"tool_parts": [0.0, 2.0]}}
     content = extended_machine(load_machine(work / "before.yaml"), [trend]).content
     (work / "machine.yaml").write_bytes(content)
     call = AT[2:] if command in PREDICTIONS else ("--cmm", "cmm.csv")

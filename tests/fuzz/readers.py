@@ -16,6 +16,7 @@ from random import Random
 from types import FrameType
 
 import numpy as np
+from support import written_effect
 
 from fuzz.damage import Case
 from fuzz.messages import unclean
@@ -23,7 +24,7 @@ from fuzz.samples import Kind, Sample, parameters_of
 from fuzz.tally import Verdict
 from mtu_cli.files.budget import load_budget
 from mtu_cli.files.effects import load_effects
-from mtu_cli.files.extend_machine import WrittenEffect, extended_machine
+from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import LoadedMachine, load_machine
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points, read_points
@@ -107,7 +108,7 @@ def _machine(path: Path, sample: Sample, rng: Random) -> object:
 def _extended(machine: LoadedMachine) -> None:
     """A machine that was read takes an effect, and is itself but for it when read again."""
     equation = next(iter(machine.machine.equations), "Ex")
-    effect = WrittenEffect(
+    effect = written_effect(
         name="found", parameters={"slope": (1.5, 0.1, "um/m")}, equations={equation: "slope*x"}
     )
     try:

@@ -262,16 +262,19 @@ def _covariance(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> FloatA
 
 def _clusters(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> list[list[int]]:
     """Connected sets of correlated inputs; simultaneous readings of one of them join in."""
+    from scipy.sparse.csgraph import connected_components
+
     place = {item.name: i for i, item in enumerate(inputs)}
     stated = [pair[:2] for pair in loaded.budget.correlations if pair[2] != 0.0]
     named = {name for pair in stated for name in pair}
     groups = [*stated, *(each for each in loaded.budget.simultaneous if named & set(each))]
-    sets: list[set[int]] = []
+    joined = np.zeros((len(inputs), len(inputs)))
     for group in groups:
-        rows = {place[name] for name in group}
-        joined = rows.union(*(each for each in sets if each & rows))
-        sets = [*(each for each in sets if not each & rows), joined]
-    return sorted(sorted(each) for each in sets if any(inputs[i].u > 0.0 for i in each))
+        rows = [place[name] for name in group]
+        joined[np.ix_(rows, rows)] = 1.0
+    count, label = connected_components(joined, directed=False)
+    sets = (np.flatnonzero(label == i).tolist() for i in range(count))
+    return [each for each in sets if len(each) > 1 and any(inputs[i].u > 0.0 for i in each)]
 
 
 def _sources(

@@ -108,10 +108,7 @@ class OutputBudget:
             yield finding("not-differentiable", output=first.name, reason=reason)
         elif np.all(u == 0.0):
             yield finding("no-uncertainty", names=[f"the inputs of {first.name}"])
-        elif first.u == 0.0 and (first.second_u > 0.0 or drawn > 0.0):
-            reason, second = "the first-order u is 0", f"u is {first.second_u:.4g}"
-            yield finding("second-order", output=first.name, reason=reason, second=second)
-        elif first.u > 0.0 and max(shift, apart) > verdict.tolerance > 0.0:
+        elif max(shift, apart) > verdict.tolerance > 0.0 or (first.u == 0.0 and drawn > 0.0):
             known = math.isfinite(first.second_u)
             second = "the variance below 0, so that u is undefined"
             second = f"u {first.second_u:.4g}" if known else second

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.anova.summary import missing_cells, missing_entries, some
+from mtu_cli.analyses.anova.summary import missing_entries, some
 from mtu_cli.analyses.compare.evidence import (
     FEWEST_PARTS,
     Compared,
@@ -126,7 +126,7 @@ def compare(
         length_summaries=() if lengths is None else summarised(lengths, "lengths"),
         datum=datum,
         coverage_factor=k,
-        warnings=(*warnings, *noted, *_warnings(model, part, points, tables, kinds)),
+        warnings=(*warnings, *noted, *_warnings(model, part, points, kinds)),
     )
 
 
@@ -250,10 +250,9 @@ def _warnings(
     model: MachineModel,
     part: LoadedPart,
     points: Points,
-    tables: MeasuredTables,
     kinds: list[Compared],
 ) -> list[Finding]:
-    """All warnings on the items; `tables` are those of the features."""
+    """All warnings on the items."""
     without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
     aside = "the points are not compared there, and lengths have no predicted error along it"
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
@@ -265,11 +264,6 @@ def _warnings(
     ]
     if missing:
         result.append(finding("not-measured", names=missing, reason="not among the points"))
-    # Parts that an operation has, but not at every feature.
-    _, operation = np.unique([label[0] for label in tables.labels], return_inverse=True)
-    present = tables.cells.present
-    known = np.array([present[operation == i].any(axis=0) for i in np.unique(operation)])
-    result += missing_cells(tables, ~present & known[operation], "measurements")
     # What parts, repeats and predictions are too few for, item by item.
     parts, repeats, u, s_part = (
         np.concatenate(each)

@@ -53,10 +53,9 @@ class Wanted:
         """
         if len(self.calibrated) < 2:
             return float(self.calibrated[0, 1]) if len(self.calibrated) else nan
-        degrees = self.calibrated[:, 0]
-        right = int(np.clip(np.searchsorted(degrees, temperature), 1, len(degrees) - 1))
-        (start, low), (end, high) = self.calibrated[right - 1 : right + 1]
-        return float(low + (temperature - start) / (end - start) * (high - low))
+        from scipy.interpolate import make_interp_spline
+
+        return float(make_interp_spline(*self.calibrated.T, k=1)(temperature))
 
 
 class Task(NamedTuple):

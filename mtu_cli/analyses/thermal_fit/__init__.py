@@ -186,7 +186,7 @@ def _collinearity(found: Fitted) -> tuple[float, dict[str, float | None]]:
 
 def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
     """Of one component's model: held-out evidence, sensors, cycles, lags, readings."""
-    name, series, held, of = drift.name, lib.series, drift.held_out, drift.estimate.of
+    name, series, held = drift.name, lib.series, drift.held_out
     if (count := len(drift.cycles)) < FEWEST_NESTED:
         cycles = "the readings have no cycles" if count < 2 else "there are two cycles"
         expected = "three cycles or more, column 'cycle'"
@@ -219,16 +219,11 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         reason = "none explains the drift"
         reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""
         yield finding("no-effect-of-temperature", component=name, what="sensor", reason=reason)
-    untested = {}
-    if len(drift.positions) == 1 and of is not None:
-        only = f"it was read at {drift.positions[0]:g} mm only, and is taken as the same"
-        untested[f"the drift along {of}"] = only
     if drift.residuals.normality_p is None:
         number = drift.residuals.effective
         few = f"{number:.3g} of them count as independent"
         reason = few if number < FEWEST_FOR_NORMALITY else "they are 0"
-        untested["the normality of the residuals"] = reason
-    for what, reason in untested.items():
+        what = "the normality of the residuals"
         yield finding("not-tested", what=what, items=name, component=name, reason=reason)
     if series.every > 1:
         reason = f"of {series.total} readings every {series.every}th of a cycle is fitted"

@@ -134,30 +134,24 @@ def _problems(readings: Readings, name: str) -> Iterator[Finding]:
 
 def read_series(readings: Readings, sensors: tuple[str, ...]) -> Iterator[Series]:
     """The series of every component, in the order in which the files have them."""
-    codes, component = _numbered(readings.code)
+    import pandas as pd
+
+    component, codes = pd.factorize(readings.code)
     for i, code in enumerate(codes.tolist()):
         yield _series(readings, sensors, readings.components[code], np.flatnonzero(component == i))
 
 
-def _numbered(codes: Ints) -> tuple[Ints, Ints]:
-    """Different codes in the order in which they first appear, and the place of each among them."""
-    values, first, index = np.unique(codes, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    return values[order], np.argsort(order)[index]
-
-
 def _series(readings: Readings, sensors: tuple[str, ...], name: str, rows: Ints) -> Series:
+    import pandas as pd
+
     positions, place = np.unique(readings.position_mm[rows], return_inverse=True)
-    labels, cycle = _numbered(readings.cycle[rows])
+    cycle, labels = pd.factorize(readings.cycle[rows])
     columns = [readings.covariates[sensor].astype(np.float64, copy=False) for sensor in sensors]
     spans = [(float(T[rows].min()), float(T[rows].max())) for T in columns]
     total, piece = len(rows), place * len(labels) + cycle
     every = -(-total // MOST_ROWS)
     if every > 1:
-        order = np.argsort(piece, kind="stable")
-        count = np.bincount(piece)
-        rank = np.arange(total) - (np.cumsum(count) - count)[piece[order]]
-        kept = order[rank % every == 0]
+        kept = pd.Series(piece).groupby(piece).cumcount().to_numpy() % every == 0
         rows, place, cycle, piece = rows[kept], place[kept], cycle[kept], piece[kept]
     time = readings.time_min[rows].astype(np.float64)
     order = np.lexsort((cycle, place))

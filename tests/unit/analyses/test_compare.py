@@ -260,15 +260,7 @@ def test_every_missing_figure_has_a_warning(tmp_path: Path) -> None:
             "sequence", "direction", "file_index", "row")},
     )  # fmt: skip
     assert told(missing) == always
-    assert told(missing, "offset") == always | {"missing-values"}
     assert told(only_features(whole, "ab")) == always | {"not-measured"}
-    first = (whole.part > 0) | (whole.feature != 1)
-    gap = replace(
-        whole, **{name: getattr(whole, name)[first] for name in (
-            "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
-            "sequence", "direction", "file_index", "row")},
-    )  # fmt: skip
-    assert told(gap) == always | {"missing-values"}
     alone = compare(model, part, only_features(whole, "a"), Settings(), "offset,rotation")
     assert set(alone.features.verdicts) == {None}
     assert {"not-tested", "not-measured", "not-estimable"} <= codes(alone)

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import written_effect
 
 from mtu_cli.files.extend_machine import (
     ExtendedMachine,
-    WrittenEffect,
     extended_machine,
 )
 from mtu_cli.files.machine import LoadedMachine, load_machine, machine_from
@@ -22,7 +22,7 @@ from mtu_cli.files.yaml_file import parse_yaml
 from mtu_cli.findings import InputError
 
 SOURCE = Source(role="machine", path=Path("m.yaml"), shown="m.yaml", sha256="")
-BACKLASH = WrittenEffect(
+BACKLASH = written_effect(
     name="backlash-x",
     family="backlash",
     axis="x",
@@ -33,7 +33,7 @@ BACKLASH = WrittenEffect(
     equations={"Ex": "lost_motion*dir_x"},
     found={"files": [{"path": "cmm.csv", "sha256": "ab" * 32}], "parts": 21, "p": 1e-6},
 )
-WEAR = WrittenEffect(
+WEAR = written_effect(
     name="trend-y",
     parameters={"slope": (0.1 + 0.2, 1e-17, "um"), "shift": (-5e22, 0.0, "nm")},
     covariance=[[1e-34, 0.0], [0.0, 0.0]],
@@ -50,7 +50,7 @@ def load(folder: Path, text: str | bytes) -> LoadedMachine:
     return load_machine(path)
 
 
-def checked(old: LoadedMachine, new: ExtendedMachine, effects: list[WrittenEffect]) -> None:
+def checked(old: LoadedMachine, new: ExtendedMachine, effects: list[dict[str, Any]]) -> None:
     """What was written says what was meant, and of the rest what it said."""
     again = machine_from(parse_yaml(new.content.decode("utf-8-sig"), SOURCE))
     assert again.machine == new.machine.machine
@@ -58,9 +58,9 @@ def checked(old: LoadedMachine, new: ExtendedMachine, effects: list[WrittenEffec
     assert again.machine.effects[:n] == old.machine.effects
     for entry, effect in zip(again.machine.effects[n:], effects, strict=True):
         given = [(p.value, p.u, p.unit) for p in entry.parameters.values()]
-        assert given == list(effect.parameters.values())
-        assert entry.covariance == effect.covariance
-        assert entry.found == effect.found
+        assert given == [(*p.values(),) for p in effect["parameters"].values()]
+        assert entry.covariance == effect.get("covariance")
+        assert entry.found == effect.get("found", {})
     rest = {"effects", "covariates"}
     assert again.machine.model_dump(exclude=rest) == old.machine.model_dump(exclude=rest)
     assert again.machine.covariates[: len(old.machine.covariates)] == old.machine.covariates
@@ -138,7 +138,7 @@ def test_names_get_numbers(tmp_path: Path) -> None:
     assert last.equations == {"Ex": "lost_motion_2*dir_x"}
     assert second.parameters == ("backlash-x-3.lost_motion_2",)
     assert second.content.startswith(first.content)
-    effect = WrittenEffect(
+    effect = written_effect(
         name="e",
         parameters={"a": (1, 0, "um"), "a_2": (2, 0, "um")},
         equations={"Ex": "a*dir_x + 2.0e1*a_2"},
@@ -153,7 +153,7 @@ def test_no_effects_no_change(tmp_path: Path) -> None:
 
 
 def test_numbers_that_json_has_not_are_null(tmp_path: Path) -> None:
-    effect = WrittenEffect(
+    effect = written_effect(
         name="e",
         parameters={"p": (1, 0, "um")},
         equations={"Ex": "p"},
@@ -176,7 +176,7 @@ def test_effects_that_no_machine_can_hold(
 ) -> None:
     given: dict[str, Any] = {"parameters": {"p": (1, 0, "um")}, "equations": {"Ex": "p"}}
     with pytest.raises(InputError) as caught:
-        extended_machine(load(tmp_path, HEAD + TAIL), [WrittenEffect(name="e", **given | changes)])
+        extended_machine(load(tmp_path, HEAD + TAIL), [written_effect(name="e", **given | changes)])
     assert {item.code for item in caught.value.findings} == {code}
 
 
@@ -205,7 +205,7 @@ def test_whatever_was_found_is_read_back(found: dict[str, Any]) -> None:
     for rest in (TAIL, TAIL + f"effects: [{OLD}]\n", TAIL + f"effects:\n- {OLD}\n"):
         text = HEAD + rest
         old = machine_from(replace(parse_yaml(text, SOURCE), content=text.encode()))
-        effect = WrittenEffect(
+        effect = written_effect(
             name="e1", parameters={"p": (1, 0, "um")}, equations={"Ex": "p"}, found=found
         )
         try:

@@ -56,21 +56,6 @@ def test_a_lower_degree_and_noise_by_sensor(tmp_path: Path) -> None:
     assert found.sensor_u_degC == {"T_b_degC": 0.1}
 
 
-@pytest.mark.parametrize("travel", ["[10, 300]", "[10, 74.9]", "[10, 75]"])
-def test_positions_that_the_axis_does_not_reach(tmp_path: Path, travel: str) -> None:
-    path = tmp_path / "m.yaml"
-    path.write_text(f"axes: {{x: {{travel_mm: {travel}}}}}\n{HEAD}  a: {{{PLACED}}}}}\n")
-    with pytest.raises(InputError) as caught:
-        load_machine(path)
-    high = travel.split(", ")[1].removesuffix("]")
-    outside = [(0, "0")] + [(1, "75")] * (float(high) < 75)
-    assert [str(problem) for problem in caught.value.findings] == [
-        f"m.yaml:6: components.a.thermal.positions_mm[{index}]: out of range: '{value}'; "
-        f"expected 10 to {high} mm, the travel of x"
-        for index, value in outside
-    ]
-
-
 PLACED = "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC: [1, 2]}"
 PLAIN = "unit: um, thermal: {gradients: {T_a_degC: 1}"
 FAULTS = [
