@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from made_tables import made_readings
@@ -37,6 +38,14 @@ def read_components(path: Path) -> ComponentsReport:
     found = read_report(path)
     assert isinstance(found, ComponentsReport)
     return found
+
+
+def leaves(value: Any, path: str = "") -> dict[str, Any]:
+    """What a report or a record holds, by its place."""
+    if isinstance(value, dict | list):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        return {k: v for key, item in pairs for k, v in leaves(item, f"{path}/{key}").items()}
+    return {path: value}
 
 
 @dataclass(frozen=True)
