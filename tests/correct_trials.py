@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from correct_examples import ring_places, ring_points
-from machine_trials import AXY, CENTRE, COMPONENTS, Drift, Z, pass_states, read_machine
+from machine_trials import Drift, make_parts, read_machine
 from numpy.typing import NDArray
 
 from mtu_cli.analyses.correct import Size, correct
@@ -46,19 +46,8 @@ def fitted_machines(known: LoadedMachine, drift: Drift, machines: int, seed: int
 
 
 def errors_at(rng: np.random.Generator, drift: Drift, place: Floats) -> Floats:
-    """True errors (n, 3) of one part's points at `place` (n, 3), mm: eq. (1) written out."""
-    states = pass_states(rng, drift, 1)
-    v: dict[str, Floats] = {}
-    for name, (axis, b0, b1, repeat, _, _) in COMPONENTS.items():
-        p = place[:, "xy".index(axis)]
-        level, slope = states[name][0]
-        v[name] = b0 + b1 * p + level + slope * (p - CENTRE)
-        v[name] = v[name] + repeat * rng.standard_normal(len(p))
-    axy = AXY[0] + AXY[1] * rng.standard_normal()
-    x, y = place[:, 0], place[:, 1]
-    Ex = v["dx_x"] + v["dx_y"] + Z * v["ey_x"] + y * (v["ez_x"] + v["ez_y"] - axy)
-    Ey = v["dy_x"] + v["dy_y"] - x * v["ez_x"] - Z * v["ex_y"]
-    return np.column_stack([Ex, Ey, np.zeros(len(x))])
+    """True errors (n, 3) of one part's points at `place` (n, 3), mm."""
+    return np.column_stack([make_parts(rng, drift, 1, place)[0], np.zeros(len(place))])
 
 
 def diameter_coverage(

@@ -123,17 +123,19 @@ def true_coefficients() -> dict[str, FloatArray]:
     return found | {"axy": np.array([AXY[0]])}
 
 
-def make_parts(rng: np.random.Generator, drift: Drift, parts: int) -> FloatArray:
-    """True errors (parts, points, 2) of POINTS on parts made by the true machine."""
+def make_parts(
+    rng: np.random.Generator, drift: Drift, parts: int, at: FloatArray = POINTS
+) -> FloatArray:
+    """True errors (parts, points, 2) of points on parts made by the true machine: eq. (1)."""
     states = pass_states(rng, drift, parts)
     value: dict[str, FloatArray] = {}
     for name, (axis, b0, b1, repeat, _, _) in COMPONENTS.items():
-        p = POINTS[:, "xy".index(axis)]
+        p = at[:, "xy".index(axis)]
         level, slope = states[name].T[:, :, None]
         value[name] = b0 + b1 * p + level + slope * (p - CENTRE)
-        value[name] = value[name] + repeat * rng.standard_normal((parts, len(POINTS)))
+        value[name] = value[name] + repeat * rng.standard_normal((parts, len(at)))
     axy = AXY[0] + AXY[1] * rng.standard_normal((parts, 1))
-    x, y = POINTS[:, 0], POINTS[:, 1]
+    x, y = at[:, 0], at[:, 1]
     v = value
     Ex = v["dx_x"] + v["dx_y"] + Z * v["ey_x"] + y * (v["ez_x"] + v["ez_y"] - axy)
     Ey = v["dy_x"] + v["dy_y"] - x * v["ez_x"] - Z * v["ex_y"]

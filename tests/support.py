@@ -49,6 +49,14 @@ def read_components(path: Path) -> ComponentsReport:
     return found
 
 
+def leaves(value: Any, path: str = "") -> dict[str, Any]:
+    """What a report or a record holds, by its place."""
+    if isinstance(value, dict | list):
+        pairs = value.items() if isinstance(value, dict) else enumerate(value)
+        return {k: v for key, item in pairs for k, v in leaves(item, f"{path}/{key}").items()}
+    return {path: value}
+
+
 @dataclass(frozen=True)
 class Study:
     """A machine, its model with all components known, and a part."""

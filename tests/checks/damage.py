@@ -6,7 +6,8 @@ ring gauge."""
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -197,8 +198,21 @@ def draws(folder: Path) -> Iterator[tuple[str, str, Frame, Frame]]:
             yield kind, study, sound[key], damage.change(sound[key].copy(), draw)
 
 
-def verdict(kind: str, sound: set[str], found: list[tuple[str, str]]) -> str:
-    """`found` are (code, message); those codes that sound readings have count for nothing."""
-    new = [message for code, message in found if code not in sound]
-    named = any(re.search(DAMAGES[kind].words, message) for message in new)
-    return "found" if named else "wrong name" if new else "missed"
+NAMELESS = "no unit, sign, order or origin explains it"
+"""What is said where no mistake is known by name."""
+
+
+def counted(
+    kinds: Mapping[str, str], judged: Iterable[tuple[str, list[tuple[str, str]]]]
+) -> dict[str, Counter[str]]:
+    """Of every kind of damage how often it was found, called by a wrong name or missed.
+
+    `kinds`: the pattern of the words that name each; `judged`: a kind and what was found of one
+    draw, (code, message) each.
+    """
+    counts: dict[str, Counter[str]] = {kind: Counter() for kind in kinds}
+    for kind, found in judged:
+        messages = [message.replace(NAMELESS, "") for _, message in found]
+        named = any(re.search(kinds[kind], message) for message in messages)
+        counts[kind]["found" if named else "wrong name" if found else "missed"] += 1
+    return counts

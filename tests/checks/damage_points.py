@@ -5,7 +5,6 @@ Kinds and sizes are drawn by a fixed seed from simulated parts of the shipped st
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from pathlib import Path
@@ -15,12 +14,9 @@ import numpy as np
 import pandas as pd
 import yaml
 
+from checks.damage import CONFIGS, DRAWS, SEED, Frame, Random
 from mtu_cli.cli.main import called
 
-CONFIGS = Path(__file__).resolve().parents[2] / "configs"
-SEED, DRAWS = 45, 4
-Frame = pd.DataFrame
-Random = np.random.Generator
 Document = dict[str, Any]
 
 
@@ -242,8 +238,6 @@ def travel_in_metres(case: Case, draw: Random) -> None:
     axis["travel_mm"] = [value / 1e3 for value in axis["travel_mm"]]
 
 
-NO_NAME = "a unit, sign or swap mistake, or another origin"
-"""What 61d6796 says where it knows no name."""
 ONE = r"mistyped|outl|slip|is expected|expected about|off the other|decimal|sign"
 SAME = r"same|cop|equal|twice"
 WAY = r"sign|mirror|other way|revers"
@@ -270,8 +264,8 @@ DAMAGES = {
     "points pasted twice": Damage(SAME, pasted_twice),
     "a slip of millimetres": Damage(ONE, _slip(1.0, 100.0)),
     "a slip of tenths": Damage(ONE, _slip(0.1, 1.0)),
-    "a lost sign": Damage(ONE, lost_sign),
-    "a decimal point": Damage(ONE, decimal_point),
+    "a lost sign": Damage(r"lost sign", lost_sign),
+    "a decimal point": Damage(r"decimal point", decimal_point),
     "a part of the drawing": Damage(r"nominal|drawing", part_of_drawing),
     "an axis of the drawing": Damage(r"nominal|drawing", axis_of_drawing),
     "errors for coordinates": Damage(r"errors", errors_for_places),
@@ -318,10 +312,3 @@ def written(case: Case, folder: Path) -> tuple[Path, Path, Path]:
     for path, document in ((part, case.part), (machine, case.machine)):
         path.write_text(yaml.safe_dump(document, sort_keys=False), "utf-8")
     return points, part, machine
-
-
-def verdict(kind: str, sound: set[str], found: list[tuple[str, str]]) -> str:
-    """`found` are (code, message); those codes that sound files have count for nothing."""
-    new = [message for code, message in found if code not in sound]
-    named = any(re.search(DAMAGES[kind].words, each.replace(NO_NAME, "")) for each in new)
-    return "found" if named else "wrong name" if new else "missed"

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 import numpy as np
 import pandas as pd
 import pytest
 from made_tables import made_readings
 
-from checks.damage import CONFIGS, DAMAGES, DRAWS, draws, verdict
+from checks.damage import CONFIGS, DAMAGES, DRAWS, counted, draws
 from mtu_cli import checks
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.readings import Readings
@@ -67,9 +65,9 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple]:
 
 
 def test_damages_are_found_and_named(drawn: list[tuple]) -> None:
-    counts: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
-    for kind, study, _, frame in drawn:
-        counts[kind][verdict(kind, set(), judged(study, DAMAGES[kind].of, frame))] += 1
+    kinds = {kind: damage.words for kind, damage in DAMAGES.items()}
+    found_of = ((kind, judged(study, DAMAGES[kind].of, frame)) for kind, study, _, frame in drawn)
+    counts = counted(kinds, found_of)
     found = {kind: count["found"] for kind, count in counts.items()}
     assert sum(found.values()) >= FOUND, counts
     fewer = {kind for kind in DAMAGES if found[kind] < FEWER.get(kind, DRAWS)}

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 
 import pytest
 
-from checks.damage_points import DAMAGES, DRAWS, Case, draws, verdict, written
+from checks.damage import DRAWS, counted
+from checks.damage_points import DAMAGES, Case, draws, written
 from mtu_cli import checks
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
@@ -45,9 +45,8 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[str, Case, Cas
 
 
 def test_damages_are_found_and_named(drawn: list[tuple[str, Case, Case]], tmp_path: Path) -> None:
-    counts: dict[str, Counter[str]] = {kind: Counter() for kind in DAMAGES}
-    for kind, _, case in drawn:
-        counts[kind][verdict(kind, set(), judged(case, tmp_path))] += 1
+    kinds = {kind: damage.words for kind, damage in DAMAGES.items()}
+    counts = counted(kinds, ((kind, judged(case, tmp_path)) for kind, _, case in drawn))
     fewer = {
         kind: count for kind, count in counts.items() if count["found"] < FEWER.get(kind, DRAWS)
     }

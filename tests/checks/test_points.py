@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from measured_examples import PLACES, points, study, with_measured
 
+from checks.damage import NAMELESS
 from mtu_cli import checks
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
@@ -42,13 +43,9 @@ OTHERS = [
         lambda xyz: xyz + np.array([3.0, -70.0, 0.0]),
         "x from an origin 3 mm off, y from an origin -70 mm off",
     ),
-    (lambda xyz: xyz**2, "no unit, sign, order or origin"),
+    (lambda xyz: xyz**2, NAMELESS),
 ]
 Change = Callable[[np.ndarray], np.ndarray]
-
-
-def test_a_sound_study_is_not_suspected() -> None:
-    assert found_of(study(21, 2, 3)) == []
 
 
 def test_names_alike_are_those_of_the_later_name() -> None:
@@ -58,40 +55,23 @@ def test_names_alike_are_those_of_the_later_name() -> None:
     assert finding.row == table.row[np.flatnonzero(table.part == 2)[0]]
 
 
-@pytest.mark.parametrize(("change", "words"), UNITS)
-def test_a_file_in_another_unit_is_an_error(change: Change, words: str) -> None:
+@pytest.mark.parametrize(("change", "words"), [*UNITS, *OTHERS])
+def test_what_a_file_or_some_parts_look_like(change: Change, words: str) -> None:
+    """A whole file in another unit is an error, all else a warning."""
     sound = study(6, 2, 3)
-    finding = only(with_measured(sound, change(sound.measured)))
-    assert (finding.code, finding.severity, finding.row) == ("unit-of-points", "error", 2)
-    assert finding.facts["looks"] == f"{words}, not mm"
-
-
-@pytest.mark.parametrize(("change", "words"), OTHERS)
-def test_what_a_file_looks_like_is_a_warning(change: Change, words: str) -> None:
-    sound = study(6, 2, 3)
-    finding = only(with_measured(sound, change(sound.measured)))
-    assert (finding.code, finding.severity) == ("far-from-nominal", "warning")
-    assert finding.facts["looks"].startswith(words)
-    assert finding.facts["count"] == 36
-
-
-@pytest.mark.parametrize(("change", "words"), [*UNITS, *OTHERS[:-1]])
-def test_some_parts_are_named_with_their_rows(change: Change, words: str) -> None:
-    sound = study(6, 2, 3)
-    own = np.isin(sound.part, [2, 4])
-    wrong = np.where(own[:, None], change(sound.measured), sound.measured)
-    finding = only(with_measured(sound, wrong))
+    changed, own = change(sound.measured), np.isin(sound.part, [2, 4])
+    finding = only(with_measured(sound, changed))
+    unit = (change, words) in UNITS
+    code, severity = ("unit-of-points", "error") if unit else ("far-from-nominal", "warning")
+    assert (finding.code, finding.severity, finding.row) == (code, severity, 2)
+    assert finding.facts["looks"].startswith(f"{words}, not mm" if unit else words)
+    if words == NAMELESS:
+        return
+    finding = only(with_measured(sound, np.where(own[:, None], changed, sound.measured)))
     assert (finding.code, finding.severity) == ("far-from-nominal", "warning")
     assert finding.facts["what"] == "part 'P2', 'P4'"
     assert finding.facts["looks"].startswith(words)
     assert finding.facts["rows"] == tuple(sound.row[own].tolist())
-
-
-@pytest.mark.parametrize("factor", [1.0, 1000.0])
-def test_errors_in_the_columns_of_coordinates_are_named(factor: float) -> None:
-    sound = study(6, 2, 3)
-    finding = only(with_measured(sound, factor * (sound.measured - sound.nominal)))
-    assert finding.facts["looks"].startswith("errors, not the coordinates")
 
 
 def test_parts_put_down_by_hand_are_no_mistake_where_the_datum_says_so() -> None:
@@ -131,6 +111,7 @@ def test_a_single_reading_off_the_other_parts() -> None:
     finding = only(with_measured(sound, measured))
     assert (finding.code, finding.row, finding.column) == ("outlying-value", 7, "y_mm")
     assert finding.facts["off"] == pytest.approx(30e3 * scatter, rel=0.2)
+    assert finding.facts["beside"] == "the other parts"
 
 
 def test_a_repeat_off_the_other_within_the_scatter_of_the_parts() -> None:

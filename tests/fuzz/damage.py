@@ -62,9 +62,10 @@ def damaged(sample: Sample, rng: Random, mild: float = 0.2) -> bytes:
     """
     content = sample.content
     if sample.kind in ("instrument", "control"):
-        few = rng.random() < 0.6
-        for _ in range(rng.randint(1, 4) if few else rng.choice((1, 1, 2, 4))):
-            content = rng.choice((flip, splice) if few else DAMAGES)(content, rng)
+        if rng.random() < 0.6:
+            return nudged(content, rng)
+        for _ in range(rng.choice((1, 1, 2, 4))):
+            content = rng.choice(DAMAGES)(content, rng)
         return content
     little, draw = rng.random() < mild, rng.random()
     if little or draw < 0.75:
@@ -133,6 +134,13 @@ def pack(content: bytes, rng: Random) -> bytes:
     )
     padded = whole + rng.randbytes(rng.choice((1, 2, 30)))
     return rng.choice((whole, one + two, cut_off(whole, rng), flip(whole, rng), padded))
+
+
+def nudged(content: bytes, rng: Random) -> bytes:
+    """A few places changed."""
+    for _ in range(rng.randint(1, 4)):
+        content = rng.choice((flip, splice))(content, rng)
+    return content
 
 
 Damage = Callable[[bytes, Random], bytes]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from machine_trials import POINTS, Drift, machine, read_machine
 from model_examples import permuted, run_command
+from support import leaves
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
@@ -85,18 +85,6 @@ def test_directions_may_change_their_names(tmp_path: Path, seed: int) -> None:
     assert back.p == pytest.approx(forward.p, rel=1e-7)
 
 
-def flat(report: Any, path: str = "") -> dict[str, Any]:
-    """Every leaf of a report with its path."""
-    if isinstance(report, dict):
-        return {
-            k: v for key, item in report.items() for k, v in flat(item, f"{path}.{key}").items()
-        }
-    if isinstance(report, list):
-        pairs = enumerate(report)
-        return {k: v for i, item in pairs for k, v in flat(item, f"{path}[{i}]").items()}
-    return {path: report}
-
-
 @pytest.mark.parametrize("unit", ["mm", "nm"])
 def test_the_unit_of_readings_does_not_matter(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, unit: str
@@ -123,7 +111,7 @@ def test_the_unit_of_readings_does_not_matter(
                         text = f"{value * factor[name]!r}".replace("np.float64(", "").rstrip(")")
                         rows.append(f"{component},{p:g},{number},{direction},{text},{name}")
     found = []
-    for name, rows in lines.items():
+    for rows in lines.values():
         (tmp_path / "lbb.csv").write_text("\n".join(rows) + "\n")
         one: dict[str, Any] = {}
         for command in ("fit-components", "lengths"):
@@ -131,7 +119,7 @@ def test_the_unit_of_readings_does_not_matter(
             words += ["-p", "part.yaml", "--trials", "20000"] if command == "lengths" else []
             code, report, text = run_command(monkeypatch, tmp_path, *words)
             assert code == 0, text
-            one |= flat(report["results"], f"{command}.{name}".split(".")[0])
+            one |= leaves(report["results"], command)
         found.append(one)
     assert list(found[0]) == list(found[1])
     for path, value in found[0].items():
@@ -142,4 +130,3 @@ def test_the_unit_of_readings_does_not_matter(
             assert other == pytest.approx(value, rel=1e-7, abs=1e-10), path
         else:
             assert other == value, path
-    assert json.dumps(found[0])

@@ -139,8 +139,8 @@ Profile = Callable[[Floats], Floats]
 class Axis:
     """An axis that is measured there and back at some targets, run after run, and has a profile.
 
-    Every run has a level and a slope (um over half the travel) of its own; `zeroed`: the first
-    reading of every run was set to nought.
+    Every run has a level and a slope (um over half the travel) of its own, and perhaps a bend of
+    the amplitude `own`; `zeroed`: the first reading of every run was set to nought.
     """
 
     targets: Floats
@@ -151,29 +151,36 @@ class Axis:
     level: float = 0.4
     slope: float = 0.2
     lost: float = 3.0
+    own: float = 0.0
 
-    def run(self, x: Floats, way: float, rng: np.random.Generator) -> Floats:
-        """Readings of one run at `x`, forward or back or (way 0) neither."""
+    def _run(self, rng: np.random.Generator) -> Callable[[Floats, float], Floats]:
+        """What a run would read without noise at places, forward or back (1 or -1)."""
         level, slope = rng.normal(0, [self.level, self.slope])
-        return self._at(x, way, level, slope) + rng.normal(0, self.sigma, len(x))
+        travel = float(self.targets[-1])
+        bent = bend(travel, self.own, rng, 0.0) if self.own else np.zeros_like
+        return lambda x, way: self._at(x, way, level, slope) + bent(x)
 
     def _at(self, x: Floats, way: float, level: float, slope: float) -> Floats:
         travel = self.targets[-1]
         bent = self.profile(x) + slope * (2 * x / travel - 1)
         return np.asarray(bent + level + way * self.lost / 2)
 
-    def readings(self, rng: np.random.Generator) -> str:
-        T, x = len(self.targets), self.targets
+    def taken(self, rng: np.random.Generator) -> Floats:
+        """Readings (runs, 2, targets), forward first."""
         taken = []
         for _ in range(self.runs):
-            level, slope = rng.normal(0, [self.level, self.slope])
-            pair = np.stack([self._at(x, way, level, slope) for way in (1.0, -1.0)])
+            run = self._run(rng)
+            pair = np.stack([run(self.targets, way) for way in (1.0, -1.0)])
             pair += rng.normal(0, self.sigma, pair.shape)
             taken.append(pair - pair[0, 0] if self.zeroed else pair)
+        return np.array(taken)
+
+    def readings(self, rng: np.random.Generator) -> str:
+        T = len(self.targets)
         passes = np.repeat(np.arange(self.runs) + 1, 2 * T)
         direction = np.tile(np.repeat([1, -1], T), self.runs)
-        error = np.array(taken).ravel()
-        return csv("px", np.tile(x, 2 * self.runs), passes, direction, error)
+        position = np.tile(self.targets, 2 * self.runs)
+        return csv("px", position, passes, direction, self.taken(rng).ravel())
 
     def true(self, x: Floats) -> Floats:
         """Mean error going forward."""
@@ -184,14 +191,14 @@ class Axis:
         """Single readings going forward, each of a run of its own."""
         taken = []
         for one in x:
-            pair = self.run(np.array([one, 0.0]), 1.0, rng)
+            pair = self._run(rng)(np.array([one, 0.0]), 1.0) + rng.normal(0, self.sigma, 2)
             taken.append(pair[0] - pair[1] if self.zeroed else pair[0])
         return np.array(taken)
 
     def half_width(self, x: Floats) -> Floats:
         """Half of the 95 % interval of such readings who knows the profile and the variances."""
         near = self.slope * (2 * x / self.targets[-1] - 1)
-        variance = self.sigma**2 + self.level**2 + near**2
+        variance = self.sigma**2 + self.level**2 + near**2 + self.own**2 / 2
         if self.zeroed:
             variance = 2 * self.sigma**2 + (self.slope * 2 * x / self.targets[-1]) ** 2
         return np.asarray(1.96 * np.sqrt(variance))
@@ -205,10 +212,12 @@ def targets(rng: np.random.Generator, count: int, travel: float, *, regular: boo
     return np.round(x, 3)
 
 
-def bend(travel: float, amplitude: float, rng: np.random.Generator) -> Profile:
+def bend(
+    travel: float, amplitude: float, rng: np.random.Generator, steepest: float = 0.02
+) -> Profile:
     """A smooth S-bend of rms amplitude/sqrt 2 about its line, um, on a line of its own."""
     wave, phase = rng.uniform(0.55, 1.6) * travel, rng.uniform(0, 2 * np.pi)
-    line = rng.uniform(-0.02, 0.02)
+    line = rng.uniform(-steepest, steepest)
 
     def raw(x: Floats) -> Floats:
         turn = 2 * np.pi * x / wave

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from loop_bench.rows import ROWS, table
 from loop_bench.sets import KINDS, Kind, drawn
 from shop_day import Rivals, ShopDay, effect, runs, whitened
 from shop_day.oracle import margins_of
+from support import leaves
 
 import mtu_cli
 
@@ -79,14 +79,6 @@ def test_the_sets_are_those_of_the_records(tmp_path: Path) -> None:
             for name, value in there.items():
                 near = pytest.approx(value, rel=1e-4) if isinstance(value, float) else value
                 assert found[name] == near, name
-
-
-def leaves(value: Any, path: str = "") -> dict[str, Any]:
-    """What a truth holds, by its place."""
-    if isinstance(value, Mapping | list):
-        pairs = value.items() if isinstance(value, Mapping) else enumerate(value)
-        return {k: v for key, item in pairs for k, v in leaves(item, f"{path}/{key}").items()}
-    return {path: value}
 
 
 def test_a_run_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
