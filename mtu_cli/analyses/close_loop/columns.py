@@ -91,13 +91,14 @@ class Columns:
         partners = np.bincount(np.concatenate([one, other]))
         one, other = np.where(partners[one] > partners[other], [other, one], [one, other])
         often = partners[other] > MANY
-        common, at = np.unique(other[often], return_inverse=True)
+        common = np.flatnonzero(partners > MANY)
+        at = np.searchsorted(common, other[often])
         result = np.zeros((len(self._values), len(one)))
         for s, values in enumerate(self._values):
             first, second = self._rows[s, one], self._rows[s, other]
-            rows, back = np.unique(first[often], return_inverse=True)
-            products = values[rows] @ values[self._rows[s, common]].T
-            result[s, often] = products[back, at]
+            asked = np.bincount(first[often], minlength=len(values)) > 0
+            products = values[asked] @ values[self._rows[s, common]].T
+            result[s, often] = products[(np.cumsum(asked) - 1)[first[often]], at]
             there = np.flatnonzero(~often & (first > 0) & (second > 0))
             for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
                 pair = values[first[some]], values[second[some]]
