@@ -154,14 +154,12 @@ def test_own_effects_of_the_help(rows: list[dict[str, str]], tmp_path: Path) -> 
     assert "effects" in [item["role"] for item in found["inputs"]]
 
 
-def own_ramp(
-    tmp_path: Path, equation: str, more: str = "", parameters: str = "level: um, own_level: um"
-) -> Path:
+def own_ramp(tmp_path: Path, equation: str) -> Path:
     path = tmp_path / "ramp.yaml"
     path.write_text(
         "schema: mtu/effects/1\neffects:\n  - family: ramp\n    says: it rises\n"
-        f"    separates: go back\n    parameters: {{{parameters}}}\n"
-        f"{more}    equations:\n      E{{a}}: {equation}\n",
+        "    separates: go back\n    parameters: {level_y: um, own_level: um}\n"
+        f"    equations:\n      E{{a}}: {equation}\n",
         "utf-8",
     )
     return path
@@ -170,8 +168,8 @@ def own_ramp(
 def test_the_constant_of_an_equation_has_a_name_of_its_own(
     rows: list[dict[str, str]], tmp_path: Path
 ) -> None:
-    """A row each, and a machine that can be read."""
-    mine = own_ramp(tmp_path, "level*(sequence/8)**2 + own_level*dir_{a}*(sequence/8)")
+    """The level of Y takes another name, and the machine can be read."""
+    mine = own_ramp(tmp_path, "level_y*(sequence/8)**2 + own_level*dir_{a}*(sequence/8)")
     points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
     for row in points:
         row["y_mm"] = f"{float(row['y_mm']) + 0.02 * (int(row['part']) / 8) ** 2:.5f}"
@@ -180,7 +178,7 @@ def test_the_constant_of_an_equation_has_a_name_of_its_own(
     found, result = few(tmp_path, points, "--effects", mine, *exclude, *written)
     done(result)
     (ramp,) = (e for e in found["results"]["effects"] if e["name"] == "ramp-y")
-    assert list(ramp["parameters"])[:2] == ["level", "own_level"]
+    assert list(ramp["parameters"])[:2] == ["level_y", "own_level"]
     # The machine is read again.
     files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
     done(mtu("close-loop", *files, *NO_WAVES, cwd=tmp_path))
@@ -189,7 +187,7 @@ def test_the_constant_of_an_equation_has_a_name_of_its_own(
 def test_an_own_effect_with_a_constant_is_told_to_leave_it_out(
     rows: list[dict[str, str]], tmp_path: Path
 ) -> None:
-    mine = own_ramp(tmp_path, "level*(sequence/8)**2 + own_level")
+    mine = own_ramp(tmp_path, "level_y*(sequence/8)**2 + own_level")
     points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
     found, result = few(tmp_path, points, "--effects", mine)
     done(result)
@@ -199,27 +197,7 @@ def test_an_own_effect_with_a_constant_is_told_to_leave_it_out(
     )
 
 
-@pytest.mark.parametrize("name", ["level", "level_gain"])
-def test_own_parameters_may_have_the_name_of_a_level(
-    name: str, rows: list[dict[str, str]], tmp_path: Path
-) -> None:
-    """Only what the tool adds to an equation is the constant of it."""
-    text = (
-        "schema: mtu/effects/1\neffects:\n  - family: step-over\n    says: it changes\n"
-        f"    separates: reverse\n    parameters: {{{name}: um}}\n"
-        f"    equations:\n      E{{a}}: {name}*dir_{{a}}\n"
-    )
-    (tmp_path / "mine.yaml").write_text(text, "utf-8")
-    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
-    options = ("--effects", tmp_path / "mine.yaml", "--exclude", "backlash")
-    found, result = few(tmp_path, points, *options)
-    assert f"It changes: {name} -4.17 ± 0.17 um" in " ".join(done(result).stdout.split())
-    first = found["results"]["effects"][0]
-    assert first["name"] == "step-over-x"
-    assert name in first["parameters"]
-
-
-@pytest.mark.parametrize("column", ["lost_motion", "level"])
+@pytest.mark.parametrize("column", ["lost_motion", "level_x"])
 def test_columns_may_have_the_name_of_a_parameter(
     column: str, rows: list[dict[str, str]], tmp_path: Path
 ) -> None:
@@ -237,27 +215,6 @@ def test_columns_may_have_the_name_of_a_parameter(
     files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
     said = done(mtu("close-loop", *files, *NO_WAVES, cwd=tmp_path)).stdout
     assert "backlash-x" not in said.split("\n")[1]
-
-
-def test_an_own_effect_of_a_column_called_level(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    """The constant of its equation takes another name."""
-    mine = own_ramp(tmp_path, "gain*(level/10)**2", "    needs: [level]\n", "gain: um")
-    points = [
-        {**row, "level": f"{(7 * int(row['part'])) % 5}"}
-        for row in rows
-        if row["repeat"] == "1" and int(row["part"]) <= 8
-    ]
-    for row in points:
-        row["y_mm"] = f"{float(row['y_mm']) + 0.3 * (float(row['level']) / 10) ** 2:.5f}"
-    found, result = few(
-        tmp_path, points, "--effects", mine, "--exclude", "covariate",
-        "--write-machine", tmp_path / "m.yaml",
-    )  # fmt: skip
-    done(result)
-    (ramp,) = (e for e in found["results"]["effects"] if e["name"] == "ramp-y")
-    assert next(iter(ramp["parameters"])) == "gain"
-    files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
-    done(mtu("close-loop", *files, *NO_WAVES, cwd=tmp_path))
 
 
 def test_two_parts(rows: list[dict[str, str]], tmp_path: Path) -> None:

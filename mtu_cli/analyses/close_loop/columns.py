@@ -14,6 +14,10 @@ EMPTY = 1e-9
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
+MANY = 100
+"""Partners of a column from which on its products with all others are calculated at once."""
+AT_ONCE = 1_000_000
+"""Numbers of columns whose products are calculated at once."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 
@@ -30,7 +34,6 @@ class Columns:
         S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
         self._ends = np.array([0, *(part.stop for part in strata.slices)])
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
-        self._cross = [np.zeros((1, 1)) for _ in strata.sizes]
         self._used = np.ones(S, int)
         self._rows = np.zeros((S, 0), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
@@ -82,8 +85,25 @@ class Columns:
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
         """Cross products (S, ...) in each stratum of columns with these indices."""
         self._settle()
-        pairs = zip(self._cross, self._rows, strict=True)
-        return np.stack([products[own[one], own[other]] for products, own in pairs])
+        one, other = np.broadcast_arrays(one, other)
+        shape, one, other = one.shape, one.ravel(), other.ravel()
+        # Of two columns the one with more partners stands second: with many it has all products.
+        partners = np.bincount(np.concatenate([one, other]))
+        one, other = np.where(partners[one] > partners[other], [other, one], [one, other])
+        often = partners[other] > MANY
+        common = np.flatnonzero(partners > MANY)
+        at = np.searchsorted(common, other[often])
+        result = np.zeros((len(self._values), len(one)))
+        for s, values in enumerate(self._values):
+            first, second = self._rows[s, one], self._rows[s, other]
+            asked = np.bincount(first[often], minlength=len(values)) > 0
+            products = values[asked] @ values[self._rows[s, common]].T
+            result[s, often] = products[(np.cumsum(asked) - 1)[first[often]], at]
+            there = np.flatnonzero(~often & (first > 0) & (second > 0))
+            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
+                pair = values[first[some]], values[second[some]]
+                result[s, some] = np.einsum("kn,kn->k", *pair)
+        return result.reshape(len(result), *shape)
 
     @property
     def means(self) -> FloatArray:
@@ -92,10 +112,10 @@ class Columns:
         return self._means
 
     def _settle(self) -> None:
-        """Takes new columns into the values and cross products."""
+        """Takes new columns into the values."""
         if not self._new:
             return
-        first, before = len(self._means), self._used.copy()
+        first = len(self._means)
         self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
         self._rows = _roomy(self._rows, (len(self._used), self.count))
         for at, units, _ in self._new:
@@ -110,19 +130,16 @@ class Columns:
                 self._rows[s, first + there] = rows
             first += len(units)
         self._new = []
-        for s in np.flatnonzero(self._used > before):
-            new, n = slice(before[s], self._used[s]), self._used[s]
-            products = self._cross[s] = _roomy(self._cross[s], (n, n))
-            products[:n, new] = self._values[s][:n] @ self._values[s][new].T
-            products[new, :n] = products[:n, new].T
 
     def products(self, Y: FloatArray) -> FloatArray:
-        """(S, K, B) products of the columns in each stratum with coordinates Y (B, N)."""
+        """(S, K, B) products of the columns in each stratum with coordinates Y (B, N), in Y's
+        precision.
+        """
         self._settle()
         result = np.zeros((len(self._values), self.count, len(Y)))
         for s, part in enumerate(self.strata.slices):
-            rows = self._rows[s, : self.count]
-            result[s] = (self._values[s] @ Y[:, part].T)[rows]
+            values = self._values[s][: self._used[s]].astype(Y.dtype)
+            result[s] = (values @ Y[:, part].T)[self._rows[s, : self.count]]
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:

@@ -15,7 +15,7 @@ import numpy as np
 
 from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
 from mtu_cli.language import Node, evaluate, linear_form, names, parse
-from mtu_cli.model.machine_model import AXES
+from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.coverage import fieller
 from mtu_cli.stats.least_squares import FloatArray
@@ -119,7 +119,6 @@ def _groups(
 def _columns(table: ResidualTable) -> dict[str, FloatArray]:
     """Values (n,) of coordinates and covariates at some of the measured cells, and their ends."""
     there = table.there
-    values = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True)) | table.covariates
-    known = {name: np.broadcast_to(value, there.shape)[there] for name, value in values.items()}
     chosen = np.linspace(0, int(there.sum()) - 1, CELLS).astype(int)
-    return {name: value[chosen] for name, value in known.items() if np.isfinite(value).all()}
+    values = TableData.of(table).values
+    return {name: np.broadcast_to(v, there.shape)[there][chosen] for name, v in values.items()}

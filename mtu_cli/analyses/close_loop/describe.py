@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import reduce
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
-from mtu_cli.language.tree import Call, Node, Number, filled_text, names
+from mtu_cli.language.tree import filled_text, names
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -160,15 +159,14 @@ def _equations(estimate: Estimate) -> dict[str, str]:
     if value is not None and any(size.role == "searched" for size in estimate.sizes):
         assert estimate.tangent is not None
         name, sizes = bound.searched, estimate.tangent.sizes
-        shares = sizes / max(float(np.linalg.norm(sizes)), 1e-300)
-        share = dict(zip(bound.parameters, shares[: len(bound.parameters)].tolist(), strict=True))
+        shares = sizes / max(float(np.linalg.norm(sizes)), 1e-300) * value
+        share = dict(zip(bound.parameters, shares.tolist(), strict=False))
         for a, slopes in bound.slopes().items():
-            each_slope: list[Node] = [
-                Call("*", (Number(share[parameter] * value, 0), slope), 0)
+            parts = [
+                f"({share[parameter]!r})*({filled_text(slope, {name: value})})"
                 for parameter, slope in slopes.items()
             ]
-            total = reduce(lambda left, right: Call("+", (left, right), 0), each_slope)
-            text = f"{name}_change*({filled_text(total, {name: value})})"
+            text = f"{name}_change*({' + '.join(parts)})"
             terms.setdefault(f"E{bound.data.table.axes[a]}", []).append(text)
     return {key: " + ".join(texts) for key, texts in terms.items()}
 

@@ -361,16 +361,20 @@ def _distinct(placed: list[Placed]) -> list[Placed]:
         return []
     used = np.unique(np.concatenate([item.at for item in placed]))
     widths = np.array([len(item.basis) for item in placed])
-    bases = np.zeros((len(placed), widths.max(), len(used)))
     single = np.ones(len(placed), bool)
-    for i, (item, k) in enumerate(zip(placed, widths, strict=True)):
-        bases[i, :k, np.searchsorted(used, item.at)] = item.basis.T
-        products = bases[:i, :k] @ bases[i, :k].T
-        least = STEP_RAD / 2 if item.around else SAME_RAD
-        # The least cosine of all is at most their root mean square.
-        near = np.einsum("gkl,gkl->g", products, products) > k * np.cos(least) ** 2
-        near &= single[:i] & (widths[:i] == k)
-        single[i] = not near.any() or _angles(products[near]).min() >= least
+    for k in np.unique(widths):
+        group = np.flatnonzero(widths == k)
+        bases = np.zeros((len(group), k, len(used)))
+        for basis, i in zip(bases, group, strict=True):
+            basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
+        rows = bases.reshape(-1, len(used))
+        products = (rows @ rows.T).reshape(len(group), k, len(group), k)
+        for n, i in enumerate(group):
+            own, earlier = products[:n, :, n], single[group[:n]]
+            least = STEP_RAD / 2 if placed[i].around else SAME_RAD
+            # The least cosine of all is at most their root mean square.
+            near = earlier & (np.einsum("gkl,gkl->g", own, own) > k * np.cos(least) ** 2)
+            single[i] = not near.any() or _angles(own[near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
 
 

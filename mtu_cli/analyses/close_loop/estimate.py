@@ -211,7 +211,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
     grid = np.asarray(member.form.grid)
     low, high = float(grid.min()), float(grid.max())
     value, best = float(member.value), item
-    top = float(like.log_likelihood([like.closure((*rest, item))])[0])
+    top = like.log_likelihood(like.closure((*rest, item)))
     for _ in range(NEWTON):
         tangent = _tangent(design, like, rest, best)
         if tangent is None:
@@ -224,7 +224,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
             break
         m = len(design.members)
         design.members.append(made(design, member.candidate, items[0], 0.0))
-        now = float(like.log_likelihood([like.closure((*rest, m))])[0])
+        now = like.log_likelihood(like.closure((*rest, m)))
         if now <= top + 1e-9:
             break
         value, best, top = new, m, now

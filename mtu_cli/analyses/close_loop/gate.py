@@ -150,7 +150,9 @@ class Gate:
             for (low, k), members in design.groups(base)
             for i in range(0, len(members), MEMBERS)
         ]
-        U = design.columns.products(Y)
+        # Of the null tables, which are random, single precision is enough.
+        U = design.columns.products(Y.astype(np.float32))
+        U[:, :, :1] = design.columns.products(Y[:1])
         at: list[IntArray] = [np.zeros(0, int)]
         lps: list[FloatArray] = [np.zeros((len(Y), 0))]
         sums = [(Y[:, part] ** 2).sum(axis=1) for part in self.strata.slices]

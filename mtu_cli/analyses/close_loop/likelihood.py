@@ -153,19 +153,12 @@ class Likelihood:
         counted = np.einsum("smi,s->mi", info, self.n) / np.maximum(info.sum(0), 1e-300)
         return R, counted
 
-    def log_likelihood(self, models: Sequence[Columns]) -> FloatArray:
-        """Largest log likelihood (M,) of models against none, the strata's variances maximised."""
-        R, _ = self.profile(self._filled(models))
-        least = (self.least * self.n)[:, None] + TINY**2
-        whole = np.maximum(self.R0[:, None], least)
-        return np.asarray(-0.5 * self.n @ np.log(np.maximum(R, least) / whole))
-
-    def _filled(self, models: Sequence[Columns]) -> IntArray:
-        width = max((len(model) for model in models), default=0)
-        filled = np.full((len(models), max(width, 1)), PADDING)
-        for i, model in enumerate(models):
-            filled[i, : len(model)] = model
-        return filled
+    def log_likelihood(self, columns: Columns) -> float:
+        """Largest log likelihood of a model against none, the strata's variances maximised."""
+        R, _ = self.profile(np.array([columns]))
+        least = self.least * self.n + TINY**2
+        ratio = np.maximum(R[:, 0], least) / np.maximum(self.R0, least)
+        return float(-0.5 * self.n @ np.log(ratio))
 
     def evidence(self, models: Sequence[Columns], beside: Columns = ()) -> FloatArray:
         """Log marginal likelihood (M,) of models against none, `beside` the columns of random
@@ -175,7 +168,10 @@ class Likelihood:
         (Liang et al. 2008); the strata's variances are maximised; every column is paid for,
         margins too.
         """
-        filled = self._filled([*models, ()])
+        width = max((len(model) for model in models), default=0)
+        filled = np.full((len(models) + 1, max(width, 1)), PADDING)
+        for i, model in enumerate(models):
+            filled[i, : len(model)] = model
         R, counted = self.profile(filled, beside)
         R, whole = R[:, :-1], R[None, :, -1:]
         there = filled[:-1] != PADDING
