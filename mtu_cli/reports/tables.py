@@ -12,6 +12,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import IO
 
+from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Table
@@ -57,7 +58,10 @@ class Sheet:
                 yield Text("")
             gaps = len(group) - 1
             gap = 2 if sum(wanted[i] for i in group) + 2 * gaps <= most else 1
-            table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0))
+            # On a terminal a rule below the headings, and a blank of its own between columns.
+            box = SIMPLE_HEAD if console.is_terminal else None
+            padding = (0, gap - bool(box), 0, 0)
+            table = Table(box=box, show_edge=False, pad_edge=False, padding=padding)
             for i in group:
                 text = self.columns[i].text
                 table.add_column(
