@@ -140,7 +140,7 @@ def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
 @figures.styled
 def simulated(result: GraphSimulation) -> Figure:
     """Histogram of the trials of every coordinate about its nominal, interval, first order."""
-    varying = [item for item in result.coordinates if not item.fixed and not item.chance]
+    varying = [item for item in result.coordinates if not item.fixed]
     most = [max(y.u for y in varying if y.output.unit == x.output.unit) for x in varying]
     seen = [x for x, u in zip(varying, most, strict=True) if x.u >= SEEN * u][:COORDINATES]
     shown = []
@@ -157,8 +157,8 @@ def simulated(result: GraphSimulation) -> Figure:
 
 @figures.styled
 def swept(result: Sweep) -> Figure:
-    """u, or the chance, by Monte Carlo with two standard errors against the first of what is
-    varied, a line for each value of the rest.
+    """u by Monte Carlo with two standard errors against the first of what is varied, a line for
+    each value of the rest.
     """
     names = [name for name, values in result.varied.items() if len(values) > 1]
     first, *rest = names or list(result.varied)
@@ -167,23 +167,20 @@ def swept(result: Sweep) -> Figure:
         lines.setdefault(", ".join(f"{n} {item.at[n]:g}" for n in rest), []).append(item)
     page = figures.blank(6.4 + 1.6 * bool(rest), 4.4)
     panel, short = page.subplots(), cut(str(result.output), NAME)
-    factor, unit = (1.0, "") if result.chance else small_unit(result.output.unit)
+    factor, unit = small_unit(result.output.unit)
     named = spread(len(lines), LINES)
     for i, ((label, points), colour) in enumerate(
         zip(lines.items(), figures.shades(len(lines)), strict=True)
     ):
-        pairs = [(y.mean, y.se_mean) if result.chance else (y.u, y.se_u) for y in points]
-        y, se = np.nan_to_num(np.array(pairs).T) * factor
+        y, se = np.nan_to_num([(point.u, point.se_u) for point in points]).T * factor
         panel.errorbar(
             [item.at[first] for item in points], y, 2 * se, fmt="o-", ms=4, color=colour,
             label=label if i in named else None,
         )  # fmt: skip
-    what, form = f"u of {short}, {unit}", "" if result.formula is None else result.formula.form
-    panel.set(
-        xlabel=first, ylabel=f"chance that {short} is 1" if result.chance else what, ylim=(0, None)
-    )
-    panel.set_title(form, fontweight="normal")
-    figures.title(page, f"{panel.get_ylabel()} over {first}")
+    panel.set(xlabel=first, ylabel=f"u of {short}, {unit}", ylim=(0, None))
+    if result.formula is not None:
+        panel.set_title(result.formula.form, fontweight="normal")
+    figures.title(page, f"Uncertainty of {short} over {first}")
     if rest:
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), reverse=True)
     return page

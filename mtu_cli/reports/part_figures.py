@@ -36,7 +36,7 @@ COMPARED = (("predicted", figures.BLUE), ("measured", figures.ORANGE))
 
 class Chart(NamedTuple):
     """The mean of each part over the sequence of manufacture, with what the CMM's scatter makes of
-    it and the names of outliers; `limits` (2, parts or none) of an outlier or of the tolerance.
+    it and the names of outliers; `limits` of the tolerance.
     """
 
     title: str
@@ -45,7 +45,6 @@ class Chart(NamedTuple):
     values: FloatArray
     half: FloatArray | None
     limits: FloatArray
-    toleranced: bool
     outliers: dict[int, str]
 
 
@@ -63,11 +62,8 @@ def anova(result: AnovaResult) -> Figure:
             places, chart.values[order], half, fmt="o-", color=figures.INK, ms=3,
             lw=0.5, elinewidth=1.0, label="mean of a part ± k s_repeat/√n",
         )  # fmt: skip
-        label = "tolerance" if chart.toleranced else "limits of an outlier (all parts and features)"
         for limit in chart.limits:
-            ends = np.broadcast_to(limit, len(order))[order]
-            colour = figures.GREEN if chart.toleranced else figures.RED
-            panel.plot(places, ends, color=colour, lw=1.0, ls="--", label=label)
+            panel.axhline(limit, color=figures.GREEN, lw=1.0, ls="--", label="tolerance")
         for i, name in chart.outliers.items():
             place = chart.sequence[i], chart.values[i]
             panel.plot(*place, "D", color=figures.RED, ms=5, label="outlier among the parts")
@@ -93,8 +89,8 @@ def _features(result: AnovaResult) -> Iterator[Chart]:
         for i in (i for i, label in enumerate(labels) if label[:2] == key):
             mean, u = (each / UM for each in found.part_means(i))
             out = {p: name for p, name in enumerate(found.tables.parts) if name in found.unusual[i]}
-            sequence, limits = result.sequence[key[0]], result.limits(i) / UM
-            yield Chart(words(*labels[i]), "um", sequence, mean, k * u, limits, False, out)
+            sequence, none = result.sequence[key[0]], np.zeros(0)
+            yield Chart(words(*labels[i]), "um", sequence, mean, k * u, none, out)
 
 
 def _runs(result: AnovaResult) -> Iterator[Chart]:
@@ -104,7 +100,7 @@ def _runs(result: AnovaResult) -> Iterator[Chart]:
         limits = [item.high] if item.kind == "position" else [item.low, item.high]
         title = f"{words(item.operation, item.id)} {item.kind}: ppk {item.ppk:.2f}"
         values, ends = item.values / size, np.array(limits) / size
-        yield Chart(title, unit, item.sequence, values, None, ends, True, {})
+        yield Chart(title, unit, item.sequence, values, None, ends, {})
 
 
 @figures.styled
