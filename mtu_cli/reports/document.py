@@ -6,7 +6,7 @@ What is undefined is null, and a warning says why; degrees of freedom that are n
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from mtu_cli import __version__
 from mtu_cli.files.source import Source
 from mtu_cli.findings import Finding
 from mtu_cli.model.settings import Settings
-from mtu_cli.reports.fields import Fields, Group, csv_rows, fields_of, leaves, plain, record
+from mtu_cli.reports.fields import Field, Fields, Group, csv_rows, fields_of, leaves, plain, record
 from mtu_cli.reports.numbers import MISSING
 
 if TYPE_CHECKING:
@@ -55,12 +55,12 @@ class Table:
 
     def sheet(self, digits: int, *, detail: bool) -> Sheet:
         """The cells as people read them, without columns that have nothing in them."""
-        from mtu_cli.reports.tables import Column, Sheet
+        from mtu_cli.reports.tables import Sheet
 
         items = self.items if self.shown is None else self.shown
         fields = self.fields if self.shown_fields is None else self.shown_fields
         shown = [f for f in leaves(fields) if f.head and (detail or not f.detail)]
-        columns, cells = [], []
+        columns, cells = list[Field](), list[list[str]]()
         for field in shown:
             column = [field.cell(item, digits) for item in items]
             if all(text in (MISSING, "") for text in column):
@@ -68,14 +68,7 @@ class Table:
             if field.show == "mm" and all(text.endswith((".000", MISSING)) for text in column):
                 column = [text.removesuffix(".000") for text in column]
             cells.append(column)
-            columns.append(
-                Column(
-                    title=field.title, text=field.show == "text", names=field.names,
-                    begins=field.begins, meaning=field.meaning,
-                )
-            )  # fmt: skip
-        if all(column.title.endswith("\n") for column in columns):
-            columns = [replace(column, title=column.title.rstrip("\n")) for column in columns]
+            columns.append(field)
         notes = [self.footer] if self.footer else []
         return Sheet(
             title=self.title,

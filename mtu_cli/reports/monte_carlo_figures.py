@@ -172,14 +172,15 @@ def swept(result: Sweep) -> Figure:
     for i, ((label, points), colour) in enumerate(
         zip(lines.items(), figures.shades(len(lines)), strict=True)
     ):
-        y, se = np.nan_to_num(np.array([(y.u, y.se_u) for y in points]).T) * factor
+        y, se = np.nan_to_num([(point.u, point.se_u) for point in points]).T * factor
         panel.errorbar(
             [item.at[first] for item in points], y, 2 * se, fmt="o-", ms=4, color=colour,
             label=label if i in named else None,
         )  # fmt: skip
     panel.set(xlabel=first, ylabel=f"u of {short}, {unit}", ylim=(0, None))
-    panel.set_title("" if result.formula is None else result.formula.form, fontweight="normal")
-    figures.title(page, f"{panel.get_ylabel()} over {first}")
+    if result.formula is not None:
+        panel.set_title(result.formula.form, fontweight="normal")
+    figures.title(page, f"Uncertainty of {short} over {first}")
     if rest:
         panel.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), reverse=True)
     return page

@@ -12,10 +12,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import IO
 
+from rich.box import SIMPLE_HEAD
 from rich.cells import cell_len
 from rich.console import Console, ConsoleOptions, RenderResult
 from rich.table import Table
 from rich.text import Text
+
+from mtu_cli.reports.fields import Field
 
 WIDTH = 100
 """Columns that a table may take."""
@@ -24,51 +27,45 @@ FOLDED = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """A column: its heading (a second line for the unit), and whether it holds text, which may
+class Sheet:
+    """A table with a title above and notes below; a cell that ends in `*` is emphasised. Text may
     break over lines.
 
     Where the table is too wide even then, the columns of text in front and what else `names` the
-    row begin every group of columns; a group rather `begins` here than elsewhere. `meaning` is for
-    HTML.
+    row begin every group of columns; a group rather `begins` at a column that does.
     """
 
     title: str
-    text: bool = False
-    names: bool = False
-    begins: bool = False
-    meaning: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Sheet:
-    """A table with a title above and notes below; a cell that ends in `*` is emphasised."""
-
-    title: str
-    columns: Sequence[Column]
+    columns: Sequence[Field]
     rows: Sequence[Sequence[str]]
     notes: Sequence[str] = field(default=())
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         yield Text(self.title, style="bold")
         most = min(WIDTH, options.max_width)
+        titles = [column.title for column in self.columns]
+        if all(title.endswith("\n") for title in titles):
+            titles = [title.rstrip("\n") for title in titles]
         wanted, least = [], []
         for i, column in enumerate(self.columns):
-            lines = [*column.title.split("\n"), *(row[i] for row in self.rows)]
+            lines = [*titles[i].split("\n"), *(row[i] for row in self.rows)]
             wanted.append(max(map(cell_len, lines)))
             # A heading breaks between its words only.
-            words = max(map(cell_len, column.title.split()), default=0)
+            words = max(map(cell_len, titles[i].split()), default=0)
             least.append(min(wanted[-1], max(FOLDED, words)) if column.text else wanted[-1])
         for n, group in enumerate(self._groups(least, most)):
             if n > 0:
                 yield Text("")
             gaps = len(group) - 1
             gap = 2 if sum(wanted[i] for i in group) + 2 * gaps <= most else 1
-            table = Table(box=None, pad_edge=False, padding=(0, gap, 0, 0))
+            # On a terminal a rule below the headings, and a blank of its own between columns.
+            box = SIMPLE_HEAD if console.is_terminal else None
+            padding = (0, gap - bool(box), 0, 0)
+            table = Table(box=box, show_edge=False, pad_edge=False, padding=padding)
             for i in group:
-                column, text = self.columns[i], self.columns[i].text
+                text = self.columns[i].text
                 table.add_column(
-                    Text(column.title), "", justify="left" if text else "right",
+                    Text(titles[i]), "", justify="left" if text else "right",
                     header_style="bold", no_wrap=not text, overflow="fold", min_width=least[i],
                 )  # fmt: skip
             for row in self.rows:

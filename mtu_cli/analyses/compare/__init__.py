@@ -62,12 +62,10 @@ Values = Mapping[str, FloatArray | float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompareResult:
-    """Features and lengths, predicted against measured; nominal `places` (ids, 3) in mm; the
-    summaries have one entry an operation.
+    """Features and lengths, predicted against measured; the summaries have one entry an
+    operation.
     """
 
-    ids: tuple[str, ...]
-    places: FloatArray
     features: Compared
     lengths: Compared | None
     feature_summaries: tuple[Summary, ...]
@@ -116,10 +114,7 @@ def compare(
         lengths = _compared(long, predictions, partial(length_rows, part=part), k, holes)
     features, lengths = judged(features, lengths)
     kinds = [features] if lengths is None else [features, lengths]
-    seen = np.unique(points.feature)
     return CompareResult(
-        ids=tuple(points.features[i] for i in seen),
-        places=visits_of(points).nominal[seen],
         features=features,
         lengths=lengths,
         feature_summaries=summarised(features),

@@ -44,12 +44,11 @@ from mtu_cli.units import UM
 
 
 class FeatureErrors(NamedTuple):
-    """Measured features with the means (m, 3) mm over all their points: nominal places, and
-    measured minus nominal before and after the correction; nan where a point lacks a coordinate.
+    """Measured features with the means (m, 3) mm over all their points of measured minus nominal
+    before and after the correction; nan where a point lacks a coordinate.
     """
 
     features: tuple[str, ...]
-    places: FloatArray
     before: FloatArray
     after: FloatArray
 
@@ -130,11 +129,11 @@ class CorrectResult:
         nominal = self.points.nominal
         seen, code = np.unique(self.points.feature, return_inverse=True)
         count = np.bincount(code)
-        places, before, after = (
+        before, after = (
             np.column_stack([np.bincount(code, along) / count for along in values.T])
-            for values in (nominal, self.points.measured - nominal, self.corrected - nominal)
+            for values in (self.points.measured - nominal, self.corrected - nominal)
         )
-        return FeatureErrors(tuple(self.points.features[i] for i in seen), places, before, after)
+        return FeatureErrors(tuple(self.points.features[i] for i in seen), before, after)
 
     @property
     def largest(self) -> tuple[float, str]:

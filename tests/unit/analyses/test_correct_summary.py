@@ -48,7 +48,6 @@ def test_means_by_feature_and_the_largest_correction(tmp_path: Path) -> None:
     for m, name in enumerate(found.features):
         own = [i for i in range(len(points)) if points.features[points.feature[i]] == name]
         for values, summed in (
-            (points.nominal, found.places),
             (points.measured - points.nominal, found.before),
             (result.corrected - points.nominal, found.after),
         ):

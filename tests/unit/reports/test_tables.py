@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from mtu_cli.reports.tables import Column, Sheet
+from mtu_cli.reports.fields import Field
+from mtu_cli.reports.tables import Sheet
 
 
 def shown_at(sheet: Sheet, width: int) -> str:
@@ -22,8 +23,8 @@ def shown_at(sheet: Sheet, width: int) -> str:
 
 def sheet(widths: list[int]) -> Sheet:
     """Names of eight letters and numbers of these widths."""
-    columns = [Column(title="name", text=True)]
-    columns += [Column(title="n") for _ in widths]
+    columns = [Field("", "", head="name\n", show="text")]
+    columns += [Field("", "", head="n\n") for _ in widths]
     return Sheet(title="t", columns=columns, rows=[["n" * 8, *("1" * w for w in widths)]])
 
 
@@ -38,9 +39,9 @@ def test_no_column_is_lost(widths: list[int], width: int) -> None:
 SHEET = Sheet(
     title="Errors",
     columns=[
-        Column(title="feature\n", text=True),
-        Column(title="of\n", text=True),
-        *(Column(title=f"value {i}\num") for i in range(9)),
+        Field("", "", head="feature\n", show="text"),
+        Field("", "", head="of\n", show="text"),
+        *(Field("", "", head=f"value {i}\num") for i in range(9)),
     ],
     rows=[
         ["bore_of_the_flange_04", "x", *(f"-12{i}.4 ± 5.6" for i in range(9))],
