@@ -7,7 +7,7 @@ readings, nor more repeats the parts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.geometry import GeometryError, fit_circle
 from mtu_cli.model.machine_model import AXES, Design, MachineModel, design, sensors_of, theta
-from mtu_cli.model.variance import Block, component_blocks, drawable_passes, positions_in_group
+from mtu_cli.model.variance import Block, component_blocks, drawable_passes
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
@@ -60,16 +60,10 @@ def pass_root(model: MachineModel) -> FloatArray:
 
 
 def _blocks(model: MachineModel) -> list[Block]:
-    """Of components read together one, where it is known how far they vary together."""
-    used = {term.estimate.name for term in model.terms}
-    joint = []
-    for group in model.joint:
-        kept = positions_in_group(group, [name for name in group.components if name in used])
-        if np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all():
-            joint.append(group)
+    """One of components that were read together."""
     columns = model.columns
     nothing, none = np.zeros((0, columns[-1].stop)), np.zeros((0, len(columns)))
-    result = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
+    result = component_blocks(model, nothing, none, columns)
     unknown = [block.names[0] for block in result if not np.isfinite(block.D).all()]
     if unknown:
         raise error(
