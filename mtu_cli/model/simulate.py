@@ -12,16 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mtu_cli.files.covariates import (
-    PLACE,
     as_temperature,
-    column_dimensions,
     looks_like_temperature,
-    own_columns,
 )
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
 from mtu_cli.findings import InputError, error, finding, listed, nearest, suggestion
-from mtu_cli.language import Node, check_dimension, evaluate, parse
+from mtu_cli.language import Node, evaluate, parse
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.geometry import GeometryError, fit_circle
@@ -184,8 +181,8 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     """Name and equation of an error in mm, or of a `column` in the unit that its name tells. Its
     numbers may have units: ``0.004*dir_x`` are mm.
 
-    Raises InputError for what is no such text, for a column that looks like a sensor's and is none,
-    and for terms of another dimension.
+    Raises InputError for what is no such text, and for a column that looks like a sensor's and is
+    none.
     """
     name, colon, equation = text.partition(":")
     blanks, name = " " * len(name + colon), name.strip()
@@ -200,8 +197,6 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     try:
         # Blanks for the name: columns count from the start of the option's text.
         tree = parse(blanks + equation)
-        wanted = column_dimensions(name) if column else PLACE
-        check_dimension(tree, wanted, own_columns(names_of(tree), ()), free=True)
     except InputError as fault:
         place = {"path": f"{option} {name}", "value": text}
         raise InputError(each.at(**place) for each in fault.findings) from None

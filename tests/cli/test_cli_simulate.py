@@ -229,17 +229,6 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
             "has no finite value at x = 0 in part 1 at feature 'A'",
         ),
         (
-            ["--effect", "Ex: x*(T_a_degC - 20)", "--covariate", "T_a_degC: 20"],
-            "--effect Ex: this term is mm*K, not a length (mm) at column 5: 'x*(T_a_degC - 20)'; "
-            "expected a number before it",
-        ),
-        (
-            ["--covariate", "T_a_degC: 20 + time_min"],
-            "--covariate T_a_degC: this term is a time (min), not a temperature "
-            "(degC) at column 16: 'time_min'",
-        ),
-        (["--covariate", "load: x + time_min"], "what is added is a time (min), not a length"),
-        (
             ["--covariate", "x_mm: 1"],
             "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
         ),

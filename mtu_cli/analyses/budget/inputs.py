@@ -23,6 +23,7 @@ from mtu_cli.model.features import NO_U
 from mtu_cli.stats.covariance import correlation_of, factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import (
+    NORMAL_DOF,
     Distribution,
     Kind,
     dof_of_inexact,
@@ -124,10 +125,7 @@ class Source:
 
     def drawn_variance(self, gradient: FloatArray) -> float:
         """Variance of the same sum as it is drawn; nan where a t of two degrees of freedom or fewer
-        has none.
-
-        With a scale S of its own a member i varies by u_i^2 E(S_i^2), and two of them together by
-        V_ij E(S_i) E(S_j): the covariance is that of what is scaled.
+        has none, and where members have scales of their own, which weaken their covariance.
         """
         if self.is_t:
             return self.variance(gradient) * self.members[0].drawn_variance / self.members[0].u ** 2
@@ -136,10 +134,10 @@ class Source:
         members = [self.members[i] for i in counted]
         own, joint = gradient[self.rows][counted], self.covariance[np.ix_(counted, counted)]
         drawn = np.array([item.drawn_variance for item in members])
-        if np.isnan(drawn).any():
+        scaled = any(item.dof < NORMAL_DOF and not item.bounded for item in members)
+        if np.isnan(drawn).any() or scaled:
             return math.nan
-        scale = np.array([item.mean_scale for item in members])
-        joint = joint * np.outer(scale, scale)
+        joint = joint.copy()
         np.fill_diagonal(joint, drawn)
         value = float(own @ joint @ own)
         return 0.0 if value <= ROUNDING * float(own**2 @ drawn) else value
