@@ -80,6 +80,18 @@ class Distribution:
         return fourth * (1.0 + 2.0 * d + d**2 / 5.0) / (second * (1.0 + d / 3.0)) ** 2 - 3.0
 
     @property
+    def mean_scale(self) -> float:
+        """E(S) of the scale S of what is drawn: of the chi of Student's t sqrt(nu/2) Gamma((nu -
+        1)/2)/Gamma(nu/2), infinite where nu is 1 or less; else 1.
+        """
+        if self.bounded or self.dof >= NORMAL_DOF:
+            return 1.0
+        if self.dof <= 1.0:
+            return math.inf
+        half = 0.5 * self.dof
+        return math.exp(math.lgamma(half - 0.5) - math.lgamma(half)) * math.sqrt(half)
+
+    @property
     def top_share(self) -> float:
         """beta, the half-width of the flat top over that of the base."""
         share = self.top / self.half_width if self.half_width > 0.0 else 0.0

@@ -23,7 +23,6 @@ from mtu_cli.model.features import NO_U
 from mtu_cli.stats.covariance import correlation_of, factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import (
-    NORMAL_DOF,
     Distribution,
     Kind,
     dof_of_inexact,
@@ -125,7 +124,10 @@ class Source:
 
     def drawn_variance(self, gradient: FloatArray) -> float:
         """Variance of the same sum as it is drawn; nan where a t of two degrees of freedom or fewer
-        has none, and where members have scales of their own, which weaken their covariance.
+        has none.
+
+        With a scale S of its own a member i varies by u_i^2 E(S_i^2), and two of them together by
+        V_ij E(S_i) E(S_j): the covariance is that of what is scaled.
         """
         if self.is_t:
             return self.variance(gradient) * self.members[0].drawn_variance / self.members[0].u ** 2
@@ -134,10 +136,10 @@ class Source:
         members = [self.members[i] for i in counted]
         own, joint = gradient[self.rows][counted], self.covariance[np.ix_(counted, counted)]
         drawn = np.array([item.drawn_variance for item in members])
-        scaled = any(item.dof < NORMAL_DOF and not item.bounded for item in members)
-        if np.isnan(drawn).any() or scaled:
+        if np.isnan(drawn).any():
             return math.nan
-        joint = joint.copy()
+        scale = np.array([item.mean_scale for item in members])
+        joint = joint * np.outer(scale, scale)
         np.fill_diagonal(joint, drawn)
         value = float(own @ joint @ own)
         return 0.0 if value <= ROUNDING * float(own**2 @ drawn) else value

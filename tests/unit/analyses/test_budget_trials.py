@@ -10,6 +10,7 @@ from budget_examples import codes, evaluated
 
 from mtu_cli.findings import InputError
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.distributions import Distribution
 
 
 def test_correlated_inputs_of_equal_degrees_of_freedom_are_a_multivariate_t() -> None:
@@ -65,6 +66,9 @@ def test_a_t_in_a_copula_has_a_smaller_coefficient(dof: int) -> None:
     density = s ** (dof - 1) * np.exp(-0.5 * dof * s * s)
     mean, square = (float(np.sum(density * s**-n) / np.sum(density)) for n in (1, 2))
     factor = mean / math.sqrt(square)
+    item = Distribution(kind="normal", u=1.0, dof=float(dof))
+    share = item.mean_scale / math.sqrt(item.drawn_variance)
+    assert share == pytest.approx(factor, rel=1e-3 if dof == 3 else 1e-6)
     result = evaluated(
         "equations: {p: a, q: b, s: c}\n"
         f"inputs:\n  a: {{value: 0, u: 1, dof: {dof}}}\n  b: {{value: 0, u: 1}}\n"
