@@ -17,8 +17,8 @@ from mtu_cli.files.covariates import (
 )
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import InputError, error, finding, listed, nearest, suggestion
-from mtu_cli.language import Node, evaluate, parse
+from mtu_cli.findings import InputError, error, finding, suggestion
+from mtu_cli.language import Node, check_known, evaluate, parse
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.geometry import GeometryError, fit_circle
@@ -123,13 +123,10 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
     each = max(len(own) for own in places)
     drawn, normal = [], []
     for c, (estimate, own) in enumerate(zip(estimates, places, strict=True)):
-        rng, shape, k = stream(seed, READINGS_STREAM, c), (plan.passes, len(own)), len(own[0][1])
-        z, noise = np.empty((*shape, len(estimate.coefficients))), np.empty((*shape, k))
-        for one_pass in np.ndindex(shape):
-            z[one_pass] = rng.standard_normal(z.shape[2])
-            noise[one_pass] = rng.standard_normal(k)
-        drawn.append(noise)
-        normal.append(np.broadcast_to(z, (plan.passes, each, z.shape[2])))
+        k, size = len(estimate.coefficients), (plan.passes, len(own))
+        draws = stream(seed, READINGS_STREAM, c).standard_normal((*size, k + len(own[0][1])))
+        drawn.append(draws[..., k:])
+        normal.append(np.broadcast_to(draws[..., :k], (plan.passes, each, k)))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
     for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
@@ -262,17 +259,14 @@ class Part:
         Raises InputError for an unknown name, and for a value that no points file could hold.
         """
         known = {axis: self.points[:, k] for k, axis in enumerate(AXES)} | dict(self.values)
-        names = names_of(node)
-        for name in names:
-            if name not in known:
-                expected = f"one of {listed(known, 12)}, or a covariate (--covariate '{name}: ...')"
-                place = {"path": option, "column": names[name], "expected": expected}
-                meant = nearest(name, known)
-                raise error("unknown-name", what="name", value=name, meant=meant, **place)
+        try:
+            check_known(node, known)
+        except InputError as fault:
+            raise InputError(each.at(path=option) for each in fault.findings) from None
         result = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
         if not np.isfinite(result).all():
             i = int(np.argmin(np.isfinite(result)))
-            at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
+            at = ", ".join(f"{name} = {known[name][i]:g}" for name in names_of(node))
             where = f" at {at} {self.named(i)}".rstrip()
             expected = "an equation that has one at every feature"
             what = {"what": "the equation", "where": where, "expected": expected}

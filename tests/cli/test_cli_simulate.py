@@ -221,7 +221,7 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "Ex: 0.004*dirx"], "unknown name at column 11: 'dirx'"),
         (
             ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
-            "dir_y, or a covariate (--covariate 'T_spindle_degC: ...')",
+            "unknown name at column 13: 'T_spindle_degC'; expected one of: x, y, z, sequence",
         ),
         (["--effect", "Ex: 0.004*"], "--effect Ex: unexpected end of the equation at column 11"),
         (
