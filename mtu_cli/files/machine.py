@@ -24,7 +24,7 @@ from mtu_cli.files.machine_contract import (
 from mtu_cli.files.yaml_file import YamlDocument, YamlPath, path_text, read_yaml
 from mtu_cli.findings import Finding, counted, finding, suggestion
 from mtu_cli.language import LinearForm, check_dimension, check_known, linear_form, names, parse
-from mtu_cli.language.functions import MACHINE_FUNCTIONS, check_finite
+from mtu_cli.language.functions import MACHINE_FUNCTIONS
 from mtu_cli.units import LENGTH, PARAMETER_UNITS, UNITS, Unit, internal
 
 ROUNDING = 1e-6
@@ -293,14 +293,12 @@ def _linear_forms(
     units = dict.fromkeys(POSITIONS, internal(LENGTH))
     units |= {name: UNITS[item.unit].powers for name, item in machine.components.items()}
     units |= {name: internal(unit.dimension) for name, unit in own.items()}
-    values = {name: item.value for name, item in machine.constants.items()}
     linear = {*components, *own}
     forms: dict[str, LinearForm] = {}
     for key, text in equations.items():
         with faults.collected((*path, key)):
             node = parse(text)
             check_known(node, [*known, *filter(is_covariate, names(node))])
-            check_finite(node, values)
             form = linear_form(node, linear, own)
             # A component has no unit per kelvin or step of a column: beside one any may be meant.
             columns = own_columns(names(node), linear.union(constants))

@@ -13,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from mtu_cli.findings import error
-from mtu_cli.language.tree import Call, Name, Node, Number, shown
+from mtu_cli.language.tree import Call, Name, Node, Number
 
 if TYPE_CHECKING:
     import numpy as np
@@ -169,31 +169,15 @@ def _array(name: str) -> Callable[..., Any]:
     return function
 
 
-def folded(node: Call, written: Node | None = None) -> Node:
+def folded(node: Call) -> Node:
     """The number that an operation on numbers gives; any other as it is.
 
-    Raises InputError where it has no finite real value; `written` is how a message shows it.
+    Raises InputError where it has no finite real value.
     """
     operands = tuple(item.value for item in node.arguments if isinstance(item, Number))
     if len(operands) < len(node.arguments):
         return node
     if (value := apply_scalar(node.function, operands)) is None:
         what = f"'{node.function}' of these constants"
-        text = None if written is None else shown(written)
-        raise error("no-finite-value", what=what, where="", column=node.column, value=text)
+        raise error("no-finite-value", what=what, where="", column=node.column)
     return Number(value, node.column)
-
-
-def check_finite(node: Node, constants: Mapping[str, float]) -> Node:
-    """The tree with its `constants` as numbers, operations on numbers alone folded to one.
-
-    Raises InputError at the first of them that has no finite real value, as `parse` does where
-    they are numbers: ``1/(c - d)`` where c is d.
-    """
-    match node:
-        case Name(name, column) if name in constants:
-            return Number(constants[name], column)
-        case Call(function, arguments, column):
-            known = tuple(check_finite(item, constants) for item in arguments)
-            return folded(Call(function, known, column), node)
-    return node

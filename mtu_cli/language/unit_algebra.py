@@ -164,13 +164,11 @@ def check_dimension(
     *,
     parameters: Mapping[str, Unit] | None = None,
     columns: Mapping[str, Powers] | None = None,
-    free: bool = False,
 ) -> None:
     """Checks an equation of a machine, whose terms are all to be `wanted`, in internal units.
 
     `units` of names are known everywhere, those of the `columns` of the data only beside
     `parameters`, whose unit the file states: without them ``0.004*dir_x`` is 0.004 mm and right.
-    `free`: any number may have a unit that is not written, and a plain number stands for anything.
 
     Raises InputError with all that does not agree: terms of another unit, sums of two, functions
     of plain numbers of what is none.
@@ -181,29 +179,24 @@ def check_dimension(
     for term in terms(node):
         own = next((name for name in names(term) if name in stated), None)
         known = units if own is None else beside
-        algebra = Algebra(units=known, factor=ANY if free else NO_LENGTH, empirical=free)
+        algebra = Algebra(units=known, factor=NO_LENGTH)
         found = algebra.of(term)
-        vague = free and (not found.known or found.alike(PLAIN))
-        if wanted is not None and not (vague or found.agrees(wanted) or algebra.faults):
-            expected = _expected(found, wanted, free, None if own is None else stated[own], own)
+        if wanted is not None and not (found.agrees(wanted) or algebra.faults):
+            expected = _expected(found, wanted, None if own is None else stated[own], own)
             if expected is not None:
                 column, text = first_column(term), shown(term)
                 algebra.add("this term", found, wanted, expected, column=column, value=text)
         faults += algebra.faults
-    if free and not faults:  # terms that may be plain numbers or anything, beside each other
-        Algebra(units=units, empirical=True, faults=faults).of(node)
     if faults:
         raise InputError(faults)
 
 
 def _expected(
-    found: Powers, wanted: Powers, free: bool, unit: Unit | None, parameter: str | None
+    found: Powers, wanted: Powers, unit: Unit | None, parameter: str | None
 ) -> str | None:
     """What would make a term right; None where its parameter could be stated in no unit that does,
     as of a temperature squared.
     """
-    if free:
-        return "a number before it that has the unit of the rest, such as 0.004*"
     if unit is not None:
         if meant := parameter_units_of(unit.powers * wanted / found, unit.name):
             return f"{parameter} in {' or '.join(meant)}"

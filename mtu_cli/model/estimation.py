@@ -19,7 +19,7 @@ from mtu_cli.model.estimates import (
     between_passes,
     covariance_in_run,
 )
-from mtu_cli.model.passes import Passes, PassKey, passes_of
+from mtu_cli.model.passes import Passes, PassKey, passes_read
 from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
 from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
@@ -187,13 +187,8 @@ def _fit_instrument(
     values = readings.error[rows]
     direction = readings.direction[rows].astype(np.float64)
     group = read = runs = profile = None
-    numbers, sign = readings.pass_number[rows], readings.direction[rows].astype(np.int64)
-    numbered = bool(readings.has_pass[rows].all())
-    if not numbered and component.of is None:
-        # Read once a pass: readings without a number are passes of their own.
-        numbers, sign = np.arange(1, len(rows) + 1), np.zeros(len(rows), np.int64)
-    if numbered or component.of is None:
-        group, read = passes_of(readings, rows, numbers, sign)
+    if component.of is None or readings.has_pass[rows].all():
+        group, read = passes_read(readings, rows, component.of)
         runs = read.runs[group]
     if degree == AUTO:
         degree = chosen_degree(position, values, group, runs)

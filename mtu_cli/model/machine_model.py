@@ -38,8 +38,6 @@ from mtu_cli.stats.least_squares import FloatArray, polynomial
 Covariates = Mapping[str, FloatArray | float]
 AXES = ("x", "y", "z")
 TIME = "time_min"
-MOST_SENSORS = 4
-"""Missing temperatures that are reported one by one, or by name."""
 LARGEST = 1e30
 """Of a lever arm or error in mm: squares of larger ones are no numbers."""
 
@@ -273,31 +271,25 @@ def missing_covariates(
     columns: Collection[str] | None = None,
     **place: Any,
 ) -> list[Finding]:
-    """A finding of each covariate that the equations need and that is not among those `given`, of
-    many sensors one; `place` is of the file whose `columns` it might be one of.
+    """A finding of each covariate that the equations need and that is not among those `given`;
+    `place` is of the file whose `columns` it might be one of.
     """
-    drifts = sensors_of(model)
-    missing = [name for name in model.covariates() if name not in given]
-    sensors = [name for name in missing if name in drifts]
-    together = sensors if len(sensors) > MOST_SENSORS else []
-    problems = []
-    for own in filter(None, (together, *([name] for name in missing if name not in together))):
-        first, more = own[0], len(own) > 1
-        owner = f"the machine {model.name!r}"
-        if first in drifts:
-            of = dict.fromkeys(name for sensor in own for name in drifts[sensor])
-            owner = f"the drift of {listed(of)}"
-        expected = f"--at {first}=VALUE"
+    drifts, problems = sensors_of(model), []
+    for name in model.covariates():
+        if name in given:
+            continue
+        expected = f"--at {name}=VALUE"
         if columns is not None:
-            near = closest(first, columns)
+            near = closest(name, columns)
             there = f" (there is {near!r})" if near else ""
             expected = f"a column of this name{there}, or {expected}"
-        if more:
-            expected += " and so on, or --at 'T_*_degC=VALUE' for all of them"
-        if given and columns is None:
+        elif given:
             expected += f"; given: {', '.join(given)}"
-        what = f"a value of {'each of ' if more else ''}{listed(own)} for {owner}"
-        problems.append(finding("missing-input", what=what, names=own, expected=expected, **place))
+        drift = f"the drift of {listed(drifts.get(name, ()))}"
+        owner = drift if name in drifts else f"the machine {model.name!r}"
+        what = f"a value of {name} for {owner}"
+        facts = {"what": what, "names": [name], "expected": expected}
+        problems.append(finding("missing-input", **facts, **place))
     return problems
 
 

@@ -7,24 +7,19 @@ readings, nor more repeats the parts.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.files.covariates import (
-    PLACE,
-    column_dimensions,
-    own_columns,
-)
 from mtu_cli.files.headers import LARGEST_READING
 from mtu_cli.files.part import Circle
-from mtu_cli.findings import InputError, error, finding, listed, nearest, suggestion
-from mtu_cli.language import Node, check_dimension, evaluate, parse
+from mtu_cli.findings import InputError, error, finding, suggestion
+from mtu_cli.language import Node, check_known, evaluate, parse
 from mtu_cli.language import names as names_of
 from mtu_cli.model.effect_parameters import EFFECT_MARK
 from mtu_cli.model.geometry import GeometryError, fit_circle
 from mtu_cli.model.machine_model import AXES, Design, MachineModel, design, sensors_of, theta
-from mtu_cli.model.variance import Block, component_blocks, drawable_passes, positions_in_group
+from mtu_cli.model.variance import Block, component_blocks, drawable_passes
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.streams import stream
@@ -58,16 +53,10 @@ def pass_root(model: MachineModel) -> FloatArray:
 
 
 def _blocks(model: MachineModel) -> list[Block]:
-    """Of components read together one, where it is known how far they vary together."""
-    used = {term.estimate.name for term in model.terms}
-    joint = []
-    for group in model.joint:
-        kept = positions_in_group(group, [name for name in group.components if name in used])
-        if np.isfinite(group.pass_covariance[np.ix_(kept, kept)]).all():
-            joint.append(group)
+    """One of components that were read together."""
     columns = model.columns
     nothing, none = np.zeros((0, columns[-1].stop)), np.zeros((0, len(columns)))
-    result = component_blocks(replace(model, joint=tuple(joint)), nothing, none, columns)
+    result = component_blocks(model, nothing, none, columns)
     unknown = [block.names[0] for block in result if not np.isfinite(block.D).all()]
     if unknown:
         raise error(
@@ -130,13 +119,10 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
     each = max(len(own) for own in places)
     drawn, normal = [], []
     for c, (estimate, own) in enumerate(zip(estimates, places, strict=True)):
-        rng, shape, k = stream(seed, READINGS_STREAM, c), (plan.passes, len(own)), len(own[0][1])
-        z, noise = np.empty((*shape, len(estimate.coefficients))), np.empty((*shape, k))
-        for one_pass in np.ndindex(shape):
-            z[one_pass] = rng.standard_normal(z.shape[2])
-            noise[one_pass] = rng.standard_normal(k)
-        drawn.append(noise)
-        normal.append(np.broadcast_to(z, (plan.passes, each, z.shape[2])))
+        k, size = len(estimate.coefficients), (plan.passes, len(own))
+        draws = stream(seed, READINGS_STREAM, c).standard_normal((*size, k + len(own[0][1])))
+        drawn.append(draws[..., k:])
+        normal.append(np.broadcast_to(draws[..., :k], (plan.passes, each, k)))
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
     for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
@@ -186,9 +172,7 @@ def covariate_equations(option: str, texts: Sequence[str]) -> Equations:
 
 def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str, Node]:
     """Name and equation of an error in mm, or of a `column` in the unit that its name tells. Its
-    numbers may have units: ``0.004*dir_x`` are mm.
-
-    Raises InputError for what is no such text, and for terms of another dimension.
+    numbers may have units: ``0.004*dir_x`` are mm. Raises InputError for what is no such text.
     """
     name, colon, equation = text.partition(":")
     blanks, name = " " * len(name + colon), name.strip()
@@ -199,8 +183,6 @@ def named_equation(option: str, text: str, *, column: bool = False) -> tuple[str
     try:
         # Blanks for the name: columns count from the start of the option's text.
         tree = parse(blanks + equation)
-        wanted = column_dimensions(name) if column else PLACE
-        check_dimension(tree, wanted, own_columns(names_of(tree), ()), free=True)
     except InputError as fault:
         place = {"path": f"{option} {name}", "value": text}
         raise InputError(each.at(**place) for each in fault.findings) from None
@@ -266,17 +248,14 @@ class Part:
         Raises InputError for an unknown name, and for a value that no points file could hold.
         """
         known = {axis: self.points[:, k] for k, axis in enumerate(AXES)} | dict(self.values)
-        names = names_of(node)
-        for name in names:
-            if name not in known:
-                expected = f"one of {listed(known, 12)}, or a covariate (--covariate '{name}: ...')"
-                place = {"path": option, "column": names[name], "expected": expected}
-                meant = nearest(name, known)
-                raise error("unknown-name", what="name", value=name, meant=meant, **place)
+        try:
+            check_known(node, known)
+        except InputError as fault:
+            raise InputError(each.at(path=option) for each in fault.findings) from None
         result = np.array(np.broadcast_to(np.asarray(evaluate(node, known), float), len(self.ids)))
         if not np.isfinite(result).all():
             i = int(np.argmin(np.isfinite(result)))
-            at = ", ".join(f"{name} = {known[name][i]:g}" for name in names)
+            at = ", ".join(f"{name} = {known[name][i]:g}" for name in names_of(node))
             where = f" at {at} {self.named(i)}".rstrip()
             expected = "an equation that has one at every feature"
             what = {"what": "the equation", "where": where, "expected": expected}

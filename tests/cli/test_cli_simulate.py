@@ -221,24 +221,13 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
         (["--effect", "Ex: 0.004*dirx"], "unknown name at column 11: 'dirx'"),
         (
             ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
-            "dir_y, or a covariate (--covariate 'T_spindle_degC: ...')",
+            "unknown name at column 13: 'T_spindle_degC'; expected one of: x, y, z, sequence",
         ),
         (["--effect", "Ex: 0.004*"], "--effect Ex: unexpected end of the equation at column 11"),
         (
             ["--effect", "Ex: 1/(x - x)"],
             "has no finite value at x = 0 in part 1 at feature 'A'",
         ),
-        (
-            ["--effect", "Ex: x*(T_a_degC - 20)", "--covariate", "T_a_degC: 20"],
-            "--effect Ex: this term is mm*K, not a length (mm) at column 5: 'x*(T_a_degC - 20)'; "
-            "expected a number before it",
-        ),
-        (
-            ["--covariate", "T_a_degC: 20 + time_min"],
-            "--covariate T_a_degC: this term is a time (min), not a temperature "
-            "(degC) at column 16: 'time_min'",
-        ),
-        (["--covariate", "load: x + time_min"], "what is added is a time (min), not a length"),
         (
             ["--covariate", "x_mm: 1"],
             "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",

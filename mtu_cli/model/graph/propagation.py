@@ -110,11 +110,6 @@ class Inputs:
             self.factor[rows, rows] = F
             self._at[item.place] = rows.start if len(F) == 1 else rows
         self.u = np.sqrt(np.sum(self.factor**2, axis=1))
-        self._scale = np.diag(self.factor).copy()
-        off = [F - np.diag(np.diag(F)) for F in factors]
-        self._mixed = [rows for rest, rows in zip(off, self.rows, strict=True) if np.any(rest)]
-        for rows in self._mixed:
-            self._scale[rows] = 1.0
         self._fixed = {
             name: start_value(graph.places[name]) for name in wanted if name not in self._at
         }
@@ -133,14 +128,6 @@ class Inputs:
         rng.standard_normal(out=z[: self.k - len(others)])
         for row, shape in zip(z[self.k - len(others) :], others, strict=True):
             SHAPES[shape].draw(rng, row, work)
-        return z
-
-    def scaled(self, z: FloatArray) -> FloatArray:
-        """X = mean + F z (k, m), in the place of z: a second array would not stay in cache."""
-        for rows in self._mixed:
-            z[rows] = self.factor[rows, rows] @ z[rows]
-        z *= self._scale[:, None]
-        z += self.mean[:, None]
         return z
 
 
@@ -236,7 +223,8 @@ class GraphTrials:
         z = self.inputs.draw(rng, m, self._work)
         linear = np.matmul(self._linear, z, out=self._work.array("linear", (n, m)))
         linear += self.linear_mean[:, None]
-        X = self.inputs.scaled(z)
+        X = np.matmul(self.inputs.factor, z, out=self._work.array("X", z.shape))
+        X += self.inputs.mean[:, None]
         with np.errstate(all="ignore"):
             values = self.run(X, self._work.array("values", (n, m)))
         # What is not a number compares as neither.

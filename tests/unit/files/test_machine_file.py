@@ -87,25 +87,6 @@ def test_notices(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("equation", "told"),
-    [
-        ("a + 1/(c - d)", "'/' of these constants has no finite value at column 6: '1/(c - d)'"),
-        ("a + c**1000000", "'**' of these constants has no finite value at column 6"),
-        ("a*sqrt(1 - c)", "'sqrt' of these constants has no finite value at column 3"),
-        ("a + x*x/(x - x)", None),
-        ("a + 0.001/(c + d)", None),
-    ],
-)
-def test_constants_without_a_finite_value(tmp_path: Path, equation: str, told: str | None) -> None:
-    text = machine(equations=f"{{Ex: {equation}}}", more="constants: {c: 2.0, d: 2.0}\n")
-    if told is None:
-        assert not [item for item in load(tmp_path, text).warnings if "inf" in item.message]
-        return
-    (found,) = faults(tmp_path, text)
-    assert f"m.yaml:4: equations.Ex: {told}" in found
-
-
-@pytest.mark.parametrize(
     ("component", "words"),
     [
         ("{of: q, unit: um}", "components.a.of: unknown value: 'q'; expected one of: x, y, z"),

@@ -104,23 +104,6 @@ def test_a_negated_number_of_a_template_is_a_number() -> None:
         assert faults_of(text.replace("n", "1"))
 
 
-@pytest.mark.parametrize(
-    ("text", "wanted", "code"),
-    [
-        ("0.004*dir_x", MM, None), ("20 + 2*t", COLUMNS["T"], None), ("dir_x", MM, None),
-        ("x*y", MM, "wrong-unit"), ("0.1*x*y", MM, None), ("T", MM, "wrong-unit"),
-        ("2*(x + T)", MM, "wrong-unit"), ("exp(x)", MM, "wrong-unit"),
-    ],
-)  # fmt: skip
-def test_numbers_that_may_have_a_unit(text: str, wanted: Powers, code: str | None) -> None:
-    if code is None:
-        check_dimension(parse(text), wanted, UNITS | COLUMNS, free=True)
-        return
-    with pytest.raises(InputError) as caught:
-        check_dimension(parse(text), wanted, UNITS | COLUMNS, free=True)
-    assert [fault.code for fault in caught.value.findings] == [code]
-
-
 def consistency(text: str, result: str, **units: str) -> str | None:
     """The code of the fault of an equation whose names have these units."""
     texts = [*units.values(), result]

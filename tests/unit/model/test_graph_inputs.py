@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from graph_examples import graph_of, shipped
+from numpy.typing import NDArray
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.graph.propagation import GraphTrials, Inputs
@@ -30,11 +31,16 @@ transitions:
 """
 
 
+def drawn(inputs: Inputs) -> NDArray[np.float64]:
+    z = inputs.draw(np.random.default_rng(1), M, Workspace())
+    return np.asarray(inputs.factor @ z + inputs.mean[:, None])
+
+
 def test_probing(tmp_path: Path) -> None:
     """u_w^2 = u1^2 + u2^2/n + u3^2 along the probing, u1^2 across; um^2."""
     graph = graph_of(tmp_path, PROBED)
     inputs = Inputs(graph.graph, ["x", "P", "Q"])
-    X = inputs.scaled(inputs.draw(np.random.default_rng(1), M, Workspace()))
+    X = drawn(inputs)
     places = inputs.values(X)
     assert places["x"].mean() == pytest.approx(5, abs=5 * 0.007 / M**0.5)
     assert 1e6 * places["x"].var() == pytest.approx(4 + 9 + 36, rel=5 * (2 / M) ** 0.5)
@@ -73,7 +79,7 @@ def test_constants(tmp_path: Path) -> None:
     graph = graph_of(tmp_path, CONSTANTS)
     inputs = Inputs(graph.graph, "abcd")
     assert not inputs.normal
-    X = inputs.scaled(inputs.draw(np.random.default_rng(1), M, Workspace()))
+    X = drawn(inputs)
     places = inputs.values(X)
     X = np.array([places[name] for name in "abcd"])
     error = 5 / M**0.5

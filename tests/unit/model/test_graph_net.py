@@ -279,22 +279,6 @@ report: [x, A, e, f, out]
 """
 
 
-@pytest.mark.parametrize(
-    ("inputs", "kind", "unit", "found"),
-    [
-        ("x, r", "coordinate, axis: x", "unit: '1'", "1"),
-        ("A, e", "point", "unit: mm", "1"),
-        ("A, f", "point", "unit: rad", "rad"),
-    ],
-)
-def test_a_length_is_a_length(
-    inputs: str, kind: str, unit: str, found: str, tmp_path: Path
-) -> None:
-    text = LENGTHS.replace("IN]", f"{inputs}]").replace("KIND", kind).replace("UNIT", unit)
-    with pytest.raises(InputError, match=rf"in\[1\]: not a length.*not in {found}$"):
-        graph_of(tmp_path, text)
-
-
 @pytest.mark.parametrize("unit", ["unit: mm", "says: nothing of its unit"])
 def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
     """A unit vector times 5 mm displaces a point."""

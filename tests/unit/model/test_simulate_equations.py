@@ -36,26 +36,6 @@ def test_columns_that_may_be_right(text: str) -> None:
     named_equation("--covariate", text, column=True)
 
 
-@pytest.mark.parametrize(
-    ("text", "column", "words"),
-    [
-        ("Ex: x*y", False, r"this term is mm\^2, not a length \(mm\) at column 5"),
-        ("Ex: 0.001 + x*(T_a_degC - 20)", False, r"mm\*K, not a length \(mm\) at column 13"),
-        ("Ex: T_a_degC - 20", False, r"this term is a temperature \(degC\), not a l"),
-        ("Ex: time_min", False, r"this term is a time \(min\), not a length"),
-        ("Ex: 0.01*sin(x)", False, r"sin is a length \(mm\), not a plain number at column 14"),
-        ("Ex: 0.01*(x + time_min)", False, "what is added is a time .* at column 13"),
-        ("Ex: 0.01*step(sequence - x)", False, "what is added is a length .* at column 24"),
-        ("T_a_degC: x", True, r"this term is a length \(mm\), not a temperature"),
-        ("load: exp(time_min)", True, r"exp is a time \(min\)"),
-        ("load: x + T_a_degC", True, "what is added"),
-    ],
-)
-def test_what_no_unit_of_a_number_makes_right(text: str, column: bool, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        named_equation("--option", text, column=column)
-
-
 def test_names_are_those_of_errors_and_of_columns_that_are_free() -> None:
     ((axis, _),) = errors_by_axis("--effect", ["Ex: 0.004*dir_x"], "xy")
     assert axis == "x"
@@ -63,6 +43,8 @@ def test_names_are_those_of_errors_and_of_columns_that_are_free() -> None:
         "load",
         "wear",
     ]
+    with pytest.raises(InputError, match=r"not the name of a temperature.*T_table_degC"):
+        named_equation("--covariate", "T_table: 20 + sequence", column=True)
     with pytest.raises(InputError, match="unknown equation: 'Ez'"):
         errors_by_axis("--effect", ["Ez: 0.004"], "xy")
     for texts in (["part: 1"], ["load: 1", "load: 2"], ["load 1"]):
