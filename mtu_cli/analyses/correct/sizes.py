@@ -55,7 +55,8 @@ class Wanted:
             return float(self.calibrated[0, 1]) if len(self.calibrated) else nan
         from scipy.interpolate import make_interp_spline
 
-        return float(make_interp_spline(*self.calibrated.T, k=1)(temperature))
+        degrees, diameters = self.calibrated.T
+        return float(make_interp_spline(degrees, diameters, k=1)(temperature))
 
 
 class Task(NamedTuple):
