@@ -55,8 +55,8 @@ class Wanted:
             return float(self.calibrated[0, 1]) if len(self.calibrated) else nan
         from scipy.interpolate import make_interp_spline
 
-        degrees, diameters = self.calibrated.T
-        return float(make_interp_spline(degrees, diameters, k=1)(temperature))
+        at, diameters = self.calibrated.T
+        return float(make_interp_spline(at, diameters, k=1)(temperature))
 
 
 class Task(NamedTuple):
