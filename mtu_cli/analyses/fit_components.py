@@ -389,11 +389,7 @@ def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     read = {name: x.instruments for name, x in fit.components.items()}
     read = {name: own for name, own in read.items() if any(item.fit.separated for item in own)}
     groups = [group.components for group in estimates.joint]
-    # A time or a set-up makes none of passes that went other ways.
-    ways = {frozenset(item.direction.tolist()) for own in read.values() for item in own}
     would = "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
-    if len(ways) > 1:
-        would = "read it in the same directions of the same passes (same set-up) as the others"
     for name, own in read.items():
         if any(name in group for group in groups) or len(read) < 2:
             continue

@@ -196,7 +196,7 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
     for name in sorted(spec.columns, key=lambda name: name not in wanted):
         if name in header or name in timed:
             continue
-        near = meant_by(name, free, spec, LIKE if name in wanted else SLIP)
+        near = meant_by(name, free, LIKE if name in wanted else SLIP)
         free = [other for other in free if other != near]
         if name in wanted:
             known = f"a column {name!r} (the columns are {listed(header, 12)})"
@@ -209,16 +209,14 @@ def _faults(header: Sequence[str], spec: TableSpec) -> Iterator[Finding]:
         yield finding("exclusive", names=EXCLUSIVE, expected="one of them")
 
 
-def meant_by(name: str, others: Sequence[str], spec: TableSpec, likeness: float) -> str | None:
+def meant_by(name: str, others: Sequence[str], likeness: float) -> str | None:
     """The column among `others` that is probably meant as `name` of a contract: by a synonym, by
     its words in another order or case, or by letters that are alike.
     """
     words = _all_words(name)
     if same := [other for other in others if _words(other) in words]:
-        exact = [other for other in same if _words(other) == _words(name)]
-        return same[0] if len(same) == 1 else next(iter(exact), None)
-    taken = set().union(*(_all_words(each) for each in spec.columns if each != name))
-    letters = {_letters(other): other for other in others if _words(other) not in taken}
+        return same[0] if len(same) == 1 else None
+    letters = {_letters(other): other for other in others}
     near = get_close_matches(_letters(name), letters, 1, likeness)
     return letters[near[0]] if near else None
 

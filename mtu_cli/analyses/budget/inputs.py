@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
@@ -281,12 +280,15 @@ def _sources(
     loaded: LoadedBudget, inputs: Sequence[InputQuantity], covariance: FloatArray
 ) -> tuple[Source, ...]:
     """All sources of uncertainty; raises InputError for correlations that no inputs can have."""
+    clusters = _clusters(loaded, inputs)
+    place = {"file": loaded.source.shown, "line": loaded.line_of("correlations")}
     sources: list[Source] = []
     problems: list[Finding] = []
-    clusters = _clusters(loaded, inputs)
     for rows in clusters:
-        source = _correlated(loaded, rows, [inputs[i] for i in rows], covariance, problems)
-        sources += [source] if source else []
+        try:
+            sources.append(_correlated(rows, [inputs[i] for i in rows], covariance))
+        except InputError as fault:
+            problems += [each.at(path="correlations", **place) for each in fault.findings]
     if problems:
         raise InputError(problems)
     joined = {i for rows in clusters for i in rows}
@@ -307,35 +309,28 @@ def _sources(
     return tuple(sources)
 
 
-def _correlated(
-    loaded: LoadedBudget,
-    rows: list[int],
-    known: Sequence[InputQuantity],
-    covariance: FloatArray,
-    problems: list[Finding],
-) -> Source | None:
-    """The source of the inputs `known`, at `rows`, or why there is none, added to `problems`."""
+def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: FloatArray) -> Source:
+    """The source of the inputs `known`, at `rows`; raises InputError where there is none."""
 
-    def impossible(named: Sequence[str], why: str, expected: str, value: str | None = None) -> None:
+    def impossible(named: Sequence[str], why: str, expected: str, **value: str) -> Finding:
         reason = f"{listed(named, SHOWN_PAIRS)} cannot be correlated like this: {why}"
-        line, file = loaded.line_of("correlations"), loaded.source.shown
-        place = {"file": file, "line": line, "path": "correlations", "value": value}
-        problems.append(finding("wrong-correlation", reason=reason, expected=expected, **place))
+        return finding("wrong-correlation", reason=reason, expected=expected, **value)
 
-    names, before = [item.name for item in known], len(problems)
-    several = [item.name for item in known if not item.normal and len(item.parts) > 1]
-    for name in several:
-        expected = "two inputs, their sum in the equation, and the correlation of one of them"
-        impossible([name], "it has several contributions, not all normal", expected)
+    names = [item.name for item in known]
+    expected = "two inputs, their sum in the equation, and the correlation of one of them"
+    problems = [
+        impossible([item.name], "it has several contributions, not all normal", expected)
+        for item in known
+        if not item.normal and len(item.parts) > 1
+    ]
     joint = covariance[np.ix_(rows, rows)]
     r, limit = np.nan_to_num(correlation_of(joint)), -NOT_DEFINITE * len(rows)
     if (least := float(np.linalg.eigvalsh(r)[0])) < limit:
-        stated = [(a, b) for a, b in combinations(range(len(rows)), 2) if r[a, b] != 0.0]
-        pairs = [f"{names[a]}-{names[b]} {r[a, b]:.6g}" for a, b in stated]
+        pairs = [f"{names[a]}-{names[b]} {r[a, b]:.6g}" for a, b in np.argwhere(np.triu(r, 1))]
         why = f"the smallest eigenvalue of the correlation matrix is {least:.4g}"
-        impossible(pairs, why, "a matrix without negative eigenvalues")
-    if len(problems) > before:
-        return None
+        problems.append(impossible(pairs, why, "a matrix without negative eigenvalues"))
+    if problems:
+        raise InputError(problems)
     members = [
         Distribution(kind="normal", u=x.u, dof=x.dof) if x.normal else x.parts[0].distribution
         for x in known
@@ -344,20 +339,23 @@ def _correlated(
         return Source(rows=rows, members=members, covariance=joint, factor=factor_of(joint))
     # The correlation matrix of the normals behind inputs that are not all normal.
     rho = np.eye(len(rows))
-    for a, b in zip(*np.nonzero(np.tril(joint, -1)), strict=True):
+    for a, b in np.argwhere(np.tril(joint, -1)).tolist():
         wanted, of = float(joint[a, b]), (members[a], members[b])
-        coefficient = normal_correlation(*of, wanted)
-        if coefficient is None:
+        if (coefficient := normal_correlation(*of, wanted)) is None:
             unit = math.sqrt(joint[a, a] * joint[b, b])
             # Rounded towards 0, so that what it says can be had.
             most = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
-            why, value = "their distributions allow no coefficient so large", wanted / unit
-            impossible((names[b], names[a]), why, f"-{most:g} to {most:g}", f"{value:.9g}")
+            why, value = "their distributions allow no coefficient so large", f"{wanted / unit:.9g}"
+            ends = f"-{most:g} to {most:g}"
+            problems.append(impossible((names[b], names[a]), why, ends, value=value))
         else:
             rho[a, b] = rho[b, a] = coefficient
-    if len(problems) == before and (least := float(np.linalg.eigvalsh(rho)[0])) < limit:
+    if not problems and (least := float(np.linalg.eigvalsh(rho)[0])) < limit:
         why = f"the smallest eigenvalue of their Gaussian copula is {least:.4g}"
-        impossible(names, why, "smaller coefficients, or normal distributions")
+        expected = "smaller coefficients, or normal distributions"
+        problems.append(impossible(names, why, expected))
+    if problems:
+        raise InputError(problems)
     scale = np.array([1.0 if item.bounded else item.u for item in members])
     factor = scale[:, None] * factor_of(rho)
     return Source(rows=rows, members=members, covariance=joint, factor=factor)

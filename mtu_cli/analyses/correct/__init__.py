@@ -181,10 +181,10 @@ def correct(
     )
     guesses = guess_warnings(model, rows.places, needed.values)
     noted = [*needed.warnings, *guesses, *_axis_warnings(model, points)]
-    error, u, dof, sensors = rows.errors()
+    error, u, dof = rows.errors()
     corrected = places - np.nan_to_num(error)
     by_machine, rings, warned = _sizes(part, rows, corrected, at)
-    scatter = point_scatter(points, corrected, sensors, rings)
+    scatter = point_scatter(points, corrected, rings)
     sizes = [replace(with_scatter(x, scatter), k=settings.coverage_factor) for x in by_machine]
     u_corrected, dof_corrected = (u, dof) if scatter is None else scatter.added(u, dof)
     outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mtu_cli.files.points import Points
 from mtu_cli.model.covariates import rows_of
-from mtu_cli.model.machine_model import AXES, TIME, MachineModel, sensors_of
+from mtu_cli.model.machine_model import AXES, TIME, MachineModel
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.visits import IntArray
 from mtu_cli.stats.least_squares import FloatArray
@@ -89,15 +89,12 @@ class RowErrors:
             return np.diag(A**2 @ prediction.independent_variance)
         return np.asarray(A @ prediction.covariance @ A.T)
 
-    def errors(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Error, standard uncertainty, effective degrees of freedom and the variance by what
-        no other point has of the noise of temperature readings (n, 3); mm, mm^2.
-
-        They are nan along axes that have no equation or were not measured, the last one 0.
+    def errors(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Error, standard uncertainty and effective degrees of freedom (n, 3); mm. They are nan
+        along axes that have no equation or were not measured.
         """
         n, a = len(self.points), len(self.model.axes)
         error, u, dof = (np.full((n, 3), np.nan) for _ in range(3))
-        sensors = np.zeros((n, 3))
         for start in range(0, n, PIECE):
             rows = np.arange(start, min(start + PIECE, n))
             prediction, place = self.predicted(rows), np.ix_(rows, np.array(self.columns))
@@ -105,20 +102,6 @@ class RowErrors:
             error[place] = prediction.mean.reshape(-1, a)
             u[place] = np.sqrt(variance).reshape(-1, a)
             dof[place] = nu.reshape(-1, a)
-            sensors[place] = self._of_sensors(prediction)
         for values in (error, u, dof):
             values[np.isnan(self.points.measured)] = np.nan
-        return error, u, dof, sensors
-
-    def _of_sensors(self, prediction: Prediction) -> FloatArray:
-        """Variance (points, axes) by temperature readings, mm^2, less what another point has
-        in common with it at most.
-        """
-        names = set(sensors_of(self.model))
-        blocks = tuple(block for block in prediction.blocks if set(block.names) <= names)
-        n, a = len(prediction.points), len(prediction.axes)
-        E = replace(prediction, blocks=blocks).covariance.reshape(n, a, n, a)
-        own = np.einsum("iaia->ia", E).copy()
-        E[np.arange(n), :, np.arange(n), :] = 0.0
-        left: FloatArray = own - np.einsum("iaja->iaj", E).max(axis=2)
-        return np.maximum(left, 0.0)
+        return error, u, dof

@@ -3,8 +3,8 @@
 Corrected coordinates scatter by the probing, too. Its variance s^2 is what the model leaves of
 
 - repeats of one feature of one part about their mean: what the machine did to a part is in all of
-  them, so that only the noise of each row's own temperature readings is taken off. Where the
-  machine itself repeated the measurement, its repeatability counts twice: an upper bound;
+  them. Where the machine itself repeated the measurement, its repeatability counts twice, and so
+  does the noise of temperature readings: an upper bound;
 - form: residuals of circles and spheres, less the shape that the model's covariance gives a ring;
   what is left holds the form error of the ring itself.
 
@@ -119,13 +119,11 @@ class FormLeft(NamedTuple):
 
 
 def point_scatter(
-    points: Points, corrected: FloatArray, sensors: FloatArray, rings: Sequence[Ring]
+    points: Points, corrected: FloatArray, rings: Sequence[Ring]
 ) -> PointScatter | None:
-    """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`;
-    `sensors` (n, 3): variance by the noise of each point's own temperature readings, mm^2.
-    """
+    """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`."""
     r = float(roundings(points).max())
-    repeats = repeat_squares(points, corrected, sensors)
+    repeats = repeat_squares(points, corrected)
     if repeats.dof.sum() >= FEWEST:
         return _estimate(repeats, "repeats", r)
     # Of each ring in the space that the fit leaves, one square a direction of K.
@@ -139,7 +137,7 @@ def point_scatter(
     return _estimate(Squares(*pooled), "form", r) if pooled else None
 
 
-def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -> Squares:
+def repeat_squares(points: Points, corrected: FloatArray) -> Squares:
     """Squares about the mean of every feature of every part and operation, along each axis."""
     _, operation = operations_of(points)
     cell = (operation.astype(np.int64) * len(points.parts) + points.part) * len(points.features)
@@ -151,8 +149,8 @@ def repeat_squares(points: Points, corrected: FloatArray, sensors: FloatArray) -
         count = np.bincount(group)
         divisor, kept = np.maximum(count, 1), count > 1
         away = value - (np.bincount(group, value) / divisor)[group]
-        modelled = np.bincount(group, sensors[known, axis]) / divisor
-        result.append((np.bincount(group, away**2)[kept], count[kept] - 1.0, modelled[kept]))
+        squares = np.bincount(group, away**2)[kept]
+        result.append((squares, count[kept] - 1.0, np.zeros(len(squares))))
     return Squares(*(np.concatenate(each) for each in zip(*result, strict=True)))
 
 

@@ -207,14 +207,11 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         why = "the first reading of each is 0" if p is None else f"p = {p:.1g}"
         reason = f"the probe was zeroed in every cycle ({why}): each has an offset of its own"
         yield finding("order-of-cycles", component=name, reason=reason)
-    unlagged = ""
-    if method in ("auto", "lagged") and len(lib.time_constants) < 2:
-        untimed = bool(np.isnan(series.time).any())
-        unlagged = "no times are given" if untimed else "the times do not run on within the cycles"
-    elif method == "lagged" and lib.groups and drift.model != "lagged":
-        unlagged = "no time constant lowers the error of held-out cycles enough; the model is ridge"
-    if unlagged:
-        yield finding("no-effect-of-temperature", component=name, what="lags", reason=unlagged)
+    timed = len(lib.time_constants) > 1
+    if (method == "auto" and not timed) or (method == "lagged" and drift.model != "lagged"):
+        reason = "no time constant lowers the error of held-out cycles enough"
+        reason = reason if timed else "no times are given that run on within the cycles"
+        yield finding("no-effect-of-temperature", component=name, what="lags", reason=reason)
     if not drift.estimate.sensors:
         reason = "none explains the drift"
         reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""

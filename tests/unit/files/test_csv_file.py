@@ -18,7 +18,7 @@ from mtu_cli.files import csv_file
 from mtu_cli.files.contract import A_NAME
 from mtu_cli.files.csv_file import _Body, read_table
 from mtu_cli.files.csv_table import LISTED_FAULTS, CellFaults, perhaps_equal, time_of
-from mtu_cli.files.headers import LIKE, POINTS, READINGS, meant_by
+from mtu_cli.files.headers import LIKE, meant_by
 from mtu_cli.findings import MOST_SHOWN, InputError
 
 PLAIN = "name,value,size\na,1,2\nb,-2.5e-3,\n"
@@ -159,8 +159,7 @@ def test_what_is_no_table(content: str, words: str, tmp_path: Path) -> None:
     ],
 )
 def test_columns_by_other_names(name: str, header: list[str], meant: str | None) -> None:
-    spec = READINGS if name in READINGS.columns else POINTS
-    assert meant_by(name, header, spec, LIKE) == meant
+    assert meant_by(name, header, LIKE) == meant
 
 
 @pytest.mark.parametrize(
