@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
 from measured_examples import part_file, planted_and_clean
 from watched_process import against_pandas
-
-from mtu_cli.analyses.anova.outliers import PartsTable, unusual_parts
 
 RUNS = 3
 ROWS = 5_000_000
@@ -43,29 +40,6 @@ def test_five_million_rows(shape: str, tmp_path: Path) -> None:
     time, memory = against_pandas(path, tmp_path / "out.json", "anova", "--cmm", path, runs=RUNS)
     assert memory <= 3
     assert time <= 4
-
-
-def test_unusual_parts_of_a_large_table() -> None:
-    """500 parts by 200 tables: a thousand rotations cost less than sorting 2e7 numbers twice."""
-    rng = np.random.default_rng(1)
-    values = rng.standard_normal((500, 200))
-    table = PartsTable(
-        labels=tuple(("", str(i // 2), "xy"[i % 2]) for i in range(200)),
-        parts=tuple(map(str, range(500))),
-        raw=values,
-        scale=np.ones_like(values),
-        scaled=values,
-        rounding=np.zeros(200),
-    )
-    start = time.perf_counter()
-    unusual_parts(table, 1)
-    seconds = time.perf_counter() - start
-    numbers = rng.standard_normal(20_000_000)
-    start = time.perf_counter()
-    np.sort(numbers)
-    sort = time.perf_counter() - start
-    print(f"\nrotations of 500 x 200: {seconds:.2f} s, {seconds / sort:.2f} x sorting 2e7 numbers")
-    assert seconds <= 2 * sort
 
 
 def test_planted_and_false_alarms(tmp_path: Path) -> None:

@@ -111,17 +111,15 @@ def fitted(readings: Readings, method: str = "auto") -> ThermalFit:
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """Of one set: `covered` by separable gradient, shares of inseparable gradients and of wrong
-    common ones, held-out rms over that of the unzeroed test and over the best single model's.
+    """Of one set: `covered` by separable gradient, whether some are inseparable, held-out rms over
+    that of the unzeroed test and over the best single model's, whether cycles have offsets.
     """
 
     covered: tuple[bool, ...]
     inseparable: bool
-    common: tuple[bool, ...]
     to_unzeroed: float
     to_single: float
     offsets: bool
-    model: str
 
 
 def seen(rng: np.random.Generator, kind: Kind) -> Seen:
@@ -133,62 +131,27 @@ def seen(rng: np.random.Generator, kind: Kind) -> Seen:
     assert item.held_out is not None
     own = item.at_positions[0]
     by_name = dict(zip(NAMES, 1e-3 * truth, strict=True))
-    covered, common = [], []
-    for sensor, interval in own.intervals.items():
-        apart = not any(sensor in group.sensors for group in own.inseparable)
-        if apart and interval is not None:
-            low, high = interval
-            covered.append(bool(low <= by_name[sensor] <= high))
+    together = {sensor for group in own.inseparable for sensor in group.sensors}
     singles = [fitted(given, each).components["d"].held_out for each in METHODS[1:]]
     least = min(each.after for each in singles if each is not None)
     after = item.held_out.after
-    T = np.column_stack([readings.covariates[name].astype(float) for name in NAMES])
-    for c in range(kind.cycles):
-        T[readings.cycle == c] -= T[readings.cycle == c].mean(axis=0)
-    S = T.T @ T
-    for group in own.inseparable:
-        lead = NAMES.index(group.sensors[0])
-        members = [NAMES.index(name) for name in group.sensors]
-        true = sum(1e-3 * truth[j] * S[lead, j] / S[lead, lead] for j in members)
-        if group.interval is not None:
-            common.append(bool(group.interval[0] <= true <= group.interval[1]))
     return Seen(
-        covered=tuple(covered),
+        covered=tuple(
+            bool(interval[0] <= by_name[sensor] <= interval[1])
+            for sensor, interval in own.intervals.items()
+            if sensor not in together and interval is not None
+        ),
         inseparable=bool(own.inseparable),
-        common=tuple(common),
         to_unzeroed=after / free.held_out.after if free and free.held_out else float("nan"),
         to_single=after / least,
         offsets=item.zeroed.offsets,
-        model=item.model,
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """All sets of a kind."""
-
-    sets: int
-    coverage: float
-    gradients: int
-    inseparable: float
-    common: float
-    to_unzeroed: float
-    to_single: float
-    offsets: float
-
-
-def row(kind: Kind, sets: int, seed: int) -> Row:
-    """What `sets` drift tests of a kind come to."""
+def row(kind: Kind, sets: int, seed: int) -> dict[str, float]:
+    """The means of what `sets` drift tests of a kind come to, and the number of `gradients`."""
     found = [seen(rng, kind) for rng in np.random.default_rng(seed).spawn(sets)]
     covered = [x for each in found for x in each.covered]
-    common = [x for each in found for x in each.common]
-    return Row(
-        sets=sets,
-        coverage=float(np.mean(covered)) if covered else float("nan"),
-        gradients=len(covered),
-        inseparable=float(np.mean([each.inseparable for each in found])),
-        common=float(np.mean(common)) if common else float("nan"),
-        to_unzeroed=float(np.mean([each.to_unzeroed for each in found])),
-        to_single=float(np.mean([each.to_single for each in found])),
-        offsets=float(np.mean([each.offsets for each in found])),
-    )
+    shares = {"gradients": len(covered), "coverage": float(np.mean(covered)) if covered else np.nan}
+    names = ("inseparable", "to_unzeroed", "to_single", "offsets")
+    return shares | {name: float(np.mean([getattr(x, name) for x in found])) for name in names}

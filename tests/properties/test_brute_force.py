@@ -25,12 +25,12 @@ from machine_trials import (
     pass_states,
     unit_gradients,
 )
+from model_examples import estimate
 
-from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
+from mtu_cli.model.estimates import Estimates, JointPasses
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.units import UNITS
 
 MACHINES = 20_000
 PASSES = 10
@@ -67,52 +67,23 @@ def predicted_errors(found: dict[str, FloatArray], angle: FloatArray) -> FloatAr
 
 
 def known_estimates(drift: Drift) -> Estimates:
-    """The true variances, as a fit without any error of its own would report them."""
-    components = {}
-    blocks = {}
-    for name, (axis, b0, b1, repeat, level, slope) in COMPONENTS.items():
-        D = TO_ORIGIN @ np.diag([level**2, slope**2]) @ TO_ORIGIN.T * drift.size**2
-        C = (D + repeat**2 * M) / PASSES
-        blocks[name] = (C, D)
-        components[name] = ComponentEstimate(
-            name=name,
-            of=axis,
-            unit=UNITS["um"],
-            coefficients=np.array([b0, b1]),
-            covariance=C,
-            pass_covariance=D,
-            s_repeat=repeat,
-            pass_dof=np.inf,
-            repeat_dof=np.inf,
-        )
-    components["axy"] = ComponentEstimate(
-        name="axy",
-        of=None,
-        unit=UNITS["rad"],
-        coefficients=np.array([AXY[0]]),
-        covariance=np.array([[AXY[1] ** 2 / AXY_PASSES]]),
-        pass_covariance=np.array([[AXY[1] ** 2]]),
-        s_repeat=0.0,
-        pass_dof=np.inf,
-        repeat_dof=np.inf,
-    )
-    return Estimates(components=components, joint=_common(drift))
-
-
-def _common(drift: Drift) -> tuple[JointPasses, ...]:
-    """With a common cause the passes' levels and slopes are correlated by 0.8 squared."""
-    if not drift.common:
-        return ()
+    """The true variances, as a fit without any error of its own would report them. With a common
+    cause the passes' levels and slopes are correlated by 0.8 squared.
+    """
     k = len(COMPONENTS)
-    C, D = np.zeros((2 * k, 2 * k)), np.zeros((2 * k, 2 * k))
-    sd = [np.array(item[4:6]) * drift.size for item in COMPONENTS.values()]
-    for i, (*_, repeat, _, _) in enumerate(COMPONENTS.values()):
-        for j in range(k):
-            cross = np.diag(sd[i] * sd[j]) * (1.0 if i == j else 0.64)
-            block = TO_ORIGIN @ cross @ TO_ORIGIN.T
-            D[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = block
-            own = repeat**2 * M if i == j else 0.0
-            C[2 * i : 2 * i + 2, 2 * j : 2 * j + 2] = (block + own) / PASSES
+    sd = np.array([item[4:6] for item in COMPONENTS.values()]) * drift.size
+    s = np.array([item[3] for item in COMPONENTS.values()])
+    L = np.vstack([TO_ORIGIN * own for own in sd])
+    r = 0.64 * drift.common
+    D = L @ L.T * np.kron(r + (1 - r) * np.eye(k), np.ones((2, 2)))
+    C = (D + np.kron(np.diag(s**2), M)) / PASSES
+    components = {
+        name: estimate(name, axis, [b0, b1], C=C[at, at], D=D[at, at], s=repeat)
+        for i, (name, (axis, b0, b1, repeat, *_)) in enumerate(COMPONENTS.items())
+        for at in [slice(2 * i, 2 * i + 2)]
+    }
+    own = np.array([[AXY[1] ** 2]])
+    components["axy"] = estimate("axy", None, [AXY[0]], C=own / AXY_PASSES, D=own)
     group = JointPasses(
         components=tuple(COMPONENTS),
         widths=(2,) * k,
@@ -121,7 +92,7 @@ def _common(drift: Drift) -> tuple[JointPasses, ...]:
         pass_dof=np.inf,
         n_passes=None,
     )
-    return (group,)
+    return Estimates(components=components, joint=(group,) if drift.common else ())
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,9 @@ from itertools import product
 import numpy as np
 import pytest
 from budget_examples import evaluated
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 from scipy.special import chndtr, chndtrix, ndtr
-
-FloatArray = NDArray[np.float64]
+from test_budget_jcgm101 import MASS, additive, loss
 
 
 def sum_of_rectangles(x: float, half_widths: list[float]) -> float:
@@ -38,11 +36,8 @@ def test_rectangles_of_unequal_widths() -> None:
     end = float(brentq(lambda x: sum_of_rectangles(x, widths) - 0.975, 10.0, 22.0, xtol=1e-12))
     assert end == pytest.approx(17.0, abs=0.05)
     assert 1.959964 * math.sqrt(103.0) == pytest.approx(19.9, abs=0.05)
-    inputs = "".join(
-        f"  x{i}: {{value: 0, u: {u}, distribution: rectangular}}\n"
-        for i, u in enumerate((1, 1, 1, 10), 1)
-    )
-    run = evaluated("equation: x1 + x2 + x3 + x4\ninputs:\n" + inputs, trials=1_000_000).run
+    kinds = [f"u: {u}, distribution: rectangular" for u in (1, 1, 1, 10)]
+    run = evaluated(additive(*kinds), trials=1_000_000).run
     assert run.high[0] == pytest.approx(end, abs=4 * run.se_high[0])
     assert run.low[0] == pytest.approx(-end, abs=4 * run.se_low[0])
 
@@ -95,16 +90,7 @@ def test_mass_calibration() -> None:
     assert u == pytest.approx(0.0754, abs=5e-5 + 2 * 6e-5)
     assert high - low == pytest.approx(1.3825 - 1.0834, abs=1e-4 + 2 * 5e-4)
     assert low == pytest.approx(1.0834, abs=5e-5 + 2 * 1e-3)
-    text = """
-        equation: (a + b)*(1 + (rho_a - 1.2)*(1/rho_w - 1/rho_r)) - 100000
-        inputs:
-          a: {value: 100000, u: 0.050}
-          b: {value: 1.234, u: 0.020}
-          rho_a: {low: 1.10, high: 1.30, distribution: rectangular}
-          rho_w: {low: 7000, high: 9000, distribution: rectangular}
-          rho_r: {low: 7950, high: 8050, distribution: rectangular}
-    """
-    run = evaluated(text, trials=1_000_000).run
+    run = evaluated(MASS, trials=1_000_000).run
     assert run.u[0] == pytest.approx(u, abs=4 * run.se_u[0])
     assert run.low[0] == pytest.approx(quantile(0.025), abs=4 * run.se_low[0])
     assert run.high[0] == pytest.approx(quantile(0.975), abs=4 * run.se_high[0])
@@ -136,7 +122,6 @@ def test_comparison_loss(x1: float, printed: tuple[int, int]) -> None:
     end, width = (4.6, 1.5) if low > 1.0 else (0.0, 0.0)
     assert high - low == pytest.approx(printed[1] - printed[0], abs=1.0 + 2 * width)
     assert low == pytest.approx(printed[0], abs=0.5 + 2 * end)
-    inputs = f"inputs: {{x1: {{value: {x1}, u: 0.005}}, x2: {{value: 0, u: 0.005}}}}\n"
-    run = evaluated("equation: 1e6*(x1**2 + x2**2)\n" + inputs, trials=1_000_000).run
+    run = evaluated(loss(x1, 0.0), trials=1_000_000).run
     assert run.low[0] == pytest.approx(quantile(0.025), abs=4 * run.se_low[0])
     assert run.high[0] == pytest.approx(quantile(0.975), abs=4 * run.se_high[0])

@@ -14,7 +14,7 @@ import pytest
 from loop_bench import compare, judge, records
 from loop_bench.command import judged, rounded
 from loop_bench.figures import ratio, share
-from loop_bench.records import Record, planned, read, record
+from loop_bench.records import Record, planned, read
 from loop_bench.rows import ROWS, table
 from loop_bench.sets import KINDS, Kind, drawn
 from shop_day import Rivals, ShopDay, effect, runs, whitened
@@ -232,12 +232,6 @@ def test_future_readings_are_as_wide_as_is_said() -> None:
         axis = runs.Axis(targets=np.linspace(0, 400, 11), profile=np.sin, zeroed=zeroed)
         off = np.abs(axis.future(x, rng) - axis.true(x))
         assert np.mean(off <= axis.half_width(x)) == pytest.approx(0.95, abs=0.015)
-
-
-def test_a_record_is_small_and_plain() -> None:
-    own = record(kind_of("reversal"), 1, 0)
-    assert json.loads(json.dumps(own)) == own
-    assert len(json.dumps(own)) < 3000
 
 
 @pytest.mark.parametrize(

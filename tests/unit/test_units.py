@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from fractions import Fraction
 
 import pytest
 
@@ -14,28 +13,16 @@ def test_the_units_of_the_contract() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "mm"),
-    [("um", Fraction(1, 1000)), ("mm", Fraction(1)), ("nm", Fraction(1, 1000000))],
-)
-def test_lengths_in_mm(name: str, mm: Fraction) -> None:
-    assert UNITS[name].dimension == LENGTH
-    assert UNITS[name].to_internal == float(mm)
-
-
-@pytest.mark.parametrize(
-    ("name", "rad"),
+    ("name", "dimension", "internal"),
     [
-        ("deg", math.radians(1)),
-        ("arcsec", math.radians(1) / 3600),
-        ("mrad", 1e-3),
-        ("urad", 1e-6),
-        ("rad", 1.0),
-        ("um/m", 1e-6),
+        ("um", LENGTH, 1e-3), ("mm", LENGTH, 1.0), ("nm", LENGTH, 1e-6),
+        ("deg", ANGLE, math.radians(1)), ("arcsec", ANGLE, math.radians(1) / 3600),
+        ("mrad", ANGLE, 1e-3), ("urad", ANGLE, 1e-6), ("rad", ANGLE, 1.0), ("um/m", ANGLE, 1e-6),
     ],
-)
-def test_angles_in_rad(name: str, rad: float) -> None:
-    assert UNITS[name].dimension == ANGLE
-    assert UNITS[name].to_internal == pytest.approx(rad, rel=1e-15)
+)  # fmt: skip
+def test_lengths_in_mm_and_angles_in_rad(name: str, dimension: int, internal: float) -> None:
+    assert UNITS[name].dimension == dimension
+    assert UNITS[name].to_internal == pytest.approx(internal, rel=1e-15)
 
 
 def test_an_arcsec_over_a_metre_is_4_848_um() -> None:

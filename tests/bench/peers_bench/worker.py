@@ -1,4 +1,4 @@
-"""A package's process: asked a line of JSON at a time, it answers with one."""
+"""A package's process, and what it can be asked for."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import json
 import os
 import resource
 import statistics
-import subprocess
-import sys
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from peers_bench.problem import Inputs
 from peers_bench.tools import OURS, TOOLS, Tool, least
@@ -28,37 +29,25 @@ ONE_THREAD = (*AS_THE_COMMAND, "OPENTURNS_NUM_THREADS", "TBB_NUM_THREADS")
 
 
 class Worker:
-    """Asks a package's process; `threads` None leaves the package its own choice."""
+    """A package's process; `threads` None leaves the package its own choice."""
 
     def __init__(self, tool: Tool, inputs: Path, threads: int | None) -> None:
         self.tool = tool
         limits = {} if threads is None else dict.fromkeys(ONE_THREAD, str(threads))
         if tool.package == OURS.package:
             limits |= dict.fromkeys(AS_THE_COMMAND, "1")
-        self._process = subprocess.Popen(
-            [sys.executable, "-m", "peers_bench.worker", tool.name, inputs, str(threads or 0)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-            env={**os.environ, "PYTHONWARNINGS": "ignore", **limits},
+        self._pool = ProcessPoolExecutor(
+            1, get_context("spawn"), initializer=begin, initargs=(tool.name, inputs, threads)
         )
+        with patch.dict(os.environ, {"PYTHONWARNINGS": "ignore", **limits}):
+            self.ask("least")
 
     def ask(self, do: str, **given: Any) -> dict[str, Any]:
-        """The answer to one request. Raises RuntimeError where the process has ended instead."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.write(json.dumps({"do": do, **given}) + "\n")
-        self._process.stdin.flush()
-        line = self._process.stdout.readline()
-        if not line:
-            raise RuntimeError(f"{self.tool.name} ended with {self._process.wait()} at {do!r}")
-        answer: dict[str, Any] = json.loads(line)
-        return answer
+        """The answer to one request. Raises BrokenProcessPool where the process has ended."""
+        return self._pool.submit(answer, do, given).result()
 
     def close(self) -> None:
-        if self._process.stdin is not None:
-            self._process.stdin.close()
-        self._process.wait()
+        self._pool.shutdown()
 
 
 @contextmanager
@@ -114,18 +103,17 @@ class Work:
         return {"trials": least()}
 
 
-def main() -> None:
-    name, path, threads = sys.argv[1:]
-    # What packages print must not come between the answers.
-    answers = os.fdopen(os.dup(1), "w")
+work: Work
+"""Of a package's process."""
+
+
+def begin(name: str, inputs: Path, threads: int | None) -> None:
+    """At the start of a package's process; what the package prints is no output of ours."""
     os.dup2(2, 1)
-    inputs = Inputs(*json.loads(Path(path).read_text()))
-    work = Work(TOOLS[name], inputs, int(threads) or None)
-    for line in sys.stdin:
-        asked = json.loads(line)
-        answers.write(json.dumps(getattr(work, asked.pop("do"))(**asked)) + "\n")
-        answers.flush()
+    global work
+    work = Work(TOOLS[name], Inputs(*json.loads(inputs.read_text())), threads)
 
 
-if __name__ == "__main__":
-    main()
+def answer(do: str, given: dict[str, Any]) -> dict[str, Any]:
+    found: dict[str, Any] = getattr(work, do)(**given)
+    return found
