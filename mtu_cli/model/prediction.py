@@ -45,6 +45,8 @@ from mtu_cli.stats.least_squares import FloatArray
 
 NEGLIGIBLE = 1e-9
 """A change of lever arms below this share of the arms is rounding."""
+INDEFINITE = 1e-9
+"""Of the largest eigenvalue: what is further below 0 is no rounding."""
 
 
 class ConstantEffects(NamedTuple):
@@ -139,15 +141,16 @@ class Prediction:
             of_points[each, :, each, :] += np.einsum("pic,pjc->pij", noise, noise)
         return total
 
-    @cached_property
-    def of_points(self) -> FloatArray:
-        """Covariances (n, a, a) of the errors of each point alone: blocks of `drawable`."""
+    def of_points(self, *, drawable: bool) -> FloatArray:
+        """Covariances (n, a, a) of the errors of each point alone: blocks of `covariance`, or of
+        `drawable`.
+        """
         n, a = len(self.points), len(self.axes)
         total = np.zeros((n, a, a))
         for block in self.blocks:
+            D = drawable_passes(block.D, block.C) if drawable else block.D
             G, noise = (rows.reshape(n, a, rows.shape[1]) for rows in (block.G, block.noise))
-            inner = block.C + drawable_passes(block.D, block.C)
-            total += G @ inner @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
+            total += G @ (block.C + D) @ G.transpose(0, 2, 1) + noise @ noise.transpose(0, 2, 1)
         return total
 
     def first(self, count: int) -> Prediction:
@@ -273,10 +276,22 @@ def reportable(
 ) -> FloatArray:
     """The covariance (rows, rows), or those (n, a, a) of each point alone, with the variances
     (rows,), without negative eigenvalues, as reports and pictures show it: D that is estimated
-    without bias may have a negative part; correlations are those without it.
+    without bias may have a negative part; correlations are those without it. The prediction's own
+    where it has both already.
     """
     wanted = variance.reshape(-1, len(prediction.axes)) if by_point else variance
-    own = prediction.of_points if by_point else prediction.drawable
+    own = prediction.of_points(drawable=False) if by_point else prediction.covariance
+    if np.allclose(np.einsum("...ii->...i", own), wanted, rtol=1e-9, atol=0.0):
+        # C + D of every block a covariance: then so is their sum, however many rows.
+        sound = not any(_indefinite(block.C + block.D) for block in prediction.blocks)
+        if sound or not (by_point or _indefinite(own)):
+            return own
+    own = prediction.of_points(drawable=True) if by_point else prediction.drawable
     drawn = np.einsum("...ii->...i", own)
     ratio = np.sqrt(np.divide(wanted, drawn, out=np.zeros_like(drawn), where=drawn > 0))
     return own * ratio[..., :, None] * ratio[..., None, :]
+
+
+def _indefinite(matrix: FloatArray) -> bool:
+    values = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    return bool(values[0] < -INDEFINITE * abs(values[-1]))

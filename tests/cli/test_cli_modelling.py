@@ -29,19 +29,6 @@ def edited(path: Path, old: str, new: str) -> None:
     path.write_text(text.replace(old, new))
 
 
-def test_coefficients_that_readings_win_over_are_named(work: Path) -> None:
-    """Of components that the equations use; not of those that nothing else gives."""
-    old = "{of: x, unit: um, says: X positioning}"
-    edited(work / "machine.yaml", old, "{of: x, unit: um, coefficients: [2, 30], u_future: 1}")
-    lines = (work / "lbb.csv").read_text().splitlines()
-    (work / "rest.csv").write_text("\n".join(x for x in lines if x[:4] != "dx_x") + "\n")
-    assert told("not-used", lbb=[Path("rest.csv")]) == []
-    (own,) = told("not-used", lbb=[Path("lbb.csv")])
-    assert "coefficients not used (dx_x): readings" in own
-    edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
-    assert told("not-used", lbb=[Path("lbb.csv")]) == []
-
-
 def drifting(path: Path) -> None:
     """Six passes of dx_x there and back in place of its own, 10 um further each."""
     lines = [x for x in path.read_text().splitlines() if x[:4] not in ("dx_x", "# --", "# Sy")]
