@@ -25,20 +25,22 @@ NONE = np.zeros(())
 """Derivatives of an order that are all 0."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Derivatives:
-    """An equation at a point: `value`, `first` (n,), `second` (n, n) and `third` (n, n, n).
+class Derivatives(NamedTuple):
+    """An equation, or a node of it, at a point: `value`, `first` (n,), `second` (n, n) and `third`
+    (n, n, n), `NONE` within where all of an order are 0.
 
     nan where a derivative does not exist; `faults` then says at which functions, with their
     columns. So it does of a function without a finite value; a sum or product that overflows leaves
-    a `value` that is not finite without a fault.
+    a `value` that is not finite without a fault. `varies` (n,): whether it holds a name, be it that
+    its derivatives vanish: x**4 has none at 0, and yet sqrt(x**4) is x**2.
     """
 
     value: float
     first: FloatArray
     second: FloatArray
     third: FloatArray
-    faults: tuple[Finding, ...]
+    varies: NDArray[np.bool_]
+    faults: tuple[Finding, ...] = ()
 
 
 def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -> Derivatives:
@@ -49,25 +51,12 @@ def derivatives(node: Node, values: Mapping[str, float], names: Sequence[str]) -
     n, expansion = len(names), _Expansion(values, names)
     with np.errstate(all="ignore"):
         jet = expansion.of(node)
-    return Derivatives(
+    return jet._replace(
         value=float(jet.value),
-        first=jet.first,
         second=np.broadcast_to(jet.second, (n, n)),
         third=np.broadcast_to(jet.third, (n, n, n)),
         faults=tuple(expansion.faults),
     )
-
-
-class _Jet(NamedTuple):
-    """A node with its derivatives, `NONE` where all of an order are 0; `varies` (n,): whether it
-    holds a name, be it that its derivatives vanish: x**4 has none at 0, and yet sqrt(x**4) is x**2.
-    """
-
-    value: float
-    first: FloatArray
-    second: FloatArray
-    third: FloatArray
-    varies: NDArray[np.bool_]
 
 
 def _symmetric(g: FloatArray, H: FloatArray) -> FloatArray:
@@ -78,9 +67,9 @@ def _symmetric(g: FloatArray, H: FloatArray) -> FloatArray:
     return whole + whole.transpose(1, 0, 2) + whole.transpose(1, 2, 0)
 
 
-def _product(a: _Jet, b: _Jet) -> _Jet:
+def _product(a: Derivatives, b: Derivatives) -> Derivatives:
     mixed = np.outer(a.first, b.first)
-    return _Jet(
+    return Derivatives(
         a.value * b.value,
         a.value * b.first + b.value * a.first,
         a.value * b.second + b.value * a.second + mixed + mixed.T,
@@ -92,11 +81,11 @@ def _product(a: _Jet, b: _Jet) -> _Jet:
     )
 
 
-def _alone(value: float, varies: NDArray[np.bool_]) -> _Jet:
+def _alone(value: float, varies: NDArray[np.bool_]) -> Derivatives:
     """A value without derivatives by what it varies with."""
     lost = np.where(varies, math.nan, 0.0)
     second = np.add.outer(lost, lost)
-    return _Jet(value, lost, second, np.add.outer(second, lost), varies)
+    return Derivatives(value, lost, second, np.add.outer(second, lost), varies)
 
 
 def _times(slope: float, inner: FloatArray) -> FloatArray:
@@ -110,18 +99,18 @@ class _Expansion:
     names: Sequence[str]
     faults: list[Finding] = field(default_factory=list)
 
-    def of(self, node: Node) -> _Jet:
+    def of(self, node: Node) -> Derivatives:
         match node:
             case Number(value):
                 return self.constant(value)
             case Name(name, column):
                 own = np.array([name == each for each in self.names], bool)
                 value = given(name, self.values, column)
-                return _Jet(value, own.astype(np.float64), NONE, NONE, own)
+                return Derivatives(value, own.astype(np.float64), NONE, NONE, own)
             case Call(function, arguments, column):
                 return self.call(function, [self.of(item) for item in arguments], column)
 
-    def call(self, function: str, jets: list[_Jet], column: int) -> _Jet:
+    def call(self, function: str, jets: list[Derivatives], column: int) -> Derivatives:
         match function, jets:
             case "/", [left, right]:
                 return _product(left, self.power(right, -1.0, "'/'", column))
@@ -133,20 +122,20 @@ class _Expansion:
                 return _product(left, right)
             case "+" | "-" | "neg", [first, *_]:
                 parts = [*map(FUNCTIONS[function].scalar, *(jet[:4] for jet in jets))]
-                return _Jet._make([*parts, first.varies | jets[-1].varies])
+                return Derivatives._make([*parts, first.varies | jets[-1].varies, ()])
         value, slopes = apply_scalar(function, (jets[0].value,)), FUNCTIONS[function].slopes
         return self.chained(f"{function}()", value, slopes, jets[0], column)
 
-    def constant(self, value: float) -> _Jet:
+    def constant(self, value: float) -> Derivatives:
         n = len(self.names)
-        return _Jet(value, np.zeros(n), NONE, NONE, np.zeros(n, bool))
+        return Derivatives(value, np.zeros(n), NONE, NONE, np.zeros(n, bool))
 
-    def power(self, base: _Jet, exponent: float, what: str, column: int) -> _Jet:
+    def power(self, base: Derivatives, exponent: float, what: str, column: int) -> Derivatives:
         """base ** exponent for a constant exponent, negative bases and 0 included."""
         value = apply_scalar("**", (base.value, exponent))
         return self.chained(what, value, partial(power_slopes, exponent=exponent), base, column)
 
-    def raised(self, base: _Jet, exponent: _Jet, column: int) -> _Jet:
+    def raised(self, base: Derivatives, exponent: Derivatives, column: int) -> Derivatives:
         if not any(map(np.any, exponent[1:4])):
             return self.power(base, exponent.value, "'**'", column)
         value = apply_scalar("**", (base.value, exponent.value))
@@ -155,7 +144,7 @@ class _Expansion:
             return self.chained(what, None, FUNCTIONS["exp"].slopes, base, column)
         return self.call("exp", [_product(exponent, self.call("log", [base], column))], column)
 
-    def atan2(self, y: _Jet, x: _Jet, column: int) -> _Jet:
+    def atan2(self, y: Derivatives, x: Derivatives, column: int) -> Derivatives:
         angle = math.atan2(y.value, x.value)
         if y.value == 0.0 and x.value <= 0.0:
             # The angle jumps by 2 pi there, or is any angle at the origin: it has a value alone.
@@ -168,8 +157,8 @@ class _Expansion:
         return jet._replace(value=angle)
 
     def chained(
-        self, what: str, value: float | None, slopes: Slopes | None, inner: _Jet, column: int
-    ) -> _Jet:
+        self, what: str, value: float | None, slopes: Slopes | None, inner: Derivatives, column: int
+    ) -> Derivatives:
         """f(u): f' u_i, f' u_ij + f'' u_i u_j, and so on."""
         if value is None or slopes is None:
             self.fault(what, inner.value, column)
@@ -180,7 +169,7 @@ class _Expansion:
         g, H = inner.first, inner.second
         square = np.outer(g, g)
         third = _times(one, inner.third) + _times(two, _symmetric(g, H))
-        return _Jet(
+        return Derivatives(
             value,
             _times(one, g),
             _times(one, H) + _times(two, square),
@@ -190,7 +179,7 @@ class _Expansion:
 
     def without_slopes(
         self, value: float, varies: NDArray[np.bool_], what: str, at: float, column: int
-    ) -> _Jet:
+    ) -> Derivatives:
         """A value that has no derivatives where it varies, which is a fault then."""
         if varies.any():
             self.fault(f"the derivative of {what}", at, column)

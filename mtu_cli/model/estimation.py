@@ -22,7 +22,7 @@ from mtu_cli.model.estimates import (
 from mtu_cli.model.passes import Passes, PassKey, passes_read
 from mtu_cli.model.shapes import MOST_AUTO, as_table, chosen_degree, fit_table
 from mtu_cli.stats.covariance import as_covariance
-from mtu_cli.stats.coverage import dof_of_shares, welch_satterthwaite
+from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
 from mtu_cli.stats.pass_tests import (
@@ -372,8 +372,8 @@ def agreement(a: ComponentEstimate, b: ComponentEstimate) -> float:
             continue
         of_passes = (S if halves is None else 2 * (S - halves)) / item.n_passes
         sources += [(of_passes, item.pass_dof), (item.covariance - of_passes, item.repeat_dof)]
-    shares = np.array([float(np.trace(part @ inverse)) / k for part, _ in sources])
-    nu = dof_of_shares(shares, np.array([dof for _, dof in sources]))
+    shares = np.array([float(np.trace(part @ inverse)) for part, _ in sources])
+    nu = welch_satterthwaite(shares, np.array([dof for _, dof in sources]))
     return hotelling_p(float(d @ inverse @ d), k, nu)
 
 

@@ -65,7 +65,6 @@ class PointTrials:
         self.k = len(combine)
         self.owner = np.concatenate([owner, np.arange(len(names))])
         self.factor = self._factor_of(np.vstack([combine, gradient]), prediction, independent)
-        self.shifted = np.hstack([self.factor, self.offset])
         self.linear_u = np.sqrt(np.sum(self.factor[self.k :] ** 2, axis=1))[:, None]
         self.dof, self.u_exists = dof, dof > 2
         self.linear_dof = np.where(dof < NORMAL_DOF, dof, np.inf)
@@ -94,38 +93,23 @@ class PointTrials:
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m)."""
-        total = self._combined(rng, m, len(self.offset))
+        rows, rank = self.factor.shape
+        z = rng.standard_normal(out=self.work.array("z", (rank, m)))
+        total = np.matmul(self.factor, z, out=self.work.array("total", (rows, m)))
+        if len(self.finite):
+            scale = self.work.array("scale", (len(self.names), m))
+            scale[:] = 1.0
+            for i in self.finite:
+                t_scales(float(self.dof[i]), rng, scale[i])
+            # Row by row: the scales of all rows at once would be an array as large as `total`.
+            for row, i in zip(total, self.owner, strict=True):
+                row *= scale[i]
+        total += self.offset
         return Draws(values=self.measure(total[: self.k], self.work), linear=total[self.k :])
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""
         return self.linear_u * t_quantiles(probability, self.linear_dof)
-
-    def values(self, rng: np.random.Generator, m: int) -> FloatArray:
-        """The values (outputs, m) of `draw` alone: of the product only the rows they need."""
-        return self.measure(self._combined(rng, m, self.k), self.work)
-
-    def _combined(self, rng: np.random.Generator, m: int, rows: int) -> FloatArray:
-        """The first `rows` of combinations and first-order forms (rows, m)."""
-        rank = self.factor.shape[1]
-        z = self.work.array("z", (rank + 1, m))
-        rng.standard_normal(out=z[:rank])
-        total = self.work.array("total", (rows, m))
-        if not len(self.finite):
-            # The offset rides along in the product: a pass over the array is saved.
-            z[rank] = 1.0
-            np.matmul(self.shifted[:rows], z, out=total)
-            return total
-        np.matmul(self.factor[:rows], z[:rank], out=total)
-        scale = self.work.array("scale", (len(self.names), m))
-        scale[:] = 1.0
-        for i in self.finite:
-            t_scales(float(self.dof[i]), rng, scale[i])
-        # Row by row: the scales of all rows at once would be an array as large as `total`.
-        for row, i in zip(total, self.owner, strict=False):
-            row *= scale[i]
-        total += self.offset[:rows]
-        return total
 
 
 def _factor(covariance: FloatArray) -> FloatArray:
@@ -208,7 +192,7 @@ def joint_conformance(
     high = np.array([[np.inf if x is None else x.tolerance.high * UM] for x in items])
 
     def all_within(rng: np.random.Generator, m: int) -> NDArray[np.bool_]:
-        values = model.values(rng, m)
+        values = model.draw(rng, m).values
         return np.all((low <= values) & (values <= high), axis=0, keepdims=True)
 
     p, se = _counted(("all_within",), all_within, settings)

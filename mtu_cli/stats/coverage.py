@@ -13,22 +13,14 @@ def welch_satterthwaite(contributions: FloatArray, dof: FloatArray) -> float:
     """Effective degrees of freedom of a sum of independent variances.
 
     nu_eff = (sum v_i)^2 / sum(v_i^2 / nu_i), GUM (JCGM 100:2008) eq. (G.2b), of the variances
-    v_i = (c_i u(x_i))^2 `contributions` (n,) with `dof` (n,) nu_i > 0, which may be infinite. It is
-    not truncated, and infinite where no contribution with finite degrees of freedom is above zero.
+    v_i = (c_i u(x_i))^2 `contributions` (n,), below 0 of a mean square that is subtracted, with
+    `dof` (n,) nu_i > 0, which may be infinite. It is not truncated, and infinite where no
+    contribution with finite degrees of freedom is above zero.
     """
-    total = float(np.sum(contributions))
     # Shares keep the squares of very small variances from underflowing.
-    return dof_of_shares(np.asarray(contributions) / total, dof) if total else math.inf
-
-
-def dof_of_shares(shares: FloatArray, dof: FloatArray) -> float:
-    """nu_eff = 1/sum(w_i^2 / nu_i) of a variance whose sources have the `shares` w_i (n,) of it.
-
-    The same formula for shares that are had otherwise, such as traces of matrices, and may be
-    negative where a mean square is subtracted. Infinite where all `dof` (n,) of shares are.
-    """
-    denominator = float(np.sum(shares**2 / dof))
-    return 1.0 / denominator if denominator > 0.0 else math.inf
+    shares = np.asarray(contributions) / (float(np.sum(contributions)) or 1.0)
+    spread = float(np.sum(shares**2 / dof))
+    return 1.0 / spread if spread > 0.0 else math.inf
 
 
 def effective_dof(total: FloatArray, squares: FloatArray, dof: FloatArray) -> FloatArray:

@@ -8,7 +8,6 @@ from scipy.special import ndtri, stdtr, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
-    dof_of_shares,
     effective_dof,
     few_blocks_factor,
     numerical_tolerance,
@@ -52,8 +51,8 @@ def test_subtracted_mean_squares() -> None:
     """(MS_1 - MS_2) with 3 - 1: 2^2/(9/6 + 1/4), by columns and by shares of 2."""
     squares, dof = np.array([3.0, -1.0]), np.array([6.0, 4.0])
     assert effective_dof(np.array([2.0]), squares[:, None], dof) == pytest.approx([4 / 1.75])
-    assert dof_of_shares(squares / 2, dof) == pytest.approx(4 / 1.75)
-    assert dof_of_shares(squares / 2, np.full(2, math.inf)) == math.inf
+    assert welch_satterthwaite(squares / 2, dof) == pytest.approx(4 / 1.75)
+    assert welch_satterthwaite(squares / 2, np.full(2, math.inf)) == math.inf
 
 
 @pytest.mark.parametrize(
