@@ -348,10 +348,6 @@ def _check_marks(family: Family, used: set[str], path: YamlPath, faults: Faults)
     for mark in sorted(marks(name) - {"a", "b", "n"}):
         where = "equations, a name has {a}, {b} or {n}"
         faults.add((*path, "name"), "misplaced", key=f"{{{mark}}}", where=where, value=name)
-    for key in ("says", "separates", "separates_readings"):
-        for mark in sorted(marks(getattr(family, key) or "") - marks(name)):
-            other = f"it in the name '{name}'"
-            faults.add((*path, key), "incomplete", what=f"`{{{mark}}}`", other=other)
     for mark, other in (("b", "{a}"), ("n", "{b}")):
         if mark in used and other[1] not in used:
             faults.add(path, "incomplete", what=f"`{{{mark}}}`", other=other)

@@ -92,14 +92,19 @@ class Columns:
         one, other = np.where(partners[one] > partners[other], [other, one], [one, other])
         often = partners[other] > MANY
         common = np.flatnonzero(partners > MANY)
-        at = np.searchsorted(common, other[often])
+        at = np.searchsorted(common, other)
         result = np.zeros((len(self._values), len(one)))
         for s, values in enumerate(self._values):
             first, second = self._rows[s, one], self._rows[s, other]
-            asked = np.bincount(first[often], minlength=len(values)) > 0
-            products = values[asked] @ values[self._rows[s, common]].T
-            result[s, often] = products[(np.cumsum(asked) - 1)[first[often]], at]
-            there = np.flatnonzero(~often & (first > 0) & (second > 0))
+            there = np.flatnonzero((first > 0) & (second > 0))
+            if not len(there):
+                continue
+            if len(common):
+                of = there[often[there]]
+                asked = np.bincount(first[of], minlength=len(values)) > 0
+                products = values[asked] @ values[self._rows[s, common]].T
+                result[s, of] = products[(np.cumsum(asked) - 1)[first[of]], at[of]]
+                there = there[~often[there]]
             for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
                 pair = values[first[some]], values[second[some]]
                 result[s, some] = np.einsum("kn,kn->k", *pair)

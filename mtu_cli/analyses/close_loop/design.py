@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.columns import PADDING, Columns
+from mtu_cli.analyses.close_loop.columns import Columns
 from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
@@ -326,23 +326,26 @@ def grid_values(form: BoundTemplate) -> FloatArray | None:
     return np.asarray(back(np.interp(at, np.arange(len(grid)), to(grid))))
 
 
-def arcs_of(items: Sequence[Placed]) -> FloatArray:
-    """Angles between each member of a form and the next, of as many columns."""
+def neighbours(items: Sequence[Placed]) -> tuple[list[Placed], FloatArray, FloatArray]:
+    """Members of a form with all columns, in their order, the angles (n - 1,) between each and the
+    next, and the arc (n,) that each stands for.
+    """
+    width = max(len(item.basis) for item in items)
+    items = [item for item in items if len(item.basis) == width]
     bases = np.array([item.basis for item in items])
-    return _angles(bases[:-1] @ bases[1:].transpose(0, 2, 1))
+    arcs = _angles(bases[:-1] @ bases[1:].transpose(0, 2, 1))
+    ends = np.concatenate([arcs[:1], arcs, arcs[-1:]]) if len(arcs) else np.ones(2)
+    return items, arcs, (ends[1:] + ends[:-1]) / 2
 
 
 def _spaced(kept: list[Placed]) -> list[Placed]:
     """Members at equal angles along what is searched; few stay all, weighed by their arcs."""
     if len(kept) < 2 or kept[0].value is None:
         return kept
-    width = max(len(item.basis) for item in kept)
-    kept = [item for item in kept if len(item.basis) == width]
-    arcs = arcs_of(kept)
+    kept, arcs, weights = neighbours(kept)
     if len(kept) < FEW:
-        ends = np.concatenate([arcs[:1], arcs, arcs[-1:]])
-        for item, weight in zip(kept, (ends[1:] + ends[:-1]) / 2, strict=True):
-            item.weight = float(weight)
+        for item, weight in zip(kept, weights.tolist(), strict=True):
+            item.weight = weight
         return kept
     along = np.concatenate([[0.0], np.cumsum(arcs)])
     at = np.linspace(0, along[-1], max(2, round(along[-1] / STEP_RAD) + 1))
@@ -516,6 +519,3 @@ def _directions(strata: Strata, s: int, K: FloatArray) -> tuple[FloatArray, Floa
     full = np.zeros((len(i), len(kept)))
     full[shared] = vectors[:, kept]
     return full, values[kept] * (len(shared) / values.sum())
-
-
-__all__ = ["PADDING", "Design", "Kernel", "Member", "design_of"]

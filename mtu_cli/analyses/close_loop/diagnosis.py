@@ -13,7 +13,7 @@ from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
-from mtu_cli.analyses.close_loop.model_set import WINDOW, Entry, Model, ModelSet
+from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of, variance_of
 from mtu_cli.analyses.close_loop.strata import FEATURE
 from mtu_cli.model.residuals import ResidualTable
@@ -62,13 +62,6 @@ class Diagnosis:
         named = [entry.name for entry in self.entries]
         named += [name for name, _, _ in self.scatter]
         return named + [offset.name for offset in self.offsets]
-
-    @property
-    def classes(self) -> list[tuple[str, ...]]:
-        """The class of each."""
-        result = [tuple(name for name, _, _ in entry.credible) for entry in self.entries]
-        result += [(name,) for name, _, _ in self.scatter]
-        return result + [tuple(name for name, _ in offset.credible) for offset in self.offsets]
 
 
 def diagnosed(
@@ -156,7 +149,7 @@ def _verdict(found: Diagnosis) -> str:
         return "unexplained"
     if not found.names:
         return "none"
-    if any(len(own) > 1 for own in found.classes):
-        return "class"
-    credible = 1 - 0.95
-    return "class" if any(entry.nameless > credible for entry in found.entries) else "named"
+    sizes = [len(entry.credible) for entry in found.entries]
+    several = max([*sizes, *(len(offset.credible) for offset in found.offsets)], default=1) > 1
+    nameless = any(entry.nameless > 1 - SHARE for entry in found.entries)
+    return "class" if several or nameless else "named"

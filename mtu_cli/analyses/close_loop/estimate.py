@@ -14,10 +14,10 @@ from mtu_cli.analyses.close_loop.design import (
     Design,
     Member,
     Placed,
-    arcs_of,
     evaluated,
     grid_values,
     made,
+    neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
 from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
@@ -112,15 +112,10 @@ def searched_set(models: ModelSet, model: Model, item: int) -> Searched | None:
     rest = tuple(x for x in models.members(model) if x != item)
     base = like.fit(like.closure(rest))
     items = evaluated(design, member.form, grid_values(member.form))
-    width = max(len(one.basis) for one in items)
-    items = [one for one in items if len(one.basis) == width]
+    items, _, arcs = neighbours(sorted(items, key=lambda one: one.value or 0.0))
     values = np.array([one.value for one in items], float)
-    order = np.argsort(values)
-    items, values = [items[i] for i in order], values[order]
     gains = _gains(like, base, items)
-    arcs = arcs_of(items)
-    ends = np.concatenate([arcs[:1], arcs, arcs[-1:]]) if len(arcs) else np.ones(2)
-    logs = gains / 2 + np.log(np.maximum((ends[1:] + ends[:-1]) / 2, 1e-12))
+    logs = gains / 2 + np.log(np.maximum(arcs, 1e-12))
     shares = np.exp(logs - logsumexp(logs))
     near = gains.max() - gains <= chdtri(1, 1 - COVERED)
     ranked = np.argsort(-shares, kind="stable")

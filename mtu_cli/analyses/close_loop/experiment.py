@@ -81,10 +81,9 @@ def separation(
     lines = [np.zeros((H, 0))] * A
     features = (FEATURE, 0) in variance
     strata = strata_of(P, A, lines, H=H, features_scatter=features)
-    default = variance.get((INTERACTION, 0), 1.0)
     w = np.array(
         [
-            1 / variance.get((kind, a), variance.get((INTERACTION, a), default))
+            1 / variance.get((kind, a), variance.get((INTERACTION, a), 1.0))
             for kind, a in zip(strata.kinds, strata.axis, strict=True)
         ]
     )

@@ -20,7 +20,6 @@ from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, LINE, PART,
 from mtu_cli.stats.least_squares import FloatArray
 
 PERMUTATIONS = 299
-SCATTERS = ("rotation-scatter", "scale-scatter", "operation-scatter")
 FREED_SCATTER = {"offset,rotation": "rotation-scatter", "offset,diameter": "scale-scatter"}
 """What a datum takes from each part cannot scatter."""
 CHECKS = ("pattern", "walk", "field")

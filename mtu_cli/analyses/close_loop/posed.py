@@ -106,14 +106,11 @@ def _known(
         return squares, dof
     own = min(float(table.pass_dof), 1e4)
     F = table.of_part / design.scale
-    line = 0
-    for s, kind in enumerate(strata.kinds):
-        if kind not in (PART, LINE) or n[s] == 0:
-            continue
-        a = strata.axis[s]
-        line = 0 if kind == PART else line + 1
-        every = sum(strata.axis[other] == a for other in strata.of(LINE))
-        if line > every - moving:
+    for s in (*strata.of(PART), *strata.of(LINE)):
+        a, first = strata.axis[s], strata.place[strata.slices[s].start]
+        line = int(first) % strata.shape[1]
+        lines = sum(strata.axis[other] == a for other in strata.of(LINE))
+        if n[s] == 0 or line > lines - moving:
             continue
         direction = strata.of_features[a][:, line]
         size = float(np.mean(np.sum(np.einsum("h,phr->pr", direction, F[:, :, a]) ** 2, 1)))

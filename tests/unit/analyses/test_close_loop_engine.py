@@ -7,7 +7,7 @@ from itertools import cycle, islice, pairwise
 
 import numpy as np
 import pytest
-from effect_tables import FloatArray, shop_covariates, table
+from effect_tables import FloatArray, readings_table, shop_covariates, table
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma, norm
 
@@ -20,6 +20,7 @@ from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.posed import posed
+from mtu_cli.analyses.close_loop.smooth import smooth_effect
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.residuals import ResidualTable
 
@@ -254,6 +255,21 @@ def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:
         assert "rotation-scatter" in names
         wrong += "rotation-z" in names
     assert wrong <= binom.ppf(0.999, sets, 0.05)
+
+
+def test_a_profile_of_readings_is_that_of_their_means_about_a_line() -> None:
+    """Nearly without noise nothing is drawn to a line, and no direction of it is lost."""
+    own = readings_table()
+    x = own.places[0, :, 0]
+    bend = 1e-2 * np.sin(x / 40.0)
+    rng = np.random.default_rng(8)
+    own = replace(own, errors=(bend + 1e-5 * rng.standard_normal(own.there.shape))[..., None])
+    like = posed(own, ())
+    (kernel,) = (k for k in like.design.kernels if k.named)
+    found = smooth_effect(like, like.fit(()), kernel)
+    line = np.polynomial.Polynomial.fit(x[::2], bend[::2], 1)(x[::2])
+    assert found.knots == pytest.approx(x[::2])
+    assert found.values * like.design.scale == pytest.approx(bend[::2] - line, abs=5e-5)
 
 
 def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured() -> None:

@@ -118,7 +118,6 @@ PERIOD = "{Ex: k*x*sin(p)}"
         (family(PERIOD, more="search: {p: {of: w, from: 1, to: 2}}"), 5, "[0].search.p.of",
          "unknown-name"),
         (family(more="name: f-{T}"), 5, "[0].name", "misplaced"),
-        (family(more="separates: move {b}"), 5, "[0].separates", "incomplete"),
         (family(more="members: [{parameters: {k: um/m}, equations: {Ex: k*x}}]"), 3,
          "[0].parameters", "misplaced"),
         ("- family: f\n  says: s\n", 1, "[0]", "missing-key"),
