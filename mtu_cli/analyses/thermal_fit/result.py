@@ -165,7 +165,7 @@ class ComponentDrift:
                     "sensor": sensor,
                     "stands_for": self.twins(sensor),
                     "value": at.gradients.get(sensor),
-                    "u": at.u.get(sensor, model.gradient_u(i, at.position or 0.0)),
+                    "u": at.u.get(sensor),
                     "interval": at.intervals.get(sensor),
                     "by": at.by.get(sensor),
                     "separable": not any(sensor in group.sensors for group in at.inseparable),
