@@ -178,13 +178,10 @@ class ComponentDrift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalFit:
-    """All components whose drift was read; `reference` in degC. `not_used` are the columns of
-    the readings that are no sensors.
-    """
+    """All components whose drift was read; `reference` in degC."""
 
     components: dict[str, ComponentDrift]
     sensors: tuple[str, ...]
-    not_used: tuple[str, ...] = ()
     reference: float
     method: str
     warnings: tuple[Finding, ...]
