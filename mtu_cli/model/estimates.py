@@ -49,14 +49,6 @@ class ThermalEstimate:
         """Drift per degC of each sensor (s, n) at `position` (n,), mm."""
         return np.asarray(np.polynomial.polynomial.polyval(position, self.coefficients))
 
-    def gradient_u(self, sensor: int, position: float) -> float:
-        """u of a sensor's gradient at `position` (mm), mm or rad per degC: u^2 = x' C x, x its
-        powers.
-        """
-        x, count = position ** np.arange(self.degree + 1.0), len(self.sensors)
-        C = self.covariance[sensor::count, sensor::count]
-        return float(np.sqrt(np.clip(x @ C @ x, 0.0, None)))
-
     def drift(self, position: FloatArray, temperature: Mapping[str, FloatArray]) -> FloatArray:
         """The drift (n,) in mm or rad at `position` (n,) and temperatures (n,), degC, lagged
         already.

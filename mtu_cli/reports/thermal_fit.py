@@ -83,7 +83,6 @@ RESULTS = declare(
     """
     method | | model that was asked for
     sensors | | sensors of the readings
-    columns_not_used | not_used | columns that are no sensors
     reference_temperature_degC | reference | of the machine
     components[] | | *component
     """,

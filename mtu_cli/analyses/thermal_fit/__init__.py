@@ -68,8 +68,8 @@ def thermal_fit(
         result[series.name] = drift
         share = min(share, noise_share(fitted, sensor_noise(series)))
         warnings += _warnings(lib, drift, method)
-    unused = [name for name in readings.covariates if not is_temperature(name)]
-    if odd := [name for name in unused if name.casefold().startswith("t_")]:
+    named = [name for name in readings.covariates if name.casefold().startswith("t_")]
+    if odd := [name for name in named if not is_temperature(name)]:
         reason = "a sensor is T_<sensor>_degC, of letters a to z, digits and _"
         warnings.append(finding("not-used", what="columns", names=odd, reason=reason))
     # Sensors are the same for all components: the one that shows least noise bounds it.
@@ -79,7 +79,6 @@ def thermal_fit(
     return ThermalFit(
         components=result,
         sensors=sensors,
-        not_used=tuple(unused),
         reference=reference,
         method=method,
         warnings=tuple(dict.fromkeys(warnings)),

@@ -165,7 +165,7 @@ class ComponentDrift:
                     "sensor": sensor,
                     "stands_for": self.twins(sensor),
                     "value": at.gradients.get(sensor),
-                    "u": at.u.get(sensor, model.gradient_u(i, at.position or 0.0)),
+                    "u": at.u.get(sensor),
                     "interval": at.intervals.get(sensor),
                     "by": at.by.get(sensor),
                     "separable": not any(sensor in group.sensors for group in at.inseparable),
@@ -178,13 +178,10 @@ class ComponentDrift:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ThermalFit:
-    """All components whose drift was read; `reference` in degC. `not_used` are the columns of
-    the readings that are no sensors.
-    """
+    """All components whose drift was read; `reference` in degC."""
 
     components: dict[str, ComponentDrift]
     sensors: tuple[str, ...]
-    not_used: tuple[str, ...] = ()
     reference: float
     method: str
     warnings: tuple[Finding, ...]

@@ -76,6 +76,15 @@ def test_temperatures_that_are_missing() -> None:
         fitted(replace(found, covariates={"room": np.zeros(len(found))}))
 
 
+def test_columns_that_are_nearly_sensors_are_named() -> None:
+    found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
+    still = np.full(len(found), 20.0)
+    more = dict.fromkeys(("T_c_DegC", "t_oil", "speed"), still)
+    warnings = fitted(replace(found, covariates=found.covariates | more)).warnings
+    (warning,) = (item for item in warnings if item.code == "not-used")
+    assert warning.facts["names"] == ["T_c_DegC", "t_oil"]
+
+
 @pytest.mark.parametrize("value", SENSOR_DEGC)
 def test_the_bound_is_that_of_temperatures_not_of_rises(value: float) -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from itertools import product
 from typing import Any
 
 import numpy as np
@@ -111,19 +110,3 @@ def test_what_cannot_be_had_is_null() -> None:
     assert (entry["collinearity"]["condition_number"], entry["r2_fit"]) == (None, None)
     assert entry["collinearity"]["vif"]["T_room_degC"] is None
     assert written(without_sensors())["still"]["coefficients"] == [[]]
-
-
-def test_uncertainty_of_a_gradient_is_propagated_with_covariances() -> None:
-    rng = np.random.default_rng(8)
-    root = rng.normal(size=(20, 20))
-    estimate = replace(cubic().estimate, covariance=root @ root.T)
-    s, p = 3, 1.7
-    variance = 0.0
-    for m, other in product(range(4), range(4)):
-        variance += p ** (m + other) * float(estimate.covariance[5 * m + s, 5 * other + s])
-    assert estimate.gradient_u(s, p) == pytest.approx(variance**0.5, rel=1e-12)
-    # The same by drawing coefficients: 4 standard errors of a standard deviation.
-    n = 20_000
-    drawn = root @ rng.normal(size=(20, n))
-    spread_of = np.polynomial.polynomial.polyval(p, drawn[s::5]).std()
-    assert spread_of == pytest.approx(variance**0.5, rel=4 / np.sqrt(2 * n))
