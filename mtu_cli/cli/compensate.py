@@ -176,9 +176,9 @@ def _errors(
     machine, first = inputs.machine, names[0]
     component = machine.machine.components.get(first)
     angle = component is not None and UNITS[component.unit].dimension != LENGTH
-    readings = inputs.readings if inputs.files("lbb") or inputs.files("laser") else None
-    rows = np.zeros(0, int) if readings is None else _rows(readings, first)
-    if readings is not None and np.isfinite(_degrees(readings)[rows]).any():
+    readings = inputs.readings
+    rows = _rows(readings, first)
+    if readings and np.isfinite(_degrees(readings)[rows]).any():
         if names[1:]:
             reason = f"{first} is of a rotary axis: nothing is added to its readings"
             raise error("not-applicable", reason=reason)
@@ -188,7 +188,7 @@ def _errors(
     if len(set(axes)) > 1:
         raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
     axis = axes[0]
-    if readings is not None and len(rows):
+    if readings and len(rows):
         errors, rest = axis_errors(*_columns(readings, rows, axis), angle=angle), names[1:]
     else:
         rest = names
@@ -210,9 +210,9 @@ def _errors(
     return errors, axis
 
 
-def _rows(readings: Readings, name: str) -> IntArray:
+def _rows(readings: Readings | None, name: str) -> IntArray:
     """The readings of a component."""
-    if name not in readings.components:
+    if readings is None or name not in readings.components:
         return np.zeros(0, int)
     return np.flatnonzero(readings.code == readings.components.index(name))
 
@@ -278,7 +278,7 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
         angle = entry.coefficients[0] * UNITS[entry.unit].to_internal
     else:
         readings = inputs.readings
-        rows = np.zeros(0, int) if readings is None else _rows(readings, name)
+        rows = _rows(readings, name)
         if readings is None or not len(rows):
             expected = "readings of it, or coefficients in the machine file"
             raise error("missing-input", what=f"an estimate of {name}", expected=expected)

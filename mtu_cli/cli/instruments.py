@@ -17,7 +17,6 @@ from mtu_cli.findings import Finding, InputError, error
 from mtu_cli.formats.base import DRIFT, INSPECT, POINTS, READINGS, Ask, Imported, RawFile, raw_file
 from mtu_cli.formats.base import walk as elements_of
 from mtu_cli.formats.instruments import (
-    CONTRACT,
     KIND_OF,
     SPECS,
     contract_rows,
@@ -48,24 +47,22 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
-    known = None if is_contract(file.content) else identify(file)
     elements = Counter(path for path, _ in elements_of(file.xml)) if file.xml is not None else {}
-    if known is None and not elements and not is_contract(file.content):
-        raise unknown(file)
-    result, faults = Imported(format=CONTRACT if known is None else known.name), list[Finding]()
-    if known is not None:
+    result, title, gives, faults = Imported(format="xml"), "XML", list[str](), list[Finding]()
+    if is_contract(file.content):
+        result, title = contract_rows(file), "columns of the contract"
+    elif known := identify(file):
+        title, gives, result = known.title, list(known.gives), Imported(format=known.name)
         try:
             result = read(file, ask)
         except InputError as fault:
             faults = list(fault.findings)
-    elif is_contract(file.content):
-        result = contract_rows(file)
-    else:
-        result.format = "xml"
+    elif not elements:
+        raise unknown(file)
     return {
         "format": result.format,
-        "title": known.title if known else "columns of the contract" if not elements else "XML",
-        "importable_as": list(known.gives) if known else [],
+        "title": title,
+        "importable_as": gives,
         "code_page": file.encoding,
         "rows": len(result.rows),
         "facts": result.facts,

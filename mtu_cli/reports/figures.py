@@ -206,13 +206,18 @@ def panels_of(page: Figure | SubFigure, count: int, columns: int) -> list[Axes]:
 
 
 def legend(page: Figure | SubFigure, columns: int = 4) -> None:
-    """What stands in the panels, each label once, below them."""
+    """What stands in the panels, below them."""
+    key(page, page.axes, loc="outside lower center", ncols=columns)
+
+
+def key(where: Figure | SubFigure | Axes, panels: Sequence[Axes], **place: Any) -> None:
+    """A legend `where` it stands of what is in `panels`, each label once."""
     known: dict[str, Any] = {}
-    for panel in page.axes:
+    for panel in panels:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             known.setdefault(str(label), handle)
     if known:
-        page.legend(list(known.values()), list(known), loc="outside lower center", ncols=columns)
+        where.legend(list(known.values()), list(known), **place)
 
 
 def title(page: Figure | SubFigure, text: str) -> None:

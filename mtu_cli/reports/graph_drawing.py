@@ -249,9 +249,7 @@ def drawing(net: Net) -> Figure:
         _draw_node(panel, node, x, y, net.shares.get(number, 0.0))
     of = "" if net.of is None else f": where the variance of {net.of} is from"
     figures.title(page, cut(net.title + of, int(width / TITLE)))
-    handles, names = panel.get_legend_handles_labels()
-    key = dict(zip(names, handles, strict=True))
-    page.legend([*key.values()], [*key], loc="lower left", ncols=len(key), markerscale=0.55)
+    figures.key(page, [panel], loc="lower left", ncols=len(kinds) + 3, markerscale=0.55)
     return page
 
 

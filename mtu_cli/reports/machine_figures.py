@@ -141,6 +141,4 @@ def _curves(panel: Axes, item: ComponentDrift) -> None:
     change = " → ".join(significant(x / item.rms_size, 3) for x in rms)
     panel.set_title(f"{cut(item.name, NAME)}: {kind} {change} {item.rms_unit}")
     if along:
-        handles, names = panel.get_legend_handles_labels()
-        key = dict(zip(names, handles, strict=True))
-        panel.legend([*key.values()], [*key], loc="center left", bbox_to_anchor=(1.0, 0.5))
+        figures.key(panel, [panel], loc="center left", bbox_to_anchor=(1.0, 0.5))
