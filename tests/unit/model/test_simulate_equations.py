@@ -43,8 +43,6 @@ def test_names_are_those_of_errors_and_of_columns_that_are_free() -> None:
         "load",
         "wear",
     ]
-    with pytest.raises(InputError, match=r"not the name of a temperature.*T_table_degC"):
-        named_equation("--covariate", "T_table: 20 + sequence", column=True)
     with pytest.raises(InputError, match="unknown equation: 'Ez'"):
         errors_by_axis("--effect", ["Ez: 0.004"], "xy")
     for texts in (["part: 1"], ["load: 1", "load: 2"], ["load 1"]):
