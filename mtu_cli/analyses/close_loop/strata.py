@@ -40,17 +40,6 @@ def to_contrasts(tables: FloatArray) -> FloatArray:
     return result
 
 
-def from_contrasts(coordinates: FloatArray) -> FloatArray:
-    """The tables (..., P, H) of such coordinates."""
-    P = coordinates.shape[-2]
-    j = np.arange(1.0, P)[:, None]
-    scaled = coordinates[..., 1:, :] / np.sqrt(j * (j + 1))
-    result = np.repeat(coordinates[..., :1, :] / np.sqrt(P), P, axis=-2)
-    result[..., :-1, :] += np.cumsum(scaled[..., ::-1, :], axis=-2)[..., ::-1, :]
-    result[..., 1:, :] -= j * scaled
-    return result
-
-
 def beginning_with(first: FloatArray) -> FloatArray:
     """An orthonormal basis (n, n) that begins with orthonormal columns `first` (n, k)."""
     Q, R = np.linalg.qr(first, mode="complete")
@@ -139,8 +128,8 @@ class Strata:
         full = np.zeros((*lead, A * P * H))
         full[..., self.place] = coordinates * self.spread
         full = full.reshape(*lead, A, P, H)
-        cells = [from_contrasts(full[..., a, :, :]) @ self.of_features[a].T for a in range(A)]
-        return np.stack(cells, axis=-1)
+        cells = self.of_parts @ full @ np.swapaxes(self.of_features, 1, 2)
+        return np.moveaxis(cells, -3, -1)
 
 
 def strata_of(
