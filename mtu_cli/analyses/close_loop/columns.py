@@ -14,10 +14,12 @@ EMPTY = 1e-9
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
-MANY = 100
+MANY = 8
 """Partners of a column from which on its products with all others are calculated at once."""
 AT_ONCE = 1_000_000
 """Numbers of columns whose products are calculated at once."""
+FACTOR = 2**31
+"""More than there are columns."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 
@@ -40,6 +42,12 @@ class Columns:
         self._means = np.zeros((0, A))
         self._known: dict[bytes, int] = {}
         self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
+        self._pivots = np.zeros((S, 0, 0))
+        """Cross products (S, K, p) with the columns that many others are asked beside."""
+        self._pivot_of = np.zeros(0, int)
+        """Which of these a column is (K,), or NONE."""
+        self._pairs, self._of_pairs = np.zeros(1, int), np.zeros((S, 1))
+        """Other pairs of columns, sorted, and their cross products."""
         self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
         self._append(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
 
@@ -83,32 +91,52 @@ class Columns:
         self.count += len(units)
 
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
-        """Cross products (S, ...) in each stratum of columns with these indices."""
+        """Cross products (S, ...) in each stratum of columns with these indices.
+
+        They are calculated when they are asked for, and kept.
+        """
         self._settle()
         one, other = np.broadcast_arrays(one, other)
         shape, one, other = one.shape, one.ravel(), other.ravel()
-        # Of two columns the one with more partners stands second: with many it has all products.
-        partners = np.bincount(np.concatenate([one, other]))
-        one, other = np.where(partners[one] > partners[other], [other, one], [one, other])
-        often = partners[other] > MANY
-        common = np.flatnonzero(partners > MANY)
-        at = np.searchsorted(common, other)
+        self._calculate(one, other)
+        one, other = np.where(self._pivot_of[one] < 0, [other, one], [one, other])
+        of_pivot = self._pivot_of[one] >= 0
         result = np.zeros((len(self._values), len(one)))
-        for s, values in enumerate(self._values):
-            first, second = self._rows[s, one], self._rows[s, other]
-            there = np.flatnonzero((first > 0) & (second > 0))
-            if not len(there):
-                continue
-            if len(common):
-                of = there[often[there]]
-                asked = np.bincount(first[of], minlength=len(values)) > 0
-                products = values[asked] @ values[self._rows[s, common]].T
-                result[s, of] = products[(np.cumsum(asked) - 1)[first[of]], at[of]]
-                there = there[~often[there]]
-            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
-                pair = values[first[some]], values[second[some]]
-                result[s, some] = np.einsum("kn,kn->k", *pair)
+        result[:, of_pivot] = self._pivots[:, other[of_pivot], self._pivot_of[one[of_pivot]]]
+        pairs = _pairs(one[~of_pivot], other[~of_pivot])
+        result[:, ~of_pivot] = self._of_pairs[:, np.searchsorted(self._pairs, pairs)]
         return result.reshape(len(result), *shape)
+
+    def _calculate(self, one: IntArray, other: IntArray) -> None:
+        """Cross products that are lacking: of a column with many others those with all, else one
+        by one.
+        """
+        lacking = (self._pivot_of[one] < 0) & (self._pivot_of[other] < 0)
+        if not lacking.any():
+            return
+        pairs = np.sort(_pairs(one[lacking], other[lacking]))
+        pairs = pairs[np.diff(pairs, prepend=-1) > 0]
+        at = np.searchsorted(self._pairs[:-1], pairs)
+        pairs = pairs[self._pairs[at] != pairs]
+        if not len(pairs):
+            return
+        ends = np.stack(np.divmod(pairs, FACTOR))
+        new = np.flatnonzero(np.bincount(ends.ravel()) > MANY)
+        if len(new):
+            self._pivot_of[new] = self._pivots.shape[2] + np.arange(len(new))
+            own = self.products(self.dense(new.tolist()))
+            self._pivots = np.concatenate([self._pivots, own], axis=2)
+            single = (self._pivot_of[ends] < 0).all(axis=0)
+            pairs, ends = pairs[single], ends[:, single]
+        found = np.zeros((len(self._values), len(pairs)))
+        for s, values in enumerate(self._values):
+            rows = self._rows[s, ends]
+            there = np.flatnonzero((rows > 0).all(axis=0))
+            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
+                found[s, some] = np.einsum("kn,kn->k", *values[rows[:, some]])
+        order = np.argsort(np.concatenate([self._pairs, pairs]), kind="stable")
+        self._pairs = np.concatenate([self._pairs, pairs])[order]
+        self._of_pairs = np.concatenate([self._of_pairs, found], axis=1)[:, order]
 
     @property
     def means(self) -> FloatArray:
@@ -117,10 +145,10 @@ class Columns:
         return self._means
 
     def _settle(self) -> None:
-        """Takes new columns into the values."""
+        """Takes new columns into the cross products."""
         if not self._new:
             return
-        first = len(self._means)
+        first = old = len(self._means)
         self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
         self._rows = _roomy(self._rows, (len(self._used), self.count))
         for at, units, _ in self._new:
@@ -135,16 +163,20 @@ class Columns:
                 self._rows[s, first + there] = rows
             first += len(units)
         self._new = []
+        pivots = np.argsort(self._pivot_of)[np.sum(self._pivot_of < 0) :]
+        new = self.products(self.dense(pivots.tolist()), old)
+        self._pivots = np.concatenate([self._pivots, new], axis=1)
+        self._pivot_of = np.concatenate([self._pivot_of, np.full(self.count - old, NONE)])
 
-    def products(self, Y: FloatArray) -> FloatArray:
-        """(S, K, B) products of the columns in each stratum with coordinates Y (B, N), in Y's
-        precision.
+    def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
+        """(S, K, B) products of the columns from the first on in each stratum with coordinates
+        Y (B, N), in Y's precision.
         """
         self._settle()
-        result = np.zeros((len(self._values), self.count, len(Y)))
+        result = np.zeros((len(self._values), self.count - first, len(Y)))
         for s, part in enumerate(self.strata.slices):
-            values = self._values[s][: self._used[s]].astype(Y.dtype)
-            result[s] = (values @ Y[:, part].T)[self._rows[s, : self.count]]
+            rows = self._rows[s, first : self.count]
+            result[s, rows > 0] = self._values[s][rows[rows > 0]].astype(Y.dtype) @ Y[:, part].T
         return result
 
     def dense(self, indices: Sequence[int]) -> FloatArray:
@@ -153,6 +185,11 @@ class Columns:
         rows = self._rows[:, list(indices)]
         pairs = zip(self._values, rows, strict=True)
         return np.concatenate([values[own] for values, own in pairs], axis=1)
+
+
+def _pairs(one: IntArray, other: IntArray) -> IntArray:
+    """A number for each pair of columns, either way round."""
+    return np.asarray(np.minimum(one, other) * FACTOR + np.maximum(one, other))
 
 
 def _roomy(array: FloatArray, shape: tuple[int, ...]) -> FloatArray:

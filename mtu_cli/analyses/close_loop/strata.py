@@ -40,19 +40,48 @@ def to_contrasts(tables: FloatArray) -> FloatArray:
     return result
 
 
-def beginning_with(first: FloatArray) -> FloatArray:
-    """An orthonormal basis (n, n) that begins with orthonormal columns `first` (n, k)."""
-    Q, R = np.linalg.qr(first, mode="complete")
-    # A factorisation is free in the signs of its columns; coordinates must keep those of first.
-    Q[:, : first.shape[1]] *= np.sign(np.diag(R))
-    return Q
+@dataclass(frozen=True, slots=True)
+class Reflections:
+    """An orthonormal basis (n, n) as few reflections, diag(`signs`) - V W, V (n, k), W (k, n): rows
+    are turned by it in a time that grows as k n (Schreiber & Van Loan 1989).
+    """
+
+    signs: FloatArray
+    V: FloatArray
+    W: FloatArray
+
+    @classmethod
+    def beginning_with(cls, first: FloatArray) -> Reflections:
+        """The basis that begins with orthonormal columns `first` (n, k).
+
+        >>> first = np.full((4, 1), 0.5)
+        >>> basis = Reflections.beginning_with(first).turned(np.eye(4))
+        >>> bool(np.allclose(basis.T @ basis, np.eye(4)) and np.allclose(basis[:, :1], first))
+        True
+        """
+        n, k = first.shape
+        raw, scales = np.linalg.qr(first, mode="raw")
+        V = np.tril(raw.T, -1) + np.eye(n, k)
+        T = np.zeros((k, k))
+        for j, scale in enumerate(scales):
+            T[:j, j] = -scale * T[:j, :j] @ (V[:, :j].T @ V[:, j])
+            T[j, j] = scale
+        # A factorisation is free in the signs of its columns; coordinates must keep those of first.
+        signs = np.ones(n)
+        signs[:k] = np.sign(np.diag(raw.T))
+        return cls(signs, V, T @ V.T * signs)
+
+    def turned(self, rows: FloatArray) -> FloatArray:
+        """Rows (..., n) in the basis."""
+        return np.asarray(rows * self.signs - (rows @ self.V) @ self.W)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strata:
     """Coordinates of tables (P, H, A), ordered by stratum.
 
-    `of_parts` (P, P), `of_features` (A, H, H) orthonormal; `place` (N,) are the flat indices of the
+    `of_parts` (P, P), `of_features` (A, H, H) orthonormal, by axis `reflected` if they are no more
+    than reflections; `place` (N,) are the flat indices of the
     coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
     `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
     deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
@@ -61,6 +90,7 @@ class Strata:
 
     of_parts: FloatArray
     of_features: FloatArray
+    reflected: tuple[Reflections | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -99,7 +129,12 @@ class Strata:
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
-        turned = values * np.sqrt(H) if h < H else values @ self.of_features[a]
+        if h < H:
+            turned = values * np.sqrt(H)
+        elif (basis := self.reflected[a]) is not None:
+            turned = basis.turned(values)
+        else:
+            turned = values @ self.of_features[a]
         return to_contrasts(turned) if p == P else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
@@ -152,11 +187,14 @@ def strata_of(
     """
     level = np.full((H, 1), 1 / np.sqrt(H))
     bases, spreads = [], []
+    reflected: list[Reflections | None] = []
     shape = np.zeros(H)
     for a in range(axes):
-        basis = beginning_with(np.column_stack([level, lines[a]]))
+        simple = Reflections.beginning_with(np.column_stack([level, lines[a]]))
+        basis = simple.turned(np.eye(H))
         k = 1 + lines[a].shape[1]
         spread = np.ones(H)
+        reflected.append(simple if roughness is None else None)
         if roughness is not None and k < H:
             inner = basis[:, k:].T @ roughness @ basis[:, k:]
             values, turn = np.linalg.eigh(inner)
@@ -191,6 +229,7 @@ def strata_of(
     return Strata(
         of_parts=to_contrasts(np.eye(P)).T,
         of_features=np.array(bases),
+        reflected=tuple(reflected),
         place=place,
         at=at.reshape(axes, P, H),
         slices=tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends)),
