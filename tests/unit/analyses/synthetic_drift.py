@@ -60,8 +60,8 @@ def sensor_names(count: int) -> tuple[str, ...]:
     return tuple(f"T_{s + 1:02d}_degC" for s in range(count))
 
 
-def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Readings:
-    """The runs one after the other as if read from a file, or in another order of rows."""
+def readings(runs: Sequence[Run]) -> Readings:
+    """The runs one after the other as if read from a file."""
     names = tuple(dict.fromkeys(run.name for run in runs))
     cycles = tuple(dict.fromkeys(run.cycle for run in runs if run.cycle is not None))
     sizes = [len(run.error) for run in runs]
@@ -75,7 +75,7 @@ def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Rea
         return np.repeat(np.array(values, np.int64), sizes)
 
     temperature = np.concatenate([run.temperature for run in runs])
-    found = Readings(
+    return Readings(
         components=names,
         code=codes([names.index(run.name) for run in runs]),
         position_mm=numbers([np.nan if run.position is None else run.position for run in runs]),
@@ -95,7 +95,6 @@ def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Rea
         sources=(Source(role="drift", path=Path("d.csv"), shown="d.csv", sha256="", rows=None),),
         roles=("drift",),
     )
-    return found if order is None else reordered(found, order)
 
 
 def rises(found: Readings, sensors: int) -> FloatArray:

@@ -213,24 +213,6 @@ def test_the_reference_temperature_only_moves_the_levels() -> None:
     assert b.estimate.covariance == pytest.approx(a.estimate.covariance, rel=ROUNDING)
 
 
-def few(n: int, dependent: int = 0) -> Readings:
-    """Readings (n,) of six sensors, of which the last `dependent` are the sum of two others."""
-    temperature = 20 + np.random.default_rng(21).normal(size=(n, 6))
-    for k in range(dependent):
-        temperature[:, 5 - k] = temperature[:, 0] + temperature[:, 1 + k] - 20
-    time = np.linspace(0.0, n - 1.0, n)
-    return readings([Run(time=time, temperature=temperature, error=time * UM)])
-
-
-@pytest.mark.parametrize(("n", "dependent"), [(5, 0), (7, 0), (6, 1), (5, 2)])
-def test_too_few_readings_for_their_sensors(n: int, dependent: int) -> None:
-    """A fit of least norm through all readings would claim an uncertainty of nothing."""
-    with pytest.raises(InputError) as error:
-        one(few(n, dependent))
-    assert f"{n} readings of p for the ridge model of 6 gradients" in str(error.value)
-    assert "or --model stepwise: " in str(error.value)
-
-
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("places", "fewest"), [((0.0,), 3), ((0.0, 100.0), 4)])
 def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) -> None:

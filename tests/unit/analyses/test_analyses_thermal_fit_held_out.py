@@ -60,7 +60,7 @@ PLANS = {
 def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) -> None:
     found = PLANS[name].read(np.random.default_rng(31))
     drift = one(found, kind)
-    total, by_cycle, _ = held_out_errors(table(found), kind)
+    total, by_cycle = held_out_errors(table(found), kind)
     assert drift.held_out is not None
     assert drift.held_out.after / UM == pytest.approx(total, rel=ROUNDING)
     assert [after / UM for _, _, after in drift.held_out.cycles] == pytest.approx(
@@ -75,7 +75,7 @@ def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
     sizes = [2, 3, 2, 3]
     blocks = replace(table(found), cycle=np.repeat(np.arange(4), sizes)[found.cycle])
-    total, by_block, _ = held_out_errors(blocks, "ridge")
+    total, by_block = held_out_errors(blocks, "ridge")
     drift = one(found, "ridge")
     assert drift.held_out is not None
     assert drift.held_out.blocks == 4

@@ -13,18 +13,6 @@ from budget_examples import CORRELATED, codes, evaluated, single
 
 from mtu_cli.findings import InputError
 
-
-def test_finite_degrees_of_freedom_reach_the_monte_carlo() -> None:
-    """Peers: suncal draws normals whatever the degrees of freedom (0.247 for 0.304 of a scaled t).
-
-    u = 0.247 with 6 degrees of freedom is drawn as t: u = 0.247 sqrt(6/4) = 0.3025.
-    """
-    result = evaluated("equation: x\ninputs: {x: {value: 1, u: 0.247, dof: 6}}\n", digits=3)
-    expected = 0.247 * math.sqrt(1.5)
-    assert single(result).first.u == 0.247
-    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-6)
-
-
 SEVEN = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
 
 

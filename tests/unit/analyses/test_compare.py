@@ -17,7 +17,6 @@ from support import DATA, paper_study
 from mtu_cli.analyses import compare as module
 from mtu_cli.analyses.compare import Compared, CompareResult, compare
 from mtu_cli.files.points import Points, read_points
-from mtu_cli.findings import InputError
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_features
@@ -206,29 +205,6 @@ def test_an_effect_that_differs_from_part_to_part_is_taken_at_each_part(tmp_path
             # The scatter that is left is the noise of the readings, not the step.
             assert features.one_way.ms_between[i] < 1e-7
     assert "covariate-averaged" in codes(result)
-
-
-@pytest.mark.parametrize("kind", ["numbers", "texts"])
-def test_a_covariate_with_gaps_is_refused_with_its_first_row(tmp_path: Path, kind: str) -> None:
-    model, part = stated(tmp_path, WARM), part_file(tmp_path)
-    found = two_operations({"drilled": 20.0, "milled": 30.0})
-    column = found.covariates[SENSOR].copy()
-    column[[3, 7]] = np.nan
-    if kind == "texts":
-        column = np.array(["" if np.isnan(v) else str(v) for v in column], dtype=object)
-    gaps = replace(found, covariates={SENSOR: column})
-    with pytest.raises(InputError, match=r"row 5, column 'T_spindle_degC': (?s:.*)row 9"):
-        compare(model, part, gaps, Settings())
-    assert compare(model, part, gaps, Settings(), covariates={SENSOR: 20.0}).features.labels
-    with pytest.raises(InputError, match="a value of T_spindle_degC for"):
-        compare(model, part, replace(found, covariates={}), Settings())
-
-
-def test_nothing_in_common(tmp_path: Path) -> None:
-    text = "components: {dz: {unit: um, coefficients: [1], u_future: 1}}\nequations: {Ez: dz}\n"
-    model = stated(tmp_path, text)
-    with pytest.raises(InputError, match="z_mm"):
-        compare(model, part_file(tmp_path), three_holes(3, 2, 1), Settings())
 
 
 SIMPLE = """

@@ -11,7 +11,6 @@ from model_examples import estimate, model_of, part_of, stated
 from scipy import stats
 
 from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
-from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.measurands import length_gradient, length_measure
 from mtu_cli.model.prediction import predict
@@ -179,17 +178,3 @@ def test_bounds_of_unmeasured_correlation(tmp_path: Path) -> None:
     assert np.sqrt(item.variance) == pytest.approx(np.hypot(*u))
     assert tuple(item.u_bounds) == pytest.approx((u[0] - u[1], u[0] + u[1]))
     assert item.pair == ("a", "b")
-
-
-def test_a_z_that_only_one_end_has_is_refused(tmp_path: Path) -> None:
-    text = """
-    features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0, y_mm: 0, z_mm: 50}}
-    lengths: [{from: a, to: b}]
-    """
-    with pytest.raises(InputError, match="length 'a-b': the key 'z_mm' is missing"):
-        predict_lengths(machine(), part_of(tmp_path, text), FAST)
-
-
-def test_a_part_without_lengths(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no lengths"):
-        predict_lengths(machine(), part_of(tmp_path, "features: {a: {x_mm: 0, y_mm: 0}}"), FAST)

@@ -9,7 +9,6 @@ import pytest
 from model_examples import FloatArray, estimate, model_of, part_of
 
 from mtu_cli.analyses.orthogonality import angle_gradient, angle_measure, predict_orthogonality
-from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
@@ -110,24 +109,3 @@ def test_validation_fails_for_features_as_far_apart_as_their_errors(tmp_path: Pa
     result = predict_orthogonality(model, part, FAST)
     assert result.angles[0].validation.passed is False
     assert "validation-failed" in {item.code for item in result.warnings}
-
-
-@pytest.mark.parametrize("trials", [1000, 40_000])
-def test_reported_u_counts_the_trials(tmp_path: Path, trials: int) -> None:
-    """Eq. (28): u^2 = s^2 (1 + 1/M), s from the sample; visible with few trials."""
-    model = model_of([(estimate("t", None, [0.0], D=np.array([[9e-10]])), {"x": "-y", "y": "0"})])
-    settings = Settings(trials=trials, threads=1)
-    (angle,) = predict_orthogonality(model, part_of(tmp_path, PART), settings).angles
-    assert angle.run.trials == trials
-    s = float(angle.run.u[0])
-    assert s == pytest.approx(3e-5, rel=4.5 * np.sqrt(0.5 / trials))
-
-
-def test_what_an_angle_needs(tmp_path: Path) -> None:
-    part = part_of(tmp_path, PART)
-    flat = model_of([(estimate("a", "x", [0.0]), {"x": "1"})], axes=("x",))
-    with pytest.raises(InputError, match="no equation Ey"):
-        predict_orthogonality(flat, part, FAST)
-    plain = part_of(tmp_path, "features: {a: {x_mm: 0, y_mm: 0}}")
-    with pytest.raises(InputError, match="no orthogonality"):
-        predict_orthogonality(machine(), plain, FAST)

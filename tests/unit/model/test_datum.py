@@ -7,7 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from measured_examples import PLACES, points, study
+from measured_examples import study
 
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
@@ -40,21 +40,6 @@ def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[in
     F = freedoms(places, axes, datum)
     wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
     assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)
-
-
-@pytest.mark.parametrize("datum", ["offset", "offset,rotation"])
-def test_a_rigid_motion_of_each_visit_leaves_nothing(datum: Datum) -> None:
-    rng = np.random.default_rng(2)
-    rows = []
-    for p in range(4):
-        for r in range(2):
-            dx, dy, turn = rng.normal(size=3) * [1e-2, 1e-2, 1e-4 * (datum != "offset")]
-            for name, (x, y) in PLACES.items():
-                if (p, r, name) != (2, 1, "c"):
-                    rows.append((f"P{p}", name, r, dx - turn * y, dy + turn * x))
-    found, complete = freed(points(rows), XY, datum)
-    assert np.abs(errors(found)[:, :2]).max() < 1e-12
-    assert not complete
 
 
 def test_each_visit_against_least_squares_of_its_own() -> None:

@@ -18,7 +18,6 @@ from mtu_cli.model.measured import (
     feature_tables,
     length_tables,
     length_warnings,
-    not_measured,
 )
 from mtu_cli.model.visits import only_features, visits_of
 
@@ -142,7 +141,6 @@ def test_lengths_use_the_axes_that_were_measured_at_every_end(tmp_path: Path) ->
     np.testing.assert_allclose(flat.cells.origin[:, None] + flat.cells.mean, 0, atol=1e-12)
     (warning,) = length_warnings(partly, part)
     assert warning.code == "axis-not-measured"
-    assert warning.code == "axis-not-measured"
 
 
 def test_what_was_not_measured_is_left_out(tmp_path: Path) -> None:
@@ -157,12 +155,3 @@ def test_what_was_not_measured_is_left_out(tmp_path: Path) -> None:
     assert len(alone) == 0
     few = only_features(found, ["b", "nobody"])
     assert (few.features, few.row.tolist()) == (("b",), [3])
-
-
-def test_an_axis_of_the_machine_that_was_not_measured_is_reported() -> None:
-    found = study(6, 2, 3)
-    flat = with_measured(found, found.measured * [1, 1, np.nan])
-    (warning,) = not_measured(("x", "y", "z"), flat)
-    assert warning.code == "axis-not-measured"
-    assert "no z_mm" in warning.message
-    assert not not_measured(("x", "y"), flat)

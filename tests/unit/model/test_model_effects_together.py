@@ -13,8 +13,7 @@ from support import read_components
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.findings import InputError
-from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
+from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
 from mtu_cli.model.machine_model import build_model
@@ -127,44 +126,6 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     (warning,) = effect_warnings(machine, estimates.effects, "c.json")
     assert warning.code == "not-used"
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
-
-
-def test_a_unit_of_another_kind_is_another_parameter(tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    own = predicted(machine, estimates_from_fit(machine, None))
-    wrong = together(["backlash-x.lost_motion"]) | {"units": ["arcsec"]}
-    estimates = reported(tmp_path, machine, wrong)
-    assert (predicted(machine, estimates).covariance == own.covariance).all()
-    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "not-used"
-
-
-def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    assert all_together(loaded(tmp_path, MACHINE), None) is None
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
-    assert found is not None
-    assert list(found.names) == NAMES
-    own = np.array([[7, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]])
-    assert found.covariance == pytest.approx(own * np.outer(F, F), rel=1e-12)
-    assert found.values == pytest.approx(np.array([2, 5, 1]) * F, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"units": ["um"]}, "results.effects.units: another size; expected 3"),
-        ({"values": []}, "results.effects.values: another size; expected 3"),
-        ({"units": ["um", "um", "ell"]}, "results.effects.units[2]: unknown unit: 'ell'"),
-        ({"covariance": [[1]]}, "results.effects.covariance: another size; expected 3 x 3"),
-        ({"covariance": [[1, None, 0], [2, 1, 0], [0, 0, 1]]}, "results.effects.covariance[0][1]"),
-    ],
-)
-def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        reported(tmp_path, loaded(tmp_path, MACHINE), together() | change)
-    assert f"c.json: {words}" in str(caught.value)
 
 
 @pytest.mark.parametrize(

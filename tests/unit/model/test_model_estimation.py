@@ -52,20 +52,6 @@ def fit(*segments: Segment, component: Component = AXIS) -> ComponentFit:
     return fit_component(readings(list(segments)), "c", component)
 
 
-def test_passes_are_pairs_of_number_and_direction() -> None:
-    given = segment(np.random.default_rng(1), both=True, passes=3)
-    found = fit(given).instruments[0]
-    assert found.keys_read == ((0, 1, 1), (0, 1, -1), (0, 2, 1), (0, 2, -1), (0, 3, 1), (0, 3, -1))
-    assert found.fit.n_passes == 6
-    # Three runs there and back are what was repeated.
-    assert found.fit.pass_dof == 2
-    assert found.fit.pairs.tolist() == [[0, 1], [2, 3], [4, 5]]
-    error = given.error.reshape(6, 8)
-    assert found.group is not None
-    for g in range(6):
-        assert found.error[found.group == g] == pytest.approx(error[g])
-
-
 def test_without_a_pass_column_nothing_is_separated() -> None:
     given = replace(segment(np.random.default_rng(1)), passes=None)
     found = fit(given)
@@ -182,16 +168,6 @@ def test_agreement_is_uniform_where_the_instruments_agree(degree: int) -> None:
             pair.append(fit(given, component=component).estimate)
         p_values.append(agreement(*pair))
     assert stats.kstest(p_values, "uniform").pvalue > 0.005
-
-
-def test_agreement_sees_a_difference() -> None:
-    rng = np.random.default_rng(30)
-    first = segment(rng, passes=10)
-    second = segment(rng, passes=10, role="laser")
-    assert (fit(first, second).agreement_p or 0) > 0.001
-    apart = fit(first, replace(second, error=second.error + 8e-3)).agreement_p
-    assert apart is not None
-    assert apart < 1e-4
 
 
 def test_an_instrument_without_scatter_has_no_weight() -> None:

@@ -73,17 +73,6 @@ def test_a_fixed_position_with_uncertainty_propagates(tmp_path: Path) -> None:
     assert found.variance(np.eye(1)).total[0] == pytest.approx((0.5 * (2e-3 + 1e-5)) ** 2)
 
 
-def test_an_infinite_effect_is_named(tmp_path: Path) -> None:
-    text = (
-        "components: {a: {of: x, unit: um, coefficients: [1.0]}}\nequations: {Ex: a}\n"
-        "effects:\n  - name: pole\n    parameters: {k: {value: 1, u: 0.1, unit: um}}\n"
-        "    equations: {Ex: k*x/(x - 3)}\n"
-    )
-    place = r"effects.pole: the equation Ex of 'm' has no finite value at x=3"
-    with pytest.raises(InputError, match=place):
-        predict(stated(tmp_path, text), ["a"], np.array([[3.0, 4, np.nan]]))
-
-
 def test_equations_without_components_are_refused(tmp_path: Path) -> None:
     text = "components: {a: {unit: um, coefficients: [1.0]}}\nequations: {Ex: 0.001*x}\n"
     with pytest.raises(InputError, match="no equation contains a component"):
@@ -98,17 +87,3 @@ def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no finite value at x=0, y=5") as error:
         predict(stated(tmp_path, text), ["a", "b"], np.array([[1.0, 5, 0], [0.0, 5, 0]]))
     assert "defined at every feature" in str(error.value)
-
-
-def test_a_component_without_estimate_names_its_line(tmp_path: Path) -> None:
-    text = """
-    components:
-      a: {of: x, unit: um, coefficients: [1.0, 0.1]}
-      b: {of: x, unit: um}
-    equations: {Ex: a + b}
-    """
-    with pytest.raises(InputError) as error:
-        stated(tmp_path, text)
-    found = str(error.value)
-    assert "machine.yaml:6: components.b" in found
-    assert "an estimate of" in found

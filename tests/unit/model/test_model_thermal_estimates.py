@@ -12,7 +12,6 @@ from model_examples import loaded
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
-from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 
 POSITIONS = [0.0, 200.0, 75.0, 300.0]
@@ -107,27 +106,3 @@ def test_a_report_wins_over_the_machine_file(tmp_path: Path, machine: LoadedMach
     assert drift.temperature_range is not None
     assert drift.temperature_range.tolist() == [[19, 26], [20, 25]]
     assert (drift.of, drift.position_range, drift.reference) == ("y", (0, 200), 20)
-
-
-def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> None:
-    found = report(
-        tmp_path,
-        pos_z=DRIFT,
-        pos_y=DRIFT | {"of": "x", "reference_temperature_degC": 20.5},
-        yaw_y=DRIFT,
-        ort=DRIFT | {"unit": "arcsec"},
-    )
-    with pytest.raises(InputError) as caught:
-        thermal_from_report(machine, found)
-    assert [str(problem) for problem in caught.value.findings] == [
-        "t.json: results.components.pos_z: unknown component in machine.yaml: 'pos_z'; "
-        "did you mean 'pos_y'?",
-        "t.json: results.components.pos_y.reference_temperature_degC: contradicts "
-        "machine.yaml: '20.5 degC'; expected 20 degC, its reference temperature: fit again",
-        "t.json: results.components.pos_y: contradicts machine.yaml: 'of x in um'; "
-        "expected of y in um",
-        "t.json: results.components.yaw_y: contradicts machine.yaml: 'of y in um'; "
-        "expected of y in arcsec",
-        "t.json: results.components.ort: contradicts machine.yaml: 'of y in arcsec'; "
-        "expected of None in arcsec",
-    ]

@@ -170,21 +170,6 @@ def test_errors_less_the_motion_of_each_measurement(tmp_path: Path, datum: Datum
 
 
 @pytest.mark.parametrize("datum", FREE)
-def test_motions_of_parts_are_not_seen(tmp_path: Path, datum: Datum) -> None:
-    """Another offset and rotation of every measurement changes nothing, repeats included."""
-    model = stated(tmp_path, MACHINE)
-    points = whole_parts(measured(5, 6, 3))
-    rng = np.random.default_rng(5)
-    shift = rng.normal(0, 0.05, (5, 4, 3))[points.part, points.repeat]
-    turn = rng.normal(0, 1e-4, (5, 4))[points.part, points.repeat] * (datum == ROTATION)
-    x, y = points.nominal[:, 0], points.nominal[:, 1]
-    shift[:, :2] += turn[:, None] * np.column_stack([-y, x])
-    before, _ = residual_table(model, points, {}, datum)
-    after, _ = residual_table(model, replace(points, measured=points.measured + shift), {}, datum)
-    np.testing.assert_allclose(after.errors, before.errors, atol=1e-14)
-
-
-@pytest.mark.parametrize("datum", FREE)
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("operations", [1, 2])
 def test_candidates_are_projected_as_errors_are(

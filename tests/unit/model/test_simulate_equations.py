@@ -27,15 +27,6 @@ def test_errors_that_may_be_right(text: str) -> None:
     assert named_equation("--effect", text)[0] == "Ex"
 
 
-@pytest.mark.parametrize(
-    "text",
-    ["T_a_degC: 20 + sequence", "T_a_degC: 20 + time_min/60", "T_a_degC: T_b_degC + 2",
-     "load: x*time_min", "load: T_a_degC"],
-)  # fmt: skip
-def test_columns_that_may_be_right(text: str) -> None:
-    named_equation("--covariate", text, column=True)
-
-
 def test_names_are_those_of_errors_and_of_columns_that_are_free() -> None:
     ((axis, _),) = errors_by_axis("--effect", ["Ex: 0.004*dir_x"], "xy")
     assert axis == "x"

@@ -150,23 +150,6 @@ def test_of_runs_the_reversal_is_that_of_levels_less_a_steady_drift() -> None:
     assert found.dof == 4
 
 
-@pytest.mark.parametrize("back_first", [False, True])
-def test_a_steady_drift_is_no_reversal(back_first: bool) -> None:
-    """An axis that grows by the same from pass to pass: forward differs from reverse by it."""
-    design = balanced(10, both=True)
-    if back_first:
-        design = Design(design.position, design.group, -design.direction)
-    rng = np.random.default_rng(6)
-    alarms = 0
-    for _ in range(300):
-        y = drawn(design, rng, NO_DRIFT, s=0.3) + 5.0 * design.group
-        found = reversal(in_runs(design, y), np.arange(10.0))
-        assert found is not None
-        assert abs(found.value) < 0.5
-        alarms += found.p < 0.05
-    assert alarms == 0
-
-
 @pytest.mark.parametrize("drift", [1.0, 3.0])
 def test_where_the_order_is_assumed_a_steady_drift_is_no_reversal(drift: float) -> None:
     """Reverse was read first, which without times nobody can say: the drift is in u."""
