@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from mtu_cli.analyses.thermal_fit import thermal_fit
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.stats.least_squares import FloatArray
@@ -164,3 +166,19 @@ class Plan:
     ) -> Readings:
         """The readings of `runs`."""
         return readings(self.runs(rng, temperatures))
+
+
+METHODS = ("auto", "stepwise", "ridge", "lagged")
+LINE = np.array([[1.0, -2.0, 0.0, 0.5], [1.5, -1.0, 0.0, 0.5], [2.0, 0.0, 0.0, 0.5]])
+PLACES = (0.0, 100.0, 200.0)
+"""Gradients that are a line in position, and where; um per degC, mm."""
+
+
+def fitted(found: Readings, method: str = "ridge") -> ThermalFit:
+    """The fit of component p along x."""
+    return thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
+
+
+def one(found: Readings, method: str = "ridge") -> ComponentDrift:
+    """The drift of component p along x."""
+    return fitted(found, method).components["p"]

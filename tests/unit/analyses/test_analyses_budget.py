@@ -65,28 +65,6 @@ def test_shares_and_covariance() -> None:
     assert result.correlation[0, 1] == pytest.approx(r)
 
 
-SIMULTANEOUS = """
-    equation: x + y
-    inputs:
-      x: {readings: [1.0, 1.3, 0.8, 1.1, 1.4, 0.9]}
-      y: {readings: [2.1, 1.9, 2.2, 2.0, 1.7, 2.3], u: UB}
-    simultaneous: [[x, y]]
-"""
-
-
-def test_simultaneous_readings_are_those_of_the_sum() -> None:
-    """GUM H.2.4: u of x + y is s/sqrt(n) of the six sums, with five degrees of freedom."""
-    result = evaluated(SIMULTANEOUS.replace("UB", "0"))
-    sums = np.array([1.0, 1.3, 0.8, 1.1, 1.4, 0.9]) + np.array([2.1, 1.9, 2.2, 2.0, 1.7, 2.3])
-    output = single(result)
-    assert output.first.u == pytest.approx(sums.std(ddof=1) / math.sqrt(6))
-    assert output.first.dof == pytest.approx(5.0)
-    # The multivariate t makes the sum Student's t of five degrees of freedom exactly.
-    assert output.validation.passed is True
-    expected = output.first.u * math.sqrt(5 / 3)
-    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-9)
-
-
 def copula(kind: str, r: float) -> BudgetResult:
     return evaluated(
         "equations: {s: a + b, d: a - b}\n"

@@ -7,32 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_drift import (
+    LINE,
+    METHODS,
+    PLACES,
     REFERENCE,
     ROUNDING,
     UM,
     Plan,
     Run,
+    fitted,
+    one,
     readings,
     sensor_names,
 )
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
-from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.stats.least_squares import FloatArray
-
-METHODS = ("auto", "stepwise", "ridge", "lagged")
-LINE = np.array([[1.0, -2.0, 0.0, 0.5], [1.5, -1.0, 0.0, 0.5], [2.0, 0.0, 0.0, 0.5]])
-PLACES = (0.0, 100.0, 200.0)
-
-
-def fitted(found: Readings, method: str = "ridge") -> ThermalFit:
-    return thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
-
-
-def one(found: Readings, method: str = "ridge") -> ComponentDrift:
-    return fitted(found, method).components["p"]
 
 
 def gradients(drift: ComponentDrift) -> FloatArray:

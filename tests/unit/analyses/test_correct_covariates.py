@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from mtu_cli.analyses.correct import correct, unused_warmth
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.visits import only_rows
 
 SETTINGS = Settings()
 
@@ -74,18 +74,7 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     assert np.isnan(bare.sizes[0].error).all()
     assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
     kept = np.arange(11) != 4
-    fewer = replace(
-        points,
-        **{
-            name: getattr(points, name)[kept]
-            for name in (
-                "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
-                "sequence", "direction", "file_index", "row",
-            )
-        },
-        covariates={"T_scale_degC": temperature[kept]},
-    )  # fmt: skip
-    found = correct(model, ring_part(tmp_path), fewer, SETTINGS)
+    found = correct(model, ring_part(tmp_path), only_rows(points, kept), SETTINGS)
     assert codes(found) == ["not-measured", "no-scatter-known"]
     assert found.sizes == ()
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"

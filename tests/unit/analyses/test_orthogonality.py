@@ -97,15 +97,3 @@ def test_the_papers_independence(tmp_path: Path) -> None:
     )
     assert found.independent_u == pytest.approx(found.independent.u[0], rel=0.02)
     assert found.independent.u[0] != pytest.approx(found.run.u[0], rel=0.05)
-
-
-def test_validation_fails_for_features_as_far_apart_as_their_errors(tmp_path: Path) -> None:
-    text = """
-    features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0.05, y_mm: 0}, c: {x_mm: 0, y_mm: 0.05}}
-    orthogonality: [{id: xy, row: [a, b], column: [a, c]}]
-    """
-    part = part_of(tmp_path, text)
-    model = model_of([(estimate(axis, "x", [0.0], s=0.008), {axis: "1"}) for axis in "xy"])
-    result = predict_orthogonality(model, part, FAST)
-    assert result.angles[0].validation.passed is False
-    assert "validation-failed" in {item.code for item in result.warnings}

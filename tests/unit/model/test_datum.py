@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import get_args
 
 import numpy as np
@@ -11,7 +10,7 @@ from measured_examples import study
 
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
-from mtu_cli.model.visits import freed, freedoms, projector, visits_of
+from mtu_cli.model.visits import freed, freedoms, only_rows, projector, visits_of
 
 XY = (0, 1)
 
@@ -45,13 +44,7 @@ def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[in
 def test_each_visit_against_least_squares_of_its_own() -> None:
     rng = np.random.default_rng(3)
     whole = study(parts=5, repeats=2, seed=4)
-    rows = np.flatnonzero(rng.random(len(whole)) < 0.8)
-    some = replace(
-        whole,
-        **{name: getattr(whole, name)[rows] for name in (
-            "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
-            "sequence", "direction", "file_index", "row")},
-    )  # fmt: skip
+    some = only_rows(whole, rng.random(len(whole)) < 0.8)
     found, complete = freed(some, XY, "offset,rotation")
     assert not complete
     visit = visits_of(some).of_point

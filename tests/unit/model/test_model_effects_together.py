@@ -13,7 +13,7 @@ from support import read_components
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
+from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
 from mtu_cli.model.machine_model import build_model
@@ -128,6 +128,17 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
 
 
+def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    assert all_together(loaded(tmp_path, MACHINE), None) is None
+    found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
+    assert found is not None
+    assert list(found.names) == NAMES
+    own = np.array([[7, 0, 0], [0, 0.25, 0.03], [0, 0.03, 0.04]])
+    assert found.covariance == pytest.approx(own * np.outer(F, F), rel=1e-12)
+    assert found.values == pytest.approx(np.array([2, 5, 1]) * F, rel=1e-12)
+
+
 @pytest.mark.parametrize(
     ("found", "told"),
     [
@@ -135,9 +146,7 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
         ("{class: [a, b, turn, c, d, e, f]}", "a, b, c, d, e, f"),
         ("{class: [turn]}", None),
         # What stands there is free.
-        ("{class: turn}", None),
         ("{class: [turn, 3, {a: b}]}", None),
-        ("{by: a person}", None),
     ],
 )
 def test_one_of_a_class_is_told_of(found: str, told: str | None, tmp_path: Path) -> None:

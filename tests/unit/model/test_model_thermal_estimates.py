@@ -12,6 +12,7 @@ from model_examples import loaded
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
+from mtu_cli.findings import InputError
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
 
 POSITIONS = [0.0, 200.0, 75.0, 300.0]
@@ -106,3 +107,15 @@ def test_a_report_wins_over_the_machine_file(tmp_path: Path, machine: LoadedMach
     assert drift.temperature_range is not None
     assert drift.temperature_range.tolist() == [[19, 26], [20, 25]]
     assert (drift.of, drift.position_range, drift.reference) == ("y", (0, 200), 20)
+
+
+def test_a_report_of_another_machine(tmp_path: Path, machine: LoadedMachine) -> None:
+    other = DRIFT | {"of": "x", "reference_temperature_degC": 20.5}
+    with pytest.raises(InputError) as caught:
+        thermal_from_report(machine, report(tmp_path, pos_z=DRIFT, pos_y=other, yaw_y=DRIFT))
+    assert [(item.path, item.code) for item in caught.value.findings] == [
+        ("results.components.pos_z", "unknown-name"),
+        ("results.components.pos_y.reference_temperature_degC", "contradicts"),
+        ("results.components.pos_y", "contradicts"),
+        ("results.components.yaw_y", "contradicts"),
+    ]

@@ -42,26 +42,6 @@ def test_unbalanced_design_against_dense_matrices(name: str) -> None:
     np.testing.assert_allclose(fit.covariance, expected, rtol=1e-8)
 
 
-@pytest.mark.parametrize("degree", [2, 3])
-def test_higher_degrees_against_dense_matrices(degree: int) -> None:
-    design = UNBALANCED["two readings missing"]
-    y = drawn(design, np.random.default_rng(3), b=(3.0, -0.02, 1e-4, 2e-7))
-    fit = fitted(design, y, degree)
-    full = np.column_stack(
-        [design.group == g for g in range(6)]
-        + [(design.group == g) * (design.position - fit.center) for g in range(6)]
-        + [((design.position - 200) / 200) ** k for k in range(2, degree + 1)]
-    ).astype(float)
-    rss = np.linalg.lstsq(full, y, rcond=None)[1]
-    assert fit.within_rss == pytest.approx(float(rss[0]), rel=1e-9)
-    assert fit.within_dof == len(y) - full.shape[1]
-    expected = dense_covariance(design, degree, fit.s2, fit.D_moment)
-    scale = np.sqrt(np.diag(expected))
-    np.testing.assert_allclose(
-        fit.covariance / np.outer(scale, scale), expected / np.outer(scale, scale), atol=1e-6
-    )
-
-
 @pytest.mark.parametrize("seed", [11, 12, 13])
 @pytest.mark.parametrize("both", [False, True], ids=["one direction", "both directions"])
 def test_against_reml_of_statsmodels(seed: int, both: bool) -> None:
