@@ -12,17 +12,16 @@ from compare_trials import fitted, made, study, trial
 from measured_examples import PLACES, part_file, points
 from measured_examples import study as three_holes
 from model_examples import stated
-from support import DATA, paper_study
+from support import paper_study
 
 from mtu_cli.analyses import compare as module
 from mtu_cli.analyses.compare import Compared, CompareResult, compare
-from mtu_cli.files.points import Points, read_points
+from mtu_cli.files.points import Points
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_features, only_rows
 
 STUDY = paper_study()
-PARTS = 21
 
 
 def compared(points: Points, datum: str = "none") -> CompareResult:
@@ -104,22 +103,6 @@ def test_faults_are_found_with_seven_runs_and_no_scatter_with_two() -> None:
     assert not any(scattered.lengths.under_predicted)
     few = compare(fitted(2, 7), part, loose, Settings())
     assert not any(few.features.under_predicted)
-
-
-def test_shipped_parts_against_the_papers_ratios() -> None:
-    """Table 10's ratios, 4-7 drilled and 2-3 milled, within the sampling error of 21 parts."""
-    files = [(DATA / "gilsinn-ling-parts" / f"{name}.csv", "cmm") for name in ("drilled", "milled")]
-    result = compared(read_points(files, STUDY.part.part.places()))
-    sampling = 1 / np.sqrt(2 * (PARTS - 1))
-    lengths, features = result.lengths, result.features
-    assert lengths is not None
-    for operation, (low, high) in (("drilled", (4, 7)), ("milled", (2, 3))):
-        ratios = lengths.paper_ratio_range[[x[0] == operation for x in lengths.labels]]
-        assert ratios.min() > low * (1 - 2 * sampling)
-        assert ratios.max() < high * (1 + 2 * sampling)
-    # Components of variance: MS_between overstates the parts' scatter by about sqrt(n0) = 1.6.
-    assert np.median(features.one_way.n0) == pytest.approx(2.544, abs=0.0005)
-    assert np.median(features.ms_share) == pytest.approx(np.sqrt(2.544), rel=0.05)
 
 
 WARM = """

@@ -12,11 +12,8 @@ from scipy import stats
 
 from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.measurands import length_gradient, length_measure
-from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.fields import RowOf, rows_of
-from mtu_cli.stats.workspace import Workspace
 
 FAST = Settings(trials=20_000, threads=1)
 PART = """
@@ -43,26 +40,6 @@ def machine(s: float = 2e-3, dof: float = np.inf) -> MachineModel:
     )
     angle = estimate("t", None, [1e-5], D=np.array([[9e-10]]), pass_dof=dof)
     return model_of([(scale, {"x": "1", "y": "0.3"}), (angle, {"x": "-y", "y": "x"})])
-
-
-def test_gradient_is_the_derivative_of_the_measure() -> None:
-    rng = np.random.default_rng(1)
-    model = model_of(
-        [(estimate("a", "x", [0.0, 0.0]), {"x": "1", "y": "2", "z": "y"})], axes=("x", "y", "z")
-    )
-    points = rng.uniform(-100, 100, (4, 3))
-    prediction = predict(model, list("abcd"), points)
-    pairs = np.array([[0, 1], [2, 3], [3, 0]])
-    delta = points[pairs[:, 1]] - points[pairs[:, 0]]
-    measure, combine = length_measure(prediction, pairs, delta)
-    gradient = length_gradient(prediction, pairs, delta)
-    h = 1e-4
-    for row in range(12):
-        step = np.zeros(12)
-        step[row] = h
-        high = measure((combine @ step)[:, None], Workspace())[:, 0]
-        low = measure((combine @ -step)[:, None], Workspace())[:, 0]
-        assert gradient[:, row] == pytest.approx((high - low) / (2 * h), abs=1e-8)
 
 
 def test_a_length_by_hand(tmp_path: Path) -> None:

@@ -6,17 +6,9 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from measured_examples import study
 
-from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
-from mtu_cli.model.visits import freed, freedoms, only_rows, projector, visits_of
-
-XY = (0, 1)
-
-
-def errors(found: Points) -> np.ndarray:
-    return found.measured - found.nominal
+from mtu_cli.model.visits import freedoms, projector
 
 
 def test_the_freedoms_are_small_rigid_motions() -> None:
@@ -39,18 +31,3 @@ def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[in
     F = freedoms(places, axes, datum)
     wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
     assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)
-
-
-def test_each_visit_against_least_squares_of_its_own() -> None:
-    rng = np.random.default_rng(3)
-    whole = study(parts=5, repeats=2, seed=4)
-    some = only_rows(whole, rng.random(len(whole)) < 0.8)
-    found, complete = freed(some, XY, "offset,rotation")
-    assert not complete
-    visit = visits_of(some).of_point
-    for v in np.unique(visit):
-        own = visit == v
-        F = freedoms(some.nominal[own], XY, "offset,rotation")
-        e = errors(some)[own][:, :2].ravel()
-        left = e - F @ np.linalg.lstsq(F, e, rcond=1e-9)[0]
-        assert errors(found)[own][:, :2].ravel() == pytest.approx(left, abs=1e-12)

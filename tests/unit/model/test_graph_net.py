@@ -184,12 +184,12 @@ places:
   e: {kind: vector}
   f: {kind: vector}
   r: {kind: constant, value: 5, UNIT}
-  out: {kind: KIND}
+  out: {kind: point}
 transitions:
   - {do: meas, out: x}
   - {do: unit_v, in: [O, A], out: e}
   - {do: ratio, in: [e, r], out: f}
-  - {do: displace, in: [IN], out: out}
+  - {do: displace, in: [A, f], out: out}
 report: [x, A, e, f, out]
 """
 
@@ -197,5 +197,4 @@ report: [x, A, e, f, out]
 @pytest.mark.parametrize("unit", ["unit: mm", "says: nothing of its unit"])
 def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
     """A unit vector times 5 mm displaces a point."""
-    text = LENGTHS.replace("IN]", "A, f]").replace("KIND", "point").replace("UNIT", unit)
-    assert graph_of(tmp_path, text).nominal["out"][0, 0] == 11
+    assert graph_of(tmp_path, LENGTHS.replace("UNIT", unit)).nominal["out"][0, 0] == 11

