@@ -23,6 +23,7 @@ from synthetic_drift import (
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
+from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -210,22 +211,21 @@ def test_the_reference_temperature_only_moves_the_levels() -> None:
 def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) -> None:
     """A level at each position, one gradient, and one reading more."""
     rng = np.random.default_rng(22)
-    for n in range(1, fewest + 1):
-        runs = [
-            Run(
-                time=np.linspace(0.0, 1.0, own),
-                temperature=20 + rng.normal(size=(own, 1)),
-                error=rng.normal(size=own) * UM,
-                position=place,
-            )
-            for k, place in enumerate(places)
-            if (own := n // len(places) + (k < n % len(places)))
-        ]
-        found = readings(runs)
-        levels = len(runs)
-        if n >= levels + 2:
-            assert one(found, method).n == n
-            continue
-        with pytest.raises(InputError) as error:
-            fitted(found, method)
-        assert f"expected at least {levels + 2}: one more" in str(error.value)
+
+    def read(n: int) -> Readings:
+        return readings(
+            [
+                Run(
+                    time=np.linspace(0.0, 1.0, own),
+                    temperature=20 + rng.normal(size=(own, 1)),
+                    error=rng.normal(size=own) * UM,
+                    position=place,
+                )
+                for k, place in enumerate(places)
+                if (own := n // len(places) + (k < n % len(places)))
+            ]
+        )
+
+    assert one(read(fewest), method).n == fewest
+    with pytest.raises(InputError, match=f"expected at least {fewest}: one more"):
+        fitted(read(fewest - 1), method)

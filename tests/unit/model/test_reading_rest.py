@@ -71,14 +71,6 @@ def test_readings_that_lack_the_column_are_left_and_told(tmp_path: Path) -> None
     assert fit_machine(declared(tmp_path, "px"), given).warnings == (told,)
 
 
-def test_effects_of_other_components_leave_readings_as_they_are(tmp_path: Path) -> None:
-    given = run()
-    text = MACHINE.replace("found: {component: FOUND}", "found: {by: hand}")
-    left, warned = without_effects(loaded(tmp_path, text), given)
-    assert (left.error == given.error).all()
-    assert warned == []
-
-
 BENT = """
 components:
   dx: {of: x, unit: um, coefficients: [0, 0]}
