@@ -169,17 +169,6 @@ def test_a_probe_zeroed_at_the_start_of_every_cycle(zeroed: str) -> None:
     assert drift.held_out.after == pytest.approx(free.held_out.after, rel=0.1)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_two_cycles_hold_nothing_out(method: str) -> None:
-    plan = Plan(gradients=LINE, positions=PLACES, cycles=2, n=40)
-    found = fitted(plan.read(np.random.default_rng(10)), method)
-    drift = found.components["p"]
-    assert drift.held_out is None
-    assert drift.estimate.degree == 1
-    (warned,) = [item for item in found.warnings if item.code == "not-held-out"]
-    assert "two cycles" in warned.facts["cycles"]
-
-
 @pytest.mark.parametrize("labelled", [True, False])
 @pytest.mark.parametrize("method", METHODS)
 def test_one_cycle_takes_its_degree_from_the_test(method: str, labelled: bool) -> None:

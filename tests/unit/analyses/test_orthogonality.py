@@ -8,11 +8,9 @@ import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of, part_of
 
-from mtu_cli.analyses.orthogonality import angle_gradient, angle_measure, predict_orthogonality
+from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.workspace import Workspace
 
 FAST = Settings(trials=100_000, threads=1)
 # A row and a column of four, off the axes, the corner in both.
@@ -44,26 +42,6 @@ def between_lines(moved: FloatArray) -> float:
     of_row = np.polyfit(row[:, 0], row[:, 1], 1)[0]
     of_column = np.polyfit(column[:, 1], column[:, 0], 1)[0]
     return float(-of_column - of_row)
-
-
-def test_measure_and_gradient() -> None:
-    points = np.column_stack([PLACES, np.zeros(7)])
-    prediction = predict(machine(), IDS, points)
-    measure, combine = angle_measure(prediction, ROW_AT, COLUMN_AT)
-    gradient = angle_gradient(prediction, ROW_AT, COLUMN_AT)
-    rng = np.random.default_rng(1)
-
-    def angle(errors: FloatArray) -> float:
-        return float(measure((combine @ errors)[:, None], Workspace())[0, 0])
-
-    for size in (1e-3, 5.0):
-        errors = size * rng.normal(size=14)
-        assert angle(errors) == pytest.approx(angle_of(PLACES + errors.reshape(7, 2)), rel=1e-9)
-    h = 1e-4
-    for row in range(14):
-        step = h * np.eye(14)[row]
-        slope = (angle(prediction.mean + step) - angle(prediction.mean - step)) / (2 * h)
-        assert gradient[row] == pytest.approx(slope, rel=1e-6, abs=1e-10)
 
 
 def test_against_parts_drawn_one_by_one(tmp_path: Path) -> None:
