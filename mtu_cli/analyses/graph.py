@@ -254,12 +254,6 @@ class Formula:
     monte_carlo_percent: float
     expected_max_percent: float
 
-    def u_at(self, at: Mapping[str, FloatArray], n: int) -> FloatArray:
-        """u (n,) in the unit of the output, also between the grid points; `at` (n,) by name."""
-        X = _columns(self.terms, at, n)
-        result: FloatArray = np.sqrt(np.maximum(X @ list(self.coefficients.values()), 0.0))
-        return result / self.scale
-
 
 @dataclass(frozen=True, kw_only=True)
 class GridPoint(SimulatedCoordinate):

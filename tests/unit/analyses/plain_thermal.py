@@ -144,24 +144,17 @@ def chosen_by_degree(rows: Table, kind: str) -> list[tuple[float, int, float]]:
     return found
 
 
-def held_out_errors(rows: Table, kind: str) -> tuple[float, list[float], dict[int, float]]:
-    """Root mean square over held-out cycles: in all, by cycle, and by degree."""
+def held_out_errors(rows: Table, kind: str) -> tuple[float, list[float]]:
+    """Root mean square over held-out cycles: in all, and by cycle."""
     maker, _ = KINDS[kind]
     cycles = np.unique(rows.cycle)
-    total, own, by_degree = 0.0, [], dict.fromkeys(range(len(rows.scaled)), 0.0)
+    total, own = 0.0, []
     for held in cycles:
         others, left = rows.of([c for c in cycles if c != held]), rows.of([held])
         tried = chosen_by_degree(others, kind)
         least = min(score for score, _, _ in tried)
-        losses = {d: maker(others, d, penalty).loss(left) for _, d, penalty in tried}
-        best = next(d for score, d, _ in tried if score <= least * (1 + WORTH))
-        for d, loss in losses.items():
-            by_degree[d] += loss
-        total += losses[best]
-        own.append(float(np.sqrt(losses[best] / len(left.y))))
-    n = len(rows.y)
-    return (
-        float(np.sqrt(total / n)),
-        own,
-        {d: float(np.sqrt(loss / n)) for d, loss in by_degree.items()},
-    )
+        best = next((d, penalty) for score, d, penalty in tried if score <= least * (1 + WORTH))
+        loss = maker(others, *best).loss(left)
+        total += loss
+        own.append(float(np.sqrt(loss / len(left.y))))
+    return float(np.sqrt(total / len(rows.y))), own

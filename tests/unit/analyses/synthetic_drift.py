@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from mtu_cli.analyses.thermal_fit import thermal_fit
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import Source
 from mtu_cli.stats.least_squares import FloatArray
@@ -60,8 +62,8 @@ def sensor_names(count: int) -> tuple[str, ...]:
     return tuple(f"T_{s + 1:02d}_degC" for s in range(count))
 
 
-def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Readings:
-    """The runs one after the other as if read from a file, or in another order of rows."""
+def readings(runs: Sequence[Run]) -> Readings:
+    """The runs one after the other as if read from a file."""
     names = tuple(dict.fromkeys(run.name for run in runs))
     cycles = tuple(dict.fromkeys(run.cycle for run in runs if run.cycle is not None))
     sizes = [len(run.error) for run in runs]
@@ -75,7 +77,7 @@ def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Rea
         return np.repeat(np.array(values, np.int64), sizes)
 
     temperature = np.concatenate([run.temperature for run in runs])
-    found = Readings(
+    return Readings(
         components=names,
         code=codes([names.index(run.name) for run in runs]),
         position_mm=numbers([np.nan if run.position is None else run.position for run in runs]),
@@ -95,7 +97,6 @@ def readings(runs: Sequence[Run], order: NDArray[np.int64] | None = None) -> Rea
         sources=(Source(role="drift", path=Path("d.csv"), shown="d.csv", sha256="", rows=None),),
         roles=("drift",),
     )
-    return found if order is None else reordered(found, order)
 
 
 def rises(found: Readings, sensors: int) -> FloatArray:
@@ -165,3 +166,19 @@ class Plan:
     ) -> Readings:
         """The readings of `runs`."""
         return readings(self.runs(rng, temperatures))
+
+
+METHODS = ("auto", "stepwise", "ridge", "lagged")
+LINE = np.array([[1.0, -2.0, 0.0, 0.5], [1.5, -1.0, 0.0, 0.5], [2.0, 0.0, 0.0, 0.5]])
+PLACES = (0.0, 100.0, 200.0)
+"""Gradients that are a line in position, and where; um per degC, mm."""
+
+
+def fitted(found: Readings, method: str = "ridge") -> ThermalFit:
+    """The fit of component p along x."""
+    return thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
+
+
+def one(found: Readings, method: str = "ridge") -> ComponentDrift:
+    """The drift of component p along x."""
+    return fitted(found, method).components["p"]

@@ -29,27 +29,20 @@ def test_three_readings_beside_others() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "code"),
+    ("equation", "exact"),
     [
-        ("equation: abs(x)\ninputs: {x: {value: 0, u: 1}}\n", "not-differentiable"),
-        ("equation: step(x)\ninputs: {x: {value: 0, u: 1}}\n", "not-differentiable"),
-        ("equation: sqrt(x**2 + y**2)\ninputs: {x: {value: 0, u: 1}, y: {value: 0, u: 1}}\n",
-         "not-differentiable"),
+        ("abs(x)", math.sqrt(1 - 2 / math.pi)),
+        ("step(x)", 0.5),
+        ("sqrt(x**2 + y**2)", math.sqrt(2 - math.pi / 2)),
     ],
-)  # fmt: skip
-def test_without_derivative_the_monte_carlo_stands_alone(text: str, code: str) -> None:
-    result = evaluated(text)
-    output = single(result)
-    assert math.isnan(output.first.u)
-    assert math.isnan(output.expanded)
-    assert code in codes(result)
-    exact = {
-        "abs": math.sqrt(1 - 2 / math.pi),
-        "step": 0.5,
-        "sqrt": math.sqrt(2 - math.pi / 2),
-    }
-    name = next(key for key in exact if key in text)
-    assert result.run.u[0] == pytest.approx(exact[name], abs=4 * result.run.se_u[0])
+)
+def test_without_derivative_the_monte_carlo_stands_alone(equation: str, exact: float) -> None:
+    inputs = ", ".join(f"{name}: {{value: 0, u: 1}}" for name in "xy" if name in equation)
+    result = evaluated(f"equation: {equation}\ninputs: {{{inputs}}}\n")
+    assert math.isnan(single(result).first.u)
+    assert math.isnan(single(result).expanded)
+    assert "not-differentiable" in codes(result)
+    assert result.run.u[0] == pytest.approx(exact, abs=4 * result.run.se_u[0])
 
 
 def test_shares_and_covariance() -> None:
@@ -63,28 +56,6 @@ def test_shares_and_covariance() -> None:
     own = result.covariance
     r = own[0, 1] / math.sqrt(own[0, 0] * own[1, 1])
     assert result.correlation[0, 1] == pytest.approx(r)
-
-
-SIMULTANEOUS = """
-    equation: x + y
-    inputs:
-      x: {readings: [1.0, 1.3, 0.8, 1.1, 1.4, 0.9]}
-      y: {readings: [2.1, 1.9, 2.2, 2.0, 1.7, 2.3], u: UB}
-    simultaneous: [[x, y]]
-"""
-
-
-def test_simultaneous_readings_are_those_of_the_sum() -> None:
-    """GUM H.2.4: u of x + y is s/sqrt(n) of the six sums, with five degrees of freedom."""
-    result = evaluated(SIMULTANEOUS.replace("UB", "0"))
-    sums = np.array([1.0, 1.3, 0.8, 1.1, 1.4, 0.9]) + np.array([2.1, 1.9, 2.2, 2.0, 1.7, 2.3])
-    output = single(result)
-    assert output.first.u == pytest.approx(sums.std(ddof=1) / math.sqrt(6))
-    assert output.first.dof == pytest.approx(5.0)
-    # The multivariate t makes the sum Student's t of five degrees of freedom exactly.
-    assert output.validation.passed is True
-    expected = output.first.u * math.sqrt(5 / 3)
-    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-9)
 
 
 def copula(kind: str, r: float) -> BudgetResult:

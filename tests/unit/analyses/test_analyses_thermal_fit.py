@@ -7,11 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from synthetic_drift import (
+    LINE,
+    METHODS,
+    PLACES,
     REFERENCE,
     ROUNDING,
     UM,
     Plan,
     Run,
+    fitted,
+    one,
     readings,
     sensor_names,
 )
@@ -21,18 +26,6 @@ from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.stats.least_squares import FloatArray
-
-METHODS = ("auto", "stepwise", "ridge", "lagged")
-LINE = np.array([[1.0, -2.0, 0.0, 0.5], [1.5, -1.0, 0.0, 0.5], [2.0, 0.0, 0.0, 0.5]])
-PLACES = (0.0, 100.0, 200.0)
-
-
-def fitted(found: Readings, method: str = "ridge") -> ThermalFit:
-    return thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
-
-
-def one(found: Readings, method: str = "ridge") -> ComponentDrift:
-    return fitted(found, method).components["p"]
 
 
 def gradients(drift: ComponentDrift) -> FloatArray:
@@ -176,17 +169,6 @@ def test_a_probe_zeroed_at_the_start_of_every_cycle(zeroed: str) -> None:
     assert drift.held_out.after == pytest.approx(free.held_out.after, rel=0.1)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_two_cycles_hold_nothing_out(method: str) -> None:
-    plan = Plan(gradients=LINE, positions=PLACES, cycles=2, n=40)
-    found = fitted(plan.read(np.random.default_rng(10)), method)
-    drift = found.components["p"]
-    assert drift.held_out is None
-    assert drift.estimate.degree == 1
-    (warned,) = [item for item in found.warnings if item.code == "not-held-out"]
-    assert "two cycles" in warned.facts["cycles"]
-
-
 @pytest.mark.parametrize("labelled", [True, False])
 @pytest.mark.parametrize("method", METHODS)
 def test_one_cycle_takes_its_degree_from_the_test(method: str, labelled: bool) -> None:
@@ -213,45 +195,26 @@ def test_the_reference_temperature_only_moves_the_levels() -> None:
     assert b.estimate.covariance == pytest.approx(a.estimate.covariance, rel=ROUNDING)
 
 
-def few(n: int, dependent: int = 0) -> Readings:
-    """Readings (n,) of six sensors, of which the last `dependent` are the sum of two others."""
-    temperature = 20 + np.random.default_rng(21).normal(size=(n, 6))
-    for k in range(dependent):
-        temperature[:, 5 - k] = temperature[:, 0] + temperature[:, 1 + k] - 20
-    time = np.linspace(0.0, n - 1.0, n)
-    return readings([Run(time=time, temperature=temperature, error=time * UM)])
-
-
-@pytest.mark.parametrize(("n", "dependent"), [(5, 0), (7, 0), (6, 1), (5, 2)])
-def test_too_few_readings_for_their_sensors(n: int, dependent: int) -> None:
-    """A fit of least norm through all readings would claim an uncertainty of nothing."""
-    with pytest.raises(InputError) as error:
-        one(few(n, dependent))
-    assert f"{n} readings of p for the ridge model of 6 gradients" in str(error.value)
-    assert "or --model stepwise: " in str(error.value)
-
-
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("places", "fewest"), [((0.0,), 3), ((0.0, 100.0), 4)])
 def test_fewest_readings(method: str, places: tuple[float, ...], fewest: int) -> None:
     """A level at each position, one gradient, and one reading more."""
     rng = np.random.default_rng(22)
-    for n in range(1, fewest + 1):
-        runs = [
-            Run(
-                time=np.linspace(0.0, 1.0, own),
-                temperature=20 + rng.normal(size=(own, 1)),
-                error=rng.normal(size=own) * UM,
-                position=place,
-            )
-            for k, place in enumerate(places)
-            if (own := n // len(places) + (k < n % len(places)))
-        ]
-        found = readings(runs)
-        levels = len(runs)
-        if n >= levels + 2:
-            assert one(found, method).n == n
-            continue
-        with pytest.raises(InputError) as error:
-            fitted(found, method)
-        assert f"expected at least {levels + 2}: one more" in str(error.value)
+
+    def read(n: int) -> Readings:
+        return readings(
+            [
+                Run(
+                    time=np.linspace(0.0, 1.0, own),
+                    temperature=20 + rng.normal(size=(own, 1)),
+                    error=rng.normal(size=own) * UM,
+                    position=place,
+                )
+                for k, place in enumerate(places)
+                if (own := n // len(places) + (k < n % len(places)))
+            ]
+        )
+
+    assert one(read(fewest), method).n == fewest
+    with pytest.raises(InputError, match=f"expected at least {fewest}: one more"):
+        fitted(read(fewest - 1), method)

@@ -14,21 +14,16 @@ from synthetic_drift import (
     UM,
     Plan,
     Run,
+    one,
     readings,
     rises,
 )
 
 from mtu_cli.analyses.thermal_fit import models, thermal_fit
-from mtu_cli.analyses.thermal_fit.result import ComponentDrift
 from mtu_cli.files.readings import Readings
 from mtu_cli.stats.lag import first_order_lag
 
 PLACES = (0.0, 120.0, 200.0)
-
-
-def one(found: Readings, method: str) -> ComponentDrift:
-    result = thermal_fit(found, {"p": ("x", "um")}, reference=REFERENCE, method=method)
-    return result.components["p"]
 
 
 def table(found: Readings) -> Table:
@@ -60,7 +55,7 @@ PLANS = {
 def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) -> None:
     found = PLANS[name].read(np.random.default_rng(31))
     drift = one(found, kind)
-    total, by_cycle, _ = held_out_errors(table(found), kind)
+    total, by_cycle = held_out_errors(table(found), kind)
     assert drift.held_out is not None
     assert drift.held_out.after / UM == pytest.approx(total, rel=ROUNDING)
     assert [after / UM for _, _, after in drift.held_out.cycles] == pytest.approx(
@@ -75,7 +70,7 @@ def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
     sizes = [2, 3, 2, 3]
     blocks = replace(table(found), cycle=np.repeat(np.arange(4), sizes)[found.cycle])
-    total, by_block, _ = held_out_errors(blocks, "ridge")
+    total, by_block = held_out_errors(blocks, "ridge")
     drift = one(found, "ridge")
     assert drift.held_out is not None
     assert drift.held_out.blocks == 4
@@ -149,16 +144,12 @@ def false_alarms(draws: int, **changes: object) -> float:
 
 
 def test_false_alarms_of_the_test_of_position() -> None:
-    draws = 200
-    rate = false_alarms(draws)
-    assert abs(rate - 0.05) < 4 * np.sqrt(0.05 * 0.95 / draws)
-
-
-def test_false_alarms_where_readings_follow_each_other() -> None:
-    """The autocorrelation is estimated from the residuals, a little too low: near 5 %, not 50 %."""
-    draws = 120
-    rate = false_alarms(draws, noise_memory=0.8, n=300)
-    assert rate < 0.10 + 4 * np.sqrt(0.1 * 0.9 / draws)
+    """Where readings follow each other their autocorrelation is estimated from the residuals, a
+    little too low: near 5 %, not 50 %.
+    """
+    assert abs(false_alarms(200) - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 200)
+    rate = false_alarms(120, noise_memory=0.8, n=300)
+    assert rate < 0.10 + 4 * np.sqrt(0.1 * 0.9 / 120)
 
 
 def lagged_plan(constants: Sequence[float], seed: int, cycles: int = 4) -> Readings:

@@ -94,16 +94,6 @@ def test_figures_of_a_trace_are_those_of_its_circle() -> None:
     assert pytest.approx(0.0, abs=1e-9) == result.D
 
 
-def test_correlated_samples_are_worth_fewer() -> None:
-    """n (1 - phi)/(1 + phi) of an autocorrelation phi^k: u is three times that of white noise."""
-    white, tied = (
-        np.mean([diagnose(made(Causes(), s=0.0003, phi=phi, seed=i)).cause("squareness").u
-                 for i in range(4)])
-        for phi in (0.0, 0.8)
-    )  # fmt: skip
-    assert 2.2 < tied / white < 4
-
-
 PITCHES = (10.0, 8.0)
 WAVES = {"cyclic-a-forward": (0.002, 0.4), "cyclic-a-reverse": (0.001, 1.9),
          "cyclic-b-forward": (0.0, 0.0), "cyclic-b-reverse": (0.0015, -0.7)}  # fmt: skip

@@ -225,13 +225,18 @@ def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None
     assert abs(level.value) < 5 * level.u < 5 * NOISE_MM
 
 
-def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
-    own = noise(4)
-    turn = np.random.default_rng(4).normal(size=(P, 1))
+def turning(
+    own: ResidualTable, seed: int, most: float
+) -> tuple[ResidualTable, FloatArray, FloatArray]:
+    """Parts that each turn at random, `most` mm at the furthest place; x and y about the centre."""
+    turn = np.random.default_rng(seed).normal(size=(P, 1))
     x, y = (own.places[..., i] - own.places[..., i].mean() for i in (0, 1))
-    size = 4 * NOISE_MM / np.hypot(x, y).max()
-    own.errors[..., 0] -= size * turn * y
-    own.errors[..., 1] += size * turn * x
+    turned = most / np.hypot(x, y).max() * turn[..., None] * np.stack([-y, x], axis=2)
+    return replace(own, errors=own.errors + turned), x, y
+
+
+def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
+    own, x, y = turning(noise(4), 4, 4 * NOISE_MM)
     found = diagnosis(own)
     (effect,) = described(found, estimated(found.models, found.model))
     assert effect.name == "rotation-scatter"
@@ -245,12 +250,7 @@ def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:
     """Their mean turns by 1/sqrt(P) of what each does: no more false names than alpha allows."""
     sets, wrong = 40, 0
     for seed in range(sets):
-        own = noise(100 + seed, feature=0.3 * NOISE_MM)
-        turn = np.random.default_rng(seed).normal(size=(P, 1))
-        x, y = (own.places[..., i] - own.places[..., i].mean() for i in (0, 1))
-        size = 6 * NOISE_MM / np.hypot(x, y).max()
-        own.errors[..., 0] -= size * turn * y
-        own.errors[..., 1] += size * turn * x
+        own, _, _ = turning(noise(100 + seed, feature=0.3 * NOISE_MM), seed, 6 * NOISE_MM)
         names = diagnosis(own, "rotation", "rotation-scatter").names
         assert "rotation-scatter" in names
         wrong += "rotation-z" in names

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +23,7 @@ from mtu_cli.analyses.correct import correct, unused_warmth
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.visits import only_rows
 
 SETTINGS = Settings()
 
@@ -64,18 +64,6 @@ def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None
     assert "row 12, column 'T_scale_degC': not a number: 'warm'" in message
 
 
-def test_rings_that_cannot_be_had(tmp_path: Path) -> None:
-    true, _, temperature = rings(2)
-    model, part = machine(tmp_path), ring_part(tmp_path)
-    true[11:, 1] = 180.0
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
-    (message,) = refused(model, part, ring_points(true, ["a", "b"], None, own))
-    assert message.startswith(
-        "cmm.csv, row 13: too little data: no circle goes through the points of 'ring', part 'b'"
-    )
-    assert "the points lie on a line" in message
-
-
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     _, measured, temperature = rings(1)
     own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
@@ -86,33 +74,12 @@ def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     assert np.isnan(bare.sizes[0].error).all()
     assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
     kept = np.arange(11) != 4
-    fewer = replace(
-        points,
-        **{
-            name: getattr(points, name)[kept]
-            for name in (
-                "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
-                "sequence", "direction", "file_index", "row",
-            )
-        },
-        covariates={"T_scale_degC": temperature[kept]},
-    )  # fmt: skip
-    found = correct(model, ring_part(tmp_path), fewer, SETTINGS)
+    found = correct(model, ring_part(tmp_path), only_rows(points, kept), SETTINGS)
     assert codes(found) == ["not-measured", "no-scatter-known"]
     assert found.sizes == ()
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
                     "lengths: [{from: q, to: w}]\n")  # fmt: skip
     assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-scatter-known"]
-
-
-@pytest.mark.parametrize("calibrated", ["{20: 180.0}", "180.0"])
-def test_a_calibration_whose_temperature_nobody_gives(tmp_path: Path, calibrated: str) -> None:
-    _, measured, temperature = rings(1)
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
-    points = ring_points(measured, ["a"], None, own)
-    part = ring_part(tmp_path, calibrated_mm=calibrated, temperature="T_scal_degC")
-    (message,) = refused(machine(tmp_path), part, points)
-    assert "(there is 'T_scale_degC'), or --at T_scal_degC=VALUE" in message
 
 
 @pytest.mark.parametrize(

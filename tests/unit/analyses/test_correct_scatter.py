@@ -54,19 +54,6 @@ def estimate(squares: Squares) -> PointScatter:
     return _estimate(squares, "form")
 
 
-def test_alike_squares_give_observed_less_modelled() -> None:
-    squares = Squares(
-        sums=np.array([9.0, 3.0, 6.0]) * 1e-6, dof=np.ones(3), modelled=np.full(3, 2e-6)
-    )
-    found = estimate(squares)
-    assert found.variance == pytest.approx(4e-6)
-    # Half the variance of a mean square of 6e-6 with 3 degrees of freedom.
-    assert found.spread == pytest.approx(36e-12 / 3)
-    assert (found.dof, found.origin) == (3, "form")
-    less = Squares(sums=squares.sums / 9, dof=squares.dof, modelled=squares.modelled)
-    assert estimate(less).variance == 0
-
-
 def test_unlike_squares_give_the_largest_likelihood() -> None:
     rng = np.random.default_rng(3)
     modelled, dof = rng.uniform(0, 4, 40), rng.integers(1, 4, 40).astype(float)

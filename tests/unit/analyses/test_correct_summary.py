@@ -9,30 +9,15 @@ import numpy as np
 import pytest
 from correct_examples import (
     ROUNDING_MM,
-    error_at,
     machine,
-    ring_part,
-    ring_places,
     ring_points,
     rings,
-    seen,
 )
 
 from mtu_cli.analyses.correct import (
-    CorrectResult,
     correct,
 )
 from mtu_cli.model.settings import Settings
-
-
-@pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> CorrectResult:
-    """Two rings of 180.0134 mm, a um larger than their calibration."""
-    folder = tmp_path_factory.mktemp("rings")
-    true = np.tile(ring_places(diameter=180.0134), (2, 1))
-    T = np.full(22, 21.0) + np.repeat([0.0, 0.01], 11)
-    points = ring_points(seen(true, error_at, T), ["a", "b"], None, {"T_scale_degC": T})
-    return correct(machine(folder), ring_part(folder), points, Settings())
 
 
 def test_means_by_feature_and_the_largest_correction(tmp_path: Path) -> None:

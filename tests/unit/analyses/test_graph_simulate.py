@@ -53,14 +53,6 @@ def agree(result: GraphSimulation, place: str, sample: Floats, names: str = "xyz
         assert sample[:, i].std(ddof=1) == pytest.approx(u, rel=RATIO)
 
 
-def test_ball_centre_against_a_plain_simulation() -> None:
-    rng = np.random.default_rng(1)
-    sample = probed(rng, np.zeros(3), math.hypot(1e-3, 1e-3), 12.5 + 2e-4 * rng.standard_normal(M))
-    result = simulate_graph(shipped("ball-centre"), Settings())
-    assert result.converged
-    agree(result, "P1", sample)
-
-
 def test_distance_of_axes_against_a_plain_simulation() -> None:
     rng = np.random.default_rng(3)
     u_w, r = math.hypot(1e-3, 1e-3), np.full(M, 12.5)
@@ -159,58 +151,3 @@ transitions:
     assert item.interval == pytest.approx((2 - end, 2 + end), abs=error)
     assert item.validation is not None
     assert item.validation.passed is False
-
-
-def test_coordinates_of_points_in_a_formula(tmp_path: Path) -> None:
-    """The difference of two probed points along x, with u1 of both: u = sqrt 2 um."""
-    text = """
-uncertainty: {axis_um: 1}
-places:
-  P: {kind: point, nominal_mm: [1, 2, 3]}
-  Q: {kind: point, nominal_mm: [4, 6, 8]}
-  v: {kind: vector}
-  n: {kind: vector}
-  dx: {kind: constant}
-  dy: {kind: constant}
-  share: {kind: constant}
-transitions:
-  - {do: meas, out: P, along: x}
-  - {do: meas, out: Q, along: x}
-  - {do: vector, in: [P, Q], out: v}
-  - {do: unit_v, in: [v], out: n}
-  - {do: compute, in: [P, Q], out: dx, formula: Q.x - P.x}
-  - {do: compute, in: [v], out: dy, formula: v.j}
-  - {do: compute, in: [n, v], out: share, formula: n.k + v.k/mm}
-report: [dx, dy, share]
-"""
-    text = text.replace("[n, v]", "[n, v, mm]").replace(
-        "  dx:", "  mm: {kind: constant, value: 1, unit: mm}\n  dx:"
-    )
-    graph = graph_of(tmp_path, text)
-    dx, dy, share = simulate_graph(graph, Settings(trials=20_000)).coordinates
-    assert (dx.nominal, dy.nominal) == (3, 4)
-    assert share.nominal == pytest.approx(5 / math.sqrt(50) + 5)
-    assert [item.output.unit for item in (dx, dy, share)] == ["mm", "mm", "1"]
-    # Sums are their own control variates.
-    assert dx.u == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-9)
-    assert dy.u == pytest.approx(math.sqrt(2) * 1e-3, rel=1e-9)
-
-
-def text_of(formulas: dict[str, str]) -> str:
-    """A chain a -> y1 -> y2 ... from an uncertain constant of value 1 and u 1."""
-    places, steps, before = "  a: {kind: constant, value: 1, u: 1}\n", "", "a"
-    for name, formula in formulas.items():
-        places += f"  {name}: {{kind: constant}}\n"
-        steps += f"  - {{do: compute, in: [{before}], out: {name}, formula: '{formula}'}}\n"
-        before = name
-    return f"places:\n{places}transitions:\n{steps}"
-
-
-def test_bounded_inputs_stay_where_the_formula_has_a_value(tmp_path: Path) -> None:
-    """The square root of a rectangle from 0 to 2."""
-    text = text_of({"s": "sqrt(a)"}).replace("u: 1}", f"u: {1 / math.sqrt(3)}, DIST}}")
-    graph = graph_of(tmp_path, text.replace("DIST", "distribution: rectangular"))
-    (item,) = simulate_graph(graph, Settings(trials=M)).coordinates
-    # E sqrt = (2/3) sqrt 2, E a = 1.
-    assert item.mean == pytest.approx(2 * math.sqrt(2) / 3, abs=5 * item.u / math.sqrt(M))
-    assert item.u == pytest.approx(math.sqrt(1 - 8 / 9), abs=5 * item.se_u)

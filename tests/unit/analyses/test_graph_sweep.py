@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -69,7 +68,7 @@ def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
     # sqrt((kurtosis - 1)/M); of a Rayleigh variable the kurtosis is
     # (32 - 3 pi^2)/(4 - pi)^2. Five standard errors of the coefficients, (X'WX)^-1.
     kurtosis = (32 - 3 * np.pi**2) / (4 - np.pi) ** 2
-    relative = math.sqrt((kurtosis - 1) / 200_000)
+    relative = np.sqrt((kurtosis - 1) / 200_000)
     settings = [(n, u1) for n in (1, 2, 4) for u1 in (0.5, 1)]
     terms = np.array([[u1**2, 1 / n, 1] for n, u1 in settings])
     expected = share * np.array([1, 0.25, 0.09])
@@ -77,29 +76,3 @@ def test_a_formula_without_first_order_has_all_terms(tmp_path: Path) -> None:
     covariance = np.linalg.inv(weighted.T @ weighted)
     coefficients = np.array([found.coefficients[name] for name in "abc"])
     assert np.all(np.abs(coefficients - expected) <= 5 * np.sqrt(np.diag(covariance)))
-    between = {"repeats": np.array([3.0]), "axis_um": np.array([0.8])}
-    term = np.array([0.64, 1 / 3, 1])
-    u2 = float(term @ expected)
-    error = 5 * math.sqrt(term @ covariance @ term) / (2 * u2)
-    assert found.u_at(between, 1) == pytest.approx([1e-3 * math.sqrt(u2)], rel=error)
-
-
-HOLE = """
-uncertainty: {axis_um: 1, probe_um: 1}
-places:
-  x1: {kind: coordinate, axis: x, nominal_mm: -1}
-  x2: {kind: coordinate, axis: x, nominal_mm: 1}
-  y1: {kind: coordinate, axis: y, nominal_mm: -1}
-  y2: {kind: coordinate, axis: y, nominal_mm: 1}
-  N: {kind: point, nominal_mm: [0, 0, 0], known: true}
-  C: {kind: point}
-  d: {kind: constant}
-transitions:
-  - {do: meas, out: x1}
-  - {do: meas, out: x2}
-  - {do: meas, out: y1}
-  - {do: meas, out: y2}
-  - {do: hole, in: [x1, x2, y1, y2], out: C}
-  - {do: distance, in: [C, N], out: d}
-report: [C, d]
-"""

@@ -10,7 +10,6 @@ import pytest
 from positioning_examples import positioning, published
 
 from mtu_cli.analyses.iso230 import (
-    CLAUSE,
     Iso230Result,
     changes,
     corrected,
@@ -150,17 +149,6 @@ def test_one_approach_each_way_has_E_B_and_M() -> None:
     assert there == {"E", "E_forward", "E_reverse", "M", "B", "B_mean"}
     assert all(math.isnan(x.u_sampling) for x in axis.figures.values())
     assert [x.code for x in warnings_of(axis)] == ["not-estimable"]
-
-
-def test_few_targets_runs_and_step_cycles_are_reported() -> None:
-    targets, readings = published(3)
-    axis = evaluate(
-        positioning(targets[:3] * 40, readings[:, :3, :2], stepped=True), None, 2.0, 1, 0
-    )
-    texts = [x.message for x in warnings_of(axis) if x.code == "test-conditions"]
-    assert len(texts) == 3
-    assert texts[0] == f"dx_x: 3 targets over 800 mm; {CLAUSE} asks for 5 or more (five a metre)"
-    assert not list(warnings_of(evaluate(positioning(targets, readings), None, 2.0, 1, 0)))
 
 
 def test_a_transient_is_shown_and_stays() -> None:

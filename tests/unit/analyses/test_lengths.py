@@ -11,13 +11,9 @@ from model_examples import estimate, model_of, part_of, stated
 from scipy import stats
 
 from mtu_cli.analyses.lengths import LengthsResult, predict_lengths
-from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.measurands import length_gradient, length_measure
-from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.fields import RowOf, rows_of
-from mtu_cli.stats.workspace import Workspace
 
 FAST = Settings(trials=20_000, threads=1)
 PART = """
@@ -44,26 +40,6 @@ def machine(s: float = 2e-3, dof: float = np.inf) -> MachineModel:
     )
     angle = estimate("t", None, [1e-5], D=np.array([[9e-10]]), pass_dof=dof)
     return model_of([(scale, {"x": "1", "y": "0.3"}), (angle, {"x": "-y", "y": "x"})])
-
-
-def test_gradient_is_the_derivative_of_the_measure() -> None:
-    rng = np.random.default_rng(1)
-    model = model_of(
-        [(estimate("a", "x", [0.0, 0.0]), {"x": "1", "y": "2", "z": "y"})], axes=("x", "y", "z")
-    )
-    points = rng.uniform(-100, 100, (4, 3))
-    prediction = predict(model, list("abcd"), points)
-    pairs = np.array([[0, 1], [2, 3], [3, 0]])
-    delta = points[pairs[:, 1]] - points[pairs[:, 0]]
-    measure, combine = length_measure(prediction, pairs, delta)
-    gradient = length_gradient(prediction, pairs, delta)
-    h = 1e-4
-    for row in range(12):
-        step = np.zeros(12)
-        step[row] = h
-        high = measure((combine @ step)[:, None], Workspace())[:, 0]
-        low = measure((combine @ -step)[:, None], Workspace())[:, 0]
-        assert gradient[:, row] == pytest.approx((high - low) / (2 * h), abs=1e-8)
 
 
 def test_a_length_by_hand(tmp_path: Path) -> None:
@@ -179,17 +155,3 @@ def test_bounds_of_unmeasured_correlation(tmp_path: Path) -> None:
     assert np.sqrt(item.variance) == pytest.approx(np.hypot(*u))
     assert tuple(item.u_bounds) == pytest.approx((u[0] - u[1], u[0] + u[1]))
     assert item.pair == ("a", "b")
-
-
-def test_a_z_that_only_one_end_has_is_refused(tmp_path: Path) -> None:
-    text = """
-    features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0, y_mm: 0, z_mm: 50}}
-    lengths: [{from: a, to: b}]
-    """
-    with pytest.raises(InputError, match="length 'a-b': the key 'z_mm' is missing"):
-        predict_lengths(machine(), part_of(tmp_path, text), FAST)
-
-
-def test_a_part_without_lengths(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no lengths"):
-        predict_lengths(machine(), part_of(tmp_path, "features: {a: {x_mm: 0, y_mm: 0}}"), FAST)

@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 from model_examples import FloatArray, estimate, model_of, part_of
 
-from mtu_cli.analyses.orthogonality import angle_gradient, angle_measure, predict_orthogonality
-from mtu_cli.findings import InputError
+from mtu_cli.analyses.orthogonality import predict_orthogonality
 from mtu_cli.model.machine_model import MachineModel
-from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
-from mtu_cli.stats.workspace import Workspace
 
 FAST = Settings(trials=100_000, threads=1)
 # A row and a column of four, off the axes, the corner in both.
@@ -47,26 +44,6 @@ def between_lines(moved: FloatArray) -> float:
     return float(-of_column - of_row)
 
 
-def test_measure_and_gradient() -> None:
-    points = np.column_stack([PLACES, np.zeros(7)])
-    prediction = predict(machine(), IDS, points)
-    measure, combine = angle_measure(prediction, ROW_AT, COLUMN_AT)
-    gradient = angle_gradient(prediction, ROW_AT, COLUMN_AT)
-    rng = np.random.default_rng(1)
-
-    def angle(errors: FloatArray) -> float:
-        return float(measure((combine @ errors)[:, None], Workspace())[0, 0])
-
-    for size in (1e-3, 5.0):
-        errors = size * rng.normal(size=14)
-        assert angle(errors) == pytest.approx(angle_of(PLACES + errors.reshape(7, 2)), rel=1e-9)
-    h = 1e-4
-    for row in range(14):
-        step = h * np.eye(14)[row]
-        slope = (angle(prediction.mean + step) - angle(prediction.mean - step)) / (2 * h)
-        assert gradient[row] == pytest.approx(slope, rel=1e-6, abs=1e-10)
-
-
 def test_against_parts_drawn_one_by_one(tmp_path: Path) -> None:
     """The corner is one hole: it is drawn once and stands in both lines."""
     found = predict_orthogonality(machine(), part_of(tmp_path, PART), FAST).angles[0]
@@ -98,36 +75,3 @@ def test_the_papers_independence(tmp_path: Path) -> None:
     )
     assert found.independent_u == pytest.approx(found.independent.u[0], rel=0.02)
     assert found.independent.u[0] != pytest.approx(found.run.u[0], rel=0.05)
-
-
-def test_validation_fails_for_features_as_far_apart_as_their_errors(tmp_path: Path) -> None:
-    text = """
-    features: {a: {x_mm: 0, y_mm: 0}, b: {x_mm: 0.05, y_mm: 0}, c: {x_mm: 0, y_mm: 0.05}}
-    orthogonality: [{id: xy, row: [a, b], column: [a, c]}]
-    """
-    part = part_of(tmp_path, text)
-    model = model_of([(estimate(axis, "x", [0.0], s=0.008), {axis: "1"}) for axis in "xy"])
-    result = predict_orthogonality(model, part, FAST)
-    assert result.angles[0].validation.passed is False
-    assert "validation-failed" in {item.code for item in result.warnings}
-
-
-@pytest.mark.parametrize("trials", [1000, 40_000])
-def test_reported_u_counts_the_trials(tmp_path: Path, trials: int) -> None:
-    """Eq. (28): u^2 = s^2 (1 + 1/M), s from the sample; visible with few trials."""
-    model = model_of([(estimate("t", None, [0.0], D=np.array([[9e-10]])), {"x": "-y", "y": "0"})])
-    settings = Settings(trials=trials, threads=1)
-    (angle,) = predict_orthogonality(model, part_of(tmp_path, PART), settings).angles
-    assert angle.run.trials == trials
-    s = float(angle.run.u[0])
-    assert s == pytest.approx(3e-5, rel=4.5 * np.sqrt(0.5 / trials))
-
-
-def test_what_an_angle_needs(tmp_path: Path) -> None:
-    part = part_of(tmp_path, PART)
-    flat = model_of([(estimate("a", "x", [0.0]), {"x": "1"})], axes=("x",))
-    with pytest.raises(InputError, match="no equation Ey"):
-        predict_orthogonality(flat, part, FAST)
-    plain = part_of(tmp_path, "features: {a: {x_mm: 0, y_mm: 0}}")
-    with pytest.raises(InputError, match="no orthogonality"):
-        predict_orthogonality(machine(), plain, FAST)

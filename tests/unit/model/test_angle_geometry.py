@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from model_examples import part_of
 
-from mtu_cli.files.part import LoadedPart, load_part
 from mtu_cli.findings import InputError
 from mtu_cli.model.measurands import LARGEST_SLOPE, Line, angle_error, check_square
 
@@ -16,37 +16,22 @@ COLUMN = np.array([[14.0, 22.0], [21.0, 93.0], [14.0, 206.0], [6.0, 327.0]])
 """The holes of a housing: the column's line leans by 1.9 degrees."""
 
 
-def part(folder: Path, lean: float) -> LoadedPart:
-    """A part whose column leans to -x by `lean` of its height, after one that is square."""
-    text = "schema: mtu/part/1\nname: housing\nfeatures:\n"
-    for name, (x, y) in {
-        "a": (0, 0),
-        "b": (200, 0),
-        "c": (0, 300),
-        "d": (-300 * lean, 300),
-    }.items():
-        text += f"  {name}: {{x_mm: {x}, y_mm: {y}}}\n"
-    text += "orthogonality:\n"
-    for name, end in (("square", "c"), ("leaning", "d")):
-        text += f"- id: {name}\n  row: [a, b]\n  column: [a, {end}]\n"
-    (folder / "part.yaml").write_text(text, "utf-8")
-    return load_part(folder / "part.yaml")
-
-
 def line(places: np.ndarray, along: int) -> Line:
     u, v = places[:, [along]], places[:, [1 - along]]
     return u - u.mean(), v - v.mean()
 
 
-def test_a_line_that_leans_is_told_with_line_and_limit(tmp_path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        check_square(part(tmp_path, 1.01 * LARGEST_SLOPE), [0, 1])
-    assert str(caught.value).endswith(
-        "part.yaml:14: orthogonality[1].column: contradicts the nominal places: 'leaning' runs "
-        "-5.77 degrees off y; expected features in a line along y, seen in the plane of x and y, "
-        "at most 5.7 degrees off"
-    )
-    check_square(part(tmp_path, 1.01 * LARGEST_SLOPE), [0])
+def test_a_line_that_leans_is_told_with_its_path(tmp_path: Path) -> None:
+    """Of its height by more than the limit, to -x; the line before it is square."""
+    lean = 1.01 * LARGEST_SLOPE
+    text = f"""
+    features: {{a: {{x_mm: 0, y_mm: 0}}, b: {{x_mm: 200, y_mm: 0}}, c: {{x_mm: 0, y_mm: 300}},
+      d: {{x_mm: {-300 * lean}, y_mm: 300}}}}
+    orthogonality: [{{id: q, row: [a, b], column: [a, c]}}, {{id: r, row: [a, b], column: [a, d]}}]
+    """
+    with pytest.raises(InputError, match=r"orthogonality\[1\].column: .* -5.77 degrees off y"):
+        check_square(part_of(tmp_path, text), [0, 1])
+    check_square(part_of(tmp_path, text), [0])
 
 
 def test_slopes_of_jittered_lines_stand_for_their_angle() -> None:

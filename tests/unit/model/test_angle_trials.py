@@ -10,7 +10,7 @@ from support import paper_study
 
 from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
 from mtu_cli.model.features import feature_points
-from mtu_cli.model.measurands import AngleTrials, contrasts
+from mtu_cli.model.measurands import AngleTrials
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
 
@@ -99,12 +99,3 @@ def test_no_error_at_all_is_no_scatter() -> None:
     values = reduced.draw(np.random.default_rng(7), 100).values
     assert np.ptp(values) == 0.0
     assert values[0, 0] == pytest.approx(reduced.linear_mean[0], rel=1e-9)
-
-
-def test_contrasts_keep_sums_of_products() -> None:
-    rng = np.random.default_rng(8)
-    for n in (2, 3, 7, 20):
-        u, v = rng.normal(size=(2, n))
-        H = contrasts(n)
-        assert H.shape == (n - 1, n)
-        assert (H @ u) @ (H @ v) == pytest.approx((u - u.mean()) @ (v - v.mean()))

@@ -2,22 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import get_args
 
 import numpy as np
 import pytest
-from measured_examples import PLACES, points, study
 
-from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
-from mtu_cli.model.visits import freed, freedoms, projector, visits_of
-
-XY = (0, 1)
-
-
-def errors(found: Points) -> np.ndarray:
-    return found.measured - found.nominal
+from mtu_cli.model.visits import freedoms, projector
 
 
 def test_the_freedoms_are_small_rigid_motions() -> None:
@@ -40,39 +31,3 @@ def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[in
     F = freedoms(places, axes, datum)
     wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
     assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)
-
-
-@pytest.mark.parametrize("datum", ["offset", "offset,rotation"])
-def test_a_rigid_motion_of_each_visit_leaves_nothing(datum: Datum) -> None:
-    rng = np.random.default_rng(2)
-    rows = []
-    for p in range(4):
-        for r in range(2):
-            dx, dy, turn = rng.normal(size=3) * [1e-2, 1e-2, 1e-4 * (datum != "offset")]
-            for name, (x, y) in PLACES.items():
-                if (p, r, name) != (2, 1, "c"):
-                    rows.append((f"P{p}", name, r, dx - turn * y, dy + turn * x))
-    found, complete = freed(points(rows), XY, datum)
-    assert np.abs(errors(found)[:, :2]).max() < 1e-12
-    assert not complete
-
-
-def test_each_visit_against_least_squares_of_its_own() -> None:
-    rng = np.random.default_rng(3)
-    whole = study(parts=5, repeats=2, seed=4)
-    rows = np.flatnonzero(rng.random(len(whole)) < 0.8)
-    some = replace(
-        whole,
-        **{name: getattr(whole, name)[rows] for name in (
-            "part", "feature", "operation", "measured", "nominal", "repeat", "time_min",
-            "sequence", "direction", "file_index", "row")},
-    )  # fmt: skip
-    found, complete = freed(some, XY, "offset,rotation")
-    assert not complete
-    visit = visits_of(some).of_point
-    for v in np.unique(visit):
-        own = visit == v
-        F = freedoms(some.nominal[own], XY, "offset,rotation")
-        e = errors(some)[own][:, :2].ravel()
-        left = e - F @ np.linalg.lstsq(F, e, rcond=1e-9)[0]
-        assert errors(found)[own][:, :2].ravel() == pytest.approx(left, abs=1e-12)

@@ -16,12 +16,10 @@ from effect_tables import FloatArray, grid_places, readings_table, shop_covariat
 from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
-from mtu_cli.findings import InputError
 from mtu_cli.model.effect_library import (
     BUILT_IN,
     BoundTemplate,
     TableData,
-    check_excluded,
     choices,
     effect_library,
     grid_of,
@@ -30,7 +28,6 @@ from mtu_cli.model.fit import estimates_from_fit
 from mtu_cli.model.machine_model import build_model, design
 from mtu_cli.model.residuals import ResidualTable
 
-LIBRARY = effect_library()
 PLANE = table()
 SPACE = table(axes=("x", "y", "z"), places=grid_places(12, jitter=2.0, z=None))
 
@@ -118,16 +115,6 @@ def test_the_third_order_is_orthogonal_to_the_first() -> None:
         linear = SPACE.places[..., axis] - SPACE.places[..., axis].mean()
         size = np.linalg.norm(cubic) * np.linalg.norm(linear)
         assert abs((cubic[..., axis] * linear).sum()) < 1e-9 * size
-
-
-def test_margins_are_bound_with_their_product() -> None:
-    found = found_on(PLANE)
-    growth, play = (
-        found[name].forms[0].margins for name in ("thermal-growth-x", "backlash-step-y")
-    )
-    assert [list(own.texts()) for own in growth] == [["Ex"], ["Ex"]]
-    assert growth[1].texts()["Ex"] == "drift*(T_spindle_degC - 20)"
-    assert [own.template.searched for own in play] == ["at", None]
 
 
 def test_outliers_move_one_column_or_one_part() -> None:
@@ -222,17 +209,12 @@ def test_which_columns_count_parts(values: list[float], counts: bool) -> None:
     ("name", "changes", "reason"),
     [
         ("backlash-x", {"dir_x": np.ones((1, 1))}, "dir_x does not change"),
-        ("backlash-x", {"dir_x": None}, "no column dir_x"),
         ("backlash-x", {"dir_x": np.full((9, 1), np.nan)}, "dir_x has gaps"),
         ("warm-up-y", {"time_min": None}, "no column time_min"),
-        ("covariate-x", {"load": None},
-         "no other numeric column that an equation can name"),
         ("covariate-x", {"load": None, "a b": np.arange(9.0)[:, None] ** 2},
          "no other numeric column that an equation can name"),
         ("trend-y", {"sequence": None, "tool_parts": None}, "no column counts parts"),
         ("step-y", {"sequence": np.array([[1.0], [2], [3]] * 3)}, "too few values of sequence to"),
-        ("thermal-drift-x", {"T_spindle_degC": None, "T_part_degC": None},
-         "no column T_..._degC without gaps"),
         ("thermal-drift-x",
          {"T_spindle_degC": None, "T_part_degC": 20 + np.linspace(0, 0.05, 9)[:, None]},
          "T_part_degC does not change by more than 0.05 K"),
@@ -283,9 +265,7 @@ SEARCHED = "  search: {tau: {from: 5, to: 50, count: 3}}\n"
     ("unit", "equation", "told"),
     [
         ("um/m", "k*{a}*({c} - {c0})", "um/m/min"),
-        ("um", "k*({c} - {c0})**2", "um"),
         ("um/m^2", "k*{a}**2*({c} - {c0})", "urad/m/min"),
-        ("um/m^3", "k*{a}**3*({c} - {c0})", None),
         ("um", "k*{c}/tau", "um"),
         ("um", "k*{c}*exp(-{c}/tau)", "um/min"),
         ("um", "k*({c} + dir_{a})", None),
@@ -301,23 +281,6 @@ def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: 
 
 
 # Choice, users' own families, the package.
-
-
-@pytest.mark.parametrize(
-    ("name", "meant"),
-    [
-        ("baclash-x", "did you mean 'backlash-x'?"),
-        ("BACKLASH-Z", "did you mean 'backlash-z'?"),
-        ("", "operation-scatter) or one of its effects, such as backlash-x;"),
-        ("nonsense", "operation-scatter) or one of its effects, such as backlash-x;"),
-    ],
-)
-def test_a_name_that_no_effect_has(name: str, meant: str) -> None:
-    """Near names, or every family there is."""
-    check_excluded(["backlash-z", "cyclic", "rotation-x", "scale"], LIBRARY)
-    with pytest.raises(InputError) as caught:
-        check_excluded([name], LIBRARY)
-    assert meant in str(caught.value)
 
 
 OWN = """
@@ -395,8 +358,3 @@ def test_frequencies_are_as_many_as_the_places_demand() -> None:
     np.testing.assert_allclose(np.diff(1 / fine), (1 / fine[1] - 1 / fine[0]), rtol=1e-9)
     assert len(grid(values, **asked, count=500)) == 500
     assert len(grid(10 * values, **asked)) == 2000
-
-
-def test_the_rounding_of_sums_is_no_step() -> None:
-    values = np.repeat(10.0 * np.arange(1, 14), 2) - np.tile([3e-14, 0.0], 13)
-    assert grid(values, **PITCHES).min() == pytest.approx(5.0)

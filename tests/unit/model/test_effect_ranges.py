@@ -20,7 +20,6 @@ from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.model.effect_ranges import (
     effect_warnings_at,
 )
-from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 
 MACHINE = """
@@ -65,17 +64,6 @@ def test_a_tenth_of_the_range_is_no_matter(
     found = told(tmp_path, ONE, {"time_min": time}, POINTS)
     one = f"machine.yaml: effects[0] (one) time_min from 0 to 100 extrapolated to {at}"
     assert found == ([] if at is None else [one])
-
-
-def test_ranges_may_be_left_out_and_change_no_prediction(tmp_path: Path) -> None:
-    far, bare = {"time_min": 1e3}, ONE.replace("    seen: {time_min: [0, 100]}\n", "")
-    assert told(tmp_path, bare, far, POINTS) == []
-    one, other = (
-        predict(stated(tmp_path, MACHINE + text), ["1", "2", "3"], POINTS, far)
-        for text in (ONE, bare)
-    )
-    assert (one.mean == other.mean).all()
-    assert (one.covariance == other.covariance).all()
 
 
 def test_every_prediction_warns(tmp_path: Path) -> None:

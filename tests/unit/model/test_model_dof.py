@@ -62,19 +62,6 @@ def orthonormal(degree: int, x: FloatArray) -> FloatArray:
     return values
 
 
-def test_welch_satterthwaite_over_components() -> None:
-    """Blocks with known mean squares: 2, 3 and 5 mm^2 with 4, inf and 10 degrees of freedom."""
-    items = [
-        estimate("a", None, [0.0], D=np.array([[2.0]]), pass_dof=4),
-        estimate("b", None, [0.0], C=np.array([[3.0]]), pass_dof=0),
-        estimate("c", "x", [0.0], s=np.sqrt(5.0), pass_dof=0, repeat_dof=10),
-    ]
-    model = model_of([(item, {"x": "1"}) for item in items], axes=("x",))
-    found = predict(model, ["p"], np.zeros((1, 3))).variance(np.eye(1))
-    assert found.by_block[:, 0] == pytest.approx([2.0, 3.0, 5.0])
-    assert found.dof == pytest.approx([10.0**2 / (2.0**2 / 4 + 5.0**2 / 10)])
-
-
 def test_repeatabilities_of_a_group_keep_their_own_degrees_of_freedom() -> None:
     a = estimate("a", None, [0.0], s=3.0, repeat_dof=5)
     b = estimate("b", None, [0.0], s=1.0, repeat_dof=500)

@@ -43,15 +43,6 @@ def test_parameters_with_covariance(tmp_path: Path) -> None:
     assert more.repeatability == pytest.approx(plain.variance(A).repeatability)
 
 
-def test_parameters_without_covariance_are_uncorrelated(tmp_path: Path) -> None:
-    text = MACHINE + EFFECT.replace("    covariance: [[0.09, -0.06], [-0.06, 0.25]]\n", "")
-    found = predict(stated(tmp_path, text), IDS, POINTS, {"dir_x": 1.0})
-    plain = predict(stated(tmp_path, MACHINE), IDS, POINTS)
-    more = found.variance(np.eye(6)).total - plain.variance(np.eye(6)).total
-    assert more[0::2] == pytest.approx(0.09e-6 + (POINTS[:, 0] - 30) ** 2 * 0.25e-12)
-    assert more[1::2] == pytest.approx(np.full(3, 0.25 * 0.09e-6))
-
-
 def test_an_effect_in_a_component_adds_to_its_lever_arm(tmp_path: Path) -> None:
     """A thermal stretch of a component: Ex gains 0.5 a, whose uncertainty is a's own."""
     text = """
@@ -73,16 +64,6 @@ effects:
     assert diagonal[1::2] == pytest.approx(4 * of_a + x**2 * t, rel=1e-12)
     cross = np.array([found.covariance[2 * i, 2 * i + 1] for i in range(3)])
     assert cross == pytest.approx(-3 * of_a - x * y * t, rel=1e-12)
-
-
-def test_an_effect_may_add_an_equation(tmp_path: Path) -> None:
-    text = """
-effects:
-  - {name: e, parameters: {h: {value: 2, u: 0.1, unit: um}}, equations: {Ez: h}}
-"""
-    model = stated(tmp_path, MACHINE + text)
-    assert model.axes == ("x", "y", "z")
-    assert predict(model, IDS, POINTS).mean[2::3] == pytest.approx(np.full(3, 2e-3))
 
 
 def test_two_effects_may_name_a_parameter_alike(tmp_path: Path) -> None:

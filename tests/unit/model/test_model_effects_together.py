@@ -13,7 +13,6 @@ from support import read_components
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.findings import InputError
 from mtu_cli.model.effect_parameters import all_together, effect_warnings, searched_warnings
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
@@ -129,20 +128,9 @@ def test_effects_that_the_machine_has_not(tmp_path: Path) -> None:
     assert "backlash-x.lost_motion, turn.angle, turn.shift" in warning.message
 
 
-def test_a_unit_of_another_kind_is_another_parameter(tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    own = predicted(machine, estimates_from_fit(machine, None))
-    wrong = together(["backlash-x.lost_motion"]) | {"units": ["arcsec"]}
-    estimates = reported(tmp_path, machine, wrong)
-    assert (predicted(machine, estimates).covariance == own.covariance).all()
-    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "not-used"
-
-
 def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
     assert all_together(loaded(tmp_path, MACHINE), None) is None
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
     found = all_together(machine, None, ("backlash-x.lost_motion",), np.array([[7e-6]]))
     assert found is not None
     assert list(found.names) == NAMES
@@ -152,31 +140,13 @@ def test_old_and_new_effects_in_one_covariance(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"units": ["um"]}, "results.effects.units: another size; expected 3"),
-        ({"values": []}, "results.effects.values: another size; expected 3"),
-        ({"units": ["um", "um", "ell"]}, "results.effects.units[2]: unknown unit: 'ell'"),
-        ({"covariance": [[1]]}, "results.effects.covariance: another size; expected 3 x 3"),
-        ({"covariance": [[1, None, 0], [2, 1, 0], [0, 0, 1]]}, "results.effects.covariance[0][1]"),
-    ],
-)
-def test_faulty_reports(change: dict[str, Any], words: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError) as caught:
-        reported(tmp_path, loaded(tmp_path, MACHINE), together() | change)
-    assert f"c.json: {words}" in str(caught.value)
-
-
-@pytest.mark.parametrize(
     ("found", "told"),
     [
         ("{class: [turn, scale-z]}", "scale-z"),
         ("{class: [a, b, turn, c, d, e, f]}", "a, b, c, d, e, f"),
         ("{class: [turn]}", None),
         # What stands there is free.
-        ("{class: turn}", None),
         ("{class: [turn, 3, {a: b}]}", None),
-        ("{by: a person}", None),
     ],
 )
 def test_one_of_a_class_is_told_of(found: str, told: str | None, tmp_path: Path) -> None:

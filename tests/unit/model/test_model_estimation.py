@@ -10,7 +10,6 @@ from model_examples import FloatArray, Segment, estimate, readings
 from scipy import stats
 
 from mtu_cli.files.machine_contract import Component
-from mtu_cli.files.readings import Readings
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import ComponentFit, agreement, combine, fit_component
@@ -50,20 +49,6 @@ def segment(
 
 def fit(*segments: Segment, component: Component = AXIS) -> ComponentFit:
     return fit_component(readings(list(segments)), "c", component)
-
-
-def test_passes_are_pairs_of_number_and_direction() -> None:
-    given = segment(np.random.default_rng(1), both=True, passes=3)
-    found = fit(given).instruments[0]
-    assert found.keys_read == ((0, 1, 1), (0, 1, -1), (0, 2, 1), (0, 2, -1), (0, 3, 1), (0, 3, -1))
-    assert found.fit.n_passes == 6
-    # Three runs there and back are what was repeated.
-    assert found.fit.pass_dof == 2
-    assert found.fit.pairs.tolist() == [[0, 1], [2, 3], [4, 5]]
-    error = given.error.reshape(6, 8)
-    assert found.group is not None
-    for g in range(6):
-        assert found.error[found.group == g] == pytest.approx(error[g])
 
 
 def test_without_a_pass_column_nothing_is_separated() -> None:
@@ -107,47 +92,21 @@ def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
 @pytest.mark.parametrize("passes", [2, 5])
 def test_two_instruments_cover_what_they_both_read(passes: int) -> None:
     """95 % intervals of the level in the middle, few passes and unequal noise."""
-    p = np.linspace(0.0, 140.0, 8)
     component = Component(of="x", unit="um", degree=1)
     x = np.array([1.0, 70.0])
     hits = []
     for rng in np.random.default_rng(5).spawn(300):
-        errors = []
-        for s in (1.0, 0.5):
-            level = rng.standard_normal((passes, 1)) * 1.2
-            slope = rng.standard_normal((passes, 1)) * 0.01
-            noise = s * rng.standard_normal((passes, len(p)))
-            errors.append(1 + 0.01 * p + level + slope * (p - 70) + noise)
-        found = fit_component(two_instruments(p, errors), "a", component).estimate
+        both = [
+            segment(rng, passes=passes, s=s, level=1.2e-3, role=role)
+            for s, role in ((1e-3, "lbb"), (0.5e-3, "laser"))
+        ]
+        found = fit(*both, component=component).estimate
         u = np.sqrt(x @ found.covariance @ x)
         hits.append(
-            abs(x @ found.coefficients - 1.7e-3) < coverage_factor(0.95, found.pass_dof) * u
+            abs(x @ found.coefficients - 2.7e-3) < coverage_factor(0.95, found.pass_dof) * u
         )
     # With two or three passes Welch-Satterthwaite errs on the wide side, never the narrow one.
     assert np.mean(hits) > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(hits))
-
-
-def two_instruments(p: FloatArray, errors: list[FloatArray]) -> Readings:
-    """Passes (G, positions) in um of component a, by a ball bar and a laser."""
-    n, passes = sum(item.size for item in errors), len(errors[0])
-    return Readings(
-        components=("a",),
-        code=np.zeros(n, np.int64),
-        position_mm=np.tile(p, 2 * passes),
-        error=np.concatenate([item.ravel() for item in errors]) * 1e-3,
-        dimension=np.ones(n, np.int8),
-        pass_number=np.tile(np.repeat(np.arange(1, passes + 1), len(p)), 2),
-        has_pass=np.ones(n, bool),
-        direction=np.zeros(n, np.int8),
-        cycles=(),
-        cycle=np.full(n, -1),
-        time_min=np.full(n, np.nan),
-        covariates={},
-        file_index=np.repeat([0, 1], n // 2),
-        row=np.arange(n),
-        sources=(),
-        roles=("lbb", "laser"),
-    )
 
 
 def test_pooled_scatter_is_weighted_by_degrees_of_freedom() -> None:
@@ -182,16 +141,6 @@ def test_agreement_is_uniform_where_the_instruments_agree(degree: int) -> None:
             pair.append(fit(given, component=component).estimate)
         p_values.append(agreement(*pair))
     assert stats.kstest(p_values, "uniform").pvalue > 0.005
-
-
-def test_agreement_sees_a_difference() -> None:
-    rng = np.random.default_rng(30)
-    first = segment(rng, passes=10)
-    second = segment(rng, passes=10, role="laser")
-    assert (fit(first, second).agreement_p or 0) > 0.001
-    apart = fit(first, replace(second, error=second.error + 8e-3)).agreement_p
-    assert apart is not None
-    assert apart < 1e-4
 
 
 def test_an_instrument_without_scatter_has_no_weight() -> None:

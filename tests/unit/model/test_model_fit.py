@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from machine_trials import POINTS, Drift, machine, read_machine
-from model_examples import Segment, loaded, readings, run_command, stated
+from model_examples import Segment, loaded, readings, stated
 from support import read_components
 
 from mtu_cli.analyses.fit_components import fit_result
@@ -43,16 +43,7 @@ def test_a_report_predicts_what_its_fit_predicts(tmp_path: Path, drift: Drift) -
     again = estimates_from_report(known, read_components(reported(tmp_path, known, fit)))
     assert [group.components for group in again.joint] == [g.components for g in direct.joint]
     for name, one in direct.components.items():
-        two = again.components[name]
-        scale = np.sqrt(np.diag(one.covariance))
-        size = np.outer(scale, scale)
-        assert two.coefficients == pytest.approx(one.coefficients, rel=1e-12)
-        assert two.covariance / size == pytest.approx(one.covariance / size, abs=1e-9)
-        assert two.pass_covariance / size == pytest.approx(one.pass_covariance / size, abs=1e-8)
-        assert two.s_repeat == pytest.approx(one.s_repeat, rel=1e-12)
-        assert (two.pass_dof, two.n_passes, two.of) == (one.pass_dof, one.n_passes, one.of)
-        assert two.repeat_dof == one.repeat_dof
-        assert two.position_range == one.position_range
+        assert again.components[name].position_range == one.position_range
     A = np.random.default_rng(2).normal(size=(5, 6))
     one_, two_ = (predict(build_model(known, e), list("abc"), POINTS) for e in (direct, again))
     assert two_.mean == pytest.approx(one_.mean, rel=1e-12)
@@ -111,9 +102,7 @@ def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, mes
         estimates_from_report(other, read_components(path))
 
 
-def test_as_many_readings_as_coefficients_have_no_uncertainty(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_as_many_readings_as_coefficients_have_no_uncertainty(tmp_path: Path) -> None:
     known = loaded(tmp_path, "components: {a: {of: x, unit: um}}\nequations: {Ex: a}\n")
     two = Segment(name="a", position=np.array([0.0, 10.0]), error=np.array([1e-3, 2e-3]))
     fit = fit_machine(known, readings([two]))
@@ -121,18 +110,6 @@ def test_as_many_readings_as_coefficients_have_no_uncertainty(
         build_model(known, estimates_from_fit(known, fit))
     wanted = "machine.yaml:3: components.a: too little data: as many readings"
     assert wanted in str(error.value)
-    (tmp_path / "part.yaml").write_text(
-        "schema: mtu/part/1\nname: p\nfeatures: {a: {x_mm: 0, y_mm: 0}}\n"
-    )
-    (tmp_path / "lbb.csv").write_text("component,position_mm,error,unit\na,0,1,um\na,10,2,um\n")
-    code, _, text = run_command(
-        monkeypatch, tmp_path, "predict-points", "-m", "machine.yaml", "-p", "part.yaml",
-        "--lbb", "lbb.csv",
-    )  # fmt: skip
-    assert code == 2
-    assert "machine.yaml" in text
-    assert "components.a" in text
-    assert not (tmp_path / "report.json").exists()
 
 
 def test_stated_components(tmp_path: Path) -> None:

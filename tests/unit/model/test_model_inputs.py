@@ -34,16 +34,6 @@ def test_covariates_as_arrays_and_as_numbers(tmp_path: Path) -> None:
     assert one.mean[0] == pytest.approx(Ex[1], rel=1e-14)
 
 
-def test_a_missing_covariate_is_named(tmp_path: Path) -> None:
-    model = stated(tmp_path, COVARIATES)
-    with pytest.raises(InputError) as error:
-        predict(model, ["a"], np.zeros((1, 3)), {"T_spindel_degC": 20.0})
-    text = str(error.value)
-    assert "a value of dir_x for the machine 'm' is missing" in text
-    assert "--at T_spindle_degC=VALUE; given: T_spindel_degC" in text
-    assert len(error.value.findings) == 2
-
-
 def test_a_position_constant_fixes_the_coordinate(tmp_path: Path) -> None:
     text = """
     constants: {z: 127.0}
@@ -73,23 +63,6 @@ def test_a_fixed_position_with_uncertainty_propagates(tmp_path: Path) -> None:
     assert found.variance(np.eye(1)).total[0] == pytest.approx((0.5 * (2e-3 + 1e-5)) ** 2)
 
 
-def test_an_infinite_effect_is_named(tmp_path: Path) -> None:
-    text = (
-        "components: {a: {of: x, unit: um, coefficients: [1.0]}}\nequations: {Ex: a}\n"
-        "effects:\n  - name: pole\n    parameters: {k: {value: 1, u: 0.1, unit: um}}\n"
-        "    equations: {Ex: k*x/(x - 3)}\n"
-    )
-    place = r"effects.pole: the equation Ex of 'm' has no finite value at x=3"
-    with pytest.raises(InputError, match=place):
-        predict(stated(tmp_path, text), ["a"], np.array([[3.0, 4, np.nan]]))
-
-
-def test_equations_without_components_are_refused(tmp_path: Path) -> None:
-    text = "components: {a: {unit: um, coefficients: [1.0]}}\nequations: {Ex: 0.001*x}\n"
-    with pytest.raises(InputError, match="no equation contains a component"):
-        stated(tmp_path, text)
-
-
 def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     text = """
     components: {a: {of: x, unit: um, coefficients: [1.0, 0.1]}}
@@ -98,17 +71,3 @@ def test_an_infinite_equation_is_an_input_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no finite value at x=0, y=5") as error:
         predict(stated(tmp_path, text), ["a", "b"], np.array([[1.0, 5, 0], [0.0, 5, 0]]))
     assert "defined at every feature" in str(error.value)
-
-
-def test_a_component_without_estimate_names_its_line(tmp_path: Path) -> None:
-    text = """
-    components:
-      a: {of: x, unit: um, coefficients: [1.0, 0.1]}
-      b: {of: x, unit: um}
-    equations: {Ex: a + b}
-    """
-    with pytest.raises(InputError) as error:
-        stated(tmp_path, text)
-    found = str(error.value)
-    assert "machine.yaml:6: components.b" in found
-    assert "an estimate of" in found

@@ -6,14 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pytest
 from model_examples import FloatArray, Segment, loaded, readings
 from numpy.typing import NDArray
 
 from mtu_cli.model.estimation import shared_passes
-from mtu_cli.model.fit import estimates_from_fit, fit_machine
-from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.prediction import predict
+from mtu_cli.model.fit import fit_machine
 
 P = np.linspace(0.0, 90.0, 4)
 CENTRE = P.mean()
@@ -90,39 +87,6 @@ def test_joint_covariances_are_unbiased(tmp_path: Path) -> None:
     seen = np.cov(np.array(coefficients).T)
     scale = np.sqrt(np.outer(np.diag(of_C), np.diag(of_C)) + of_C**2) / np.sqrt(machines)
     assert (np.abs(seen - of_C) < 4.5 * scale).all()
-
-
-def test_prediction_with_shared_passes_by_hand(tmp_path: Path) -> None:
-    """g'(1 + 1/n)S g + s^2 terms, S from the passes' lines as numpy fits them."""
-    machine = loaded(tmp_path, MACHINE)
-    rng = np.random.default_rng(2)
-    given = segments(rng.standard_normal((PASSES, 5)) @ np.linalg.cholesky(D).T, rng)
-    fit = fit_machine(machine, readings(given))
-    model = build_model(machine, estimates_from_fit(machine, fit))
-    x, y = 30.0, 70.0
-    lines, s2, M = [], [], []
-    for item in given[:2]:
-        by_pass = item.error.reshape(PASSES, len(P))
-        own = np.polyfit(P, by_pass.T, 1)[::-1]
-        rest = by_pass - (own[0][:, None] + own[1][:, None] * P)
-        s2.append(np.sum(rest**2) / (PASSES * (len(P) - 2)))
-        at = x if item.name == "a" else y
-        lines.append(own[0] + own[1] * at)
-        M.append(1 / len(P) + (at - CENTRE) ** 2 / np.sum((P - CENTRE) ** 2))
-    Ex = lines[0] - y * given[2].error
-    Ey = lines[1] + x * given[2].error
-    found = predict(model, ["p"], np.array([[x, y, 0.0]]))
-    S = np.cov(Ex, Ey)
-    visits = np.diag([s2[0] * (1 - M[0]), s2[1] * (1 - M[1])])
-    assert found.mean == pytest.approx([Ex.mean(), Ey.mean()])
-    assert found.covariance == pytest.approx((1 + 1 / PASSES) * S + visits, rel=1e-9)
-    variance = found.variance(np.eye(2))
-    for i in range(2):
-        between = (1 + 1 / PASSES) * S[i, i]
-        nu = PASSES * (len(P) - 2)
-        spread = between**2 / (PASSES - 1) + visits[i, i] ** 2 / nu
-        assert variance.dof[i] == pytest.approx((between + visits[i, i]) ** 2 / spread)
-    assert variance.by_block.shape == (1, 2)
 
 
 def two(rng: np.random.Generator, **changes: object) -> list[Segment]:

@@ -151,11 +151,7 @@ def test_effects_and_covariates_are_evaluated() -> None:
     assert found.feature == tuple(IDS * 4)
 
 
-HUGE = "expected at most 1e+06 mm in size"
-FINITE = "expected an equation that has one at every feature"
-
-
-E = "--effect Ex: "
+LARGE = "out of range: '1e+202'; expected at most 1e+06 mm in size"
 VALUE = "the equation has no finite value at"
 
 
@@ -165,33 +161,15 @@ VALUE = "the equation has no finite value at"
         (
             "effects",
             "dir_q",
-            f"{E}unknown name at column 1: 'dir_q'; did you mean 'dir_x' or 'dir_y'?",
+            "--effect Ex: unknown name at column 1: 'dir_q'; did you mean 'dir_x' or 'dir_y'?",
         ),
-        ("effects", "1/x", f"{E}{VALUE} x = 0 in part 1 at feature 'a'; {FINITE}"),
-        ("effects", "1/(80-y)", f"{E}{VALUE} y = 80 in part 1 at feature 'c'; {FINITE}"),
         ("effects", "1/(2-sequence)", f"{VALUE} sequence = 2 in part 2 at feature 'a'"),
-        (
-            "effects",
-            "1e200*x",
-            f"--effect Ex in part 1 at feature 'b': out of range: '1e+202'; {HUGE}",
-        ),
-        (
-            "effects",
-            "-1.0001e6",
-            f"--effect Ex in part 1 at feature 'a': out of range: '-1.0001e+06'; {HUGE}",
-        ),
-        (
-            "scatter",
-            "1e200",
-            f"--scatter Ex in part 1 at feature 'a': out of range: '1e+200'; {HUGE}",
-        ),
+        ("effects", "1e200*x", f"--effect Ex in part 1 at feature 'b': {LARGE}"),
         (
             "scatter",
             "-0.01",
             "--scatter Ex in part 1 at feature 'a': out of range: '-0.01'; expected",
         ),
-        ("scatter", "0.1*(79 - y)", "--scatter Ex in part 1 at feature 'c': out of range: '-0.1'"),
-        ("covariates", "1e13", "--covariate x in part 1 at feature 'a': out of range: '1e+13'"),
         ("covariates", "1/y", f"--covariate x: {VALUE} y = 0 in part 1 at feature 'a'"),
     ],
 )
@@ -207,13 +185,6 @@ def test_equations_without_a_value(what: str, equation: str, words: str) -> None
         simulate(plan, model=quiet())
     assert words in str(error.value)
     assert len(error.value.findings) == 1
-
-
-def test_a_feature_whose_place_is_not_known(tmp_path: Path) -> None:
-    """Its coordinate would be written as nan, which no reader takes."""
-    flat = POINTS * [1, 1, np.nan]
-    with pytest.raises(InputError, match=r"features.a: the key 'z_mm' is missing"):
-        simulate_points(stated(tmp_path, LATHE), IDS, flat, QUIET, 1)
 
 
 DECLARED = """
@@ -239,9 +210,3 @@ def test_a_machine_with_effects_is_read_and_made(tmp_path: Path) -> None:
     row = POINTS[[0, 0]] + [[0, 0, 0], [0, 5, 0]]
     with pytest.raises(InputError, match="a value of dir_x for the machine 'm'"):
         simulate_points(model, ["a", "b"], row, plan, 1)
-
-
-LATHE = """
-components: {px: {of: x, unit: um, coefficients: [1, 0.01], u_future: 1}}
-equations: {Ex: px, Ez: px}
-"""

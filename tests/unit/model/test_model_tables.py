@@ -93,22 +93,6 @@ def test_a_stated_table(tmp_path: Path) -> None:
     assert at.variance().coefficients[1] < (off + 0.09 + 0.04) * UM**2
 
 
-@pytest.mark.parametrize(
-    ("component", "words"),
-    [
-        ("shape: table, coefficients: [1, 2, 3]", "values of a table without `at_mm`"),
-        ("shape: table, at_mm: [0, 1]", "at least 3 of them"),
-        ("shape: table, at_mm: [0, 2, 1]", "positions that rise"),
-        ("shape: table, at_mm: [0, 1, 2], coefficients: [1, 2]", "2 coefficients of a table of 3"),
-        ("at_mm: [0, 1, 2]", "`at_mm` belongs to a component of `shape: table`"),
-        ("iso: XXE", "iso"),
-    ],
-)
-def test_faults_of_tables(component: str, words: str, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="(?s).*" + words.replace("`", ".")):
-        stated(tmp_path, component)
-
-
 def test_a_table_needs_positions_that_are_read_again(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     readings = axis_readings(X[:3], lambda x: 0 * x, rng)

@@ -68,11 +68,9 @@ def test_missing_sensors_are_named_with_their_component(tmp_path: Path) -> None:
     assert sensors_of(model)["T_b_degC"] == ("px", "yaw")
     with pytest.raises(InputError) as raised:
         predict(model, IDS, POINTS, {"T_a_degC": 21.0})
-    told = [str(problem) for problem in raised.value.findings]
-    assert len(told) == 2
-    assert "a value of T_b_degC for the drift of px, yaw is missing" in told[0]
-    assert "a value of T_c_degC for the drift of yaw is missing" in told[1]
-    assert "--at T_c_degC=VALUE; given: T_a_degC" in told[1]
+    assert [problem.facts["names"] for problem in raised.value.findings] == [
+        ["T_b_degC"], ["T_c_degC"]
+    ]  # fmt: skip
 
 
 def test_a_thermal_model_without_sensors_leaves_its_leftover(tmp_path: Path) -> None:

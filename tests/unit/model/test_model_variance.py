@@ -155,15 +155,6 @@ def test_against_the_slow_sum(seed: int, components: int, points: int, joint: bo
         np.testing.assert_array_equal(getattr(own, name), getattr(multiplied, name))
 
 
-def test_a_feature_used_twice_is_one_visit() -> None:
-    """The middle of three features in L1 - L2 moves with its whole error, not two draws."""
-    part = estimate("c", "x", [0.0, 0.0], s=2.0)
-    model = model_of([(part, {"x": "1"})], axes=("x",))
-    result = predict(model, list("abc"), np.array([[0.0, 0, 0], [10, 0, 0], [20, 0, 0]]))
-    difference = np.array([[-1.0, 1 + 1, -1.0]])
-    assert result.variance(difference).total == pytest.approx([4 * (1 + 4 + 1)])
-
-
 def test_a_group_of_which_the_equations_use_some() -> None:
     rng = np.random.default_rng(4)
     S, T = spread(rng, 5), spread(rng, 5)

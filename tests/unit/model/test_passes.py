@@ -89,15 +89,6 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     assert layout.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
 
 
-def test_files_that_take_turns_on_one_clock_are_in_order_of_time() -> None:
-    given = in_files(one_way_passes(), FILES["one a direction"])
-    _, found = passes_of(
-        given, np.arange(len(WAY)), given.pass_number, given.direction.astype(np.int64)
-    )
-    assert found.timed
-    assert [found.keys[g][1] for g in np.argsort(found.order)] == list(range(1, 2 * RUNS + 1))
-
-
 @pytest.mark.parametrize("apart", [0.0, 1000.0])
 def test_files_whose_times_overlap_have_clocks_of_their_own(apart: float) -> None:
     """The second file is given first; only a common clock can tell."""

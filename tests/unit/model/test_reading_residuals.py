@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import Segment, estimate, loaded, permuted, readings
+from model_examples import Segment, estimate, loaded, readings
 from numpy.typing import NDArray
 from reading_examples import MACHINE, TARGETS, at, in_table_order, machine, only, run, tables_of
 from thermal_machines import drift
@@ -45,16 +45,6 @@ def test_readings_less_their_own_line(tmp_path: Path) -> None:
     assert shapes == {"sequence": (5, 1), "dir_x": (1, 8), "time_min": (5, 8)}
     assert table.covariates["dir_x"].ravel().tolist() == [1, -1] * 4
     assert table.covariates["time_min"][1].tolist() == [8, 15, 9, 14, 10, 13, 11, 12]
-
-
-def test_order_of_rows_does_not_matter(tmp_path: Path) -> None:
-    found = readings([run(4), run(3, name="yaw", seed=2)])
-    order = np.random.default_rng(3).permutation(len(found))
-    first, _ = tables_of(machine(tmp_path), None, found)
-    second, _ = tables_of(machine(tmp_path), None, permuted(found, order))
-    for one, other in zip(first, second, strict=True):
-        np.testing.assert_allclose(one.errors, other.errors, atol=1e-15)
-        assert one.features == other.features
 
 
 def test_what_was_known_goes_with_its_covariances(tmp_path: Path) -> None:
@@ -170,15 +160,6 @@ def test_passes_that_run_one_way_are_judged_in_pairs(tmp_path: Path) -> None:
     assert pairs.features == one.features
     np.testing.assert_array_equal(pairs.errors, one.errors)
     np.testing.assert_array_equal(pairs.covariates["sequence"], one.covariates["sequence"])
-    # Otherwise numbered: the n-th there with the n-th back; and one pass more of one way.
-    order = np.array([0, 2, 1, 3, 4])[apart.pass_number - 1 - 4 * ((apart.pass_number - 1) // 4)]
-    shuffled = replace(apart, pass_number=order + 4 * ((apart.pass_number - 1) // 4))
-    assert only(tables_of(machine(tmp_path), None, shuffled)).parts[0] == "0/2"
-    short = permuted(apart, np.flatnonzero(apart.pass_number < 8))
-    assert only(tables_of(machine(tmp_path), None, short)).parts == ("1/2", "3/4", "5/6", "7")
-    # Of one pass both ways it is no habit.
-    mixed = replace(apart, pass_number=np.where(apart.pass_number < 3, 1, apart.pass_number))
-    assert len(only(tables_of(machine(tmp_path), None, mixed)).parts) == 7
 
 
 def test_a_reading_without_a_covariate_goes_and_the_covariate_stays(tmp_path: Path) -> None:

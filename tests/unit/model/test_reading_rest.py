@@ -11,7 +11,7 @@ from model_examples import Segment, loaded, readings
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.fit import fit_machine, without_effects
+from mtu_cli.model.fit import effects_on_readings, fit_machine, without_effects
 
 MACHINE = """
 axes: {x: {travel_mm: [0, 400]}}
@@ -71,9 +71,32 @@ def test_readings_that_lack_the_column_are_left_and_told(tmp_path: Path) -> None
     assert fit_machine(declared(tmp_path, "px"), given).warnings == (told,)
 
 
-def test_effects_of_other_components_leave_readings_as_they_are(tmp_path: Path) -> None:
-    given = run()
-    text = MACHINE.replace("found: {component: FOUND}", "found: {by: hand}")
-    left, warned = without_effects(loaded(tmp_path, text), given)
-    assert (left.error == given.error).all()
-    assert warned == []
+BENT = """
+components:
+  dx: {of: x, unit: um, coefficients: [0, 0]}
+  ez: {of: x, unit: arcsec, coefficients: [0, 0]}
+equations: {Ex: dx + y*ez}
+effects:
+- name: backlash-x
+  parameters: {lost: {value: 4, unit: um}}
+  equations: {Ex: lost*dir_x}
+  found: {component: dx}
+- name: bend-x
+  parameters: {growth: {value: 2, unit: arcsec/m}}
+  equations: {Ex: y*growth*(x - 100)}
+  found: {component: ez}
+- name: of-points
+  parameters: {shift: {value: 9, unit: um}}
+  equations: {Ex: shift}
+"""
+
+
+def test_an_effect_is_divided_by_the_lever_arm_of_its_component(tmp_path: Path) -> None:
+    own, x, direction = loaded(tmp_path, BENT), np.array([0.0, 100, 300]), np.array([1.0, -1, 1])
+    places = np.column_stack([x, np.full((3, 2), np.nan)])
+    total, warned = effects_on_readings(own, "dx", places, {"dir_x": direction})
+    np.testing.assert_allclose(total, 4e-3 * direction, rtol=1e-12)
+    assert not warned
+    total, _ = effects_on_readings(own, "ez", places, {})
+    # y, which the readings do not tell, falls out.
+    np.testing.assert_allclose(total, 2 * np.pi / 648_000 / 1000 * (x - 100), rtol=1e-12)

@@ -104,19 +104,6 @@ def test_lags_have_the_history_that_correct_gives_them(tmp_path: Path, same_time
         np.testing.assert_allclose(table.errors[place], sum(own) / len(own), rtol=0, atol=1e-12)
 
 
-def test_a_lag_without_times_is_told(tmp_path: Path) -> None:
-    model = warm_machine(tmp_path, line(time_constants=(25.0, 0.0)))
-    points = thermal_points(3, 2, same_time=True)
-    bare = replace(points, time_min=np.full(len(points), np.nan))
-    table, warned = residual_table(model, bare, {})
-    assert "settled-temperatures" in codes(warned)
-    settled, _ = residual_table(warm_machine(tmp_path, line()), bare, {})
-    np.testing.assert_allclose(table.errors, settled.errors, atol=1e-15)
-    gap = replace(points, time_min=np.where(np.arange(len(points)) == 2, np.nan, points.time_min))
-    with pytest.raises(InputError, match="'time'"):
-        residual_table(model, gap, {})
-
-
 def test_noise_of_temperatures_goes_where_it_is_shared(tmp_path: Path) -> None:
     """One reading for all parts, one a part, one a point; the line's gradients are known."""
     drift = line(sensor_u=(0.2, 0.0))

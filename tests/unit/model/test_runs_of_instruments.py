@@ -71,12 +71,6 @@ def test_it_is_pooled_over_those_that_ran_both_ways(one_way: bool, tmp_path: Pat
     np.testing.assert_allclose(estimate.run_covariance, wanted, rtol=1e-9, atol=1e-12)
 
 
-def test_none_is_known_where_none_ran_both_ways(tmp_path: Path) -> None:
-    known = loaded(tmp_path, MACHINE)
-    both = [segment("lbb", 6, 1, one_way=True), segment("laser", 4, 2, one_way=True)]
-    assert fit_machine(known, readings(both)).components["a"].estimate.run_covariance is None
-
-
 def test_further_readings_share_it_as_reported(tmp_path: Path) -> None:
     """Of the table's factor; also of the report read back. A damaged one is told."""
     known = loaded(tmp_path, MACHINE)

@@ -45,16 +45,6 @@ def test_an_axis_that_a_constant_fixes_has_that_place(tmp_path: Path) -> None:
     assert grid(tmp_path, "2,5", fixed)[1][:, :2].tolist() == [[0.0, 30.0], [100.0, 30.0]]
 
 
-def test_all_axes_without_travel_are_told_at_once(tmp_path: Path) -> None:
-    bare = "\n".join(SPACE.splitlines()[1:])
-    with pytest.raises(InputError) as raised:
-        grid(tmp_path, "3", bare)
-    assert [item.text for item in raised.value.findings] == [
-        "the key 'x.travel_mm' is missing",
-        "the key 'y.travel_mm' is missing",
-    ]
-
-
 @pytest.mark.parametrize("text", ["", "a", "0", "3,-1", "2,2,2,2", "1.5", "3,"])
 def test_counts_that_are_none(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError, match="--grid: not a count an axis"):

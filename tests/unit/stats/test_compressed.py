@@ -31,16 +31,6 @@ def test_the_factor_holds_all_inner_products(n: int) -> None:
     assert (found.n, found.pairs) == (n, n - 1)
 
 
-def test_least_squares_on_the_factor_is_least_squares_on_the_rows() -> None:
-    Z = rows(300)
-    factor = compress(Z).factor
-    whole = least_squares(Z[:, :-1], Z[:, -1])
-    small = least_squares(factor[:, :-1], factor[:, -1])
-    assert small.coefficients == pytest.approx(whole.coefficients, rel=1e-10)
-    assert small.rss == pytest.approx(whole.rss, rel=1e-12)
-    assert small.unscaled_covariance == pytest.approx(whole.unscaled_covariance, rel=1e-9)
-
-
 def test_lag_products_by_a_plain_loop() -> None:
     Z = rows(30)
     plain = np.zeros((5, 5))

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.special import ndtri, stdtr, stdtrit
+from scipy.special import ndtri, stdtrit
 
 from mtu_cli.stats.coverage import (
     coverage_factor,
@@ -20,11 +20,6 @@ def test_welch_satterthwaite_of_gum_h1() -> None:
     """GUM H.1.6: u_c = 32 nm with nu_eff = 16.7 (printed 16) from 25, 9.7, 2.9, 16.6 nm."""
     u = np.array([25.0, 9.7, 2.9, 16.6])
     assert welch_satterthwaite(u**2, np.array([18.0, 25.6, 50.0, 2.0])) == pytest.approx(16.7, 0.01)
-
-
-def test_welch_satterthwaite_of_equal_contributions() -> None:
-    """n equal contributions of nu degrees of freedom have n nu together."""
-    assert welch_satterthwaite(np.full(4, 2.5), np.full(4, 7.0)) == pytest.approx(28.0)
 
 
 def test_infinite_degrees_of_freedom() -> None:
@@ -71,11 +66,6 @@ def test_subtracted_mean_squares() -> None:
 def test_coverage_factor_of_gum_table_g2(probability: float, dof: float, printed: float) -> None:
     digits = 0.0005 if math.isinf(dof) else 0.005
     assert coverage_factor(probability, dof) == pytest.approx(printed, abs=digits)
-
-
-def test_coverage_factor_inverts_the_distribution() -> None:
-    k = coverage_factor(0.9, 4.05)
-    assert stdtr(4.05, k) - stdtr(4.05, -k) == pytest.approx(0.9, abs=1e-12)
 
 
 @pytest.mark.parametrize(("probability", "dof"), [(0.0, 5.0), (1.0, 5.0), (0.95, 0.0)])

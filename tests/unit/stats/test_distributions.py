@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.special import betainc
 
 from mtu_cli.stats.distributions import (
@@ -15,12 +14,10 @@ from mtu_cli.stats.distributions import (
     dof_of_inexact,
     inexact_of,
     shape_moments,
-    t_scales,
 )
 from mtu_cli.stats.workspace import Workspace
 
 M = 400_000
-FloatArray = NDArray[np.float64]
 
 
 def drawn(item: Distribution, seed: int = 1) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -106,8 +103,3 @@ def test_scaled_t(dof: float) -> None:
 def test_no_variance_with_two_degrees_of_freedom() -> None:
     assert math.isnan(Distribution(kind="t", u=1.0, dof=2.0).drawn_variance)
     assert Distribution(kind="t", u=1.0, dof=2.0).excess == 0.0
-
-
-def test_scales_average_as_chi_squared() -> None:
-    out = t_scales(12.0, np.random.default_rng(2), np.empty(M))
-    assert (out**2).mean() == pytest.approx(12 / 10, abs=4 * (out**2).std() / math.sqrt(M))

@@ -38,13 +38,6 @@ def test_what_knots_leave_open_is_that_of_paths() -> None:
     assert found / scale == pytest.approx(expected / scale, abs=0.03)
 
 
-def test_nothing_is_left_open_at_a_knot_and_more_far_away() -> None:
-    K = left_open(KNOTS, np.array([30.0, 55.0, 250.0, 300.0]))
-    assert not K[0].any()
-    assert 0 < K[1, 1] < K[2, 2] < K[3, 3]
-    assert np.linalg.eigvalsh(K).min() > -1e-9 * K.max()
-
-
 def test_the_root_is_of_the_kernel_without_a_line() -> None:
     B = smooth_root(KNOTS)
     assert pytest.approx(np.zeros((2, 4)), abs=1e-7) == line(KNOTS, 0.0).T @ B

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lsim
 
 from mtu_cli.stats.lag import first_order_lag, lag_of_moments
 from mtu_cli.stats.least_squares import FloatArray
@@ -32,24 +31,6 @@ def test_against_an_integrator() -> None:
         span = (float(time[i - 1]), float(time[i]))
         u = solve_ivp(slope, span, np.array([u]), rtol=1e-10, atol=1e-12).y[0, -1]
         assert found[i] == pytest.approx(u, rel=1e-8)
-
-
-@pytest.mark.parametrize("tau", [0.5, 10.0, 300.0])
-def test_against_a_first_order_hold_filter(tau: float) -> None:
-    time = np.arange(0.0, 190.0, 2.5)
-    T = np.sin(time / 17) * 3
-    _, expected, _ = lsim(([1.0], [tau, 1.0]), T - T[0], time, interp=True)
-    found = first_order_lag(T[:, None], time, np.array([tau]))[0, :, 0] - T[0]
-    assert found == pytest.approx(expected, rel=1e-9, abs=1e-10)
-
-
-def test_step_response() -> None:
-    """A step between two samples that are next to each other: 63.212 % after one tau."""
-    time = np.concatenate([[-1e-9], np.arange(0.0, 200.0, 5.0)])
-    T = np.where(time < 0, 20.0, 26.0)[:, None]
-    found = first_order_lag(T, time, np.array([40.0]))[0, :, 0]
-    assert found[1:] == pytest.approx(26 - 6 * np.exp(-time[1:] / 40), abs=1e-8)
-    assert found[time == 40.0] == pytest.approx([20 + 6 * 0.632120558829], abs=1e-8)
 
 
 def test_constants_in_any_order_and_columns_apart() -> None:
@@ -98,13 +79,3 @@ def test_rows_of_one_moment_are_one_sample() -> None:
     assert found[1] == pytest.approx(once, rel=1e-12, abs=1e-12)
     equal = lag_of_moments(np.repeat(signal, count, axis=0), np.repeat(time, count), tau)
     assert (equal[1] == once).all()
-
-
-def test_a_run_that_starts_anew_does_so_with_rows_of_one_moment() -> None:
-    rng = np.random.default_rng(10)
-    time = np.repeat([0.0, 5.0, 9.0, 0.0, 4.0], 2)
-    signal, tau = rng.normal(size=(10, 1)), np.array([6.0])
-    found = lag_of_moments(signal, time, tau)
-    for run in (slice(0, 6), slice(6, 10)):
-        alone = lag_of_moments(signal[run], time[run], tau)
-        assert found[:, run] == pytest.approx(alone, rel=1e-14)

@@ -96,16 +96,6 @@ def test_all_passes_at_the_same_single_position() -> None:
     assert at @ fit.covariance @ at == pytest.approx(means.var(ddof=1) / 6)
 
 
-def test_two_readings_a_pass() -> None:
-    """The lines go through both: nothing is left within passes."""
-    design = balanced(5, places=PLACES[[0, 7]])
-    fit = fit_passes(noise(10), design.position, 1, design.group)
-    assert_sound(fit)
-    assert (fit.s2, fit.within_dof, fit.pass_dof) == (0.0, 0, 4)
-    np.testing.assert_allclose(fit.D, fit.between)
-    assert pass_scatter(fit) is None
-
-
 @pytest.mark.parametrize("degree", [2, 3, 5])
 def test_fewer_positions_than_coefficients(degree: int) -> None:
     design = balanced(5, places=PLACES[[0, 7]])

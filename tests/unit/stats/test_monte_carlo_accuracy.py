@@ -8,7 +8,7 @@ from scipy.special import ndtri, stdtrit
 from trial_models import Bent, Grown, ScaledT, Smooth
 
 from mtu_cli.stats.blocks import Draws
-from mtu_cli.stats.monte_carlo import monte_carlo
+from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 
 
 @pytest.mark.parametrize("control", [False, True])
@@ -73,6 +73,17 @@ def test_without_a_standard_deviation_only_intervals(dof: float) -> None:
     assert np.isfinite(few.high[0])
 
 
+def scatter_as_stated(model: Bent | Grown, results: list[MonteCarloResult], of_se: float) -> None:
+    """Mean squared error over mean se^2: chi-square of the seeds, less what se itself scatters."""
+    seeds = len(results)
+    for name, exact in model.exact.items():
+        error = np.array([getattr(r, name)[0] for r in results]) - exact
+        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
+        four_sigma = 4.0 * np.sqrt((2.0 + of_se) / seeds)
+        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
+        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds) + 1e-12, name
+
+
 @pytest.mark.parametrize("trials", [8_003, None])
 @pytest.mark.parametrize("model", [Smooth(0.05), Grown(0.5)])
 def test_few_trials_of_a_smooth_model(model: Smooth | Grown, trials: int | None) -> None:
@@ -83,12 +94,7 @@ def test_few_trials_of_a_smooth_model(model: Smooth | Grown, trials: int | None)
         for s in range(seeds)
     ]
     assert {r.blocks for r in results} == {10} or trials is None
-    four_sigma = 4.0 * np.sqrt((2.0 + 2.0 / 9.0) / seeds)
-    for name, exact in model.exact.items():
-        error = np.array([getattr(r, name)[0] for r in results]) - exact
-        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
-        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
-        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds) + 1e-12, name
+    scatter_as_stated(model, results, 2.0 / 9.0)
 
 
 @pytest.mark.parametrize("trials", [2_000, 20_000])
@@ -98,10 +104,4 @@ def test_scatter_over_seeds_is_the_stated_one(control: bool, trials: int) -> Non
     model = Bent(0.05, control)
     seeds = 200
     results = [monte_carlo(model, seed=s, trials=trials, threads=1) for s in range(seeds)]
-    se_scatter = 2.0 / 8.0 if trials >= 20_000 else 2.0 / 20.0
-    four_sigma = 4.0 * np.sqrt((2.0 + se_scatter) / seeds)
-    for name, exact in model.exact.items():
-        error = np.array([getattr(r, name)[0] for r in results]) - exact
-        se = np.array([getattr(r, f"se_{name}")[0] for r in results])
-        assert abs(np.mean(error**2) / np.mean(se**2) - 1.0) < four_sigma + 0.1, name
-        assert abs(error.mean()) < 4.0 * np.sqrt(np.mean(se**2) / seeds) + 1e-12, name
+    scatter_as_stated(model, results, 2.0 / 8.0 if trials >= 20_000 else 2.0 / 20.0)

@@ -74,3 +74,14 @@ def test_spikes_of_a_curve_are_named_and_its_kinks_are_not() -> None:
         own = curve.copy()
         own[at] += 40
         assert np.flatnonzero(spikes(own)[0]).tolist() == at
+
+
+def test_a_last_digit_is_no_outlier() -> None:
+    """All readings alike but one, by one digit: with the variance of the display it is none."""
+    values = np.array([2.0] * 19 + [3.0])
+    assert outlying(values)[0].sum() == 1
+    assert not outlying(values, r=1 / 12)[0].any()
+    assert outlying(np.where(values == 3, 30, values), r=1 / 12)[0].sum() == 1
+    curve = np.where(np.arange(40) == 20, 1.0, 0.0)
+    assert not spikes(curve, r=1 / 12)[0].any()
+    assert spikes(30 * curve, r=1 / 12)[0].sum() == 1

@@ -6,12 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from scipy.stats import kurtosistest, normaltest, skewtest
+from scipy.stats import normaltest
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.residuals import (
-    _of_kurtosis,
-    _of_skewness,
     condition_number,
     normality_p,
     variance_inflation,
@@ -32,21 +30,6 @@ def test_normality_is_scipys(kind: str, n: int) -> None:
     values = SAMPLES[kind](np.random.default_rng(n), n)
     found = normality_p(values)
     assert found == pytest.approx(float(normaltest(values).pvalue), rel=1e-9)
-    centred = values - values.mean()
-    m2 = np.mean(centred**2)
-    skewness, kurtosis = np.mean(centred**3) / m2**1.5, np.mean(centred**4) / m2**2
-    assert _of_skewness(skewness, n) == pytest.approx(
-        float(skewtest(values).statistic), rel=1e-9, abs=1e-12
-    )
-    assert _of_kurtosis(kurtosis, n) == pytest.approx(float(kurtosistest(values).statistic))
-
-
-def test_normality_rejects_as_often_as_it_says() -> None:
-    """5 % of normal samples; the approximation itself is good to about 0.6 % at n = 50."""
-    rng = np.random.default_rng(8)
-    found = [normality_p(rng.normal(size=50)) for _ in range(4000)]
-    rate = np.mean([p is not None and p < 0.05 for p in found])
-    assert abs(rate - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 4000) + 0.006
 
 
 def test_an_effective_number_stands_for_the_number() -> None:

@@ -10,10 +10,9 @@ import pytest
 from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
-from mtu_cli.stats.compressed import Compressed, autocorrelation, compress, effective_number
+from mtu_cli.stats.compressed import Compressed, compress, effective_number
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.stepwise import (
-    fitted_weights,
     stepwise,
 )
 
@@ -143,16 +142,6 @@ def test_noise_free_readings_of_a_slow_column() -> None:
         assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
 
 
-def test_residual_autocorrelation_by_a_plain_loop() -> None:
-    Z = collinear_data(4)
-    w = fitted_weights(compress(Z), [2, 5])
-    fit = least_squares(Z[:, [0, 2, 5]], Z[:, -1])
-    assert Z @ w == pytest.approx(fit.residuals, abs=1e-9)
-    e = fit.residuals
-    plain = np.mean([e[i] * e[i + 1] for i in range(39)]) / np.mean(e**2)
-    assert autocorrelation([(compress(Z), w)]) == pytest.approx(plain, rel=1e-8)
-
-
 def ar1(rng: np.random.Generator, n: int, r: float) -> FloatArray:
     """Stationary noise of variance 1 with autocorrelation r^k."""
     e = rng.normal(size=n) * np.sqrt(1 - r**2)
@@ -166,14 +155,6 @@ def test_effective_number_limits() -> None:
     assert effective_number(50, 1.0) == 1
     assert effective_number(50, 1.7) == 1
     assert effective_number(2, 0.9) == 1
-
-
-def test_effective_number_is_that_of_simulated_means() -> None:
-    rng = np.random.default_rng(5)
-    means = np.array([ar1(rng, 400, 0.8).mean() for _ in range(3000)])
-    found, error = means.var(), means.var() * np.sqrt(2 / 3000)
-    # 400 readings are not infinitely many: 1/(n (1 - r)) of it is the formula's own error.
-    assert abs(found - 1 / effective_number(400, 0.8)) < 4 * error + found / (400 * 0.2)
 
 
 def test_error_rate_on_noise_that_follows_itself() -> None:

@@ -98,20 +98,20 @@ class Other:
 
 
 class ScaledT:
-    """A sum of a t with `dof` and a normal; its own first-order form, of unknown variance if so."""
+    """A t with `dof`, its own first-order form."""
 
     names = ("t",)
     linear_mean = np.zeros(1)
 
-    def __init__(self, dof: float, normal: float = 0.0, *, known: bool = True) -> None:
-        self.dof, self.normal = dof, normal
+    def __init__(self, dof: float) -> None:
+        self.dof = dof
         self.u_exists = np.array([dof > 2.0])
         t = Distribution(kind="t", u=1.0, dof=dof)
-        self.linear_variance = np.array([t.drawn_variance + normal**2 if known else np.nan])
-        self.quantile = sum_quantile([(1.0, t), (1.0, Distribution(kind="normal", u=normal))])
+        self.linear_variance = np.array([t.drawn_variance])
+        self.quantile = sum_quantile([(1.0, t)])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        values = rng.standard_t(self.dof, (1, m)) + self.normal * rng.standard_normal((1, m))
+        values = rng.standard_t(self.dof, (1, m))
         return Draws(values=values, linear=values)
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
