@@ -82,13 +82,6 @@ def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_p
     assert (tmp_path / "new.yaml").exists()
 
 
-def test_one_part_with_one_hole(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    found, result = few(tmp_path, rows[:1])
-    assert found is None
-    assert done(result, 2).stderr.startswith("mtu: too little data: 1 by 1")
-    assert len(result.stderr.splitlines()) == 1
-
-
 def test_every_row_a_part_of_its_own(rows: list[dict[str, str]], tmp_path: Path) -> None:
     """As where the column of the part counts the rows: parts and features say the same then."""
     points = [row | {"part": str(i), "sequence": str(i)} for i, row in enumerate(rows[:48])]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -66,15 +65,6 @@ def test_a_smooth_effect_is_a_table_that_predictions_take(closed: Any, tmp_path:
     )
     assert new["Ex_um"] - old["Ex_um"] == pytest.approx(3.0)
     assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(0.2)
-
-
-def test_the_components_hold_the_joint_covariance(closed: Any, tmp_path: Path) -> None:
-    done(closed(BACKLASH, SMOOTH))
-    effects = json.loads((tmp_path / "new.json").read_text())["results"]["effects"]
-    assert effects["parameters"] == ["backlash-x.lost_motion", "backlash-x.level_x"]
-    assert np.diag(effects["covariance"]) == pytest.approx([0.15**2, 0.3**2])
-    call = ("-m", tmp_path / "new.yaml", "-c", tmp_path / "new.json", "--at", "dir_x=1")
-    done(mtu("predict-points", UNDECLARED, *call, "-q"))
 
 
 def test_effects_of_a_table_keep_their_covariance() -> None:

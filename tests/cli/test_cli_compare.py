@@ -116,14 +116,3 @@ def test_a_datum_frees_the_parts_of_their_coordinate_system(
     for first, second in zip(document["results"]["lengths"], found["lengths"], strict=True):
         assert second["measured"]["mean_um"] == pytest.approx(first["measured"]["mean_um"])
         assert second["predicted"]["u_um"] == pytest.approx(first["predicted"]["u_um"])
-
-
-def test_the_gates_on_the_shipped_parts() -> None:
-    biased = done(mtu("compare", STUDY, "--fail-if", "biased", "-q"), 3)
-    assert biased.stderr.startswith("mtu: gate biased: drilled 15 x, ")
-    assert biased.stdout == ""
-    scatter = done(mtu("compare", STUDY, "--fail-if", "under-predicted", "-q"), 3)
-    assert scatter.stderr.startswith("mtu: gate under-predicted: drilled 1 x, ")
-    assert " more\n" in scatter.stderr
-    both = done(mtu("compare", STUDY, "--fail-if", "biased,under-predicted", "-q"), 3)
-    assert both.stderr == biased.stderr + scatter.stderr

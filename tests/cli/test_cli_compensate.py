@@ -156,14 +156,6 @@ def test_calls_that_are_refused(words: tuple[str, ...], said: str, tmp_path: Pat
     assert said in refused(tmp_path, "compensate", RING, *words)
 
 
-def test_a_linuxcnc_file_with_a_comment_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "x.comp").write_text("# mine\n0 0 0\n50 50 50\n", "utf-8")
-    call = ("compensate", "--for", "linuxcnc", "--set", "type=0", "--read", "x.comp")
-    message = refused(tmp_path, *call)
-    assert "x.comp:1" in message
-    assert "LinuxCNC stops reading here" in message
-
-
 def test_what_stands_beside_a_table_overwrites_nothing(tmp_path: Path) -> None:
     """LinuxCNC: the sign stands in FILE.txt, checked as the table itself."""
     laser = RING.parent.parent / "data" / "valdes-ring" / "laser.csv"

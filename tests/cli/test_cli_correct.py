@@ -115,11 +115,6 @@ def test_the_figures_follow_from_each_other(document: dict[str, Any]) -> None:
         assert abs(error["after"]) < 4 * ring["u_error_um"] < abs(error["before"])
 
 
-def test_the_same_bytes_again(folder: Path, outputs: Listing) -> None:
-    alone = done(mtu("correct", *FILES, "-o", "-", cwd=folder))
-    assert alone.stdout.encode() == outputs["out.json"]
-
-
 @pytest.mark.parametrize("part", [PART, PART + LENGTH], ids=["points", "lengths"])
 def test_without_circles(folder: Path, tmp_path: Path, part: str) -> None:
     (tmp_path / "part.yaml").write_text(part)

@@ -86,17 +86,6 @@ def test_predictions_need_the_covariates(
     assert ("[one-direction]" in told) == (command != "predict-points")
 
 
-def test_what_an_effect_adds(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    call = ("predict-points", "-p", "part.yaml", "--lbb", "lbb.csv")
-    _, old, _ = run_command(monkeypatch, work, *call, "-m", "before.yaml")
-    _, new, _ = run_command(monkeypatch, work, *call, "-m", "machine.yaml", *AT)
-    for before, after in zip(old["results"]["points"], new["results"]["points"], strict=True):
-        assert after["Ex_um"] - before["Ex_um"] == pytest.approx(4.0)
-        assert after["Ey_um"] - before["Ey_um"] == pytest.approx(0.5 * 2)
-        assert after["var_x_um2"] - before["var_x_um2"] == pytest.approx(0.09)
-        assert after["var_y_um2"] - before["var_y_um2"] == pytest.approx(0.01 * 4)
-
-
 @pytest.mark.parametrize("command", ["correct", "compare"])
 def test_measured_points_bring_their_covariates(
     command: str, work: Path, monkeypatch: pytest.MonkeyPatch
@@ -296,23 +285,6 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
         {"Ex": "shift*dir_x"},
     ]
     assert effects[0].found["component"] == "axy"
-
-
-def test_what_no_equation_describes_is_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    work = prepared(tmp_path / "work")
-    outlier = effect("feature-outlier", parameter("shift", "um", 1.0, 0.1), equations={})
-    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    assert made(inputs, [outlier, replace(BACKLASH, classes=())]) == ["effect-not-written"]
-    assert [item.name for item in load_machine(work / "new.yaml").machine.effects] == ["backlash-x"]
-    assert made(inputs, [outlier]) == ["effect-not-written", "nothing-added"]
-    assert (work / "new.yaml").read_bytes() == (work / "machine.yaml").read_bytes()
-    assert read_components(work / "new.json").effects is None
-    # Nothing is said of a machine that is not asked for.
-    report = {"out": work / "r.json"}
-    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **report)
-    assert made(inputs, [outlier]) == []
 
 
 def outcome(**changes: Any) -> Outcome:

@@ -11,8 +11,6 @@ from cli_runner import done, mtu, report
 from positioning_examples import EXPECTED, published, write_readings
 from support import CONFIGS
 
-import mtu_cli
-
 BUDGET = "schema: mtu/study/1\nbudget: {device_U_um_per_m: 20, E_VE_um: 0.5}\n"
 
 
@@ -177,9 +175,3 @@ def test_faulty_files_are_one_message(laser: Path, tmp_path: Path) -> None:
     study = CONFIGS / "undeclared" / "mtu.yaml"
     said = done(mtu("iso230", "--laser", laser, "--budget", study), 2).stderr
     assert "the key 'budget' is missing" in said
-
-
-def test_python_says_the_same(laser: Path) -> None:
-    readings = mtu_cli.read_readings([laser], role="laser")
-    found = mtu_cli.iso230(readings).to_dict()
-    assert found == report("iso230", "--laser", laser)["results"]

@@ -105,15 +105,6 @@ def test_a_terminal_receives_colour() -> None:
         assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
 
 
-def test_a_narrow_terminal_loses_nothing() -> None:
-    """Columns stand below each other there: all that a pipe receives is to be seen."""
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=20))
-    _, _, _, *rows = in_a_pipe().partition("\nU = ")[0].splitlines()
-    for row in rows:
-        for cell in re.split(" {2,}", row):
-            assert re.search(rf"(^| ){re.escape(cell)}( |\r?$)", shown, re.MULTILINE)
-
-
 @pytest.mark.parametrize("call", ["lengths --help", f"lengths {SMALL}"])
 def test_a_reader_that_never_reads(call: str, tmp_path: Path) -> None:
     """Help is written by a library, which would have ended with 1."""

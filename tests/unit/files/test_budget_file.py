@@ -132,19 +132,6 @@ def test_faults_of_an_input(entry: str, code: str, place: str) -> None:
     assert {each.path for each in found} <= {f"inputs.a{place}", "inputs.a.readings"}
 
 
-@pytest.mark.parametrize(
-    ("entry", "words"),
-    [
-        ("{value: 1, u: 1, distribution: rectanglar}", "did you mean 'rectangular'?"),
-        ("{value: 1, halfwidth: 1}", "did you mean 'half_width'?"),
-        ("about 3", "expected a number, or keys with values"),
-    ],
-)
-def test_faults_of_the_contract(entry: str, words: str) -> None:
-    (found,) = findings(SUM + f"  a: {entry}\n")
-    assert words in found.message
-
-
 def test_all_faults_at_once() -> None:
     found = findings(
         """\

@@ -110,13 +110,14 @@ def test_all_bad_cells_are_named(tmp_path: Path) -> None:
             "name,value\na,9007199254740993000000000000000\n",
             "'9007199254740993000000000000000'; expected at most 1e+12 in size",
         ),
-        ("name,value\na\n", "a row of 1 cell: 'a'; expected 2, as in the header"),
-        ('name,value\n"a,1\n', '; expected a closing "'),
+        ('{"name": 1}', "holds no table: '{\"name\": 1}'"),
+        ("name,value\nd,1_0\n", "not a number: '1_0'; expected a number"),
+        ("name,value\nd,0x1\n", "not a number: '0x1'; expected a number"),
     ],
 )
 def test_what_a_fault_says(content: str, words: str, tmp_path: Path) -> None:
     (found,) = faults(tmp_path, content)
-    assert found.endswith(words)
+    assert words in found
 
 
 def test_very_many_bad_cells_are_counted(tmp_path: Path) -> None:
@@ -131,21 +132,6 @@ def test_very_many_bad_cells_are_counted(tmp_path: Path) -> None:
     assert len(others) == MOST_SHOWN - 1
     assert first.startswith("m.csv, row 2, column 'value': not a number: 'x'")
     assert last == f"... and {many - MOST_SHOWN} more"
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        ("", "holds no text"),
-        ("name\tvalue\na\t1\n", "tabs or bars"),
-        ('{"name": 1}', "holds no table: '{"),
-        ("name,value,value\na,1,2\n", "'value': the column appears twice"),
-        ("name,value,\na,1,\n", "not a name that a table can show at column 3"),
-        ("name,value,Size\na,1,2\n", "unknown column: 'Size'; expected it renamed to 'size'"),
-    ],
-)
-def test_what_is_no_table(content: str, words: str, tmp_path: Path) -> None:
-    assert any(words in line for line in faults(tmp_path, content))
 
 
 @pytest.mark.parametrize(

@@ -112,20 +112,6 @@ def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
     assert words in found[0]
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "\\e[31m",
-        "a\\nb",
-    ],
-)
-def test_a_feature_has_a_name_of_one_line(tmp_path: Path, name: str) -> None:
-    (line,) = part_faults(tmp_path, f'features: {{"{name}": {{x_mm: 1, y_mm: 2}}}}\n')
-    assert line.startswith("p.yaml:4: features.")
-    assert "not a name: " in line
-    assert line.isprintable()
-
-
 def test_a_faulty_feature_is_not_called_unknown(tmp_path: Path) -> None:
     text = "features: {3: {x_mm: 1}, 4: {x_mm: 1, y_mm: 2}}\nlengths: [{from: 3, to: 5}]\n"
     found = part_faults(tmp_path, text)

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import pytest
 
-from mtu_cli.files.contract import json_schema
 from mtu_cli.files.machine import load_machine
 from mtu_cli.files.machine_contract import Thermal
 from mtu_cli.findings import InputError
@@ -159,14 +157,3 @@ def test_every_fault_of_every_drift_at_once(tmp_path: Path) -> None:
     assert [str(problem).split(": ")[0] for problem in caught.value.findings] == [
         f"m.yaml:{line}" for line in (9, 10, 12, 13, 14, 15)
     ]
-
-
-def test_the_schema_knows_the_drift() -> None:
-    schema = json_schema("machine")
-    drift = schema["$defs"]["Thermal"]
-    assert drift["required"] == ["gradients"]
-    assert set(drift["properties"]) == {
-        "positions_mm", "degree", "gradients", "time_constants_min", "s_leftover", "sensor_u_degC",
-    }  # fmt: skip
-    assert {"type": "number"} in drift["properties"]["sensor_u_degC"]["anyOf"]
-    assert "Thermal" in json.dumps(schema["$defs"]["Component"])
