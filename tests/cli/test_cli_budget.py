@@ -5,12 +5,9 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import jsonschema
 import pytest
 from cli_runner import done, mtu, report
 from support import CONFIGS
-
-from mtu_cli.files.yaml_file import read_yaml
 
 BUDGETS = sorted((CONFIGS / "budgets").glob("*.yaml"))
 H1 = CONFIGS / "budgets" / "gum-h1-end-gauge.yaml"
@@ -43,21 +40,6 @@ def test_options() -> None:
     assert results["monte_carlo"]["probability"] == pytest.approx(0.9545, abs=5e-5)
     assert results["rows"] == other["rows"]
     assert results["monte_carlo"]["mean"] != other["monte_carlo"]["mean"]
-
-
-def test_a_call_without_a_file() -> None:
-    assert "FILE" in done(mtu("budget"), 2).stderr
-    assert "no such file" in done(mtu("budget", "nowhere.yaml"), 2).stderr
-
-
-def test_json_schema() -> None:
-    schema = json.loads(done(mtu("schema", "budget")).stdout)
-    jsonschema.Draft202012Validator.check_schema(schema)
-    validator = jsonschema.Draft202012Validator(schema)
-    for path in BUDGETS:
-        data = read_yaml(path, "budget").data
-        validator.validate(data)
-        assert not validator.is_valid(data | {"equatoin": "y"})
 
 
 def test_no_single_factor_in_the_settings_where_none_was_used(tmp_path: Path) -> None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from circle_examples import Causes, csv_text, made
 from cli_runner import HERE, done, mtu, report
 
-import mtu_cli
 from mtu_cli.files.reports_read import ComponentsReport, read_report
 
 SHIPPED = HERE / "circular-traces.csv"
@@ -25,18 +25,15 @@ def test_the_example_is_what_made_it() -> None:
 
 
 def test_a_file_is_diagnosed_and_drawn(tmp_path: Path) -> None:
-    said = done(mtu("circular", SHIPPED, "--plot", tmp_path / "a.png", "--report",
-                    tmp_path / "a.html", "--csv", tmp_path / "a.csv"))  # fmt: skip
+    said = done(mtu("circular", SHIPPED, "--plot", tmp_path / "a.png", "-o", tmp_path / "a.json"))
     assert max(map(len, said.stdout.splitlines())) <= 100
     assert said.stdout.startswith("G ")
-    rows = report("circular", SHIPPED)["results"]["diagnosis"]
+    rows = json.loads((tmp_path / "a.json").read_text("utf-8"))["results"]["diagnosis"]
     expected = Causes().expected()
     assert {row["name"] for row in rows} == set(expected)
     for row in rows:
         assert abs(row["value"] - expected[row["name"]]) < 4 * row["u"]
-    first = (tmp_path / "a.png").read_bytes()
-    done(mtu("circular", SHIPPED, "-q", "--plot", tmp_path / "b.png"))
-    assert (tmp_path / "b.png").read_bytes() == first
+    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_options_say_what_columns_do_not(tmp_path: Path) -> None:
@@ -55,8 +52,6 @@ def test_options_say_what_columns_do_not(tmp_path: Path) -> None:
     assert turned == pytest.approx(known, abs=1e-6)
     without = found(*files, "--direction", "ccw,cw", "--radius", 150)
     assert without["servo-mismatch"] is None
-    python = mtu_cli.circular(*files, direction="ccw,cw", radius=150.0).to_dict()
-    assert {x["name"]: x["value"] for x in python["diagnosis"]} == without
 
 
 def test_squareness_and_lost_motion_are_handed_on(tmp_path: Path) -> None:
@@ -65,8 +60,7 @@ def test_squareness_and_lost_motion_are_handed_on(tmp_path: Path) -> None:
     handed = read_report(target)
     assert isinstance(handed, ComponentsReport)
     (value,) = handed.components["axy"].coefficients
-    known = report("circular", SHIPPED)["results"]["diagnosis"]
-    values = {row["name"]: row["value"] for row in known}
+    values = found(SHIPPED)
     # Positive above 90 degrees: minus the lean of the second axis towards the first.
     assert value == pytest.approx(-values["squareness"] * 0.206264806, rel=1e-6)
     reversal = handed.document["results"]["reversal"]

@@ -152,6 +152,7 @@ def test_gates(tmp_path: Path) -> None:
         ("machine", [*CONFIGS.glob("*/machine.yaml"), TRUTH]),
         ("part", list(CONFIGS.glob("*/part.yaml"))),
         ("study", list(CONFIGS.glob("*/mtu.yaml"))),
+        ("budget", list(CONFIGS.glob("budgets/*.yaml"))),
     ],
 )
 def test_json_schemas(kind: str, files: list[Path]) -> None:
