@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from circle_examples import Causes, csv_text, made
@@ -14,7 +15,7 @@ from mtu_cli.files.reports_read import ComponentsReport, read_report
 SHIPPED = HERE / "circular-traces.csv"
 
 
-def found(*words: object) -> dict[str, float | None]:
+def found(*words: object) -> dict[str, Any]:
     rows = report("circular", *words)["results"]["diagnosis"]
     return {row["name"]: row["value"] for row in rows}
 
@@ -81,11 +82,9 @@ def test_squareness_and_lost_motion_are_handed_on(tmp_path: Path) -> None:
     [
         ("direction", "", "the nominal radius is missing"),
         ("radius_mm", "", "the direction is missing"),
-        ("direction", "--radius 0", "the nominal radius is missing"),
         ("radius_mm", "--direction up", "unknown direction"),
         ("radius_mm", "--direction cw,ccw", "2 values"),
         ("radius_mm direction", "--feed -1", "out of range"),
-        ("radius_mm direction", "--feed fast", "not a number"),
         ("radius_mm direction", "--plane XX", "unknown plane"),
         ("radius_mm direction", "--write-components {}/c.json", "the plane is missing"),
     ],
@@ -110,23 +109,20 @@ def test_bad_cells_are_reported_at_once(tmp_path: Path) -> None:
     said = done(mtu("circular", file), 2).stderr
     for text in ("row 6, column 'direction'", "row 10, column 'plane'", "row 12, column 'radius"):
         assert text in said
-    for name, old, new, text in (
-        ("radius", ",150,", ",100,", "one in all traces"),
-        ("plane", ",XY,", ",YZ,", "the traces of one plane"),
-        ("feed", ",2000,", ",0,", "mm/min above 0"),
+    for old, new, text in (
+        (",150,", ",100,", "one in all traces"),
+        (",XY,", ",YZ,", "the traces of one plane"),
+        (",2000,", ",0,", "mm/min above 0"),
     ):
         lines = csv_text(made(Causes(), n=60)).splitlines()
         lines[7] = lines[7].replace(old, new)
-        other = tmp_path / f"{name}.csv"
-        other.write_text("\n".join(lines), "utf-8")
-        assert text in done(mtu("circular", other), 2).stderr
-    short = tmp_path / "short.csv"
-    short.write_text("\n".join(csv_text(made(Causes(), n=12)).splitlines()), "utf-8")
-    assert "a trace of 12 samples" in done(mtu("circular", short), 2).stderr
-    near = tmp_path / "near.csv"
+        file.write_text("\n".join(lines), "utf-8")
+        assert text in done(mtu("circular", file), 2).stderr
+    file.write_text("\n".join(csv_text(made(Causes(), n=12)).splitlines()), "utf-8")
+    assert "a trace of 12 samples" in done(mtu("circular", file), 2).stderr
     rows = [f"{i * 0.1:.1f},1,ccw,150" for i in range(40)]
-    near.write_text("\n".join(["angle_deg,deviation_um,direction,radius_mm", *rows]), "utf-8")
-    assert "away from the reversals" in done(mtu("circular", near), 2).stderr
+    file.write_text("\n".join(["angle_deg,deviation_um,direction,radius_mm", *rows]), "utf-8")
+    assert "away from the reversals" in done(mtu("circular", file), 2).stderr
 
 
 FEATURES = """<?xml version="1.0"?><BALLBAR><TEST_PLANE>XY</TEST_PLANE>

@@ -111,14 +111,6 @@ def test_the_report_holds_what_scripts_rely_on(first: Run) -> None:
     assert all(set(check) >= {"name", "p"} for check in results["unexplained"]["checks"])
 
 
-def test_the_truth_is_not_read(first: Run) -> None:
-    inputs = json.loads(first.files["out.json"] or b"")["inputs"]
-    names = sorted(Path(item["path"]).name for item in inputs)
-    assert "truth.yaml" not in names
-    assert {"machine.yaml", "part.yaml", "lbb.csv", "cmm.csv"} <= set(names)
-    assert "lost" not in MACHINE.read_text("utf-8").split("components:")[1]
-
-
 def test_the_table_says_it_first_and_in_words(first: Run) -> None:
     heading, *rest = first.result.stdout.splitlines()
     assert heading == "Undeclared effects: named"

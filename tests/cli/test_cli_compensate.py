@@ -82,8 +82,6 @@ def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> N
         ("siemens-enc", "$AA_ENC_COMP[0,0,Y1]="),
         ("siemens-cec", "$AN_CEC_OUTPUT_AXIS[0]=(AX2)"),
         ("heidenhain", "BEGIN AXIS_Y.COM MM"),
-        ("aerotech", ":START 2 SAMPLEDIST"),
-        ("acs", "MTU_MAP_1_0(0) ="),
         ("pmac", "#2"),
     ],
 )

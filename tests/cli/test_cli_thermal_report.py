@@ -34,8 +34,8 @@ def test_a_model_that_nothing_was_held_out_of_says_so_once(
     assert predicted.stderr.count("[reported]") == 2 * times
     assert ("warning: t.json: a: there are two cycles: " in predicted.stderr) == (times > 0)
     # A report of drifts alone gives no components.
-    fitted = "unit: um, coefficients: [1], u_future: 0.1,"
-    (tmp_path / "m.yaml").write_text(MACHINE.replace(fitted, "unit: um,"))
+    known = "unit: um, coefficients: [1], u_future: 0.1,"
+    (tmp_path / "m.yaml").write_text(MACHINE.replace(known, "unit: um,"))
     message = refused(tmp_path, "predict-points", "-m", "m.yaml", "-p", "p.yaml", "-c", "t.json")
     for name in ("a", "b"):
         assert f"components.{name}: an estimate of {name} is missing; exp" in message

@@ -120,7 +120,6 @@ def test_failing_readers_are_noticed_and_kept(
         ("", "the message is empty"),
         ("a.csv: fault\n\nb", "an empty line"),
         ("a.csv: \x1b[31mred", "signs that a terminal obeys"),
-        ("a" * 3000, "a line of 3000 characters"),
         ("ValueError: cannot convert", "words of the program"),
         ("a.yaml: Input should be valid [pydantic]", "words of the program"),
     ],

@@ -147,13 +147,6 @@ def test_the_nearest_study_above_is_found(tmp_path: Path) -> None:
     assert find_study(deep) == deep / "mtu.yaml"
 
 
-def test_schemas_accept_short_forms() -> None:
-    constant = json_schema("machine")["properties"]["constants"]["additionalProperties"]
-    assert {"type": "number"} in constant["anyOf"]
-    length = json_schema("part")["$defs"]["Length"]
-    assert set(length["required"]) == {"from", "to"}
-
-
 def test_the_schema_knows_what_an_effect_is_of() -> None:
     texts, _ = json_schema("machine")["$defs"]["Effect"]["properties"]["axis"]["anyOf"]
     for axis in ("x", "xy", "zx", "zyx", "axy", "q", "xxa"):
