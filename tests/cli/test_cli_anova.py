@@ -75,9 +75,6 @@ def test_a_datum_takes_the_set_up_out(measured: Path, tmp_path: Path) -> None:
     report = results(out)
     assert report["datum"] == "offset,rotation"
     assert [total["mean_error_um"] for total in report["totals"]] == pytest.approx([0, 0], abs=1e-9)
-    wrong = mtu("anova", "--cmm", measured, "-p", PART, "--datum", "offset,rotatoin")
-    assert wrong.returncode == 2
-    assert "--datum: out of range: 'offset,rotatoin'; expected 'none', 'offset'" in wrong.stderr
 
 
 def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_path: Path) -> None:
@@ -98,25 +95,12 @@ def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_
     assert entry["F"] is None
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ((), "the cmm file is missing"),
-        (("--cmm", "CMM", "-p", PART, "--method", "rem"), "unknown method: 'rem'; did you mean"),
-        (("--cmm", "CMM", "-p", PART, "--fail-if", "biased"), "unknown gate: 'biased'"),
-    ],
-)
-def test_bad_calls(measured: Path, options: tuple[object, ...], words: str) -> None:
-    given = [measured if item == "CMM" else item for item in options]
-    found = mtu("anova", *given, cwd=measured.parent)
-    assert found.returncode == 2
-    assert words in found.stderr
-
-
 def test_the_gate_needs_four_parts(measured: Path, tmp_path: Path) -> None:
     rows = [row for row in rows_of(measured.read_text()) if row["part"] in ("1", "2", "3")]
     path = write(tmp_path / "cmm.csv", rows)
     found = mtu("anova", "--cmm", path, "-p", PART, "--fail-if", "unusual")
     assert found.returncode == 2
     assert "four or more" in found.stderr
-    assert mtu("anova", "--cmm", path, "-p", PART, "-q").stdout == ""
+    wrong = mtu("anova", "--cmm", path, "-p", PART, "--method", "rem")
+    assert wrong.returncode == 2
+    assert "unknown method: 'rem'; did you mean" in wrong.stderr

@@ -5,26 +5,12 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import jsonschema
 import pytest
-from cli_runner import done, mtu, refused, report
+from cli_runner import done, mtu, report
 from support import CONFIGS
-
-from mtu_cli.files.yaml_file import read_yaml
 
 BUDGETS = sorted((CONFIGS / "budgets").glob("*.yaml"))
 H1 = CONFIGS / "budgets" / "gum-h1-end-gauge.yaml"
-FAULTY = """\
-schema: mtu/budget/1
-name: faulty
-quantity: {nam: y}
-equation: ls + d*thata
-inputs:
-  ls: {value: 1, u: 1, half_width: 2}
-  d: {value: 2, u: -1}
-  theta: {value: 1e, u: 1}
-correlations: [[ls, x, 0.2]]
-"""
 
 
 @pytest.mark.parametrize("path", BUDGETS, ids=lambda path: path.stem)
@@ -54,38 +40,6 @@ def test_options() -> None:
     assert results["monte_carlo"]["probability"] == pytest.approx(0.9545, abs=5e-5)
     assert results["rows"] == other["rows"]
     assert results["monte_carlo"]["mean"] != other["monte_carlo"]["mean"]
-
-
-def test_every_fault_at_once(tmp_path: Path) -> None:
-    (tmp_path / "b.yaml").write_text(FAULTY)
-    message = refused(tmp_path, "budget", "b.yaml", "-o", "out.json")
-    words = [
-        "b.yaml:3: quantity.nam: unknown key: 'nam'; did you mean 'name'?",
-        "b.yaml:4: equation: unknown name at column 8: 'thata'; did you mean 'theta'?",
-        "b.yaml:6: inputs.ls: u and half_width are given together",
-        "b.yaml:7: inputs.d.u: wrong value: '-1'",
-        "b.yaml:8: inputs.theta.value: wrong value: '1e'",
-        "b.yaml:9: correlations[0][1]: unknown name: 'x'",
-    ]
-    lines = message.removeprefix("mtu: ").splitlines()
-    assert len(lines) == len(words), message
-    for line, expected in zip(lines, words, strict=True):
-        assert line.startswith(expected)
-
-
-def test_a_call_without_a_file() -> None:
-    assert "FILE" in done(mtu("budget"), 2).stderr
-    assert "no such file" in done(mtu("budget", "nowhere.yaml"), 2).stderr
-
-
-def test_json_schema() -> None:
-    schema = json.loads(done(mtu("schema", "budget")).stdout)
-    jsonschema.Draft202012Validator.check_schema(schema)
-    validator = jsonschema.Draft202012Validator(schema)
-    for path in BUDGETS:
-        data = read_yaml(path, "budget").data
-        validator.validate(data)
-        assert not validator.is_valid(data | {"equatoin": "y"})
 
 
 def test_no_single_factor_in_the_settings_where_none_was_used(tmp_path: Path) -> None:

@@ -90,24 +90,6 @@ def test_an_effect_outside_the_library_gets_no_lone_name(
     assert found["unexplained"]["rms_um"] > 0
 
 
-def _copied(day: ShopDay) -> None:
-    day.covariates["T_copy_degC"] = day.covariates["T_spindle_degC"]
-    day.covariates["T_still_degC"] = np.full((day.P, 1), 20.0)
-
-
-def test_a_covariate_that_is_copied_or_constant(tmp_path: Path) -> None:
-    args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)], change=_copied)
-    done(mtu("close-loop", *args, *EXTEND, *NO_WAVES, "-o", "found.json", cwd=tmp_path))
-    found = json.loads((tmp_path / "found.json").read_text())["results"]
-    assert names(found) == ["thermal-drift-x"]
-    # Unknown at prediction: named, with how to give it.
-    refused = done(mtu("predict-points", *EXTENDED, cwd=tmp_path), 2).stderr
-    assert "T_spindle_degC" in refused
-    assert "--at" in refused
-    given = report("predict-points", *EXTENDED, "--at", "T_spindle_degC=28", cwd=tmp_path)
-    assert given["results"]["points"]
-
-
 @pytest.mark.parametrize(
     ("every", "words", "named"),
     [

@@ -82,13 +82,6 @@ def test_a_copy_of_the_direction_makes_a_class(rows: list[dict[str, str]], tmp_p
     assert (tmp_path / "new.yaml").exists()
 
 
-def test_one_part_with_one_hole(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    found, result = few(tmp_path, rows[:1])
-    assert found is None
-    assert done(result, 2).stderr.startswith("mtu: too little data: 1 by 1")
-    assert len(result.stderr.splitlines()) == 1
-
-
 def test_every_row_a_part_of_its_own(rows: list[dict[str, str]], tmp_path: Path) -> None:
     """As where the column of the part counts the rows: parts and features say the same then."""
     points = [row | {"part": str(i), "sequence": str(i)} for i, row in enumerate(rows[:48])]
@@ -142,18 +135,6 @@ def test_a_reversal_of_one_step_of_a_dial(tmp_path: Path) -> None:
     assert lost_motion["u"] == pytest.approx(0.5 * math.sqrt(2 / 8 * 100 / 12), rel=0.2)
 
 
-def test_own_effects_of_the_help(rows: list[dict[str, str]], tmp_path: Path) -> None:
-    (text,) = re.findall(r"```yaml\n(schema: mtu/effects/1\n.*?)```", topic("effects"), re.S)
-    (tmp_path / "mine.yaml").write_text(text, "utf-8")
-    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
-    found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml")
-    done(result)
-    tested = {item["name"]: item["unavailable"] for item in found["results"]["candidates"]}
-    assert tested["screw-heat-x"] is tested["screw-heat-y"] is None
-    assert found["results"]["effects"][0]["name"] == "backlash-x"
-    assert "effects" in [item["role"] for item in found["inputs"]]
-
-
 def own_ramp(tmp_path: Path, equation: str) -> Path:
     path = tmp_path / "ramp.yaml"
     path.write_text(
@@ -163,6 +144,24 @@ def own_ramp(tmp_path: Path, equation: str) -> Path:
         "utf-8",
     )
     return path
+
+
+def test_own_effects_of_the_help_and_one_with_a_constant(
+    rows: list[dict[str, str]], tmp_path: Path
+) -> None:
+    (text,) = re.findall(r"```yaml\n(schema: mtu/effects/1\n.*?)```", topic("effects"), re.S)
+    (tmp_path / "mine.yaml").write_text(text, "utf-8")
+    ramp = own_ramp(tmp_path, "level_y*(sequence/8)**2 + own_level")
+    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
+    found, result = few(tmp_path, points, "--effects", tmp_path / "mine.yaml", "--effects", ramp)
+    done(result)
+    tested = {item["name"]: item["unavailable"] for item in found["results"]["candidates"]}
+    assert tested["screw-heat-x"] is tested["screw-heat-y"] is None
+    assert tested["ramp-x"] == (
+        "a parameter of it is a constant, which is estimated with every effect: leave it out"
+    )
+    assert found["results"]["effects"][0]["name"] == "backlash-x"
+    assert [item["role"] for item in found["inputs"]].count("effects") == 2
 
 
 def test_the_constant_of_an_equation_has_a_name_of_its_own(
@@ -182,19 +181,6 @@ def test_the_constant_of_an_equation_has_a_name_of_its_own(
     # The machine is read again.
     files = ("-m", "m.yaml", "-p", PART, "--lbb", READINGS, "--cmm", "cmm.csv")
     done(mtu("close-loop", *files, *NO_WAVES, cwd=tmp_path))
-
-
-def test_an_own_effect_with_a_constant_is_told_to_leave_it_out(
-    rows: list[dict[str, str]], tmp_path: Path
-) -> None:
-    mine = own_ramp(tmp_path, "level_y*(sequence/8)**2 + own_level")
-    points = [row for row in rows if row["repeat"] == "1" and int(row["part"]) <= 8]
-    found, result = few(tmp_path, points, "--effects", mine)
-    done(result)
-    reasons = {c["name"]: c["unavailable"] for c in found["results"]["candidates"]}
-    assert reasons["ramp-x"] == (
-        "a parameter of it is a constant, which is estimated with every effect: leave it out"
-    )
 
 
 @pytest.mark.parametrize("column", ["lost_motion", "level_x"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,6 @@ from support import CONFIGS, DATA
 
 from mtu_cli.analyses import close_loop
 from mtu_cli.analyses.close_loop.result import CloseLoopResult, FoundEffect
-from mtu_cli.cli.close_loop import joint
 
 UNDECLARED = CONFIGS / "undeclared"
 OFFSET = effect("offset-x", parameter("shift", "um", 0.2, 0.3))
@@ -32,7 +30,7 @@ def closed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     """A call whose analysis finds given effects, which writes new.yaml and new.json."""
     real = close_loop.close_loop
 
-    def call(*effects: FoundEffect, verdict: Any = "named", gates: str = "") -> Result:
+    def call(*effects: FoundEffect, verdict: Any = "named") -> Result:
         def found(*args: Any, **options: Any) -> Any:
             KNOWN[:] = KNOWN or [real(*args, **options)]
             table = replace(
@@ -45,14 +43,14 @@ def closed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
 
         monkeypatch.setattr(close_loop, "close_loop", found)
         options = ["--write-machine", "new.yaml", "--write-components", "new.json"]
-        options += ["--fail-if", gates] if gates else []
+        options += ["--fail-if", "found,unexplained"]
         return mtu("close-loop", UNDECLARED, "-q", *options, cwd=tmp_path)
 
     return call
 
 
 def test_a_smooth_effect_is_a_table_that_predictions_take(closed: Any, tmp_path: Path) -> None:
-    done(closed(SMOOTH))
+    done(closed(SMOOTH), 3)
     (written,) = yaml.safe_load((tmp_path / "new.yaml").read_text())["effects"]
     assert written["equations"] == {"Ex": "profile_x"}
     assert written["components"]["profile_x"]["at_mm"] == [0, 50, 100, 150]
@@ -68,28 +66,6 @@ def test_a_smooth_effect_is_a_table_that_predictions_take(closed: Any, tmp_path:
     assert new["var_x_um2"] - old["var_x_um2"] == pytest.approx(0.2)
 
 
-def test_the_components_hold_the_joint_covariance(closed: Any, tmp_path: Path) -> None:
-    done(closed(BACKLASH, SMOOTH))
-    effects = json.loads((tmp_path / "new.json").read_text())["results"]["effects"]
-    assert effects["parameters"] == ["backlash-x.lost_motion", "backlash-x.level_x"]
-    assert np.diag(effects["covariance"]) == pytest.approx([0.15**2, 0.3**2])
-    call = ("-m", tmp_path / "new.yaml", "-c", tmp_path / "new.json", "--at", "dir_x=1")
-    done(mtu("predict-points", UNDECLARED, *call, "-q"))
-
-
-def test_effects_of_a_table_keep_their_covariance() -> None:
-    class Item:
-        covariance = np.arange(25.0).reshape(5, 5) + np.arange(25.0).reshape(5, 5).T
-
-    later = replace(CYCLIC, rows=(2, 3, 4))
-    item: Any = Item()
-    found = joint([(BACKLASH, item), (SMOOTH, item), (later, item)])
-    assert found[:2, :2] == pytest.approx(BACKLASH.covariance)
-    assert found[2:, 2:] == pytest.approx(CYCLIC.covariance)
-    assert found[:2, 2:] == pytest.approx(Item.covariance[:2, 2:])
-    assert (found == found.T).all()
-
-
 @pytest.mark.parametrize(
     ("effects", "verdict", "codes", "names"),
     [
@@ -100,10 +76,11 @@ def test_effects_of_a_table_keep_their_covariance() -> None:
         ((BACKLASH, OFFSET), "named", [], ["backlash-x", "offset-x"]),
         ((OFFSET,), "named", [], ["offset-x"]),
         ((SCATTER,), "named", ["effect-not-written", "nothing-added"], []),
+        ((), "unexplained", ["nothing-added"], []),
         ((), "none", ["nothing-added"], []),
     ],
 )
-def test_what_is_not_written_or_doubtful_is_warned_of(
+def test_what_is_not_written_or_doubtful_is_warned_of_and_gates_are_met(
     closed: Any,
     tmp_path: Path,
     effects: tuple[FoundEffect, ...],
@@ -111,22 +88,11 @@ def test_what_is_not_written_or_doubtful_is_warned_of(
     codes: list[str],
     names: list[str],
 ) -> None:
-    said = done(closed(*effects, verdict=verdict)).stderr
-    assert [line.rpartition("[")[2].rstrip("]") for line in said.splitlines()] == codes
+    met = {"none": [], "unexplained": ["found", "unexplained"]}.get(verdict, ["found"])
+    said = done(closed(*effects, verdict=verdict), 3 if met else 0).stderr
+    gates = [line for line in said.splitlines() if line.startswith("mtu: gate ")]
+    assert [line.split()[2].rstrip(":") for line in gates] == met
+    told = [line for line in said.splitlines() if line not in gates]
+    assert [line.rpartition("[")[2].rstrip("]") for line in told] == codes
     written = yaml.safe_load((tmp_path / "new.yaml").read_text()).get("effects", [])
     assert [item["name"] for item in written] == names
-
-
-@pytest.mark.parametrize(
-    ("effects", "verdict", "met"),
-    [
-        ((), "none", []),
-        ((BACKLASH,), "named", ["found"]),
-        ((CLASS,), "class", ["found"]),
-        ((), "unexplained", ["found", "unexplained"]),
-    ],
-)
-def test_the_gates(closed: Any, effects: Any, verdict: str, met: list[str]) -> None:
-    said = done(closed(*effects, verdict=verdict, gates="found,unexplained"), 3 if met else 0)
-    lines = [x for x in said.stderr.splitlines() if x.startswith("mtu: gate ")]
-    assert [line.split()[2].rstrip(":") for line in lines] == met

@@ -48,18 +48,8 @@ def test_a_gate_is_met_by_what_it_names_alone(
     path = write(tmp_path / "cmm.csv", moved(parts, GATED[kind]))
     for gate in GATED:
         met = kind == gate
-        call = (
-            "compare",
-            well_known,
-            "--cmm",
-            path,
-            "--fail-if",
-            gate,
-            "-q",
-            "-o",
-            tmp_path / f"{gate}.json",
-        )
-        result = done(mtu(*call), 3 if met else 0)
+        call = ("compare", well_known, "--cmm", path, "--fail-if", gate, "-q", "-o")
+        result = done(mtu(*call, tmp_path / f"{gate}.json"), 3 if met else 0)
         assert result.stderr.startswith(f"mtu: gate {gate}: A x, B x, ") == met
         assert met or result.stderr == ""
         features = json.loads((tmp_path / f"{gate}.json").read_text())["results"]["features"]

@@ -82,8 +82,6 @@ def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> N
         ("siemens-enc", "$AA_ENC_COMP[0,0,Y1]="),
         ("siemens-cec", "$AN_CEC_OUTPUT_AXIS[0]=(AX2)"),
         ("heidenhain", "BEGIN AXIS_Y.COM MM"),
-        ("aerotech", ":START 2 SAMPLEDIST"),
-        ("acs", "MTU_MAP_1_0(0) ="),
         ("pmac", "#2"),
     ],
 )
@@ -154,14 +152,6 @@ def test_what_the_loop_found_is_compensated_from_the_machine_file(tmp_path: Path
 )
 def test_calls_that_are_refused(words: tuple[str, ...], said: str, tmp_path: Path) -> None:
     assert said in refused(tmp_path, "compensate", RING, *words)
-
-
-def test_a_linuxcnc_file_with_a_comment_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "x.comp").write_text("# mine\n0 0 0\n50 50 50\n", "utf-8")
-    call = ("compensate", "--for", "linuxcnc", "--set", "type=0", "--read", "x.comp")
-    message = refused(tmp_path, *call)
-    assert "x.comp:1" in message
-    assert "LinuxCNC stops reading here" in message
 
 
 def test_what_stands_beside_a_table_overwrites_nothing(tmp_path: Path) -> None:

@@ -115,18 +115,12 @@ def test_the_figures_follow_from_each_other(document: dict[str, Any]) -> None:
         assert abs(error["after"]) < 4 * ring["u_error_um"] < abs(error["before"])
 
 
-def test_the_same_bytes_again(folder: Path, outputs: Listing) -> None:
-    alone = done(mtu("correct", *FILES, "-o", "-", cwd=folder))
-    assert alone.stdout.encode() == outputs["out.json"]
-
-
-@pytest.mark.parametrize("part", [PART, PART + LENGTH], ids=["points", "lengths"])
-def test_without_circles(folder: Path, tmp_path: Path, part: str) -> None:
-    (tmp_path / "part.yaml").write_text(part)
+def test_without_circles(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "part.yaml").write_text(PART + LENGTH)
     files = ("-m", folder / "machine.yaml", "-p", "part.yaml", "--cmm", folder / "cmm.csv")
     result = done(mtu("correct", *files, *OUTPUTS, cwd=tmp_path))
     assert result.stderr == ""
-    assert ("Lengths before and after" in result.stdout) == ("lengths" in part)
+    assert "Lengths before and after" in result.stdout
     assert "Circles" not in result.stdout
     found = json.loads((tmp_path / "out.json").read_text())["results"]
     assert found["circles"] == []
@@ -142,8 +136,6 @@ def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) 
     result = done(mtu("correct", *files, *at, "-o", "-", cwd=tmp_path))
     found = json.loads(result.stdout)
     codes = [item["code"] for item in found["warnings"]]
-    assert codes == [
-        "option-not-used", "not-used", "outside-measured-range",
-    ]  # fmt: skip
+    assert codes == ["option-not-used", "not-used", "outside-measured-range"]
     assert "load" in found["warnings"][0]["message"]
     assert found["results"]["circles"][0]["calibrated_mm"] == pytest.approx(180.01435)

@@ -8,25 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runner import done, listing, prepared, shell
+from cli_runner import done, listing, mtu, prepared, shell
 
-from mtu_cli.cli import simulate
 from mtu_cli.cli.analyse import fit_components as fitting
 from mtu_cli.cli.emit import Outcome, deliver, execute, warning_lines
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.modelled import modelled
 from mtu_cli.cli.options import Options
 from mtu_cli.findings import Finding, InputError, finding
-
-DEFAULTS: dict[str, Any] = {
-    "passes": 1, "parts": 1, "repeats": 1, "reverse_every": 0, "cycles": 1, "cmm_u_um": 1.0,
-    "part_offset_um": 0.0, "minutes": 0.5, "cycle_minutes": 2.0, "soak_minutes": 0.0,
-    "interval_min": 1.0, "room_lag_min": 30.0, "room_wobble_degc": 0.5,
-    "sensor_wobble_degc": 0.8, "sensor_noise_degc": 0.015, "sensor_spread": 0.05,
-    "reading_noise_um": 0.25, "reading_noise_arcsec": 0.05, "cmm_wobble_degc": 0.1,
-    "most_drift_um": 40.0, "most_drift_arcsec": 40.0, "room": "20:26", "operation": None,
-    "write_lbb": None, "write_cmm": None, "write_drift": None, "quiet": True,
-}  # fmt: skip
 
 
 @pytest.fixture
@@ -38,15 +27,9 @@ def work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-@pytest.mark.parametrize(
-    "call",
-    [
-        "lengths --at T_x_degC=20 -q -o r.json 2> /dev/full",
-    ],
-)
-def test_nothing_is_written_where_nothing_can_be_said(call: str, work: Path) -> None:
+def test_nothing_is_written_where_nothing_can_be_said(work: Path) -> None:
     before = listing(work)
-    done(shell(f"cd {work} && mtu {call}"), 2)
+    done(shell(f"cd {work} && mtu lengths --at T_x_degC=20 -q -o r.json 2> /dev/full"), 2)
     assert listing(work) == before
 
 
@@ -98,11 +81,6 @@ def test_readings_that_a_report_was_fitted_to_are_no_news(work: Path) -> None:
     assert "[not-used]" in _told({"components": [fitted]})[1][0]
 
 
-def _simulated(**values: Any) -> None:
-    given = [name for name in values if not name.startswith("write_")]
-    execute(Options("simulate", DEFAULTS | values, tuple(given)), simulate.simulate)
-
-
 def test_warnings_and_notes_are_told_once() -> None:
     warned = [
         finding("no-formula", reason="m"),
@@ -135,11 +113,9 @@ def test_a_direction_is_forth_or_back(name: str, work: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-def test_rows_are_told_once_they_are_written(
-    work: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rows_are_told_once_they_are_written(work: Path) -> None:
     before = listing(work)
-    with pytest.raises(InputError, match=r"^/dev/full: cannot be written: no space"):
-        _simulated(write_lbb=work / "l.csv", write_cmm=Path("/dev/full"))
-    assert capsys.readouterr().out == ""
+    said = done(mtu("simulate", "--write-lbb", "l.csv", "--write-cmm", "/dev/full", cwd=work), 2)
+    assert said.stderr.startswith("mtu: /dev/full: cannot be written: no space")
+    assert said.stdout == ""
     assert listing(work) == before

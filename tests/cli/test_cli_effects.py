@@ -45,16 +45,13 @@ AT = ("--at", "dir_x=1", "--at", "tool_parts=5")
 PLACES = {"A": (0, 0), "B": (100, 0), "C": (200, 0), "D": (0, 80), "E": (0, 160)}
 
 
-def cmm(columns: str = "dir_x,tool_parts") -> str:
+def cmm() -> str:
     """Five parts whose holes are where they should be, half of them after a reversal."""
-    wanted = columns.split(",") if columns else []
-    rows = [",".join(["part", "feature", "x_mm", "y_mm", *wanted])]
+    rows = ["part,feature,x_mm,y_mm,dir_x,tool_parts"]
     for part in range(5):
         for i, (name, (x, y)) in enumerate(PLACES.items()):
             moved = 0.002 * ((part * i) % 3) + 0.0007 * part
-            values = {"dir_x": str((-1) ** i), "tool_parts": str(part)}
-            own = [str(part), name, f"{x + moved:.4f}", f"{y - moved:.4f}"]
-            rows.append(",".join([*own, *(values[column] for column in wanted)]))
+            rows.append(f"{part},{name},{x + moved:.4f},{y - moved:.4f},{(-1) ** i},{part}")
     return "\n".join(rows) + "\n"
 
 
@@ -66,50 +63,18 @@ def work(tmp_path: Path) -> Path:
     content = extended_machine(load_machine(folder / "machine.yaml"), EFFECTS).content
     (folder / "machine.yaml").write_bytes(content)
     (folder / "cmm.csv").write_text(cmm())
-    (folder / "bare.csv").write_text(cmm(""))
     return folder
 
 
 @pytest.mark.parametrize("command", PREDICTIONS)
-def test_predictions_need_the_covariates(
+def test_predictions_take_the_covariates(
     command: str, work: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    code, _, told = run_command(monkeypatch, work, command)
-    assert code == 2
-    for name in ("dir_x", "tool_parts"):
-        assert f"a value of {name} for the machine " in told
-        assert f" is missing; expected --at {name}=VALUE" in told
     code, report, told = run_command(monkeypatch, work, command, *AT)
     assert code == 0
     assert report["settings"]["at"] == {"dir_x": 1.0, "tool_parts": 5.0}
     # One direction for both ends of a length takes the reversal out of it: not without a word.
     assert ("[one-direction]" in told) == (command != "predict-points")
-
-
-def test_what_an_effect_adds(work: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    call = ("predict-points", "-p", "part.yaml", "--lbb", "lbb.csv")
-    _, old, _ = run_command(monkeypatch, work, *call, "-m", "before.yaml")
-    _, new, _ = run_command(monkeypatch, work, *call, "-m", "machine.yaml", *AT)
-    for before, after in zip(old["results"]["points"], new["results"]["points"], strict=True):
-        assert after["Ex_um"] - before["Ex_um"] == pytest.approx(4.0)
-        assert after["Ey_um"] - before["Ey_um"] == pytest.approx(0.5 * 2)
-        assert after["var_x_um2"] - before["var_x_um2"] == pytest.approx(0.09)
-        assert after["var_y_um2"] - before["var_y_um2"] == pytest.approx(0.01 * 4)
-
-
-@pytest.mark.parametrize("command", ["correct", "compare"])
-def test_measured_points_bring_their_covariates(
-    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    code, report, told = run_command(monkeypatch, work, command, "--cmm", "cmm.csv")
-    assert code == 0, told
-    assert report["results"]
-    code, _, told = run_command(monkeypatch, work, command, "--cmm", "bare.csv")
-    assert code == 2
-    assert "dir_x" in told
-    assert "tool_parts" in told
-    code, _, told = run_command(monkeypatch, work, command, "--cmm", "bare.csv", *AT)
-    assert code == 0, told
 
 
 @pytest.mark.parametrize("command", ["lengths", "compare"])
@@ -298,23 +263,6 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
     assert effects[0].found["component"] == "axy"
 
 
-def test_what_no_equation_describes_is_left_out(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    work = prepared(tmp_path / "work")
-    outlier = effect("feature-outlier", parameter("shift", "um", 1.0, 0.1), equations={})
-    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    assert made(inputs, [outlier, replace(BACKLASH, classes=())]) == ["effect-not-written"]
-    assert [item.name for item in load_machine(work / "new.yaml").machine.effects] == ["backlash-x"]
-    assert made(inputs, [outlier]) == ["effect-not-written", "nothing-added"]
-    assert (work / "new.yaml").read_bytes() == (work / "machine.yaml").read_bytes()
-    assert read_components(work / "new.json").effects is None
-    # Nothing is said of a machine that is not asked for.
-    report = {"out": work / "r.json"}
-    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **report)
-    assert made(inputs, [outlier]) == []
-
-
 def outcome(**changes: Any) -> Outcome:
     return Outcome(
         results=lambda: {"a": 1},
@@ -338,16 +286,12 @@ def test_files_come_with_the_report_or_not_at_all(
         raise InputError([])
 
     with pytest.raises(InputError):
-        execute(options, lambda *_: _with_rows(broken, files))
+        execute(options, lambda *_: replace(outcome(files=lambda: files), rows=broken))
     assert [path.name for path in tmp_path.iterdir()] == ["new.yaml"]
     assert (tmp_path / "new.yaml").read_bytes() == b"old"
     execute(options, lambda *_: outcome(files=lambda: files))
     assert sorted(path.name for path in tmp_path.iterdir()) == ["new.yaml", "r.csv", "r.json"]
     assert (tmp_path / "new.yaml").read_bytes() == b"new"
-
-
-def _with_rows(rows: Any, files: dict[Path, bytes]) -> Outcome:
-    return replace(outcome(files=lambda: files), rows=rows)
 
 
 def test_choices_of_the_study_and_of_the_call(

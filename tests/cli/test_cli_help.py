@@ -80,10 +80,5 @@ def test_help_is_had_by_one_letter(words: tuple[str, ...]) -> None:
     assert done(mtu(*words, "-h", env={"COLUMNS": "100"})).stdout == help_of(*words)
 
 
-def test_the_letter_of_help_is_no_other_option() -> None:
-    groups = [*((name,) for name in COMMANDS if name != "graph"), *GRAPH]
-    assert not [words for words in groups for item in parameters(words) if "-h" in item.opts]
-
-
 def test_version() -> None:
     assert done(mtu("--version")).stdout == f"mtu {__version__}\n"

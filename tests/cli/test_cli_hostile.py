@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import os
 import time
 from pathlib import Path
@@ -27,7 +26,6 @@ def bomb() -> str:
     ("text", "words"),
     [
         (bomb(), "machine.yaml:6: more than 500000 values"),
-        (MACHINE + "equations: " + "[" * 5000, "machine.yaml:4: more than 60 levels"),
         (
             MACHINE + f"equations: {{Ex: '{'(' * 5000}a{')' * 5000}'}}",
             "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
@@ -52,9 +50,8 @@ def bomb() -> str:
             "!!python/object/apply:os.system ['touch stolen']\n",
             "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
         ),
-        (MACHINE + "equations: {Ex: a}\nnotes: \x07", "machine.yaml:5: cannot be read: no YAML"),
     ],
-    ids=["aliases", "brackets", "parentheses", "power", "signs", "digits", "code", "tag", "bell"],
+    ids=["aliases", "parentheses", "power", "signs", "digits", "code", "tag"],
 )
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
@@ -64,32 +61,6 @@ def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) 
     assert time.perf_counter() - start < SECONDS
     assert words in message
     assert len(message.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (bytes(range(256)) * 8, "cannot be read: byte 1 is 0x00"),
-        (b"PK\x03\x04" + bytes(100), "it is an Excel workbook"),
-        ("component,error".encode("utf-16"), "is UTF-16 text"),
-        (
-            b"component,error,unit\naxy,1,urad\naxy,\xb5,urad\n",
-            ":3: cannot be read: byte 37 is 0xb5",
-        ),
-        (b"\x1f\x8bgarbage", "damaged gzip data"),
-        (
-            gzip.compress(b"component,error,unit\n" * 500)[:60],
-            "damaged gzip data (Compressed file ended",
-        ),
-    ],
-    ids=["binary", "excel", "utf-16", "latin-1", "gzip-damaged", "gzip-cut"],
-)
-def test_bytes_that_are_no_table(content: bytes, words: str, tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work")
-    (work / "lbb.csv").write_bytes(content)
-    message = refused(work, "fit-components", "-o", "out.json", "--csv", "out.csv")
-    assert message.startswith("mtu: lbb.csv")
-    assert words in message
 
 
 def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:

@@ -28,7 +28,6 @@ features:
   e: {x_mm: 120, y_mm: 80, z_mm: 40}
 """
 FILES = ("-m", "machine.yaml", "-p", "part.yaml")
-COMMANDS = ("compare", "correct")
 
 
 @pytest.fixture(scope="module")
@@ -54,47 +53,25 @@ def written(folder: Path, name: str, changed: Callable[[str, str], tuple[str, st
     return name
 
 
-@pytest.mark.parametrize("command", COMMANDS)
-def test_an_axis_under_another_name_is_told(folder: Path, command: str) -> None:
+def test_an_axis_under_another_name_is_told(folder: Path) -> None:
     """Nothing is judged along z: not without a word."""
     points = written(folder, "zz.csv", lambda c, cell: ("zz_mm" if c == "z_mm" else c, cell))
-    found = done(mtu(command, *FILES, "--cmm", points, "-q", cwd=folder))
+    found = done(mtu("correct", *FILES, "--cmm", points, "-q", cwd=folder))
     told = [line for line in found.stderr.splitlines() if line.endswith("[axis-not-measured]")]
     assert len(told) == 1
     assert "z_mm" in told[0]
 
 
-def test_points_in_metres_are_refused_alike(folder: Path) -> None:
-    """Their error is no machine's: nothing may be written into a machine, or said of a part."""
-
-    def in_metres(column: str, cell: str) -> tuple[str, str]:
-        if column not in ("x_mm", "y_mm", "z_mm") or cell == column:
-            return column, cell
-        return column, f"{float(cell) / 1000:.9f}"
-
-    points = written(folder, "metres.csv", in_metres)
-    found = [
-        done(mtu(command, *FILES, "--cmm", points, "-o", "out.json", cwd=folder), 2).stderr
-        for command in ("close-loop", "correct")
-    ]
-    assert found[0] == found[1]
-    assert found[0].startswith("mtu: metres.csv, row 2: the points are typically 149.")
-    assert "in metres, not mm (rows 2 to 61)" in found[0]
-    assert not (folder / "out.json").exists()
-
-
-@pytest.mark.parametrize("command", [*COMMANDS, "anova"])
-def test_an_axis_written_from_the_drawing_is_told(folder: Path, command: str) -> None:
+def test_an_axis_written_from_the_drawing_is_told(folder: Path) -> None:
     """Along z every part is perfect, and a machine would be judged by that."""
 
     def nominal(column: str, cell: str) -> tuple[str, str]:
         return column, cell if column != "z_mm" or cell == column else f"{round(float(cell)):d}.000"
 
     points = written(folder, "drawn.csv", nominal)
-    files = FILES if command != "anova" else FILES[2:]
-    told = done(mtu(command, *files, "--cmm", points, cwd=folder)).stderr
+    told = done(mtu("compare", *FILES, "--cmm", points, cwd=folder)).stderr
     count = len((folder / points).read_text().splitlines()) - 1
     assert f"z of all points as the drawing (rows 2 to {count + 1})" in told
     assert told.count("[copied-values]") == 1
-    plain = done(mtu(command, *files, "--cmm", "cmm.csv", cwd=folder)).stderr
+    plain = done(mtu("compare", *FILES, "--cmm", "cmm.csv", cwd=folder)).stderr
     assert "copied-values" not in plain

@@ -72,12 +72,12 @@ def test_a_pipe_receives_plain_text() -> None:
     assert not any(line.endswith(" ") for line in plain.splitlines())
 
 
-def on_a_terminal(*args: object, columns: int = 100) -> str:
+def on_a_terminal(*args: object) -> str:
     """What a call writes where standard output is a terminal."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
         [MTU, *map(str, args)],
-        env=environment({"TERM": "xterm-256color", "COLUMNS": str(columns)}),
+        env=environment({"TERM": "xterm-256color", "COLUMNS": "100"}),
         stdin=subprocess.DEVNULL,
         stdout=theirs,
         stderr=subprocess.DEVNULL,
@@ -103,15 +103,6 @@ def test_a_terminal_receives_colour() -> None:
     bare = re.sub(r"\x1b\[[0-9;]*m", "", shown)
     for line in in_a_pipe().splitlines()[3:5]:
         assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
-
-
-def test_a_narrow_terminal_loses_nothing() -> None:
-    """Columns stand below each other there: all that a pipe receives is to be seen."""
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=20))
-    _, _, _, *rows = in_a_pipe().partition("\nU = ")[0].splitlines()
-    for row in rows:
-        for cell in re.split(" {2,}", row):
-            assert re.search(rf"(^| ){re.escape(cell)}( |\r?$)", shown, re.MULTILINE)
 
 
 @pytest.mark.parametrize("call", ["lengths --help", f"lengths {SMALL}"])
@@ -140,11 +131,8 @@ def test_full_disks_and_closed_streams() -> None:
     assert done(shell(f"mtu lengths {SMALL} >&- <&-")).stdout == ""
 
 
-@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="there is no /dev/zero")
-def test_devices_are_refused_and_pipes_are_read() -> None:
+def test_pipes_are_read() -> None:
     fit = f"mtu fit-components -m {SMALL}/machine.yaml --lbb"
-    said = done(plain_call(*fit.split()[1:], "/dev/zero"), 2).stderr
-    assert said == "mtu: /dev/zero: a device, no file; expected a file (lbb)\n"
     told = done(plain_call(*fit.split()[1:], f"{SMALL}/lbb.csv")).stdout
     assert done(shell(f"cat {SMALL}/lbb.csv | {fit} /dev/stdin")).stdout == told
 
@@ -180,17 +168,8 @@ def large(folder: Path) -> list[str]:
     features = "".join(f"  f{i}: {{x_mm: {i / 2}, y_mm: {i / 3:.4f}}}\n" for i in range(160))
     (work / "part.yaml").write_text(f"schema: mtu/part/1\nname: grid\nfeatures:\n{features}")
     (work / "out.json").write_bytes(OLD)
-    return [
-        "predict-points",
-        "--covariance",
-        "--trials",
-        "1000",
-        "-q",
-        "-o",
-        "out.json",
-        "--csv",
-        "out.csv",
-    ]
+    words = "predict-points --covariance --trials 1000 -q -o out.json --csv out.csv"
+    return words.split()
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=["kill", "interrupt"])

@@ -36,12 +36,6 @@ def test_every_command_writes_one_sound_file(call: str) -> None:
     assert ("seed " in used) == ("seed" in COMMANDS[command].options.split())
 
 
-def test_the_same_call_writes_the_same_bytes(tmp_path: Path) -> None:
-    done(mtu("lengths", UNDECLARED, "-q", "--report", tmp_path / "r.html"))
-    page = shared("lengths configs/undeclared").page
-    assert (tmp_path / "r.html").read_bytes() == page.read_bytes()
-
-
 def test_names_are_text_and_a_date_is_given(tmp_path: Path) -> None:
     (tmp_path / "part.yaml").write_text(
         "schema: mtu/part/1\nname: <b>plate</b>\nfeatures:\n"

@@ -59,28 +59,26 @@ def table(path: Path) -> pd.DataFrame:
     return pd.read_csv(path, comment="#")
 
 
-def test_shipped_ring_data_are_made_again_byte_for_byte(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("study", "files"),
+    [
+        ("valdes-ring", {"laser.csv", "drift.csv", "ring.csv"}),
+        ("laser-mill", {"x.rtl", "y.rtl", "cmm.csv", "x-after.rtl"}),
+    ],
+)
+def test_shipped_data_are_made_again_byte_for_byte(
+    study: str, files: set[str], tmp_path: Path
+) -> None:
     """The options are the file's own: the Makefile's target `data` in its header."""
-    makefile = (CONFIGS.parent / "Makefile").read_text()
-    command = next(part for part in makefile.split("$(MTU) ") if "$(VR)/truth.yaml" in part)
-    words = command.split("\n\n")[0].replace("\\\n", " ").replace("$(VR)", str(RING))
-    call = [word.replace("data/valdes-ring/", "") for word in shlex.split(words)]
-    done(mtu(*call, cwd=tmp_path))
+    text = (CONFIGS.parent / "Makefile").read_text().replace("\\\n", " ")
+    text = text.replace("$(VR)", str(RING)).replace("$(LM)", str(CONFIGS / "laser-mill"))
+    for line in text.splitlines():
+        if "simulate" in line and f"{study}/truth" in line:
+            words = shlex.split(line.replace(f"data/{study}/", ""))
+            done(mtu(*words[1:], cwd=tmp_path))
     for name, content in listing(tmp_path).items():
-        assert content == (DATA / "valdes-ring" / name).read_bytes(), name
-    assert set(listing(tmp_path)) == {"laser.csv", "drift.csv", "ring.csv"}
-
-
-def test_shipped_laser_runs_are_made_again_byte_for_byte(tmp_path: Path) -> None:
-    study = CONFIGS / "laser-mill"
-    makefile = (CONFIGS.parent / "Makefile").read_text().replace("\\\n", " ")
-    calls = [line for line in makefile.splitlines() if "simulate" in line and "laser-mill" in line]
-    for line in calls:
-        words = shlex.split(line.replace("$(LM)", str(study)).replace("data/laser-mill/", ""))
-        done(mtu(*words[1:], cwd=tmp_path))
-    for name, content in listing(tmp_path).items():
-        assert content == (DATA / "laser-mill" / name).read_bytes(), name
-    assert set(listing(tmp_path)) == {"x.rtl", "y.rtl", "cmm.csv", "x-after.rtl"}
+        assert content == (DATA / study / name).read_bytes(), name
+    assert set(listing(tmp_path)) == files
 
 
 def test_a_run_file_holds_what_the_csv_does(tmp_path: Path) -> None:
@@ -137,7 +135,6 @@ def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
         (("--room", "26:20"), "--room: out of range: '26:20'; expected LOW below HIGH"),
         (("--room", "warm"), "--room: not LOW:HIGH: 'warm'; expected 20:26, say"),
         (("--sensor-lag-min", "-1:5"), "--sensor-lag-min: out of range: '-1 min'; expected from 0"),
-        (("--interval-min", "0"), "invalid value for '--interval-min'"),
         (("--interval-min", "1e-6"), "invalid value for '--interval-min'"),
         (("--settled-drift", "aa: 3"), "thermal model: 'aa'; did you mean 'a'?"),
         (
@@ -152,14 +149,6 @@ def test_parts_take_the_rooms_in_turn_and_have_the_drift_of_their_temperatures(
         (("--twin", "T_b_degC: T_a_degC"), "--twin: the name is taken"),
         (("--room", "-51:20"), "from -50 to 200 degC"),
         (("--cmm-room", "1e300", "--write-cmm", "p.csv"), "invalid value for '--cmm-room'"),
-        (
-            ("--passes", "0"),
-            "invalid value for '--passes': Input should be greater than or equal to 1",
-        ),
-        (
-            ("--cycles", "1001"),
-            "invalid value for '--cycles': Input should be less than or equal to 1000",
-        ),
         (("--seed", "-1"), "--seed: out of range: '-1'; expected a number of at least 0"),
         (
             ("--positions", "y=-1:300:5", "--write-lbb", "l.csv"),
@@ -200,7 +189,6 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
 @pytest.mark.parametrize(
     ("call", "words"),
     [
-        (["--positions", "0:140"], "--positions: not LOW:HIGH:COUNT: '0:140'"),
         (["--positions", "0:inf:8"], "--positions: not a finite number: 'inf'"),
         (
             ["--positions", "0:9:8.0"],
@@ -218,12 +206,10 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
             "--covariate: not NAME: EQUATION: 'T_a_degC 20'; expected 'T_spindle_degC: 20 + ",
         ),
         (["--effect", "Ez: 0.004"], "--effect: unknown equation: 'Ez'; expected one of: Ex, Ey"),
-        (["--effect", "Ex: 0.004*dirx"], "unknown name at column 11: 'dirx'"),
         (
             ["--effect", "Ex: 0.0004*(T_spindle_degC-20)"],
             "unknown name at column 13: 'T_spindle_degC'; expected one of: x, y, z, sequence",
         ),
-        (["--effect", "Ex: 0.004*"], "--effect Ex: unexpected end of the equation at column 11"),
         (
             ["--effect", "Ex: 1/(x - x)"],
             "has no finite value at x = 0 in part 1 at feature 'A'",
@@ -232,7 +218,6 @@ SIMULATE = ["simulate", "--write-lbb", "out-lbb.csv", "--write-cmm", "out-cmm.cs
             ["--covariate", "x_mm: 1"],
             "--covariate: the name is taken: it is a column of the points: 'x_mm: 1'",
         ),
-        (["--covariate", "a: 1", "--covariate", "a: 2"], "a column of the points: 'a: 2'"),
         (["--passes", "1000000000"], "'--passes': Input should be less than or equal to 10000"),
         (
             ["--operation", ""],

@@ -16,9 +16,7 @@ from fuzz.commands import (
     failure_of,
     judged_call,
     sound_call,
-    whole,
 )
-from fuzz.damage import DAMAGES as BYTES
 from fuzz.damage import Case, drawn_case
 from fuzz.messages import unclean, warned
 from fuzz.readers import judged
@@ -122,7 +120,6 @@ def test_failing_readers_are_noticed_and_kept(
         ("", "the message is empty"),
         ("a.csv: fault\n\nb", "an empty line"),
         ("a.csv: \x1b[31mred", "signs that a terminal obeys"),
-        ("a" * 3000, "a line of 3000 characters"),
         ("ValueError: cannot convert", "words of the program"),
         ("a.yaml: Input should be valid [pydantic]", "words of the program"),
     ],
@@ -169,27 +166,3 @@ def test_calls_that_end_badly(
     found = failure_of(ended, sound, sound | after, call)
     assert (found is None) == (wrong is None), found
     assert wrong is None or wrong in str(found)
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "sound"),
-    [
-        ("a.csv", b"# a\nb,c\n1,2\n", True),
-        ("a.csv", b"b,c\n1,2", False),
-        ("a.csv", b'b,c\n1,"2\n', False),
-        ("a.dot", b"digraph {\n", False),
-        ("a.yaml", b"\xff", False),
-    ],
-)
-def test_halves_are_told_from_wholes(name: str, content: bytes, sound: bool) -> None:
-    assert (whole(name, content) is None) == sound
-
-
-@pytest.mark.parametrize("damage", BYTES, ids=lambda item: item.__name__)
-def test_damages_of_bytes_repeat_themselves(damage: object) -> None:
-    assert callable(damage)
-    content = b"part,feature\n1,2\n3,4\n" * 20
-    for start in (content, b"", b"\n"):
-        found = [damage(start, Random(number)) for number in range(20)]
-        assert found == [damage(start, Random(number)) for number in range(20)]
-        assert start != content or any(item != content for item in found)

@@ -23,13 +23,9 @@ def steps(tmp_path: Path, *args: str) -> list[list[str]]:
     ("lengths", "gated"),
     [
         ("- tolerance_um: 5\n  from: a\n  to: b\n", True),
-        ("- from: a\n  to: b\n  tolerance_um: 5\n", True),
         ("- {from: a, to: b,\n  'tolerance_um' : 5}\n", True),
-        ("  [{id: 'no. #1', from: a, to: b, tolerance_um: 5}]\n", True),
-        ("  [{id: '1', from: a, to: b, \"tolerance_um\": 5}]\n", True),
         ("- {from: a, to: b} # tolerance_um: 5\n", False),
         ("- {id: 'no tolerance_um: here', from: a, to: b}\n", False),
-        ("#- tolerance_um: 5\n- {from: a, to: b}\n", False),
     ],
 )
 def test_a_tolerance_has_its_gate_wherever_it_stands(

@@ -154,7 +154,7 @@ def test_names_of_built_in_families_and_of_other_files_are_taken(tmp_path: Path)
         effect_library([tmp_path / "none.yaml"])
 
 
-@pytest.mark.parametrize("name", ["a" * 200_000, "{a}" * 50_000, "{" * 200_000, "a{b" * 50_000])
+@pytest.mark.parametrize("name", ["{" * 200_000, "a{b" * 50_000])
 def test_a_very_long_name_costs_nothing(tmp_path: Path, name: str) -> None:
     """Names of parameters are searched for braces: in linear time, whatever they are."""
     start = time.process_time()

@@ -71,9 +71,7 @@ LAYOUTS = {
     "absent": ("", "", TAIL),
     "no last line end": ("", "", TAIL[:-1]),
     "empty, with a comment": ("", "effects: []\n", "# remark\n" + TAIL),
-    "empty, at the end": (TAIL, "effects: [ ]", ""),
     "block list": ("", f"effects:\n  - {OLD}\n", "  # remark\n\n" + TAIL),
-    "block list without indent": ("", f"effects:\n- {OLD}\n", TAIL),
     "block list with a block text": (
         "covariates: [load]  # c\n",
         "effects:\n  - name: e\n    parameters: {}\n    equations: {Ex: a}\n"
@@ -107,8 +105,6 @@ def test_all_else_stays(name: str, end: str, mark: bytes, tmp_path: Path) -> Non
     ("text", "lost"),
     [
         ("".join(f"  {line}\n" for line in (HEAD + TAIL).splitlines()), False),
-        (HEAD + "effects:\n  []\n" + TAIL.replace("Ex: a", "Ex: a, Ey: 0"), False),
-        (HEAD + TAIL + "notes: |\n  a text without a line end", True),
         (HEAD + "covariates: &none []\neffects: *none\n" + TAIL, True),
         (HEAD + f"effects:\n  - {OLD}  # old\n" + TAIL, True),
         (
@@ -146,11 +142,6 @@ def test_names_get_numbers(tmp_path: Path) -> None:
     )
     new = extended_machine(load(tmp_path, HEAD + TAIL), [effect]).machine.machine.effects[0]
     assert new.equations == {"Ex": "a_3*dir_x + 2.0e1*a_2"}
-
-
-def test_no_effects_no_change(tmp_path: Path) -> None:
-    old = load(tmp_path, HEAD + TAIL)
-    assert extended_machine(old, []).content == (HEAD + TAIL).encode()
 
 
 def test_numbers_that_json_has_not_are_null(tmp_path: Path) -> None:

@@ -98,47 +98,6 @@ def test_a_covariate_that_is_a_text_in_one_file_is_one_in_all(tmp_path: Path) ->
     assert found.covariates["shift"].tolist() == ["1", "night"]
 
 
-@pytest.mark.parametrize(
-    ("row", "words"),
-    [
-        ("dx_y,0,1,um", ", row 3, column 'component': unknown component: 'dx_y'; did you"),
-        ("dx_x,0,1,um.", ", row 3, column 'unit': unknown unit: 'um.'; did you mean 'um"),
-        (
-            "dx_x,0,1,arcsec",
-            "column 'unit': dx_x is an angle or ratio (rad), not a length (mm): 'arc",
-        ),
-        ("ez_x,0,1,um", "'um'; expected an angle or ratio (rad): the machine gives ez_x in arcsec"),
-        ("dx_x,,1,um", "column 'position_mm': empty cell; expected a number: dx_x is a function"),
-    ],
-)
-def test_faulty_readings(tmp_path: Path, row: str, words: str) -> None:
-    found = faults(tmp_path, f"{HEAD}\ndx_x,0,1,um\n{row}\n")
-    assert len(found) == 1
-    assert found[0].startswith("r0.csv, row 3")
-    assert words in found[0]
-
-
-def test_all_faults_of_all_files(tmp_path: Path) -> None:
-    head = f"{HEAD},direction,pass\n"
-    found = faults(
-        tmp_path,
-        head + "dx_x,0,1,um,up,1\nq,0,1,um,+,1.5\n",
-        head + "dx_x,0,1,m,backward,1\n",
-    )
-    assert [line.split(": ")[0] for line in found] == [
-        "r0.csv, row 2, column 'direction'",
-        "r0.csv, row 3, column 'component'",
-        "r0.csv, row 3, column 'pass'",
-        "r1.csv, row 2, column 'unit'",
-        "r1.csv, row 2, column 'direction'",
-    ]
-    assert "not a direction: 'up'; expected forward or reverse, + or -, 1 or -1" in found[0]
-    assert "not a whole number: '1.5'" in found[2]
-    # Cells that cannot be read are told for all files, too.
-    found = faults(tmp_path, f"{HEAD}\ndx_x,0,a,um\n", f"{HEAD}\ndx_x,0,b,um\n")
-    assert [line.split(", column")[0] for line in found] == ["r0.csv, row 2", "r1.csv, row 2"]
-
-
 @pytest.mark.parametrize("count", ["99999999999999999999", "9007199254740993", "9007199254740992"])
 def test_a_count_that_is_too_large(tmp_path: Path, count: str) -> None:
     """2^53 + 1 is read as 2^53: neither is told from the other."""

@@ -21,29 +21,16 @@ from mtu_cli.model.settings import Settings
 SETTINGS = Settings(trials=20_000, threads=1)
 
 SAYS = {
-    "dx_x": "X positioning",
-    "dy_x": "Y straightness of X",
-    "dy_y": "Y positioning",
-    "dx_y": "X straightness of Y",
-    "ex_x": "roll of X",
-    "ey_x": "pitch of X",
-    "ez_x": "yaw of X",
-    "ex_y": "pitch of Y",
-    "ey_y": "roll of Y",
-    "ez_y": "yaw of Y",
-}
+    "dx_x": "X positioning", "dy_x": "Y straightness of X", "dy_y": "Y positioning",
+    "dx_y": "X straightness of Y", "ex_x": "roll of X", "ey_x": "pitch of X", "ez_x": "yaw of X",
+    "ex_y": "pitch of Y", "ey_y": "roll of Y", "ez_y": "yaw of Y",
+}  # fmt: skip
 LINES = {
-    "dx_x": (-5.83, -0.0189),
-    "dy_x": (4.17, -0.00378),
-    "dy_y": (0.435, -0.0183),
-    "dx_y": (3.40, -0.00388),
-    "ex_x": (-7.10, 0.00078),
-    "ey_x": (-1.26, -0.0063),
-    "ez_x": (6.31, -0.0059),
-    "ex_y": (-13.55, -0.0012),
-    "ey_y": (8.21, 0.0078),
+    "dx_x": (-5.83, -0.0189), "dy_x": (4.17, -0.00378), "dy_y": (0.435, -0.0183),
+    "dx_y": (3.40, -0.00388), "ex_x": (-7.10, 0.00078), "ey_x": (-1.26, -0.0063),
+    "ez_x": (6.31, -0.0059), "ex_y": (-13.55, -0.0012), "ey_y": (8.21, 0.0078),
     "ez_y": (3.11, -0.0116),
-}
+}  # fmt: skip
 AXIS_ANGLE = (-6.99, -6.43, -7.39, -6.76, -6.79)
 
 EQUATIONS = """equations:

@@ -117,16 +117,6 @@ def test_the_main_table_is_the_rows(two: BudgetResult) -> None:
     assert ",inf," in lines[2]
 
 
-@pytest.mark.parametrize("text", [ONE, TWO, ONE.replace("mm", "m" * 12)])
-def test_tables_fit_a_hundred_columns(text: str) -> None:
-    result = evaluated(text)
-    for detail in (True, False):
-        lines = shown(result, detail=detail)
-        assert max(map(len, lines.splitlines())) <= 100
-        for words in ("first order", "second order", "Monte Carlo", "A+B", "t + normal"):
-            assert words in lines
-
-
 def test_the_verdict_states_the_interval_that_holds(one: BudgetResult) -> None:
     output = one.outputs[0]
     value = f"l = 7.15 ± {output.expanded:.2f} mm (k = {output.k:.2f})"

@@ -189,16 +189,3 @@ def test_the_picture_shows_the_differences_and_their_verdicts(two: CompareResult
     assert np.asarray(lines[0].get_xdata())[row] == pytest.approx(bias)
     boxes = [text.get_window_extent() for text in (*panel.texts, *panel.get_yticklabels())]
     assert all(page.bbox.x0 <= box.x0 < box.x1 <= page.bbox.x1 for box in boxes)
-
-
-@pytest.mark.parametrize(
-    "result",
-    [
-        result_of(1, lengths=False),
-        result_of(500, ("bored",)),
-        result_of(24, axes="x"),
-    ],
-    ids=["one feature", "500 features", "one axis"],
-)
-def test_pictures_of_any_study(result: CompareResult) -> None:
-    assert figure_bytes(figure(result), "png").startswith(b"\x89PNG")

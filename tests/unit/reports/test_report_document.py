@@ -72,19 +72,20 @@ def test_csv_text_keeps_every_digit() -> None:
     assert rows[2] == ["", "true", "3"]
 
 
+def draw(suffix: str) -> bytes:
+    @styled
+    def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
+        page = blank(3.0, 2.0)
+        page.subplots().plot([0, 1], [0, 1], "o-", label="a")
+        return page
+
+    return figure_bytes(inner(), suffix)
+
+
 @pytest.mark.parametrize("suffix", ["png", ".svg", ".PDF"])
 def test_the_same_figure_has_the_same_bytes_and_no_date(suffix: str) -> None:
-    def draw() -> bytes:
-        @styled
-        def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
-            page = blank(3.0, 2.0)
-            page.subplots().plot([0, 1], [0, 1], "o-", label="a")
-            return page
-
-        return figure_bytes(inner(), suffix)
-
-    first = draw()
-    assert first == draw()
+    first = draw(suffix)
+    assert first == draw(suffix)
     assert len(first) > 1000
     assert not re.search(rb"CreationDate|<dc:date>|20\d\d-\d\d-\d\dT", first)
 
@@ -92,16 +93,7 @@ def test_the_same_figure_has_the_same_bytes_and_no_date(suffix: str) -> None:
 def test_the_users_own_matplotlib_settings_change_nothing() -> None:
     import matplotlib
 
-    def draw() -> bytes:
-        @styled
-        def inner():  # type: ignore[no-untyped-def]  # a figure, whatever it holds
-            page = blank(3.0, 2.0)
-            page.subplots().plot([0, 1], [0, 1])
-            return page
-
-        return figure_bytes(inner(), "png")
-
-    plain = draw()
+    plain = draw("png")
     with matplotlib.rc_context({"lines.linewidth": 9.0, "axes.facecolor": "red"}):
-        assert draw() == plain
+        assert draw("png") == plain
         assert matplotlib.rcParams["lines.linewidth"] == 9.0

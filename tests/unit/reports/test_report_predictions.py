@@ -80,15 +80,6 @@ def test_points_hold_the_contract_fields(paper: Example) -> None:
         assert point["z_mm"] is None
 
 
-def test_covariance_of_the_points_only_on_request(spatial: Example) -> None:
-    result = spatial.points()
-    found = results(predict_points.document(result, with_covariance=True))
-    assert found["covariance_rows"][:4] == ["21.x", "21.y", "21.z", "22.x"]
-    np.testing.assert_allclose(found["covariance_um2"], result.covariance * 1e6, rtol=1e-12)
-    point = found["points"][0]
-    assert point["u_z_um"] == pytest.approx(np.sqrt(found["covariance_um2"][2][2]), rel=1e-9)
-
-
 def test_under_independence_u_is_not_split(paper: Example) -> None:
     apart = Settings(trials=4000, threads=1, correlation="independent")
     points, long, right = (each.record() for each in documents(paper, apart))

@@ -8,19 +8,14 @@ import numpy as np
 from model_examples import Segment, loaded, readings
 
 from mtu_cli.analyses.fit_components import fit_result
-from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.readings import Readings
-from mtu_cli.model.fit import MachineFit, estimates_from_fit, fit_machine
+from mtu_cli.model.fit import estimates_from_fit, fit_machine
 
 MACHINE = """
 components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}, c: {of: x, unit: mm}}
 equations: {Ex: a + c, Ey: b}
 """
 P = np.linspace(0.0, 90.0, 4)
-
-
-def codes_of(known: LoadedMachine, fit: MachineFit) -> set[str]:
-    return {item.code for item in fit_result("m", fit, estimates_from_fit(known, fit)).warnings}
 
 
 def segment(name: str, numbers: list[int], ways: list[int], role: str = "lbb") -> Segment:

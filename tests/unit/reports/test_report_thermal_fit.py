@@ -1,28 +1,29 @@
-"""What thermal-fit reports: names and units of the contract, nulls, tables."""
+"""The report and picture of thermal-fit: names and units, nulls, the whole model, legibility."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from thermal_examples import (
-    CYCLES,
-    constant,
-    cubic,
-    example,
-    without_sensors,
-)
+from support import CONFIGS
 
-from mtu_cli.analyses.thermal_fit.result import (
-    ComponentDrift,
-)
-from mtu_cli.model.estimates import ThermalEstimate
+from mtu_cli.analyses.thermal_fit.result import ThermalFit
+from mtu_cli.cli.load import Inputs
+from mtu_cli.cli.modelled import fitted_drift
+from mtu_cli.cli.options import Options
+from mtu_cli.files.machine import load_machine
+from mtu_cli.files.reports_read import ThermalReport, read_report
+from mtu_cli.model.fit import thermal_from_report
+from mtu_cli.reports.figures import figure_bytes
+from mtu_cli.reports.machine_figures import drift as figure
 from mtu_cli.reports.thermal_fit import document
-from mtu_cli.units import UNITS
 
+STUDY = CONFIGS / "valdes-ring"
 CONTRACT = {
     "model", "positions_mm", "sensors", "groups", "coefficients", "r2_fit", "rms_before_um",
     "rms_after_um", "held_out", "collinearity", "residuals", "of", "unit", "degree",
@@ -32,11 +33,17 @@ CONTRACT = {
 }  # fmt: skip
 
 
-def written(*components: ComponentDrift) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def fit() -> ThermalFit:
+    """Of the shipped drift test: a length by degree 3 through four positions, two of degree 0."""
+    inputs = Inputs(Options("thermal-fit", {"study": STUDY}))
+    return fitted_drift(inputs, inputs.drift, "ridge")
+
+
+def written(fit: ThermalFit) -> dict[str, Any]:
     """The components of the report as a reader of the file finds them."""
-    text = json.dumps(document(example(*components)).record(), allow_nan=False)
-    found: dict[str, Any] = json.loads(text)["components"]
-    return found
+    found: dict[str, Any] = json.loads(json.dumps(document(fit).record(), allow_nan=False))
+    return dict(found["components"])
 
 
 def names(value: object) -> set[str]:
@@ -46,67 +53,100 @@ def names(value: object) -> set[str]:
     return set().union(*(names(item) for item in value)) if isinstance(value, list) else set()
 
 
-def read_back(entry: dict[str, Any]) -> ThermalEstimate:
-    """The thermal model of a report, by the words of its description."""
-    unit = UNITS[entry["unit"]]
-    f = unit.to_internal
-    return ThermalEstimate(
-        component="", of=entry["of"], unit=unit, sensors=tuple(entry["sensors"]),
-        reference=entry["reference_temperature_degC"],
-        coefficients=np.array(entry["coefficients"]) * f,
-        covariance=np.array(entry["covariance"]) * f**2,
-        coefficient_dof=np.inf if entry["coefficient_dof"] is None else entry["coefficient_dof"],
-        leftover=np.array(entry["leftover_covariance"]) * f**2,
-        leftover_dof=np.inf if entry["leftover_dof"] is None else entry["leftover_dof"],
-        time_constants=np.array(entry["time_constants_min"]),
-        sensor_u=np.array(entry["sensor_u_degC"]),
-    )  # fmt: skip
+def test_names_and_units(fit: ThermalFit) -> None:
+    found = written(fit)
+    for name, unit, other, size in (
+        ("pos_y", "um", "arcsec", 1e-3),
+        ("yaw_y", "arcsec", "um", np.pi / 648000),
+    ):
+        entry, known = found[name], fit.components[name]
+        assert set(entry) >= {key.replace("_um", f"_{unit}") for key in CONTRACT}
+        assert not any(f"_{other}" in key for key in names(entry))
+        assert entry[f"rms_before_{unit}"] == pytest.approx(known.rms_before / size)
+        assert entry[f"rms_after_{unit}"] == pytest.approx(known.rms_after / size)
+        held, expected = entry["held_out"], known.held_out
+        assert expected is not None
+        assert (held["by"], held["blocks"]) == ("cycle", 4)
+        for key, value in (("rms_before", expected.before), ("rms_after", expected.after),
+                           ("ordinary", expected.ordinary)):  # fmt: skip
+            assert held[f"{key}_{unit}"] == pytest.approx(value / size)
+        test = known.position_test
+        assert test is not None
+        assert entry["position_test"] == {"F": test.F, "p": test.p}
+        gradients = entry["at_positions"][0][f"gradients_{unit}_per_degC"]
+        true = known.at_positions[0].gradients
+        assert gradients == pytest.approx({key: value / size for key, value in true.items()})
 
 
-def test_names_and_units() -> None:
-    found = written()
-    entry = found["pos_y"]
-    assert set(entry) >= CONTRACT
-    assert set(found["yaw_y"]) >= {name.replace("_um", "_arcsec") for name in CONTRACT}
-    assert not any("arcsec" in name for name in names(entry))
-    assert not any("_um" in name for name in names(found["yaw_y"]))
-    assert entry["rms_before_um"] == pytest.approx(31.2)
-    held = entry["held_out"]
-    assert (held["by"], held["rms_before_um"]) == ("cycle", pytest.approx(30.9))
-    assert (held["rms_after_um"], held["ordinary_um"]) == pytest.approx((0.31, 0.54))
-    assert held["blocks"] == len(CYCLES)
-    assert entry["position_test"] == {"F": 812.4, "p": 1e-40}
-    assert found["yaw_y"]["at_positions"][0]["gradients_arcsec_per_degC"]["T_01_degC"] == (
-        pytest.approx(2.81)
-    )
-
-
-@pytest.mark.parametrize("build", [cubic, constant])
-def test_report_holds_the_whole_model(build: Any) -> None:
-    known = build().estimate
-    again = read_back(written(build())[known.component])
+def test_report_holds_the_whole_model(fit: ThermalFit, tmp_path: Path) -> None:
+    path = tmp_path / "t.json"
+    path.write_text(json.dumps({"schema": "mtu/thermal-fit/1", "results": document(fit).record()}))
+    report = read_report(path)
+    assert isinstance(report, ThermalReport)
+    back = thermal_from_report(load_machine(STUDY / "machine.yaml"), report)
     place = np.array([0.0, 40.0, 310.0])
-    T = {name: 20.0 + np.array([1.0, -2.0, 6.0]) * (s + 1) for s, name in enumerate(known.sensors)}
-    np.testing.assert_allclose(again.drift(place, T), known.drift(place, T), rtol=1e-12)
-    for name in ("covariance", "leftover", "time_constants", "sensor_u"):
-        np.testing.assert_allclose(getattr(again, name), getattr(known, name), rtol=1e-12)
-    assert (again.coefficient_dof, again.leftover_dof) == (
-        known.coefficient_dof,
-        known.leftover_dof,
-    )
-    assert (again.of, again.reference) == (known.of, known.reference)
+    for name, item in fit.components.items():
+        again, known = back[name], item.estimate
+        T = {
+            each: 20 + np.array([1.0, -2.0, 6.0]) * (s + 1) for s, each in enumerate(known.sensors)
+        }
+        np.testing.assert_allclose(again.drift(place, T), known.drift(place, T), rtol=1e-9)
+        for key in ("covariance", "leftover", "time_constants", "sensor_u", "temperature_range"):
+            np.testing.assert_allclose(getattr(again, key), getattr(known, key), rtol=1e-12)
+        for key in ("coefficient_dof", "leftover_dof", "of", "reference"):
+            assert getattr(again, key) == getattr(known, key)
 
 
-def test_what_cannot_be_had_is_null() -> None:
-    entry = written()["roll_x"]
-    assert entry["held_out"] is None
-    assert entry["position_test"] is None
-    assert entry["positions_mm"] == []
-    assert entry["temperature_range_degC"] is None
-    assert entry["coefficient_dof"] is None
+def test_what_cannot_be_had_is_null(fit: ThermalFit) -> None:
+    known = fit.components["yaw_y"]
+    model = replace(
+        known.estimate, of=None, sensors=(), coefficients=np.zeros((1, 0)),
+        covariance=np.zeros((0, 0)), coefficient_dof=np.inf, time_constants=np.zeros(0),
+        sensor_u=np.zeros(0), temperature_range=None,
+    )  # fmt: skip
+    bare = replace(
+        known, estimate=model, positions=(), held_out=None, position_test=None, condition=np.inf,
+        r2_fit=np.nan, vif={}, shares={}, residuals=known.residuals._replace(normality_p=None),
+    )  # fmt: skip
+    entry = written(replace(fit, components={"yaw_y": bare}))["yaw_y"]
+    for key in ("held_out", "position_test", "temperature_range_degC", "coefficient_dof", "r2_fit"):
+        assert entry[key] is None
+    assert (entry["positions_mm"], entry["coefficients"]) == ([], [[]])
     assert entry["residuals"]["normality_p"] is None
-    odd = replace(cubic(), condition=np.inf, r2_fit=np.nan)
-    entry = written(odd)["pos_y"]
-    assert (entry["collinearity"]["condition_number"], entry["r2_fit"]) == (None, None)
-    assert entry["collinearity"]["vif"]["T_room_degC"] is None
-    assert written(without_sensors())["still"]["coefficients"] == [[]]
+    assert entry["collinearity"]["condition_number"] is None
+
+
+def test_curves_lie_side_by_side_and_show_the_readings(fit: ThermalFit) -> None:
+    found = fit.components["pos_y"]
+    panel = figure(replace(fit, components={"pos_y": found})).axes[0]
+    lines = [line for line in panel.lines if len(np.asarray(line.get_xdata())) > 2]
+    assert len(lines) == 2 * len(found.curves) == 32
+    ends = 0.0
+    for c in range(4):
+        times = [np.asarray(line.get_xdata()) for line in lines[8 * c : 8 * c + 8]]
+        assert min(t.min() for t in times) >= ends
+        ends = max(t.max() for t in times)
+    curves = sorted(found.curves, key=lambda curve: found.cycles.index(curve.cycle))
+    for curve, measured, modelled in zip(curves, lines[::2], lines[1::2], strict=True):
+        np.testing.assert_allclose(np.asarray(measured.get_ydata()), curve.measured * 1e3)
+        np.testing.assert_allclose(np.asarray(modelled.get_ydata()), curve.modelled * 1e3)
+        assert measured.get_color() == modelled.get_color()
+    assert lines[0].get_color() != lines[2].get_color()
+
+
+def test_nothing_is_written_over_anything(fit: ThermalFit) -> None:
+    page = figure(fit)
+    figure_bytes(page, "png")
+    boxes: list[Any] = []
+    for panel in page.axes:
+        texts: list[Any] = [*panel.texts, panel.xaxis.label, panel.yaxis.label]
+        texts += [panel._left_title]  # type: ignore[attr-defined]  # where the house writes titles
+        for axis in (panel.xaxis, panel.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            texts += [x.label1 for x in axis.get_major_ticks() if low <= x.get_loc() <= high]
+        boxes += [text.get_window_extent() for text in texts if text.get_text()]
+        legend = panel.get_legend()
+        boxes += [] if legend is None else [legend.get_window_extent()]
+    assert len(boxes) > 30
+    assert not any(one.overlaps(other) for one, other in combinations(boxes, 2))
+    assert all(box.x0 >= 0 and box.x1 <= page.bbox.x1 for box in boxes)
