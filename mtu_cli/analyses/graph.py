@@ -25,7 +25,7 @@ LINEAR = 0.5
 """Share of u that the first-order u must have to say anything of it."""
 DRAWN = 2**16
 """Trials kept for the histogram."""
-STATISTICS = ("mean", "u", "se_mean", "se_u", "low", "high")
+STATISTICS = ("mean", "u", "se_mean", "se_u", "low", "high", "shortest_low", "shortest_high")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +44,7 @@ class SimulatedCoordinate:
     mean: float
     u: float
     interval: tuple[float, float]
+    shortest: tuple[float, float]
     se_mean: float
     se_u: float
     trials: int
@@ -206,7 +207,7 @@ def simulate_outputs(
         if fixed:
             made = {**dict.fromkeys(STATISTICS, nominal[i]), "u": 0.0, "se_mean": 0.0, "se_u": 0.0}
         made = {name: float(value) for name, value in made.items()}
-        interval = made.pop("low"), made.pop("high")
+        low, high, shortest_low, shortest_high = (made.pop(name) for name in STATISTICS[4:])
         coordinate = SimulatedCoordinate(
             output=item,
             nominal=nominal[i],
@@ -214,7 +215,8 @@ def simulate_outputs(
             shares={source: float(values[i]) for source, values in shares.items()},
             k=settings.coverage_factor,
             **made,
-            interval=interval,
+            interval=(low, high),
+            shortest=(shortest_low, shortest_high),
             trials=0 if fixed else run.trials,
             converged=fixed or bool(twice[i] <= tolerance[i]),
             validation=verdicts.get(i),

@@ -68,6 +68,7 @@ ENTRY = """
         parts (Student's t) | 95 % future, interval, u=u_future, csv=future_{}95_UNIT
     dof_mean | | degrees of freedom of u_mean
     dof_future | | degrees of freedom of u_future
+    p_mean_familywise | p_mean | p of a mean of zero (t test), adjusted for all of the kind (Holm)
     var_part_limits_below_zero | below_zero() | whether both limits of var_part were below 0: its \
         interval is then [0, 0]
 """

@@ -99,6 +99,7 @@ COORDINATE = """
     U | | expanded uncertainty k u
     k | | coverage factor | -, json
     interval95 | interval | 95 % interval of the trials | -, interval
+    shortest95 | shortest | shortest 95 % interval | -, interval
     first_order_u | | standard uncertainty of first order
     - | place() | | place, text
     - | . | | nominal, nominal()
