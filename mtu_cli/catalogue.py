@@ -96,10 +96,6 @@ CATALOGUE: dict[str, Kind] = {
     "output-form": _error("{reason}"),
     "not-overwritten": _error("not overwritten, as {reason}"),
     # Simulation.
-    "effect-too-large": _warning(
-        "{effect} is {value_mm:.3g} mm{where}, more than a machine errs by"
-    ),
-    # The model of a call.
     "reported": _warning("{message}"),
     "one-direction": _warning(
         "{names} has one value for all features: a reversal cancels between them"

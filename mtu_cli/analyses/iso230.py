@@ -558,6 +558,7 @@ def plan(length: float, pitch: float) -> Plan:
     n = max(FEWEST, math.ceil(FEWEST * length / METRE))
     golden = np.mod((np.arange(n) + 0.5) * (math.sqrt(5.0) - 1) / 2, 1.0)
     phase = LEAST_PHASE + (1 - 2 * LEAST_PHASE) * golden
-    turns = np.floor(np.linspace(0.0, length - pitch, n) / pitch)
+    turns = np.rint(np.linspace(0.0, length, n) / pitch - phase)
+    turns = np.clip(turns, 0.0, np.floor(length / pitch - phase))
     targets = np.sort((turns + phase) * pitch)
     return Plan(length, pitch, np.round(targets, 3))

@@ -7,15 +7,16 @@ beyond these fields is ignored, so that reports of other versions are read too.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field, replace
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from mtu_cli.files.contract import NonNegative, Number, all_wrong, check_contract, sized, wrong
+from mtu_cli.files.machine import covariance_fault
 from mtu_cli.files.machine_contract import (
     AxisName,
     Gradient,
@@ -33,10 +34,17 @@ COMPONENTS = "mtu/fit-components/1"
 THERMAL = "mtu/thermal-fit/1"
 
 
+def _not_negative(value: float) -> float:
+    if value < 0:
+        raise wrong("a number of at least 0")
+    return value
+
+
 _OR_NULL = BeforeValidator(lambda value: nan if value is None else value)
 _STRICT = Field(strict=True, allow_inf_nan=True)
 Figure = Annotated[float, _STRICT, _OR_NULL, AfterValidator(sized)]
 """A number; nan where the report says null, because the readings do not determine it."""
+Deviation = Annotated[Figure, AfterValidator(_not_negative)]
 Matrix = list[list[Figure]]
 Known = list[list[Number]]
 
@@ -46,8 +54,10 @@ class _Reported(BaseModel):
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
-    def _shaped(self, **shapes: tuple[int, ...]) -> None:
-        """Raises where lists (n,) and matrices (n, m) have another shape."""
+    def _shaped(self, differences: Collection[str] = (), **shapes: tuple[int, ...]) -> None:
+        """Raises where lists (n,) and matrices (n, m) have another shape, and where a covariance is
+        none but for `differences` of mean squares, which may be negative.
+        """
         faults = []
         for key, (size, *width) in shapes.items():
             values = getattr(self, key)
@@ -57,6 +67,14 @@ class _Reported(BaseModel):
             if odd:
                 wanted = " x ".join(map(str, (size, *width)))
                 faults.append(wrong(wanted, "wrong-count", key, found="another size"))
+            elif (
+                values
+                and ("covariance" in key or "mean_square" in key)
+                and key not in differences
+                and not any(isnan(value) for row in values for value in row)
+                and (reason := covariance_fault(values, size))
+            ):
+                faults.append(wrong("", "wrong-correlation", key, reason=reason))
         if faults:
             raise all_wrong(faults)
 
@@ -78,7 +96,7 @@ class ReportedComponent(_Reported):
     covariance: Matrix
     covariance_independent: Matrix | None
     s: NonNegative | None
-    s_repeat: Figure
+    s_repeat: Deviation
     pass_covariance: Matrix
     pass_covariance_moment: Matrix
     half_difference_mean_square: Known | None = None
@@ -93,6 +111,7 @@ class ReportedComponent(_Reported):
         k = len(self.coefficients)
         passes = (min(2, k), min(2, k))
         self._shaped(
+            ("pass_covariance_moment", "run_covariance"),
             coefficients=(len(self.at_mm or ()) if self.degree is None else self.degree + 1,),
             covariance=(k, k),
             covariance_independent=(k, k),
@@ -119,7 +138,7 @@ class ReportedGroup(_Reported):
     def _whole(self) -> ReportedGroup:
         whole = (sum(self.widths), sum(self.widths))
         keys = ("coefficient_covariance", "pass_covariance", "half_difference_mean_square")
-        self._shaped(**dict.fromkeys(keys, whole))
+        self._shaped(("pass_covariance",), **dict.fromkeys(keys, whole))
         return self
 
 

@@ -113,21 +113,25 @@ def read_traces(
 
 
 def _spread(table: Table, name: str, option: str, values: Sequence[Any]) -> None:
-    """Gives the files the values of an option, one for all or one for each, where none has the
-    column.
-    """
+    """Gives files without a column the value of an option: one for all, or one for each."""
     files = len(table.files)
-    if not values or table.has(name).any():
+    if not values:
         return
     if len(values) not in (1, files):
         expected = f"one for all files, or {files} with commas"
         raise error("wrong-count", path=option, found=f"{len(values)} values", expected=expected)
+    without = ~table.has(name)
     each = [values[i % len(values)] for i in range(files)]
     if name in ("direction", "plane"):
-        labels = tuple(dict.fromkeys(each))
-        table.texts[name] = Texts(np.array([*map(labels.index, each)])[table.file_index], labels)
+        known = table.texts.get(name, Texts(np.full(len(table), -1), ()))
+        labels = [*known.labels, *each]
+        codes = np.where(without, len(known.labels) + table.file_index, known.codes)
+        first = {label: labels.index(label) for label in labels}
+        merged = np.array([first[label] for label in labels] + [-1])[codes]
+        table.texts[name] = Texts(merged, tuple(labels))
     else:
-        table.numbers[name] = np.array(each, np.float64)[table.file_index]
+        given = np.array(each, np.float64)[table.file_index]
+        table.numbers[name] = np.where(without, given, table.number(name))
 
 
 def _traces(table: Table) -> list[Trace]:

@@ -467,6 +467,13 @@ FEWEST_VALUES = 24
 FEWEST_FOR_WAVES = 6
 """Different values from which on more is known than a wave's size, phase and period and a line
 take."""
+MANY_PLACES = 30
+"""Different values from which on waves are well separable, and those that lie unevenly show
+periods shorter than their steps."""
+ALIKE = 0.9
+"""Of all values' phases together: from which on a frequency looks like a constant at them."""
+FINEST = 0.25
+"""1/mm: the highest frequency that is looked at for that, half of the shortest pitch's."""
 ONE_VALUE = 1e-9
 """Share of the span up to which two values are one."""
 
@@ -510,8 +517,25 @@ def _known(distinct: FloatArray) -> dict[str, float]:
     if len(distinct) < 2:
         return {}
     low, high, steps = float(distinct[0]), float(distinct[-1]), np.diff(distinct)
-    spacing = float(np.median(steps[steps > ONE_VALUE * (high - low)]))
+    spacing = _spacing(distinct, float(np.median(steps[steps > ONE_VALUE * (high - low)])))
     return {"low": low, "high": high, "span": high - low, "spacing": spacing}
+
+
+def _spacing(distinct: FloatArray, step: float) -> float:
+    """The period at which a wave is a constant on the values (D,): their step where it is even, or
+    they are few; of many uneven ones a shorter one, as far as it is looked for.
+
+    Frequencies are separable up to the first f at which |sum exp(2 pi i f x)|/D is near 1, the
+    height of an alias in the spectral window (Lomb, Astrophys. Space Sci. 39 (1976) 447).
+    """
+    first = 0.5 / step
+    if len(distinct) < MANY_PLACES or first >= FINEST:
+        return step
+    count = math.ceil((FINEST - first) * 2 * PER_SPAN * float(np.ptp(distinct))) + 1
+    frequencies = np.linspace(first, FINEST, min(count, 2 * MOST_FREQUENCIES))
+    window = np.abs(np.exp(2j * np.pi * np.outer(frequencies, distinct)).mean(axis=1))
+    alike = frequencies[window >= ALIKE]
+    return min(step, 1.0 / float(alike[0]) if len(alike) else 1.0 / FINEST)
 
 
 def _bounds(texts: Sequence[str], known: dict[str, float]) -> list[float]:

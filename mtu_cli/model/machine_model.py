@@ -188,6 +188,10 @@ def effect_alone(machine: LoadedMachine, index: int) -> MachineModel:
     effects = effects_of(machine, None)
     part: Part = (machine.effect_forms[index], effects.renames[index])
     known, levers = effects.components | effects.own, _levers([part])
+    if others := sorted(levers.keys() - known.keys()):
+        name = machine.machine.effects[index].name
+        reason = f"the effect {name!r} holds {listed(others)}: it adds nothing by itself"
+        raise error("not-applicable", reason=reason)
     terms = [Term(estimate=known[name], levers=own) for name, own in levers.items()]
     joint = tuple(x for x in effects.joint if set(x.components) <= levers.keys())
     return _joined(machine, [part], terms, joint)
