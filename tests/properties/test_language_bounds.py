@@ -98,9 +98,8 @@ def test_derivatives_at_extreme_values(text: str, values: tuple[float, ...]) -> 
     except OverflowError:
         # The command says that a number is too large to calculate with.
         return
-    assert found.first.shape == (4,)
+    assert found.first.shape == found.third.shape == (4,)
     assert found.second.shape == (4, 4)
-    assert found.third.shape == (4, 4, 4)
 
 
 @tried(200)

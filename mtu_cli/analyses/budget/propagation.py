@@ -12,8 +12,9 @@ from mtu_cli.analyses.budget.inputs import ROUNDING, Inputs, Source
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import Node, evaluate, names
-from mtu_cli.language.derivative import Derivatives, derivatives
+from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.stats.blocks import Draws
+from mtu_cli.stats.covariance import factor_of
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.distributions import NORMAL_DOF, Distribution, bounded_quantile, t_scales
 from mtu_cli.stats.least_squares import FloatArray
@@ -58,7 +59,7 @@ def first_order(loaded: LoadedBudget, inputs: Inputs) -> tuple[FirstOrder, ...]:
         if math.isfinite(slopes.value):
             # What overflows is inf or nan, and no uncertainty to the first order then exists.
             with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-                outputs.append(_output(name, slopes, inputs, rows))
+                outputs.append(_output(name, tree, slopes, inputs, rows))
             continue
         what, at = "the equation", " at the estimates of its inputs"
         unknown = finding("no-finite-value", what=what, where=at)
@@ -68,7 +69,9 @@ def first_order(loaded: LoadedBudget, inputs: Inputs) -> tuple[FirstOrder, ...]:
     return tuple(outputs)
 
 
-def _output(name: str, slopes: Derivatives, inputs: Inputs, rows: Sequence[int]) -> FirstOrder:
+def _output(
+    name: str, tree: Node, slopes: Derivatives, inputs: Inputs, rows: Sequence[int]
+) -> FirstOrder:
     g = np.zeros(len(inputs.quantities))
     g[rows] = slopes.first
     # Summed by sources, so that a variance of 0 is 0 and not what rounding leaves.
@@ -77,7 +80,7 @@ def _output(name: str, slopes: Derivatives, inputs: Inputs, rows: Sequence[int])
     if math.isfinite(variance):
         dofs = [source.dof(g) for source in inputs.sources]
         dof = welch_satterthwaite(np.array(variances), np.array(dofs))
-    shift, more = _second_order(slopes, inputs, rows)
+    shift, more = _second_order(tree, slopes, inputs, rows)
     joint = g * (inputs.covariance @ g)
     return FirstOrder(
         name=name,
@@ -93,7 +96,9 @@ def _output(name: str, slopes: Derivatives, inputs: Inputs, rows: Sequence[int])
     )
 
 
-def _second_order(slopes: Derivatives, inputs: Inputs, rows: Sequence[int]) -> tuple[float, float]:
+def _second_order(
+    tree: Node, slopes: Derivatives, inputs: Inputs, rows: Sequence[int]
+) -> tuple[float, float]:
     """What the second order adds to the value and to the variance.
 
     Of jointly normal inputs of covariance V, gradient g, Hessian H: tr(HV)/2, and tr(HVHV)/2 +
@@ -107,15 +112,20 @@ def _second_order(slopes: Derivatives, inputs: Inputs, rows: Sequence[int]) -> t
     u = np.array([item.u for item in members])
     kappa = np.array([item.excess for item in members])
     # Products of small numbers with large ones, in an order in which neither leaves the range.
-    bent, twisted = np.diag(H) * u * u, np.einsum("iii->i", slopes.third) * u * u * u
+    bent, twisted = np.diag(H) * u * u, slopes.third * u * u * u
     own = float(np.sum(kappa * (bent**2 / 4.0 + g * u * twisted / 3.0)))
     more = 0.5 * float(np.sum(HV * HV.T)) + own
     along = V @ g
     if not np.all(np.isfinite(along)):
         return 0.5 * float(np.trace(HV)), math.nan
-    # The derivative of tr(HV) along Vg; what does not vary need not have one.
-    weight = np.multiply.outer(along, V)
-    more += float(np.sum(slopes.third[weight != 0.0] * weight[weight != 0.0]))
+    if np.any(along):
+        # The derivative of tr(HV) along Vg: V = F F', so that it is a sum over the columns of F.
+        F = factor_of(V)
+        moved = np.stack([np.repeat(along[:, None], F.shape[1], axis=1), F])
+        values = {item.name: item.value for item in inputs.quantities}
+        directions = {item.name: moved[:, i] for i, item in enumerate(members)}
+        coefficients, _ = taylor(tree, values, directions.get, F.shape[1])
+        more += 2.0 * float(np.sum(coefficients[PLACE[1, 2]]))
     return 0.5 * float(np.trace(HV)), more
 
 

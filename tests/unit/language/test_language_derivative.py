@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mtu_cli.language import evaluate, parse, to_text
-from mtu_cli.language.derivative import Derivatives, derivatives
+from mtu_cli.language.derivative import PLACE, Derivatives, derivatives, taylor
 from mtu_cli.language.functions import BUDGET_FUNCTIONS, MACHINE_FUNCTIONS
 from mtu_cli.language.slope import slope
 
@@ -51,7 +51,7 @@ def test_functions_of_one_variable(text: str) -> None:
     first, second, third = BY_HAND[text]
     assert found.first[0] == pytest.approx(first, rel=1e-12)
     assert found.second[0, 0] == pytest.approx(second, rel=1e-12)
-    assert found.third[0, 0, 0] == pytest.approx(third, rel=1e-11)
+    assert found.third[0] == pytest.approx(third, rel=1e-11)
     assert not found.faults
 
 
@@ -100,14 +100,20 @@ def test_several_variables_against_differences(text: str) -> None:
             assert found.second[i, j] == pytest.approx(bend(i, j), abs=1e-4 * scale)
 
 
-def test_third_order_of_two_variables() -> None:
-    """x^3 + 2 x^2 y - y^3: f_xxx 6, f_xxy 4, f_xyy 0, f_yyy -6; and of a product of three names."""
-    found = at("x**3 + 2*x**2*y - y**3", x=0.5, y=-1.5).third
-    assert found[0] == pytest.approx(np.array([[6, 4], [4, 0]]))
-    assert found[1] == pytest.approx(np.array([[4, 0], [0, -6]]))
-    product = at("exp(x)*y*z", x=0.3, y=2.0, z=5.0).third
-    assert product[0, 1, 2] == product[2, 0, 1] == pytest.approx(math.exp(0.3))
-    assert product[0, 2, 0] == product[0, 0, 2] == pytest.approx(2 * math.exp(0.3))
+def test_third_order_along_two_directions() -> None:
+    """f = x^3 + 2 x^2 y - y^3: the coefficients of s^a t^b along (1, 2) and (3, -1), by hand."""
+    tree = parse("x**3 + 2*x**2*y - y**3", BUDGET_FUNCTIONS)
+    along = {"x": np.array([[1.0], [3.0]]), "y": np.array([[2.0], [-1.0]])}
+    found, faults = taylor(tree, {"x": 0.5, "y": -1.5}, along.get, 1)
+    assert not faults
+    s = np.polynomial.polynomial
+    # x = 0.5 + s + 3 t, y = -1.5 + 2 s - t, as polynomials in s with t = 0 and the other way.
+    x, y = [0.5, 1.0], [-1.5, 2.0]
+    in_s = s.polyadd(s.polypow(x, 3), 2 * s.polymul(s.polypow(x, 2), y))
+    in_s = s.polysub(in_s, s.polypow(y, 3))
+    assert found[[PLACE[a, 0] for a in range(4)], 0] == pytest.approx(in_s)
+    # s^2 t: 3 dx^2 * 3 + 2 (dx^2 * -1 + 2 * 1 * 3 * 2) - 3 * 4 * -1 with dx = 1, dy = 2.
+    assert found[PLACE[2, 1], 0] == pytest.approx(3 * 3 + 2 * (-1 + 12) + 12)
 
 
 @pytest.mark.parametrize(
