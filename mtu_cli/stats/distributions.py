@@ -10,7 +10,8 @@ normal Z has every marginal distribution as stated. The correlation of the Z is 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -32,6 +33,8 @@ BEYOND = 1e-8
 """A coefficient that differs by no more than this share is the largest there is, as it was written.
 """
 ROUNDING = 1e-12
+SHAPE_DIGITS = 12
+"""Decimals of a shape: those of inputs that are alike agree to these."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,17 +193,32 @@ def normal_correlation(
     first: Distribution, second: Distribution, covariance: float
 ) -> float | None:
     """rho of the normals for which the inputs have this `covariance`; None where none gives it."""
+    (one, own), (two, other) = _sized(first), _sized(second)
+    return _shape_correlation(one, two, round(covariance / own / other, SHAPE_DIGITS))
+
+
+def _sized(item: Distribution) -> tuple[Distribution, float]:
+    """The shape of a distribution, of half-width (a normal one of u) 1, and its size."""
+    size = item.half_width if item.bounded else item.u
+    half, top = (1.0, round(item.top / size, SHAPE_DIGITS)) if item.bounded else (0.0, 0.0)
+    u = round(item.u / size, SHAPE_DIGITS)
+    return replace(item, u=u, half_width=half, top=top), size
+
+
+@cache
+def _shape_correlation(first: Distribution, second: Distribution, share: float) -> float | None:
+    """The same of two shapes: inputs in pairs are often alike, and each takes a double integral."""
     from scipy.optimize import brentq
 
     most = largest_covariance(first, second)
-    if abs(covariance) > most * (1.0 + BEYOND):
+    if abs(share) > most * (1.0 + BEYOND):
         return None
-    if abs(covariance) >= most * (1.0 - BEYOND):
-        return math.copysign(1.0, covariance)
+    if abs(share) >= most * (1.0 - BEYOND):
+        return math.copysign(1.0, share)
     scale = most / copula_covariance(first, second, 1.0)
 
     def excess(rho: float) -> float:
-        return scale * copula_covariance(first, second, rho) - covariance
+        return scale * copula_covariance(first, second, rho) - share
 
     return float(brentq(excess, -1.0, 1.0, xtol=ROUNDING))
 
