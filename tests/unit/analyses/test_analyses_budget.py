@@ -1,4 +1,4 @@
-"""Budgets: first order, correlation, Monte Carlo.
+"""Budgets: first order, correlation, Monte Carlo, and what other tools get wrong.
 
 Oracles: closed forms by hand, plain simulations with another generator, and the engine's own
 standard errors (four of them).
@@ -14,6 +14,7 @@ from budget_examples import CORRELATED, codes, evaluated, single
 
 from mtu_cli.analyses.budget import BudgetResult
 from mtu_cli.findings import InputError
+from mtu_cli.stats.coverage import coverage_factor
 
 
 def test_three_readings_beside_others() -> None:
@@ -189,3 +190,120 @@ def test_cancelling_inputs_of_different_degrees_of_freedom_still_scatter() -> No
 
     expected = 0.1 * math.sqrt(5 / 3 + 9 / 7 - 2 * scale(5) * scale(9))
     assert result.run.u[0] == pytest.approx(expected, abs=4 * float(result.run.se_u[0]))
+
+
+# What other tools get wrong about budgets, each with the wrong figure: here they are right.
+
+
+SEVEN = np.array([-3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0])
+
+
+def test_type_a_and_type_b_on_one_input_count_once() -> None:
+    """Peers: suncal counts type B twice by Monte Carlo (1.434 for 1.030).
+
+    s/sqrt(7) = 0.247 and u = 1: u = sqrt(1 + 0.247^2) = 1.030; drawn as t of 6 degrees of
+    freedom the type A part is 0.3025, and u by Monte Carlo 1.0448.
+    """
+    readings = (SEVEN * 0.247 * math.sqrt(7) / SEVEN.std(ddof=1)).tolist()
+    result = evaluated(f"equation: x\ninputs: {{x: {{readings: {readings}, u: 1}}}}\n", digits=3)
+    output = single(result)
+    assert output.first.u == pytest.approx(1.030, abs=0.0005)
+    assert output.first.dof == pytest.approx(6 * (output.first.u / 0.247) ** 4)
+    expected = math.sqrt(1 + 1.5 * 0.247**2)
+    assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("entry", "second", "mean"),
+    [
+        # Normal: x^2/u^2 is chi-squared: mean u^2, standard deviation sqrt(2) u^2.
+        ("u: 0.2", math.sqrt(2) * 0.04, 0.04),
+        # Rectangular, a^2 = 3 u^2: V = a^4 (1/5 - 1/9) = 4 a^4/45.
+        ("u: 0.2, distribution: rectangular", math.sqrt(4 / 45) * 0.12, 0.04),
+        # Arcsine, a^2 = 2 u^2: V = a^4 (3/8 - 1/4) = a^4/8.
+        ("u: 0.2, distribution: arcsine", math.sqrt(1 / 8) * 0.08, 0.04),
+    ],
+)
+def test_a_square_at_zero(entry: str, second: float, mean: float) -> None:
+    """Peers: u = 0 for x^2 at 0 without a word (suncal, metrolopy, uncertainties issue 92)."""
+    result = evaluated(f"equation: x**2\ninputs: {{x: {{value: 0, {entry}}}}}\n", trials=400_000)
+    first = single(result).first
+    assert first.u == 0.0
+    assert first.second_u == pytest.approx(second)
+    assert first.second_value == pytest.approx(mean)
+    assert result.run.u[0] == pytest.approx(second, abs=4 * result.run.se_u[0])
+    assert result.run.mean[0] == pytest.approx(mean, abs=4 * result.run.se_mean[0])
+    assert "second-order" in codes(result)
+    assert single(result).validation.passed is False
+
+
+def test_samples_that_are_not_finite_are_an_error() -> None:
+    """Peers drop such samples in silence (suncal); here they stop the command, counted."""
+    with pytest.raises(InputError) as raised:
+        evaluated("equation: log(x)\ninputs: {x: {value: 1, u: 0.6}}\n")
+    (found,) = raised.value.findings
+    assert (found.code, found.line, found.path) == ("no-finite-value", 3, "equation")
+
+
+def test_a_correlation_matrix_that_cannot_be_is_never_altered() -> None:
+    """Peers alter or never check it (uncertainties issues 101 and 95).
+
+    r = -0.9 between all three: the smallest eigenvalue is 1 - 2 x 0.9 = -0.8.
+    """
+    inputs = "inputs: {a: {value: 0, u: 1}, b: {value: 0, u: 2}, c: {value: 0, u: 3}, d: 1}\n"
+    pairs = "correlations: [[a, b, -0.9], [b, c, -0.9], [a, c, -0.9]]\n"
+    with pytest.raises(InputError) as raised:
+        evaluated("equation: a + b + c + d\n" + inputs + pairs)
+    text = str(raised.value)
+    assert text.startswith("b.yaml:5: correlations: ")
+    assert "smallest eigenvalue of the correlation matrix is -0.8" in text
+    for pair in ("a-b -0.9", "b-c -0.9", "a-c -0.9"):
+        assert pair in text
+
+
+# What the trials of a budget draw, also at the ends of the number range.
+
+
+def test_correlated_inputs_of_equal_degrees_of_freedom_are_a_multivariate_t() -> None:
+    """The coefficient is as stated; a - b is a t of the same degrees of freedom, and each input.
+
+    Scales of their own would leave 0.9 times the coefficient, and tails of a - b between t and
+    normal.
+    """
+    text = (
+        "equations: {a: x, b: y, d: x - y}\n"
+        "inputs: {x: {value: 0, u: 1, dof: 6}, y: {value: 0, u: 2, dof: 6}}\n"
+        "correlations: [[x, y, 0.7]]\n"
+    )
+    result = evaluated(text, trials=400_000)
+    assert codes(result) == set()
+    V = result.run.covariance
+    # r of a sample of t with 6 degrees of freedom: (1 - r^2) sqrt((1 + kappa/3)/M), kappa = 3.
+    error = (1 - 0.7**2) * math.sqrt(2 / 400_000)
+    assert V[0, 1] / math.sqrt(V[0, 0] * V[1, 1]) == pytest.approx(0.7, abs=4 * error)
+    for i, u in enumerate((1.0, 2.0, math.sqrt(1 + 4 - 2 * 0.7 * 2))):
+        assert result.run.high[i] == pytest.approx(
+            coverage_factor(0.95, 6.0) * u, abs=4 * result.run.se_high[i] + 1e-9
+        )
+
+
+@pytest.mark.parametrize("dof", [3, 5, 20])
+def test_a_t_in_a_copula_has_a_smaller_coefficient(dof: int) -> None:
+    """The factor by quadrature over the chi."""
+    s = np.linspace(1e-6, 12.0, 400_001)
+    density = s ** (dof - 1) * np.exp(-0.5 * dof * s * s)
+    mean, square = (float(np.sum(density * s**-n) / np.sum(density)) for n in (1, 2))
+    factor = mean / math.sqrt(square)
+    result = evaluated(
+        "equations: {p: a, q: b, s: c}\n"
+        f"inputs:\n  a: {{value: 0, u: 1, dof: {dof}}}\n  b: {{value: 0, u: 1}}\n"
+        "  c: {value: 0, half_width: 1, distribution: rectangular}\n"
+        "correlations: [[a, b, 0.6], [b, c, 0.1]]\n",
+        trials=200_000,
+    )
+    V = result.run.covariance
+    if dof > 4:
+        r = V[0, 1] / math.sqrt(V[0, 0] * V[1, 1])
+        assert r == pytest.approx(0.6 * factor, abs=0.01)
+    weaker = next(x.facts["weaker"] for x in result.warnings if x.code == "correlated-inputs")
+    assert "coefficients of the trials smaller" in weaker

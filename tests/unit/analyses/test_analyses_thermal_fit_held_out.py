@@ -8,16 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from plain_thermal import Table, held_out_errors
-from synthetic_drift import (
-    REFERENCE,
-    ROUNDING,
-    UM,
-    Plan,
-    Run,
-    one,
-    readings,
-    rises,
-)
+from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, Run, one, readings, rises
 
 from mtu_cli.analyses.thermal_fit import models, thermal_fit
 from mtu_cli.files.readings import Readings

@@ -8,12 +8,7 @@ from pathlib import Path
 import measured_examples
 import numpy as np
 import pytest
-from measured_examples import (
-    part_file,
-    points,
-    study,
-    with_measured,
-)
+from measured_examples import part_file, points, study, with_measured
 from scipy.stats import ncx2
 
 from mtu_cli.analyses.anova import AnovaResult, Method, analyse_variance

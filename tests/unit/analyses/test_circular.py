@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 from circle_examples import Causes, made
 
-from mtu_cli.analyses.circular import (
-    CircularResult,
-    diagnose,
-)
+from mtu_cli.analyses.circular import CircularResult, diagnose
 from mtu_cli.files.traces import Traces
 
 NONE = (0.0, 0.0)

@@ -8,9 +8,11 @@ from itertools import cycle, islice, pairwise
 import numpy as np
 import pytest
 from effect_tables import FloatArray, readings_table, shop_covariates, table
+from loop_examples import SMOOTH, effect, parameter
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma, norm
 
+from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
 from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
@@ -20,9 +22,12 @@ from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.posed import posed
+from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.analyses.close_loop.smooth import smooth_effect
+from mtu_cli.analyses.close_loop.strata import Strata, strata_of
 from mtu_cli.model.effect_library import effect_library
 from mtu_cli.model.residuals import ResidualTable
+from mtu_cli.stats.coverage import coverage_factor, fieller
 
 P, H = 12, 6
 NOISE_MM = 1e-3
@@ -297,3 +302,104 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     (level,) = effect.of_role("level")
     assert effect.table.values + level.value == pytest.approx(wave, abs=5 * NOISE_MM / np.sqrt(P))
     assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)
+
+
+# Coordinates of the error strata.
+
+
+PARTS, HOLES = 4, 5
+
+
+def strata() -> Strata:
+    line = np.arange(HOLES) - (HOLES - 1) / 2
+    lines = [(line / np.linalg.norm(line))[:, None]] * 2
+    return strata_of(PARTS, 2, lines, H=HOLES, features_scatter=True)
+
+
+@pytest.mark.parametrize("shape", [(PARTS, 1), (1, HOLES), (PARTS, HOLES), (1, 1)])
+def test_columns_in_compact_shapes_are_those_of_whole_tables(shape: tuple[int, int]) -> None:
+    """A lever of parts alone has the sign that the errors have."""
+    values = np.random.default_rng(1).normal(size=shape)
+    whole = np.zeros((PARTS, HOLES, 2))
+    whole[..., 1] = values
+    of_errors = strata().coordinates(whole)
+    at, compact = strata().of_levers([{1: values[None]}], 1)
+    found = np.zeros(len(of_errors))
+    found[at] = compact[0, 0]
+    assert found == pytest.approx(of_errors)
+
+
+def test_a_table_comes_back_but_for_its_mean() -> None:
+    errors = np.random.default_rng(2).normal(size=(3, PARTS, HOLES, 2))
+    back = strata().table(strata().coordinates(errors))
+    assert back == pytest.approx(errors - errors.mean(axis=(1, 2), keepdims=True))
+
+
+# Where effects cancel: of sizes that are known to the last digit.
+
+
+LEVEL = parameter("level_x", "um", 4.0, 0.4, "level")
+DRIFT = effect(
+    "thermal-drift-x",
+    parameter("drift", "um/K", -2.0, 0.1),
+    LEVEL,
+    equations={"Ex": "drift*(T_a_degC - 20) + level_x"},
+)
+GROWTH = effect(
+    "thermal-growth-x",
+    parameter("growth", "um/m/K", 10.0, 0.5),
+    parameter("scale", "um/m", -30.0, 2.0, "margin"),
+    parameter("drift", "um/K", 1.0, 0.05, "margin"),
+    parameter("level_x", "um", 4.0, 0.4, "level"),
+    equations={
+        "Ex": "growth*(x - 200)*(T_a_degC - 20) + scale*(x - 200) + drift*(T_a_degC - 20) + level_x"
+    },
+)
+T = np.linspace(18, 26, 12)[:, None]
+TABLE = replace(table(12, 9), covariates={"T_a_degC": T, "dir_x": np.tile([[-1.0], [1.0]], (6, 1))})
+
+
+def test_a_ratio_has_fiellers_interval() -> None:
+    a, b, V = 4.0, 2.0, np.array([[0.16, 0.02], [0.02, 0.01]])
+    value, u, ends = fieller(a, b, V, 12.0)
+    assert value == 2.0
+    assert u == pytest.approx(np.sqrt((0.16 - 4 * 0.02 + 4 * 0.01) / 4))
+    assert ends is not None
+    for x in ends:
+        s = np.sqrt(V[0, 0] - 2 * x * V[0, 1] + x**2 * V[1, 1])
+        assert abs(a - x * b) / s == pytest.approx(coverage_factor(0.95, 12.0))
+    assert fieller(a, 0.1, V)[2] is None
+
+
+def test_an_axis_is_right_where_its_drift_and_level_cancel() -> None:
+    (found,) = crossings([DRIFT], DRIFT.covariance, TABLE)
+    assert (found.axis, found.covariate, found.whole) == ("x", "T_a_degC", True)
+    assert found.value == pytest.approx(22.0)
+    assert found.u == pytest.approx(np.sqrt(0.4**2 + 2**2 * 0.1**2) / 2)
+
+
+def test_a_growth_has_a_temperature_and_a_place_without_error() -> None:
+    found = {each.covariate: each for each in crossings([GROWTH], GROWTH.covariance, TABLE)}
+    assert found["T_a_degC"].value == pytest.approx(23.0)
+    assert found["x"].value == pytest.approx(100.0)
+    assert not any(each.whole for each in found.values())
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        # Another effect along the axis depends on something else, or its name is not certain.
+        (DRIFT, effect("scale-x", parameter("b", "um/m", 9, 1), equations={"Ex": "b*(x - 200)"})),
+        (DRIFT, SMOOTH),
+        (replace(DRIFT, classes=(("thermal-drift-x", 0.6), ("warm-up-x", 0.4))),),
+        # No size is estimated but one; a direction; the level's sign is all that is known.
+        (effect("d-x", parameter("d", "um/K", -2, 0.1), equations={"Ex": "d*(T_a_degC - 20)"}),),
+        (replace(DRIFT, equations={"Ex": "drift*dir_x + level_x"}),),
+        (replace(DRIFT, equations={"Ex": "drift*1e-3*(T_a_degC - 20) + level_x"}),),
+    ],
+)
+def test_no_zero_is_told_where_there_is_none(effects: tuple[FoundEffect, ...]) -> None:
+    rows = iter(range(9))
+    own = [replace(e, rows=tuple(next(rows) for _ in e.parameters)) for e in effects]
+    covariance = np.diag([p.u**2 for e in own for p in e.parameters])
+    assert crossings(own, covariance, TABLE) == ()

@@ -12,7 +12,6 @@ from compare_trials import fitted, made, study, trial
 from measured_examples import PLACES, part_file, points
 from measured_examples import study as three_holes
 from model_examples import stated
-from support import paper_study
 
 from mtu_cli.analyses import compare as module
 from mtu_cli.analyses.compare import Compared, CompareResult, compare
@@ -20,12 +19,6 @@ from mtu_cli.files.points import Points
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_features, only_rows
-
-STUDY = paper_study()
-
-
-def compared(points: Points, datum: str = "none") -> CompareResult:
-    return compare(STUDY.model, STUDY.part, points, Settings(), datum)  # type: ignore[arg-type]  # a literal
 
 
 def faults(result: CompareResult) -> int:
@@ -36,13 +29,6 @@ def faults(result: CompareResult) -> int:
 
 def codes(result: CompareResult) -> set[str]:
     return {warning.code for warning in result.warnings}
-
-
-def test_false_alarms_on_parts_of_a_known_machine() -> None:
-    """All tests of a study are one family at 5 %, here of a machine that is known exactly."""
-    runs = 40
-    alarms = sum(faults(compared(made(STUDY.model, STUDY.part, seed))) > 0 for seed in range(runs))
-    assert alarms / runs < 0.05 + 3.3 * np.sqrt(0.05 * 0.95 / runs)
 
 
 @cache

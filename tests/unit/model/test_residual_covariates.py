@@ -10,23 +10,14 @@ import pytest
 from compare_trials import made, study
 from model_examples import stated
 from numpy.typing import NDArray
-from residual_examples import (
-    MACHINE,
-    by_cell,
-    codes,
-    measured,
-)
+from residual_examples import MACHINE, by_cell, codes, measured
 from thermal_machines import SENSORS, line
 from thermal_machines import machine as warm_machine
 
 from mtu_cli.analyses.correct import correct
 from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
-from mtu_cli.model.covariates import (
-    FEW_ROWS,
-    without_gaps,
-    without_repeated,
-)
+from mtu_cli.model.covariates import FEW_ROWS, without_gaps, without_repeated
 from mtu_cli.model.residuals import residual_table
 from mtu_cli.model.settings import Settings
 from mtu_cli.model.visits import only_rows

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -29,6 +30,7 @@ from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
+from mtu_cli.model.visits import freedoms, projector
 
 ROTATION: Datum = "offset,rotation"
 FREE: list[Datum] = ["offset", ROTATION]
@@ -285,3 +287,28 @@ def test_a_ring_may_be_freed_of_centre_and_diameter(tmp_path: Path) -> None:
     )
     form, _ = residual_table(model, replace(ring, measured=lobed), {}, "offset,diameter")
     assert np.abs(form.errors - before.errors).max() > 5e-3
+
+
+# A part's coordinate system projected out: rigid motions in, nothing out.
+
+
+def test_the_freedoms_are_small_rigid_motions() -> None:
+    """Against the motion itself: turned about the centre by a small angle and shifted."""
+    places = np.array([[10.0, 20.0, 5.0], [110.0, 25.0, 5.0], [15.0, 220.0, 5.0]])
+    F = freedoms(places, (0, 1, 2), "offset,rotation")
+    assert F.shape == (9, 4)
+    angle, shift = 1e-7, np.array([0.1, -0.2, 0.3])
+    R = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    centre = places.mean(axis=0)
+    moved = centre + (places - centre) @ R.T + shift - places
+    assert F @ [*shift, angle] == pytest.approx(moved.ravel(), abs=1e-11)
+
+
+@pytest.mark.parametrize("datum", get_args(Datum))
+@pytest.mark.parametrize("axes", [(0,), (1, 2), (0, 1), (0, 1, 2)])
+def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(1)
+    places = rng.uniform(0, 200, (7, 3))
+    F = freedoms(places, axes, datum)
+    wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
+    assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)

@@ -10,12 +10,7 @@ from model_examples import loaded, stated
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.stated_errors import (
-    axis_of,
-    default_positions,
-    output_of,
-    stated_errors,
-)
+from mtu_cli.model.stated_errors import axis_of, default_positions, output_of, stated_errors
 
 MACHINE = """
 axes: {x: {travel_mm: [0, 500]}}

@@ -1,12 +1,14 @@
+"""Passes of a mixed model: dense matrices, REML of statsmodels, moments, coverage; their lines."""
+
 from __future__ import annotations
 
 import warnings
+from fractions import Fraction
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from pass_designs import (
     DRIFT,
     NO_DRIFT,
@@ -20,9 +22,8 @@ from pass_designs import (
 )
 
 from mtu_cli.stats.coverage import coverage_factor
-from mtu_cli.stats.mixed_model import PassFit, fit_passes
-
-FloatArray = NDArray[np.float64]
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.mixed_model import PassFit, fit_passes, lines_by_pass
 
 
 def fitted(design: Design, y: FloatArray, degree: int = 1) -> PassFit:
@@ -185,3 +186,52 @@ def test_intervals_of_unbalanced_passes_cover(s_level: float, s_slope: float) ->
         away = np.abs(fit.plain.coefficients - truth)
         inside += away <= k * np.sqrt(np.diag(fit.covariance))
     assert (np.abs(inside / 1000 - 0.95) <= 0.02).all(), inside
+
+
+# Lines of all passes at once against least squares of one pass after the other, in fractions.
+
+
+EPS = np.finfo(float).eps
+
+
+def exact_line(z: FloatArray, y: FloatArray, q: int) -> tuple[list[Fraction], list[Fraction]]:
+    """Coefficients (q,) and residuals (n,) of [1] or [1, z], level alone where z is one place.
+
+    Without rounding: least squares in floating point lose as many digits far from zero as what
+    they are to judge, and how many of them differs from one processor to the next.
+    """
+    places, values = [Fraction(v) for v in z.tolist()], [Fraction(v) for v in y.tolist()]
+    n = len(places)
+    middle, level = sum(places, Fraction()) / n, sum(values, Fraction()) / n
+    square = sum(((p - middle) ** 2 for p in places), Fraction())
+    slope = Fraction()
+    if q == 2 and square:
+        slope = sum(((p - middle) * v for p, v in zip(places, values, strict=True)), slope) / square
+    start = level - slope * middle
+    left = [v - start - slope * p for p, v in zip(places, values, strict=True)]
+    return [start, slope][:q], left
+
+
+@pytest.mark.parametrize("q", [1, 2])
+@pytest.mark.parametrize("centre", [0.0, 0.5, 1e3])
+def test_they_are_the_least_squares_lines_of_each_pass(q: int, centre: float) -> None:
+    """Uneven passes in mixed order; what is left also where a pass has a single place."""
+    rng = np.random.default_rng(7)
+    codes = rng.permutation(np.repeat(np.arange(5), [2, 9, 4, 3, 6])).astype(np.int64)
+    z = centre + rng.uniform(-0.5, 0.5, len(codes))
+    z[codes == 3] = centre + 0.25
+    Z = np.column_stack([np.ones(len(z)), z])[:, :q]
+    columns = rng.normal(size=(len(z), 3)) * [1.0, 1e-3, 1e4]
+    lines, left = lines_by_pass(columns, Z, codes, 5)
+    # Where z is 0 a line at the far end of its places is as uncertain as their distance tells.
+    tolerance = 1e3 * EPS * (1 + abs(centre)) * np.abs(columns).max(axis=0)
+    for g in range(5):
+        own = codes == g
+        exact = [exact_line(z[own], columns[own, m], q) for m in range(columns.shape[1])]
+        wanted = np.array([line for line, _ in exact], dtype=float).T
+        over = np.array([rest for _, rest in exact], dtype=float).T
+        assert (np.abs(left[own] - over) <= tolerance).all()
+        assert (np.abs(columns[own] - Z[own] @ lines[g] - left[own]) <= tolerance).all()
+        assert (np.abs(lines[g] - wanted) <= tolerance).all()
+        if g == 3 and q == 2:
+            np.testing.assert_array_equal(lines[g, 1], 0.0)

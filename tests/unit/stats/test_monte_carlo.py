@@ -14,11 +14,7 @@ from trial_models import Bent, Other, Z, plain_blocks, slow_end
 
 from mtu_cli.findings import InputError
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
-from mtu_cli.stats.pooling import (
-    covered_ranks,
-    single_block_estimates,
-    symmetric_rank,
-)
+from mtu_cli.stats.pooling import covered_ranks, single_block_estimates, symmetric_rank
 
 FloatArray = NDArray[np.float64]
 

@@ -8,15 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from numpy.typing import NDArray
-from pass_designs import (
-    DRIFT,
-    NO_DRIFT,
-    Design,
-    balanced,
-    dense_covariance,
-    drawn,
-    plain_passes,
-)
+from pass_designs import DRIFT, NO_DRIFT, Design, balanced, dense_covariance, drawn, plain_passes
 from scipy.linalg import eigh
 from scipy.special import stdtrit
 

@@ -9,11 +9,7 @@ import pytest
 from scipy.stats import normaltest
 
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.residuals import (
-    condition_number,
-    normality_p,
-    variance_inflation,
-)
+from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
 
 SAMPLES: dict[str, Callable[[np.random.Generator, int], FloatArray]] = {
     "normal": lambda rng, n: rng.normal(size=n),

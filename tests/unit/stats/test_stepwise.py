@@ -12,9 +12,7 @@ from scipy.stats import f as f_distribution
 
 from mtu_cli.stats.compressed import Compressed, compress, effective_number
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.stepwise import (
-    stepwise,
-)
+from mtu_cli.stats.stepwise import stepwise
 
 
 def independent(Z: FloatArray) -> Compressed:
