@@ -77,23 +77,6 @@ def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:
     assert r"l\xe9\x1b[31m.csv, row 2, column 'error': not a number: 'x'" in message
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
-def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work")
-    (work / "lbb.csv").chmod(0)
-    result = done(mtu("fit-components", "-o", "out.json", cwd=work), 2)
-    assert "lbb.csv: cannot be read: permission denied" in result.stderr
-    assert not (work / "out.json").exists()
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is write-protected to root")
-def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work")
-    (work / "out").mkdir(mode=0o500)
-    message = refused(work, "fit-components", "-o", "out/out.json")
-    assert "out/out.json: cannot be written: permission denied" in message
-
-
 def test_a_working_folder_that_has_gone(tmp_path: Path) -> None:
     script = f"cd {tmp_path / 'gone'} && rmdir ../gone && exec mtu lengths -o out.json"
     (tmp_path / "gone").mkdir()

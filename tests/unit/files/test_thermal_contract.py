@@ -120,18 +120,3 @@ def test_a_faulty_drift(tmp_path: Path, component: str, words: str) -> None:
     (problem,) = caught.value.findings
     assert str(problem).startswith("m.yaml:5: components.a.thermal")
     assert words in str(problem)
-
-
-def test_every_fault_of_every_drift_at_once(tmp_path: Path) -> None:
-    path = tmp_path / "m.yaml"
-    path.write_text(
-        f"{HEAD}  a:\n    of: x\n    unit: um\n    thermal:\n      positions_mm: [0, 0]\n"
-        "      degree: 2\n      gradients:\n        T_a_degC: 1\n        b: [1, 2]\n"
-        "      sensor_u_degC: {c: 1}\n"
-        "  d: {unit: um, thermal: {gradients: {T_a_degC: [1, 2]}}}\n"
-    )
-    with pytest.raises(InputError) as caught:
-        load_machine(path)
-    assert [str(problem).split(": ")[0] for problem in caught.value.findings] == [
-        f"m.yaml:{line}" for line in (9, 10, 12, 13, 14, 15)
-    ]

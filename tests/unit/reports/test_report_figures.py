@@ -21,15 +21,6 @@ from mtu_cli.reports import (
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 
-CASES: dict[str, dict[str, Any]] = {
-    "two instruments": {"passes": 3, "roles": ("lbb", "laser")},
-    "stated": {
-        "passes": 4,
-        "stated": "  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], u_future: 1.9}",
-        "equation": "  Ez: ez0\n",
-    },
-}
-
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
@@ -108,9 +99,8 @@ def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
     assert "nan" not in plain_text(predict_points.document(still).shown())
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_panel_a_component(case: str, tmp_path: Path) -> None:
-    given = example(tmp_path, **CASES[case])
+def test_a_panel_a_component(tmp_path: Path) -> None:
+    given = example(tmp_path, passes=3, roles=("lbb", "laser"))
     page = machine_figures.components(given.fit, given.estimates, 2.0, says=SAYS)
     shown = [panel for panel in page.axes if panel.axison]
     assert len(shown) == len(given.estimates.components)
