@@ -56,21 +56,6 @@ def test_a_gate_is_met_by_what_it_names_alone(
         assert {(x["axis"], x["verdict"]) for x in features} == {("x", kind), ("y", "consistent")}
 
 
-def test_numbered_repeats_beside_others_in_either_order(parts: Rows, tmp_path: Path) -> None:
-    """Where one file numbers its repeats and the other does not, all of them are repeats."""
-    later = [{k: v for k, v in row.items() if k != "repeat"} for row in moved(parts, lambda _: 0.0)]
-    for row in later:
-        row["x_mm"] = repr(float(row["x_mm"]) + 0.0004)
-    files = [write(tmp_path / "a.csv", parts), write(tmp_path / "b.csv", later)]
-    found = [
-        report("compare", SMALL, "--cmm", first, "--cmm", second)["results"]["lengths"]
-        for first, second in (files, files[::-1])
-    ]
-    for one, other in zip(*found, strict=True):
-        assert one["measured"] == pytest.approx(other["measured"])
-        assert (one["measured"]["parts"], one["measured"]["n"]) == (8, 32)
-
-
 def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path: Path) -> None:
     one = write(tmp_path / "a.csv", [row for row in parts if row["feature"] == "A"])
     for gate in GATED:
