@@ -58,6 +58,7 @@ def test_tables_show_the_digits_of_u_that_are_asked_for(call: list[Any], shown: 
         ),
         (["schema", "machin"], "unknown schema: 'machin'; did you mean 'machine'?"),
         (["lengths", "--out", "-q"], "-q: -o does not write a file without an ending; expected"),
+        (["lengths", "--fail-if", "nonconforming"], "unknown gate: 'nonconforming'; expected susp"),
         (["graph", "sweep", "g.yaml"], "missing option '--vary'"),
         (["lengths", "a", "b"], "got unexpected extra argument(s) (b)"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),

@@ -8,10 +8,6 @@ import pytest
 from cli_runner import done, listing, mtu, refused, report
 from support import CONFIGS
 
-from mtu_cli.analyses.graph import PARAMETERS
-from mtu_cli.cli.measurement import varied
-from mtu_cli.findings import InputError
-
 GRAPHS = CONFIGS / "graphs"
 BALL = GRAPHS / "ball-centre.yaml"
 AXES = GRAPHS / "axes-a-and-c.yaml"
@@ -53,19 +49,6 @@ def test_sweep() -> None:
     assert formula["max_error_percent"] < 15
     assert formula["monte_carlo"]["standard_error_percent"] == pytest.approx(2.2, abs=0.2)
     assert set(results["places"]["d_AC"]["value"]) >= FIELDS
-
-
-@pytest.mark.parametrize(
-    ("vary", "told"),
-    [
-        ("axis_um=1,1", "appears twice"),
-        ("axis_um=1,,2", "--vary axis_um: not a number: ''"),
-    ],
-)
-def test_slips_in_vary(vary: str, told: str) -> None:
-    with pytest.raises(InputError) as caught:
-        varied([vary], PARAMETERS)
-    assert told in str(caught.value)
 
 
 def test_sweep_has_not_converged_where_its_grid_has_not() -> None:

@@ -31,10 +31,6 @@ def bomb() -> str:
             "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
         ),
         (
-            MACHINE + "equations: {Ex: 'a*9**9**9**9'}",
-            "machine.yaml:4: equations.Ex: '**' of these constants has no finite value at column 7",
-        ),
-        (
             MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
             "machine.yaml:4: equations.Ex: more than 300 operators of an equation",
         ),
@@ -43,15 +39,11 @@ def bomb() -> str:
             "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
         ),
         (
-            MACHINE + "equations: {Ex: \"__import__('os').system('touch stolen')\"}",
-            'machine.yaml:4: equations.Ex: unexpected "\'" at column 12',
-        ),
-        (
             "!!python/object/apply:os.system ['touch stolen']\n",
             "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
         ),
     ],
-    ids=["aliases", "parentheses", "power", "signs", "digits", "code", "tag"],
+    ids=["aliases", "parentheses", "signs", "digits", "tag"],
 )
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
