@@ -63,6 +63,8 @@ def test_tables_show_the_digits_of_u_that_are_asked_for(call: list[Any], shown: 
         (["lengths", "a", "b"], "got unexpected extra argument(s) (b)"),
         (["graph", "chek"], "no such command 'chek'. Did you mean 'check' (see mtu graph --help)"),
         (["lengths", "--at", "-o"], "--at: not NAME=VALUE: '-o'"),
+        (["lengths", "--at", "a\x07=1"], "--at: not NAME=VALUE: 'a\\x07=1'"),
+        (["lengths", "-p", ""], "invalid value for '-p' / '--part': it names no file"),
         (["\u65e5\u672c" * 40], "no such command '\u65e5\u672c"),
         (["lengths", "--a\x1b[31m\n"], "no such option: --a\\x1b[31m"),
     ],

@@ -8,6 +8,10 @@ import pytest
 from cli_runner import done, listing, mtu, refused, report
 from support import CONFIGS
 
+from mtu_cli.analyses.graph import PARAMETERS
+from mtu_cli.cli.measurement import varied
+from mtu_cli.findings import InputError
+
 GRAPHS = CONFIGS / "graphs"
 BALL = GRAPHS / "ball-centre.yaml"
 AXES = GRAPHS / "axes-a-and-c.yaml"
@@ -49,6 +53,11 @@ def test_sweep() -> None:
     assert formula["max_error_percent"] < 15
     assert formula["monte_carlo"]["standard_error_percent"] == pytest.approx(2.2, abs=0.2)
     assert set(results["places"]["d_AC"]["value"]) >= FIELDS
+
+
+def test_a_value_in_vary_stands_once() -> None:
+    with pytest.raises(InputError, match="appears twice"):
+        varied(["axis_um=1,1"], PARAMETERS)
 
 
 def test_sweep_has_not_converged_where_its_grid_has_not() -> None:

@@ -54,12 +54,12 @@ def test_a_pipe_receives_plain_text() -> None:
     assert not any(line.endswith(" ") for line in plain.splitlines())
 
 
-def on_a_terminal(*args: object) -> str:
+def on_a_terminal(*args: object, columns: int = 100) -> str:
     """What a call writes where standard output is a terminal."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
         [MTU, *map(str, args)],
-        env=environment({"TERM": "xterm-256color", "COLUMNS": "100"}),
+        env=environment({"TERM": "xterm-256color", "COLUMNS": str(columns)}),
         stdin=subprocess.DEVNULL,
         stdout=theirs,
         stderr=subprocess.DEVNULL,
@@ -85,6 +85,14 @@ def test_a_terminal_receives_colour() -> None:
     bare = re.sub(r"\x1b\[[0-9;]*m", "", shown)
     for line in in_a_pipe().splitlines()[3:5]:
         assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
+
+
+def test_a_narrow_terminal_loses_nothing() -> None:
+    """Columns stand below each other there: all that a pipe receives is to be seen."""
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=20))
+    _, _, _, *rows = in_a_pipe().partition("\nU = ")[0].splitlines()
+    for cell in (cell for row in rows for cell in re.split(" {2,}", row)):
+        assert re.search(rf"(^| ){re.escape(cell)}( |\r?$)", shown, re.MULTILINE)
 
 
 @pytest.mark.parametrize("call", ["lengths --help", f"lengths {SMALL}"])

@@ -78,6 +78,13 @@ def test_degrees_follow_from_what_is_written(tmp_path: Path) -> None:
     assert degrees == {"dx_x": 1, "ez_x": 1, "dy_y": 2, "axy": 0}
 
 
+def test_both_signs_for_micro_are_a_u(tmp_path: Path) -> None:
+    plain = load(tmp_path, VALID).machine
+    for sign in "\u00b5\u03bc":
+        text = VALID.replace("unit: um, degree", f"unit: {sign}m, degree")
+        assert load(tmp_path, text).machine == plain
+
+
 def test_notices(tmp_path: Path) -> None:
     text = machine("{a: {of: x, unit: um}, b: {unit: um, s_repeat: 1}}")
     notices = load(tmp_path, text).warnings
