@@ -9,7 +9,9 @@ import re
 import select
 import signal
 import subprocess
+import sys
 import time
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
@@ -23,10 +25,26 @@ BOXES = re.compile("[\u2500-\u257f]")
 OLD = b'{"old": true}\n'
 
 
-def start(*args: object, cwd: Path) -> subprocess.Popen[bytes]:
+INTERRUPTED = """
+import signal, sys
+
+class Interrupts:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            signal.raise_signal(signal.SIGINT)
+
+module = sys.argv.pop(1)
+sys.meta_path.insert(0, Interrupts())
+from mtu_cli.cli.main import main
+main()
+"""
+"""The entry point, interrupted as it comes to import one module."""
+
+
+def start(*args: object, cwd: Path, program: Sequence[object] = (MTU,)) -> subprocess.Popen[bytes]:
     """A call that runs while the test goes on."""
     return subprocess.Popen(
-        [MTU, *map(str, args)],
+        [*map(str, program), *map(str, args)],
         # A runner in the background hands an ignored interrupt on to its children.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         cwd=cwd,
@@ -143,6 +161,13 @@ def test_interrupt(tmp_path: Path) -> None:
     assert b"Traceback" not in error
     assert output == b""
     assert listing(work) == before
+
+
+def test_interrupt_while_it_imports(tmp_path: Path) -> None:
+    call = ("mtu_cli.cli.analyse", "lengths", SMALL)
+    process = start(*call, cwd=tmp_path, program=[sys.executable, "-c", INTERRUPTED])
+    assert process.communicate(timeout=30) == (b"", b"")
+    assert process.returncode == 130
 
 
 def large(folder: Path) -> list[str]:
