@@ -74,30 +74,20 @@ def mtu(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = 
 
 def started(*args: object, cwd: Path | None = None, env: Mapping[str, str] | None = None) -> Result:
     """One call as a user or a script makes it: a process of its own, standard input closed."""
-    return subprocess.run(
-        [MTU, *map(str, args)],
-        cwd=cwd,
-        env=environment(env),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+    return _process([MTU, *map(str, args)], cwd, env)
 
 
 def shell(script: str, env: Mapping[str, str] | None = None) -> Result:
     """A line of bash in which `mtu` is the installed one."""
     path = f"{MTU.parent}{os.pathsep}{os.environ['PATH']}"
+    return _process(["bash", "-c", script], None, {"PATH": path} | dict(env or {}))
+
+
+def _process(call: list[Any], cwd: Path | None, env: Mapping[str, str] | None) -> Result:
     return subprocess.run(
-        ["bash", "-c", script],
-        env=environment({"PATH": path} | dict(env or {})),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        encoding="utf-8",
-        timeout=TIMEOUT_S,
-        check=False,
-    )
+        call, cwd=cwd, env=environment(env), stdin=subprocess.DEVNULL, capture_output=True,
+        encoding="utf-8", timeout=TIMEOUT_S, check=False,
+    )  # fmt: skip
 
 
 def done(result: Result, code: int = 0) -> Result:

@@ -77,24 +77,6 @@ def test_a_datum_takes_the_set_up_out(measured: Path, tmp_path: Path) -> None:
     assert [total["mean_error_um"] for total in report["totals"]] == pytest.approx([0, 0], abs=1e-9)
 
 
-def test_without_a_part_file_the_nominals_come_from_the_csv(measured: Path, tmp_path: Path) -> None:
-    one = mtu("anova", "--cmm", measured)
-    assert one.returncode == 2
-    assert "row 4, column 'feature': the nominal place is missing" in one.stderr
-    assert one.stderr.splitlines()[-1].endswith(" more")
-    plate = tmp_path / "plate.csv"
-    plate.write_text(
-        "part,feature,x_mm,y_mm,nominal_x_mm,nominal_y_mm,diameter_mm\n"
-        "007,h1,10.004,20.001,10,20,2.17\n007,h2,110.002,19.999,110,20,2.16\n"
-    )
-    found = mtu("anova", "--cmm", plate, "-o", tmp_path / "o.json", "--plot", tmp_path / "o.svg")
-    assert found.returncode == 0, found.stderr
-    assert "[few-parts]" in found.stderr
-    entry = results(tmp_path / "o.json")["features"][0]
-    assert entry["mean_error_um"] == pytest.approx(4)
-    assert entry["F"] is None
-
-
 def test_the_gate_needs_four_parts(measured: Path, tmp_path: Path) -> None:
     rows = [row for row in rows_of(measured.read_text()) if row["part"] in ("1", "2", "3")]
     path = write(tmp_path / "cmm.csv", rows)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import yaml
-from cli_runner import Listing, Result, done, listing, mtu, report
+from cli_runner import Listing, Result, done, listing, mtu
 from support import CONFIGS, DATA
 
 UNDECLARED = CONFIGS / "undeclared"
@@ -146,21 +146,6 @@ def test_the_extended_machine_has_nothing_left(first: Run, tmp_path: Path) -> No
     assert new.read_bytes() == first.machine.read_bytes()
     assert "nothing-added" in result.stderr
     assert (tmp_path / "p.svg").read_text("utf-8").startswith("<?xml")
-
-
-def test_the_lengths_are_as_predicted_then(first: Run) -> None:
-    """9-15 is approached from either side: it changes by twice the effect."""
-    lengths = [
-        {item["id"]: item for item in found["results"]["lengths"]}
-        for found in (
-            report("compare", UNDECLARED),
-            report("compare", UNDECLARED, "-m", first.machine),
-        )
-    ]
-    before, after = (item["9-15"] for item in lengths)
-    assert (before["verdict"], after["verdict"]) == ("biased", "consistent")
-    assert before["bias_um"] == pytest.approx(2 * TRUE_UM, abs=1.0)
-    assert abs(after["bias_um"]) < 1.0
 
 
 def test_readings_alone_are_judged_by_component(tmp_path: Path) -> None:

@@ -56,21 +56,6 @@ def test_a_gate_is_met_by_what_it_names_alone(
         assert {(x["axis"], x["verdict"]) for x in features} == {("x", kind), ("y", "consistent")}
 
 
-def test_numbered_repeats_beside_others_in_either_order(parts: Rows, tmp_path: Path) -> None:
-    """Where one file numbers its repeats and the other does not, all of them are repeats."""
-    later = [{k: v for k, v in row.items() if k != "repeat"} for row in moved(parts, lambda _: 0.0)]
-    for row in later:
-        row["x_mm"] = repr(float(row["x_mm"]) + 0.0004)
-    files = [write(tmp_path / "a.csv", parts), write(tmp_path / "b.csv", later)]
-    found = [
-        report("compare", SMALL, "--cmm", first, "--cmm", second)["results"]["lengths"]
-        for first, second in (files, files[::-1])
-    ]
-    for one, other in zip(*found, strict=True):
-        assert one["measured"] == pytest.approx(other["measured"])
-        assert (one["measured"]["parts"], one["measured"]["n"]) == (8, 32)
-
-
 def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path: Path) -> None:
     one = write(tmp_path / "a.csv", [row for row in parts if row["feature"] == "A"])
     for gate in GATED:
@@ -80,15 +65,3 @@ def test_a_gate_that_nothing_can_be_tested_for_is_refused(parts: Rows, tmp_path:
     assert {item["verdict"] for item in found["results"]["features"]} == {None}
     assert "not-tested" in {item["code"] for item in found["warnings"]}
     assert found["results"]["summary"]["features"][0]["verdict_text"] == "features: not tested"
-
-
-def test_one_slip_is_named_and_meets_the_gate(
-    parts: Rows, well_known: Path, tmp_path: Path
-) -> None:
-    """20 mm off swells the scatter of its repeats, so that no test of the feature finds it."""
-    changed = [dict(row) for row in parts]
-    changed[2]["x_mm"] = f"{float(changed[2]['x_mm']) + 20:.6f}"
-    near = write(tmp_path / "near.csv", changed)
-    met = done(mtu("compare", well_known, "--cmm", near, "--fail-if", "suspicious", "-q"), 3)
-    assert "near.csv, row 4, column 'x_mm': a point of part '1': 20 mm from nominal" in met.stderr
-    assert met.stderr.endswith("mtu: gate suspicious: 1 warning of the checks (far-from-nominal)\n")

@@ -61,14 +61,6 @@ def test_the_report_predicts_and_lists_moves(tmp_path: Path) -> None:
     assert program.index("X-10.0000") < program.index("X500.0000") < program.index("X510.0000")
 
 
-def test_verification_of_readings(tmp_path: Path) -> None:
-    """The first test read again: the table had no effect."""
-    laser = RING.parent.parent / "data" / "valdes-ring" / "laser.csv"
-    found = report(*CALL, "--for", "beckhoff", "--verify", laser, cwd=tmp_path)["results"]
-    assert found["verification"]["verdict"] == "no-effect"
-    assert found["verification"]["k"] == pytest.approx(1, abs=0.05)
-
-
 def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> None:
     study = ("compensate", CONFIGS / "laser-mill", "--component", "dx_x")
     said = "A reversal of 0.590 um (forward less reverse) is left to the control."

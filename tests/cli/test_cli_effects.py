@@ -77,25 +77,6 @@ def test_predictions_take_the_covariates(
     assert ("[one-direction]" in told) == (command != "predict-points")
 
 
-@pytest.mark.parametrize("command", ["lengths", "compare"])
-def test_beyond_the_range_that_was_seen_every_command_warns_once(
-    command: str, work: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    trend = EFFECTS[1] | {"seen": {"tool_parts": [0.0, 2.0]}}
-    content = extended_machine(load_machine(work / "before.yaml"), [trend]).content
-    (work / "machine.yaml").write_bytes(content)
-    call = AT[2:] if command in PREDICTIONS else ("--cmm", "cmm.csv")
-    code, report, told = run_command(monkeypatch, work, command, *call)
-    assert code == 0, told
-    last = 5 if command in PREDICTIONS else 4
-    (beyond,) = [item for item in report["warnings"] if item["code"] == "outside-effect-range"]
-    assert beyond["message"] == (
-        "machine.yaml: the data of effects[0] (trend-y) have tool_parts from 0 to 2: extrapolated "
-        f"to {last}"
-    )
-    assert told.count(beyond["message"]) == 1
-
-
 JOINT = np.array([[0.09, 0.02, 0.001], [0.02, 0.25, 0.03], [0.001, 0.03, 0.04]])
 """Of the parameters of what was found, in their units."""
 FACTORS = np.array([1e-3, np.pi / 648000, 1e-6])
@@ -185,6 +166,15 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     call = ["predict-points", "-m", "new.yaml", *call[:3], "--at", "dir_x=1"]
     code, new, told = run_command(monkeypatch, work, *call, "-c", "new.json")
     assert code == 0, told
+    if source == "readings":
+        readings = ("-m", "machine.yaml", "--lbb", "lbb.csv")
+        _, fit, _ = run_command(monkeypatch, work, "fit-components", *readings)
+        report = json.loads((work / "new.json").read_text())
+        effects = report["results"].pop("effects")
+        assert (report["schema"], report["results"]) == (fit["schema"], fit["results"])
+        assert effects["parameters"] == ["backlash-x.lost_motion", "turn.angle", "turn.scale"]
+        assert effects["units"] == ["um", "arcsec", "um/m"]
+        assert effects["values"] == pytest.approx([2, 3, 7])
     x, y = np.array([PLACES[name] for name in PLACES]).T
     J = np.zeros((10, 3))
     J[0::2, 0], J[0::2, 1], J[0::2, 2] = 1, -(y - 40) * np.pi / 648, (x - 50) * 1e-3
@@ -198,27 +188,6 @@ def test_the_files_of_close_loop_predict_with_the_joint_covariance(
     _, single, _ = run_command(monkeypatch, work, *call)
     more = np.array(single["results"]["covariance_um2"]) - old["results"]["covariance_um2"]
     assert more == pytest.approx(J @ alone @ J.T, rel=1e-6, abs=1e-9)
-
-
-def test_the_components_report_is_the_fits_and_more(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    work = prepared(tmp_path / "work")
-    _, fit, _ = run_command(
-        monkeypatch, work, "fit-components", "-m", "machine.yaml", "--lbb", "lbb.csv"
-    )
-    inputs = inputs_of(work, monkeypatch, machine="machine.yaml", lbb=["lbb.csv"], **WRITE)
-    made(inputs, APART)
-    report = json.loads((work / "new.json").read_text())
-    effects = report["results"].pop("effects")
-    assert json.dumps(report["results"]) == json.dumps(fit["results"])
-    assert report["schema"] == fit["schema"]
-    assert effects["parameters"] == ["backlash-x.lost_motion", "turn.angle", "turn.scale"]
-    assert effects["units"] == ["um", "arcsec", "um/m"]
-    assert effects["values"] == pytest.approx([2, 3, 7])
-    wanted = JOINT.copy()
-    wanted[0, 1:] = wanted[1:, 0] = 0
-    assert np.array(effects["covariance"]) == pytest.approx(wanted)
 
 
 def test_a_second_round_keeps_what_the_first_found(

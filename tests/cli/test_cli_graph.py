@@ -55,17 +55,9 @@ def test_sweep() -> None:
     assert set(results["places"]["d_AC"]["value"]) >= FIELDS
 
 
-@pytest.mark.parametrize(
-    ("vary", "told"),
-    [
-        ("axis_um=1,1", "appears twice"),
-        ("axis_um=1,,2", "--vary axis_um: not a number: ''"),
-    ],
-)
-def test_slips_in_vary(vary: str, told: str) -> None:
-    with pytest.raises(InputError) as caught:
-        varied([vary], PARAMETERS)
-    assert told in str(caught.value)
+def test_a_value_in_vary_stands_once() -> None:
+    with pytest.raises(InputError, match="appears twice"):
+        varied(["axis_um=1,1"], PARAMETERS)
 
 
 def test_sweep_has_not_converged_where_its_grid_has_not() -> None:

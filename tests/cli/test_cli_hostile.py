@@ -31,10 +31,6 @@ def bomb() -> str:
             "machine.yaml:4: equations.Ex: more than 60 levels of an equation at column",
         ),
         (
-            MACHINE + "equations: {Ex: 'a*9**9**9**9'}",
-            "machine.yaml:4: equations.Ex: '**' of these constants has no finite value at column 7",
-        ),
-        (
             MACHINE + f"equations: {{Ex: '{'-' * 9000}a'}}",
             "machine.yaml:4: equations.Ex: more than 300 operators of an equation",
         ),
@@ -43,15 +39,11 @@ def bomb() -> str:
             "machine.yaml:4: equations.Ex: not a finite number at column 3: '999",
         ),
         (
-            MACHINE + "equations: {Ex: \"__import__('os').system('touch stolen')\"}",
-            'machine.yaml:4: equations.Ex: unexpected "\'" at column 12',
-        ),
-        (
             "!!python/object/apply:os.system ['touch stolen']\n",
             "machine.yaml:1: the tag '!!python/object/apply:os.system' is not accepted",
         ),
     ],
-    ids=["aliases", "parentheses", "power", "signs", "digits", "code", "tag"],
+    ids=["aliases", "parentheses", "signs", "digits", "tag"],
 )
 def test_hostile_yaml_is_refused_at_once(text: str, words: str, tmp_path: Path) -> None:
     work = prepared(tmp_path / "work")
@@ -75,23 +67,6 @@ def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:
     (work / name).write_bytes(b"component,error,unit\naxy,x,urad\n")
     message = refused(work, "fit-components", "--lbb", name, "-o", "out.json")
     assert r"l\xe9\x1b[31m.csv, row 2, column 'error': not a number: 'x'" in message
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is unreadable to root")
-def test_a_file_that_may_not_be_read(tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work")
-    (work / "lbb.csv").chmod(0)
-    result = done(mtu("fit-components", "-o", "out.json", cwd=work), 2)
-    assert "lbb.csv: cannot be read: permission denied" in result.stderr
-    assert not (work / "out.json").exists()
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="nothing is write-protected to root")
-def test_a_folder_that_may_not_be_written(tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work")
-    (work / "out").mkdir(mode=0o500)
-    message = refused(work, "fit-components", "-o", "out/out.json")
-    assert "out/out.json: cannot be written: permission denied" in message
 
 
 def test_a_working_folder_that_has_gone(tmp_path: Path) -> None:

@@ -56,13 +56,11 @@ def test_what_limits_u_comes_with_predictions_too(work: Path) -> None:
     (drift,) = told("passes-drift", **readings)
     assert drift.startswith("dx_x drifts by ")
     assert told("reported", **report) == [f"c.json: {drift}"]
-    # A report that says it twice, and what is no warning of a fit.
+    # A report that says it twice.
     document = json.loads((work / "c.json").read_text())
-    for entry in ({}, "drift", {"code": 1, "message": None}, *document["warnings"]):
-        document["warnings"].append(entry)
-    (work / "c.json").write_text(json.dumps(document))
+    (work / "c.json").write_text(
+        json.dumps(document | {"warnings": 2 * document["warnings"] + [{"code": 1}]})
+    )
     assert told("reported", **report) == [f"c.json: {drift}"]
-    (work / "c.json").write_text(json.dumps(document | {"warnings": None}))
-    assert told("reported", **report) == []
     edited(work / "machine.yaml", "Ex: dx_x - y*axy", "Ex: -y*axy")
     assert told("passes-drift", **readings) == []

@@ -53,15 +53,6 @@ def written(folder: Path, name: str, changed: Callable[[str, str], tuple[str, st
     return name
 
 
-def test_an_axis_under_another_name_is_told(folder: Path) -> None:
-    """Nothing is judged along z: not without a word."""
-    points = written(folder, "zz.csv", lambda c, cell: ("zz_mm" if c == "z_mm" else c, cell))
-    found = done(mtu("correct", *FILES, "--cmm", points, "-q", cwd=folder))
-    told = [line for line in found.stderr.splitlines() if line.endswith("[axis-not-measured]")]
-    assert len(told) == 1
-    assert "z_mm" in told[0]
-
-
 def test_an_axis_written_from_the_drawing_is_told(folder: Path) -> None:
     """Along z every part is perfect, and a machine would be judged by that."""
 

@@ -47,22 +47,20 @@ def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch)
     assert terminal.getvalue().endswith("\r\x1b[K")
 
 
-def test_it_does_not_draw_all_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_draws_neither_all_the_time_nor_what_is_done_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     terminal = terminal_of(monkeypatch)
+    with late_bar("budget") as bar:
+        bar(1, 2)
+    assert terminal.getvalue() == ""
     monkeypatch.setattr(emit, "DELAY_S", 0.0)
     monkeypatch.setattr(emit, "EVERY_S", 3600.0)
     with late_bar("close-loop") as bar:
         bar(1, 10)
         before = terminal.getvalue()
         bar(2, 10)
-        assert terminal.getvalue() == before
-
-
-def test_what_is_done_at_once_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = terminal_of(monkeypatch)
-    with late_bar("budget") as bar:
-        bar(1, 2)
-    assert terminal.getvalue() == ""
+        assert terminal.getvalue() == before != ""
 
 
 def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

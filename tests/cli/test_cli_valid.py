@@ -118,13 +118,6 @@ def test_options_win_over_the_study(tmp_path: Path) -> None:
     assert (before["u_um"], before["error_um"]) == (after["u_um"], after["error_um"])
 
 
-def test_correlation_is_the_papers_where_it_is_asked_for() -> None:
-    shared = report("lengths", SMALL)["results"]["lengths"]
-    alone = report("lengths", SMALL, "--correlation", "independent")["results"]["lengths"]
-    for first, second in zip(shared, alone, strict=True):
-        assert second["u_um"] == first["independent"]["u_um"] != first["u_um"]
-
-
 @pytest.mark.parametrize("command", PREDICTIONS)
 def test_a_components_report_stands_for_the_readings(command: str, fitted: Path) -> None:
     """To the last bit: the report holds all that predictions need."""

@@ -139,21 +139,15 @@ REPORT = b'{"schema": "mtu/lengths/1"}\n'
     ("code", "error", "output", "after", "wrong"),
     [
         (0, "", "table", {"out.json": REPORT}, None),
-
         (2, "mtu: a.csv: fault\n", "", {}, None),
         (2, "Usage: mtu lengths\n", "", {}, "without words of its own"),
         (1, "Traceback (most recent call last)", "", {}, "exit code 1"),
-
-
         (0, "x: RuntimeWarning: y", "", {"out.json": REPORT}, "a warning"),
         (2, "mtu: a.csv: fault\n", "table", {}, "with output"),
-
         (2, "mtu: a.csv: fault\n", "", {".out.tmp": b""}, "files changed: ['.out.tmp']"),
-
         (0, "", "table", {}, "without out.json"),
         (0, "", "table", {"out.json": REPORT[:9]}, "cannot be read"),
         (0, "", "table", {"out.json": b'{"schema": "mtu/a/1", "b": NaN}'}, "NaN in a report"),
-
         (0, "", "table", {"out.json": REPORT, ".out.tmp": b""}, "that are no outputs"),
     ],
 )  # fmt: skip

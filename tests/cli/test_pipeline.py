@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 from cli_runner import MTU, done, shell
-from cli_runner import mtu as called
 from pipeline_runner import GILSINN_LING, PART, STUDY, make, placed, quick
 from support import CONFIGS
 
@@ -60,7 +59,6 @@ def test_studies_may_be_called_as_anything_of_the_makefile(tmp_path: Path) -> No
     for name in names:
         placed(tmp_path / "shop" / name)
     out, root = tmp_path / "out", f"ROOT={tmp_path / 'shop'}"
-    # Names are make's and the shell's matter: what mtu makes of a step's words is looked at below.
     words = tmp_path / "words"
     mtu = tmp_path / "mtu"
     script = f'printf "%s\\n" "$1 $2" >> {words}; until [ "$1" = -o ]; do shift; done; : > "$2"'
@@ -71,8 +69,6 @@ def test_studies_may_be_called_as_anything_of_the_makefile(tmp_path: Path) -> No
     assert {f"{name}: passed" for name in names} <= set(ran.stdout.splitlines())
     asked = {f"{step} {tmp_path}/shop/{name}" for name in names for step in STEPS}
     assert set(words.read_text("utf-8").splitlines()) == asked
-    for name in names[:2]:
-        done(called("lengths", tmp_path / "shop" / name, "-q", "-o", tmp_path / "lengths.json"))
     assert all((out / name / "lengths.passed").is_file() for name in names)
     assert make(out, "clean", root).returncode == 0
     assert not out.exists()

@@ -27,15 +27,9 @@ def snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
     (work := folder / "work").mkdir(exist_ok=True)
     file = CONFIGS / "pipeline" / "Snakefile"
     call = [str(SNAKEMAKE), "-s", str(file), "--cores", "2", "--nocolor", "--keep-going"]
+    own = (f"root={folder / 'shop'}", f"out={folder / 'cluster'}", f"mtu={MTU}")
     return subprocess.run(
-        [
-            *call,
-            "--config",
-            f"root={folder / 'shop'}",
-            f"out={folder / 'cluster'}",
-            f"mtu={MTU}",
-            *config,
-        ],
+        [*call, "--config", *own, *config],
         env=environment({"HOME": str(folder), "XDG_CACHE_HOME": str(folder / "cache")}),
         cwd=work,
         stdin=subprocess.DEVNULL,

@@ -96,22 +96,16 @@ def test_contributions_are_counted_once_each() -> None:
 
 # An entry, and code and place of each of its faults.
 FAULTY = [
-
-
     ("{low: 2, high: 1, distribution: rectangular}", "wrong-value", ".low"),
     ("{value: 1, low: 2, distribution: rectangular}", "incomplete", ".low"),
     ("{value: 1, U: 2}", "incomplete", ".U"),
-
     ("{value: 1, readings: [1, 2]}", "exclusive", ".value"),
     ("{value: 1.2, low: 0, high: 2, distribution: rectangular}", "wrong-value", ".value"),
     ("{value: 1, half_width: 1}", "no-limits", ""),
-
     ("{readings: [1, 2], dof: 9}", "incomplete", ".dof"),
     ("{value: 1, half_width: 1, distribution: arcsine, dof: 0.2}", "wrong-value", ".dof"),
     ("{value: 1, u: 1, distribution: rectangular, top: 1}", "misplaced", ".top"),
-
     ("{value: 1, half_width: 1, distribution: trapezoidal, top: 2}", "wrong-value", ".top"),
-
     ("{value: 1, u: 1, dof: 5, distribution: curvilinear-trapezoidal, inexact: 0.1}",
      "exclusive", ".dof"),
     ("{value: 1, contributions: [{says: x}]}", "missing-key", ".contributions[0]"),

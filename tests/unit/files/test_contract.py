@@ -51,9 +51,7 @@ def faults(text: str) -> tuple[Finding, ...]:
     [
         ("nmae: 1", "unknown-name", "t.yaml:3: nmae: unknown key: 'nmae'; did you mean 'name'?"),
         ("kind: rond", "unknown-name", "kind: unknown value: 'rond'; did you mean 'round'?"),
-        ("kind: 3", "unknown-name", "expected one of: round, square"),
         ("count: 1.5", "wrong-value", "count: wrong value: '1.5'; expected a whole number"),
-        ("count:", "wrong-value", "count: wrong value: 'null'; expected a whole number"),
         ("count: 3", "name-taken", "it is odd: '3'; expected an even number"),
         ("entries: {from: a}", "wrong-value", "expected a list"),
         ("by_name: [a]", "wrong-value", "expected keys with values"),

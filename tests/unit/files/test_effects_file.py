@@ -98,7 +98,6 @@ PERIOD = "{Ex: k*x*sin(p)}"
     ("text", "line", "path", "code"),
     [
         (family(parameters="{k: um/m, j: um}"), 3, "[0].parameters.j", "not-applicable"),
-        (family(parameters="{k: parsec}"), 3, "[0].parameters.k", "unknown-name"),
         (family("{Ex: x*x}", "{x: um}"), 3, "[0].parameters.x", "name-taken"),
         (family('{Ex: "2k*x"}', "{2k: um/m}"), 3, "[0].parameters.2k", "wrong-type"),
         (family(name="Ball screw"), 1, "[0].family", "wrong-value"),
@@ -106,7 +105,6 @@ PERIOD = "{Ex: k*x*sin(p)}"
         (family(more="kind: scatter"), 3, "[0].parameters", "misplaced"),
         (family(more="kind: outlier"), 1, "[0]", "missing-key"),
         (family(more="over: feature"), 4, "[0].equations", "not-applicable"),
-        (family(more="serach: {p: {from: 1, to: 2}}"), 5, "[0].serach", "unknown-name"),
         (family(more="search: {p: {from: 1, to: 2}}"), 5, "[0].search.p", "not-applicable"),
         (family(PERIOD, more="search: {p: {to: span}}"), 5, "[0].search.p", "missing-key"),
         (family(PERIOD, more="search: {p: {of: x, to: reach}}"), 5, "[0].search.p.to",

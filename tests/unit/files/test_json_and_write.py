@@ -110,21 +110,11 @@ def test_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert sorted(os.listdir(tmp_path)) == ["a", "c"]
 
 
-def test_targets_that_are_refused(tmp_path: Path) -> None:
+def test_an_input_is_not_overwritten_by_another_name(tmp_path: Path) -> None:
     (tmp_path / "in.csv").write_bytes(b"data")
     (tmp_path / "alias.csv").symlink_to(tmp_path / "in.csv")
-    targets = [tmp_path / "alias.csv", tmp_path, tmp_path / "no" / "x", tmp_path / "ok"]
-    targets.append(tmp_path / "sub" / ".." / "ok")
-    with pytest.raises(InputError) as caught:
-        write_files(dict.fromkeys(targets, b"x"), inputs=[tmp_path / "in.csv"])
-    found = [problem.text for problem in caught.value.findings]
-    assert found == [
-        "not overwritten, as it is an input",
-        "a folder, no file",
-        f"cannot be written: the folder '{tmp_path / 'no'}' does not exist",
-        "the output appears twice",
-    ]
-    assert sorted(os.listdir(tmp_path)) == ["alias.csv", "in.csv"]
+    with pytest.raises(InputError, match="not overwritten, as it is an input"):
+        write_files({tmp_path / "alias.csv": b"x"}, inputs=[tmp_path / "in.csv"])
 
 
 def test_what_no_system_takes_and_a_device(tmp_path: Path) -> None:

@@ -104,6 +104,11 @@ def test_faulty_parts(tmp_path: Path, text: str, words: str) -> None:
     assert words in found[0]
 
 
+def test_a_feature_has_a_name_of_one_line(tmp_path: Path) -> None:
+    (line,) = part_faults(tmp_path, 'features: {"a\\nb": {x_mm: 1, y_mm: 2}}\n')
+    assert "not a name: " in line
+
+
 def test_a_faulty_feature_is_not_called_unknown(tmp_path: Path) -> None:
     text = "features: {3: {x_mm: 1}, 4: {x_mm: 1, y_mm: 2}}\nlengths: [{from: 3, to: 5}]\n"
     found = part_faults(tmp_path, text)

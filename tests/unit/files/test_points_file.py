@@ -117,8 +117,6 @@ def test_directions_are_written_as_those_of_readings(
     found = read(tmp_path, first, second).direction
     np.testing.assert_array_equal(found[:, 0], [1, np.nan, -1, 1, -1])
     np.testing.assert_array_equal(found[:3, 1], [1, -1, 1])
-    one = f"{HEAD},dir_x\n{'a,h1,0,0,1'}\na,h2,0,0,+\n"
-    assert read(tmp_path, one).direction[:, 0].tolist() == [1, 1]
     bad = f"{HEAD},dir_x,dir_y\na,h1,0,0,+,1\na,h2,0,0,forwrd,0.5\n"
     assert faults(tmp_path, bad) == [
         "p0.csv, row 3, column 'dir_x': not a direction: 'forwrd'; did you mean 'forward'?",

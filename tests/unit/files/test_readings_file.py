@@ -129,8 +129,6 @@ def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: 
     assert faults(tmp_path, f"{HEAD},time_min\n{rows}") == [
         "r0.csv, row 5: the same as row 2; expected each row once"
     ]
-    (again,) = faults(tmp_path, f"{HEAD},pass\n{rows}")
-    assert again.startswith("r0.csv, row 5: the same as row 2")
     found = read(tmp_path, f"{HEAD},other\n{rows}")
     assert len(found) == 4
     with_covariate = "dx_x,0,1,um,1,20.1\ndx_x,0,1,um,1,20.2\n"

@@ -76,10 +76,8 @@ def test_sound_components(tmp_path: Path, change: dict[str, Any]) -> None:
     ("change", "words"),
     [
         ({"s_repeat": 1e200}, "s_repeat: out of range: '1e+200'; expected at most 1e+30 in size"),
-        ({"coefficients": [-1e308]}, "coefficients[0]: out of range: '-1e+308'"),
         ({"pass_covariance": [[1e31]]}, "pass_covariance[0][0]: out of range: '1e+31'"),
         ({"degree": 1e99}, "degree: wrong value: '1e+99'; expected a whole number"),
-        ({"degree": "a"}, "degree: wrong value: 'a'; expected a whole number"),
         ({"unit": 3}, "unit: wrong value: '3'; expected a text"),
         (LINE | {"covariance": [[1, 0]]}, "covariance: another size; expected 2 x 2"),
     ],

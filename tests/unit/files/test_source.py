@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
@@ -49,7 +46,6 @@ def test_the_hash_is_of_the_bytes(tmp_path: Path) -> None:
         ("machine.yaml", "tm.yaml", None),
         ("drft.csv", "drift.csv", "drift.csv"),
         ("lbb.csv", "lbb.csv.gz", "lbb.csv.gz"),
-        ("machine", "machine.yaml", "machine.yaml"),
     ],
 )  # fmt: skip
 def test_only_near_names_are_offered(
@@ -86,25 +82,6 @@ def test_devices_are_refused_at_once(tmp_path: Path) -> None:
             read()
     with pytest.raises(InputError, match="a device, no file"):
         read_source(tmp_path / "link.csv", "lbb")
-
-
-def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
-    path = tmp_path / "pipe.csv"
-    table = b"component,time_min,error,unit\naxy,0,1,arcsec\naxy,1,2,arcsec\n"
-
-    def fed(read: Callable[[], T]) -> T:
-        os.mkfifo(path)
-        writer = threading.Thread(target=path.write_bytes, args=(table,), daemon=True)
-        writer.start()
-        found = read()
-        writer.join(10)
-        path.unlink()
-        return found
-
-    assert fed(lambda: read_source(path, "lbb"))[1] == table
-    assert fed(lambda: read_source(path, "lbb"))[0].sha256 == hashlib.sha256(table).hexdigest()
-    block = fed(lambda: read_readings([(path, "drift")], None, for_fit=False))
-    assert block.time_min.tolist() == [0, 1]
 
 
 @pytest.mark.parametrize(

