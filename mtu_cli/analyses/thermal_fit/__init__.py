@@ -68,8 +68,8 @@ def thermal_fit(
         result[series.name] = drift
         share = min(share, noise_share(fitted, sensor_noise(series)))
         warnings += _warnings(lib, drift, method)
-    named = [name for name in readings.covariates if name.casefold().startswith("t_")]
-    if odd := [name for name in named if not is_temperature(name)]:
+    numbers = [name for name, values in readings.covariates.items() if values.dtype != object]
+    if odd := [name for name in numbers if not is_temperature(name)]:
         reason = "a sensor is T_<sensor>_degC, of letters a to z, digits and _"
         warnings.append(finding("not-used", what="columns", names=odd, reason=reason))
     # Sensors are the same for all components: the one that shows least noise bounds it.

@@ -261,13 +261,13 @@ def test_more_rows_than_are_fitted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert drift.held_out.after == pytest.approx(alone.held_out.after, rel=ROUNDING)
 
 
-def test_columns_that_are_nearly_sensors_are_named() -> None:
+def test_numeric_columns_that_are_no_sensors_are_named() -> None:
     found = Plan(gradients=LINE[:1], n=20).read(np.random.default_rng(19))
     still = np.full(len(found), 20.0)
     more = dict.fromkeys(("T_c_DegC", "t_oil", "speed"), still)
     warnings = fitted(replace(found, covariates=found.covariates | more)).warnings
     (warning,) = (item for item in warnings if item.code == "not-used")
-    assert warning.facts["names"] == ["T_c_DegC", "t_oil"]
+    assert warning.facts["names"] == ["T_c_DegC", "t_oil", "speed"]
 
 
 def grown(name: str, k: int = 1) -> Readings:
