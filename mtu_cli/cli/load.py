@@ -51,7 +51,7 @@ MEASURED = ("lbb", "laser", "drift", "cmm", "before", "verify")
 OPTION_OF = {"coverage_factor": "k"}
 """Options that are not called as the setting of a study."""
 OF_ANY_MACHINE = ("anova", "iso230")
-"""Commands that look at parts or readings alone, of whatever machine: its file is not read."""
+"""Commands that look at parts or readings alone: of whatever machine, unless the call names it."""
 
 
 @dataclass
@@ -237,9 +237,9 @@ class Inputs:
             return None
         from mtu_cli.files.readings import read_readings
 
-        made_here = self.options.command not in OF_ANY_MACHINE
-        for_fit = kind == "readings" and made_here
-        stated = for_fit or (made_here and self.files("machine"))
+        of_any = self.options.command in OF_ANY_MACHINE
+        for_fit = kind == "readings" and not of_any
+        stated = for_fit or (self.options.machine if of_any else self.files("machine"))
         known = self.machine.machine.components if stated else None
         convert = self.converter()
         return self.taken(kind, read_readings(files, known, for_fit=for_fit, convert=convert))

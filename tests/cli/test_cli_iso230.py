@@ -48,6 +48,10 @@ def test_a_matrix_without_a_unit_is_in_that_of_the_component(tmp_path: Path) -> 
     found = report(*call, "-m", "m.yaml", cwd=tmp_path)["results"]["axes"]["dx_x"]
     assert found["A"]["value"] == pytest.approx(EXPECTED[3]["A"], abs=1e-4)
     assert "the unit of the readings is missing" in done(mtu(*call, cwd=tmp_path), 2).stderr
+    other = write_readings(tmp_path / "other.csv", targets, readings)
+    other.write_text(other.read_text("utf-8").replace("dx_x", "dx_xx", 1), "utf-8")
+    refused = done(mtu("iso230", "--laser", other, "-m", "m.yaml", cwd=tmp_path), 2).stderr
+    assert "'dx_xx'" in refused
 
 
 def test_limits_meet_their_gate(laser: Path, tmp_path: Path) -> None:
