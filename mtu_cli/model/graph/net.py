@@ -395,8 +395,17 @@ class _Net:
                 self.faults.add(path, "no-finite-value", what=what, where=where)
 
     def check_unit(self, step: Step) -> None:
-        """Dimensions of formulas."""
+        """Dimensions of formulas, and lengths where lengths are meant: an input of which nothing
+        tells the unit counts as one.
+        """
+        path = ("transitions", step.index)
         for name in step.outputs:
             if self.units[name] is None or self.places[name].kind == "vector":
-                with self.faults.collected(("transitions", step.index, "formula")):
+                with self.faults.collected((*path, "formula")):
                     self.units[name] = step.unit(self.units)
+        unit = self.units[step.inputs[-1]] if step.use.length else None
+        if unit not in (None, "mm"):
+            kind = f"a length, as {step.do} takes here"
+            given = {"value": step.inputs[-1], "expected": f"a place in mm, not in {unit}"}
+            own = (*path, "in", len(step.inputs) - 1)
+            self.faults.add(own, "wrong-type", kind=kind, **given)
