@@ -487,9 +487,12 @@ def _p(k: float, u: float, dof: float) -> float:
     return float(2 * (ndtr(t) if np.isinf(dof) else stdtr(dof, t)))
 
 
-def moves_program(result: CompensateResult, feed: float, dwell_s: float, axis: str) -> str:
+def moves_program(
+    result: CompensateResult, feed: float, dwell_s: float, axis: str, frame: Frame
+) -> str:
     """G-code of the verification moves: every target approached from its own side, with an overrun
-    at the reversals; `feed` in mm/min or deg/min.
+    at the reversals; `feed` in mm/min or deg/min. No work offset turns an axis: one that runs the
+    other way than the readings moves in machine coordinates.
     """
     assert result.errors is not None
     targets = result.errors.targets
@@ -499,11 +502,14 @@ def moves_program(result: CompensateResult, feed: float, dwell_s: float, axis: s
         f"(verification of the compensation of {result.component}: read at every dwell)",
         f"(feed {feed:g} {place}/min: it has to be that of the first test; dwell {dwell_s:g} s)",
         f"(overrun {overrun:g} {place} beyond the end targets: check the limits of the axis)",
-        "(coordinates of the readings: set the work offset of that test)",
+        "(machine coordinates, without a work offset: the axis runs the other way)"
+        if frame.reverse
+        else "(coordinates of the readings: set the work offset of that test)",
         *("G21", "G90", "G94"),
     ]
     for way, start in zip(WAYS, (targets[0] - overrun, targets[-1] + overrun), strict=True):
         if stops := [move.command for move in result.moves if move.direction == way]:
+            start, *stops = (frame.zero - at if frame.reverse else at for at in (start, *stops))
             lines.append(f"G1 {axis}{start:.4f} F{feed:g}")
             lines += [f"G1 {axis}{at:.4f} F{feed:g}\nG4 P{dwell_s:g}" for at in stops]
     return "\n".join([*lines, "M30", ""])

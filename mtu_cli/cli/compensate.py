@@ -120,7 +120,8 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
             notes = (control.says, wanted.frame.says, f"This table: {written}.")
             made[beside] = "".join(f"{note}\n" for note in notes).encode()
         if options.to_nc:
-            program = moves_program(result, options.feed or FEED, DWELL_S, axis.upper())
+            feed = options.feed or FEED
+            program = moves_program(result, feed, DWELL_S, axis.upper(), wanted.frame)
             made[options.to_nc] = program.encode()
         return made
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from random import Random
 from typing import Any
@@ -360,4 +361,9 @@ def test_moves_of_an_angle_and_of_a_rotary_axis() -> None:
     assert move["command_mm"] is None
     assert move["expect_without_um"] is None
     assert move["expect_without_arcsec"] == pytest.approx(result.moves[1].without / ARCSEC)
-    assert "deg/min" in moves_program(result, 500.0, 3.0, "C")
+    assert "deg/min" in moves_program(result, 500.0, 3.0, "C", Frame())
+    turned = moves_program(result, 500.0, 3.0, "C", Frame(zero=50.0, reverse=True))
+    plain = moves_program(result, 500.0, 3.0, "C", Frame())
+    places = [[float(x) for x in re.findall(r"C(-?[0-9.]+)", each)] for each in (plain, turned)]
+    assert places[1] == pytest.approx([50.0 - x for x in places[0]])
+    assert "machine coordinates" in turned
