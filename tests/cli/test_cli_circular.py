@@ -49,6 +49,10 @@ def test_options_say_what_columns_do_not(tmp_path: Path) -> None:
     options = ("--radius", 150, "--feed", 2000, "--plane", "xy")
     known = found(*files, "--direction", "ccw,cw", *options)
     assert known == pytest.approx(Causes().expected(), abs=0.02)
+    lines = files[0].read_text("utf-8").splitlines()
+    stated = [f"{line},{150 if i > 1 else 'radius_mm'}" for i, line in enumerate(lines[1:], 1)]
+    files[0].write_text("\n".join([lines[0], *stated]), "utf-8")
+    assert found(*files, "--direction", "ccw,cw", *options) == pytest.approx(known, abs=1e-6)
     turned = found(*reversed(files), "--direction", "cw,ccw", *options)
     assert turned == pytest.approx(known, abs=1e-6)
     without = found(*files, "--direction", "ccw,cw", "--radius", 150)

@@ -80,6 +80,9 @@ def test_sound_components(tmp_path: Path, change: dict[str, Any]) -> None:
         ({"degree": 1e99}, "degree: wrong value: '1e+99'; expected a whole number"),
         ({"unit": 3}, "unit: wrong value: '3'; expected a text"),
         (LINE | {"covariance": [[1, 0]]}, "covariance: another size; expected 2 x 2"),
+        (LINE | {"covariance": [[1, 500], [0, 1]]}, "covariance: not symmetric"),
+        ({"covariance": [[-1.0]]}, "covariance: a variance is negative"),
+        ({"s_repeat": -1.0}, "s_repeat: "),
     ],
 )
 def test_faulty_components(tmp_path: Path, change: dict[str, Any], words: str) -> None:

@@ -348,6 +348,30 @@ def test_even_steps_even_ratios_and_half_way_between_values() -> None:
 PITCHES: dict[str, Any] = {"grid": "frequency", "low": ["2", "spacing/2"], "to": ["span/2"]}
 
 
+UNEVEN = [13.0, 17.3, 8.9, 19.1, 11.7]
+
+
+@pytest.mark.parametrize(
+    ("values", "shortest"),
+    [
+        # Rounding of sums is no step.
+        (np.repeat(10.0 * np.arange(1, 14), 2) - np.tile([3e-14, 0.0], 13), 5.0),
+        # A few tenths of a millimetre off even: at 1/15 mm all phases are still within a tenth.
+        (np.arange(41) * 15.0 + np.tile([0.0, 0.3, -0.2], 14)[:41], 7.5),
+        # Every second place 5 mm further on: all are whole multiples of 10 mm.
+        (np.arange(41) * 15.0 + np.tile([0.0, 5.0], 21)[:41], 5.0),
+        (np.cumsum(UNEVEN * 8), 2.0),
+        # Few places have many periods alike, even or not.
+        (np.cumsum(UNEVEN * 3), 6.5),
+    ],
+    ids=["rounding", "nearly", "in-pairs", "uneven", "few"],
+)
+def test_many_uneven_places_show_pitches_shorter_than_their_steps(
+    values: FloatArray, shortest: float
+) -> None:
+    assert grid(values, **PITCHES).min() == pytest.approx(shortest, rel=0.02)
+
+
 def test_frequencies_are_as_many_as_the_places_demand() -> None:
     """A quarter of a period apart over the span, up to 2000; a number asked for is the most."""
     values = np.array([0.0, 7.0, 100.0, 200.0, 300.0, 500.0])

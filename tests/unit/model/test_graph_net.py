@@ -202,6 +202,8 @@ report: [x, A, e, f, out]
 def test_a_multiple_of_a_direction_is_what_its_factor_is(unit: str, tmp_path: Path) -> None:
     """A unit vector times 5 mm displaces a point."""
     assert graph_of(tmp_path, LENGTHS.replace("UNIT", unit)).nominal["out"][0, 0] == 11
+    with pytest.raises(InputError, match="not a length, as displace takes here: 'f'"):
+        graph_of(tmp_path, LENGTHS.replace("UNIT", "unit: rad"))
 
 
 # What is drawn has the covariance that the file states.
