@@ -40,7 +40,7 @@ def test_three_readings_beside_others() -> None:
 def test_without_derivative_the_monte_carlo_stands_alone(equation: str, exact: float) -> None:
     inputs = ", ".join(f"{name}: {{value: 0, u: 1}}" for name in "xy" if name in equation)
     result = evaluated(f"equation: {equation}\ninputs: {{{inputs}}}\n")
-    assert math.isnan(single(result).first.u)
+    assert math.isnan(single(result).u)
     assert math.isnan(single(result).expanded)
     assert "not-differentiable" in codes(result)
     assert result.run.u[0] == pytest.approx(exact, abs=4 * result.run.se_u[0])
@@ -48,7 +48,7 @@ def test_without_derivative_the_monte_carlo_stands_alone(equation: str, exact: f
 
 def test_shares_and_covariance() -> None:
     """By hand: c = (1, 2), u = (1, 0.5), r = 0.7: shares 1.7/3.4 each; two outputs C V C'."""
-    assert single(evaluated(CORRELATED)).first.share == pytest.approx([0.5, 0.5])
+    assert single(evaluated(CORRELATED)).share == pytest.approx([0.5, 0.5])
     result = evaluated(CORRELATED.replace("equation: a + 2*b", "equations: {s: a + b, d: a - b}"))
     V = np.array([[1.0, 0.35], [0.35, 0.25]])
     C = np.array([[1.0, 1.0], [1.0, -1.0]])
@@ -74,7 +74,7 @@ def test_correlated_inputs_that_are_not_normal(kind: str) -> None:
     result = copula(kind, 0.6)
     assert "correlated-inputs" in codes(result)
     for output, u2 in zip(result.outputs, (7.4, 2.6), strict=True):
-        assert output.first.u == pytest.approx(math.sqrt(u2))
+        assert output.u == pytest.approx(math.sqrt(u2))
     assert result.run.u[0] == pytest.approx(math.sqrt(7.4), abs=4 * result.run.se_u[0])
     assert result.run.u[1] == pytest.approx(math.sqrt(2.6), abs=4 * result.run.se_u[1])
 
@@ -96,7 +96,7 @@ def test_correlated_inputs_of_different_degrees_of_freedom() -> None:
     result = evaluated(text)
     assert "correlated-inputs" in codes(result)
     # v = 3 of the pair with 8, 1 of c: nu_eff = 4^2 / (3^2/8).
-    assert single(result).first.dof == pytest.approx(16 * 8 / 9)
+    assert single(result).dof == pytest.approx(16 * 8 / 9)
 
 
 def test_coverage() -> None:
@@ -108,12 +108,12 @@ def test_coverage() -> None:
     )
     stated = evaluated(text + "coverage: {k: 2}\n")
     assert (single(stated).k, single(stated).expanded) == (2.0, 2.0)
-    assert stated.probability == pytest.approx(0.9545, abs=5e-5)
+    assert stated.run.probability == pytest.approx(0.9545, abs=5e-5)
     called = evaluated(text + "coverage: {probability: 0.99}\n", k=3.0)
     assert single(called).k == 3.0
-    assert called.probability == pytest.approx(0.9973, abs=5e-5)
+    assert called.run.probability == pytest.approx(0.9973, abs=5e-5)
     far = evaluated("equation: x\ninputs: {x: {value: 0, u: 1}}\n", k=5.0, trials=20_000)
-    assert (single(far).expanded, far.probability) == (5.0, 0.999)
+    assert (single(far).expanded, far.run.probability) == (5.0, 0.999)
 
 
 def test_linear_budgets_need_few_trials() -> None:
@@ -145,7 +145,7 @@ def test_linear_budgets_need_few_trials() -> None:
 def test_second_order_of_independent_inputs() -> None:
     """JCGM 100:2008, 5.1.2, note, term by term with derivatives by hand: y = x^2 z + sin(z)."""
     text = "equation: x**2*z + sin(z)\ninputs: {x: {value: 1.5, u: 0.2}, z: {value: 0.7, u: 0.3}}\n"
-    first = single(evaluated(text)).first
+    first = single(evaluated(text))
     x, z, ux, uz = 1.5, 0.7, 0.2, 0.3
     fx, fz = 2 * x * z, x**2 + math.cos(z)
     fxx, fxz, fzz = 2 * z, 2 * x, -math.sin(z)
@@ -165,7 +165,7 @@ def test_second_order_of_correlated_inputs() -> None:
         inputs: {x: {value: 2, u: 0.5}, y: {value: 3, u: 0.4}}
         correlations: [[x, y, 0.6]]
     """
-    first = single(evaluated(text)).first
+    first = single(evaluated(text))
     u, v, c = 0.25, 0.16, 0.6 * 0.5 * 0.4
     assert first.second_value == pytest.approx(6 + c)
     exact = 4 * v + 9 * u + 2 * 6 * c + u * v + c**2
@@ -183,7 +183,7 @@ def test_cancelling_inputs_of_different_degrees_of_freedom_still_scatter() -> No
         correlations: [[x, y, 1]]
     """
     result = evaluated(text, trials=200_000)
-    assert single(result).first.u == 0.0
+    assert single(result).u == 0.0
 
     def scale(nu: float) -> float:
         return math.sqrt(nu / 2) * math.gamma((nu - 1) / 2) / math.gamma(nu / 2)
@@ -207,8 +207,8 @@ def test_type_a_and_type_b_on_one_input_count_once() -> None:
     readings = (SEVEN * 0.247 * math.sqrt(7) / SEVEN.std(ddof=1)).tolist()
     result = evaluated(f"equation: x\ninputs: {{x: {{readings: {readings}, u: 1}}}}\n", digits=3)
     output = single(result)
-    assert output.first.u == pytest.approx(1.030, abs=0.0005)
-    assert output.first.dof == pytest.approx(6 * (output.first.u / 0.247) ** 4)
+    assert output.u == pytest.approx(1.030, abs=0.0005)
+    assert output.dof == pytest.approx(6 * (output.u / 0.247) ** 4)
     expected = math.sqrt(1 + 1.5 * 0.247**2)
     assert result.run.u[0] == pytest.approx(expected, abs=4 * result.run.se_u[0] + 1e-6)
 
@@ -227,7 +227,7 @@ def test_type_a_and_type_b_on_one_input_count_once() -> None:
 def test_a_square_at_zero(entry: str, second: float, mean: float) -> None:
     """Peers: u = 0 for x^2 at 0 without a word (suncal, metrolopy, uncertainties issue 92)."""
     result = evaluated(f"equation: x**2\ninputs: {{x: {{value: 0, {entry}}}}}\n", trials=400_000)
-    first = single(result).first
+    first = single(result)
     assert first.u == 0.0
     assert first.second_u == pytest.approx(second)
     assert first.second_value == pytest.approx(mean)

@@ -32,7 +32,7 @@ def pair(equation: str, first: str, second: str, r: float) -> str:
 def test_fully_correlated_shapes_cancel(entry: str, equation: str, r: float) -> None:
     """Equal inputs that rise together differ by nothing: u = 0 by every method."""
     result = evaluated(pair(equation, entry, entry, r))
-    assert single(result).first.u == 0.0
+    assert single(result).u == 0.0
     assert result.run.u[0] == 0.0
     assert result.run.low[0] == pytest.approx(result.run.high[0], abs=2e-15)
     assert single(result).validation.passed is True
@@ -60,23 +60,23 @@ def test_atan2_on_its_cut_has_a_monte_carlo() -> None:
         "equation: atan2(y, x)\ninputs: {y: {value: 0, u: 0.001}, x: {value: -1, u: 0.001}}\n"
     )
     output, run = single(result), result.run
-    assert output.first.value == math.pi
-    assert math.isnan(output.first.u)
+    assert output.value == math.pi
+    assert math.isnan(output.u)
     assert "not-differentiable" in codes(result)
     assert run.mean[0] == pytest.approx(0.0, abs=4 * run.se_mean[0])
     # |angle| is pi - |y/x|, mean sqrt(2/pi) 0.001 below pi.
     u = math.pi - 0.001 * math.sqrt(2 / math.pi)
     assert run.u[0] == pytest.approx(u, abs=4 * run.se_u[0] + 1e-5)
     still = evaluated("equation: x*atan2(0*x, 1)\ninputs: {x: {value: -1, u: 0.001}}\n")
-    assert single(still).first.u == 0.0
+    assert single(still).u == 0.0
 
 
 @pytest.mark.parametrize("equation", ["sqrt(x**4)", "(x**4)**0.25"])
 def test_no_second_order_is_claimed_where_none_exists(equation: str) -> None:
     """They are x^2, of u = sqrt(2), and |x|, without a derivative: not u = 0."""
     result = evaluated(f"equation: {equation}\ninputs: {{x: {{value: 0, u: 1}}}}\n")
-    assert math.isnan(single(result).first.u)
-    assert math.isnan(single(result).first.second_u)
+    assert math.isnan(single(result).u)
+    assert math.isnan(single(result).second_u)
     assert "not-differentiable" in codes(result)
     assert "second-order" not in codes(result)
 
@@ -90,7 +90,7 @@ def test_inputs_that_no_equation_has_take_little_memory() -> None:
     tracemalloc.stop()
     # A block's draws of all inputs are 800 x 2048 numbers, twice: what matters is no cube.
     assert peak < 300e6
-    first = single(result).first
+    first = single(result)
     assert first.u == pytest.approx(0.1 * math.sqrt(2))
     # u^2(x0 x1) = 0.02 + 0.1^4 exactly, which is its second order.
     assert first.second_u == pytest.approx(math.sqrt(0.02 + 1e-4))
@@ -101,7 +101,7 @@ def test_first_order_of_a_step_is_not_valid() -> None:
     text = "equation: step(10.0035 - x)\ninputs:\n  x: {value: 10, u: 0.001}\n"
     result = evaluated(text, trials=400_000)
     (item,) = result.outputs
-    assert item.first.u == 0
+    assert item.u == 0
     assert result.run.low[0] == result.run.high[0] == 1
     chance = 0.5 * math.erfc(-3.5 / math.sqrt(2))
     # Five relative standard errors of u = sqrt(q), 1/(2 sqrt(n q)).

@@ -168,7 +168,7 @@ def test_faults_of_equations(text: str, codes: list[str]) -> None:
         ("simultaneous: [[V, I]]", ["wrong-count"]),
         ("simultaneous: [[V, T]]", ["incomplete"]),
         ("simultaneous: [[V, W], [W, V]]", ["appears-twice", "appears-twice"]),
-        ("simultaneous: [[V, W]]\ncorrelations: [[V, W, 0.2]]", ["exclusive"]),
+        ("simultaneous: [[V, W]]\ncorrelations: [[V, T, 0.2]]", ["exclusive"]),
         ("simultaneous: [[V, X]]", ["unknown-name"]),
     ],
 )
