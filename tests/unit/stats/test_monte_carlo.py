@@ -108,7 +108,7 @@ def test_settings_out_of_range() -> None:
         {"tolerance_fraction": 0.0}, {"threads": 0}, {"max_trials": 10},
     ):  # fmt: skip
         with pytest.raises(InputError):
-            monte_carlo(Bent(), **({"seed": 1} | wrong))  # type: ignore[arg-type]
+            monte_carlo(Bent(), **({"seed": 1} | wrong))
 
 
 @pytest.mark.parametrize("trials", [None, 1000, 60_001])
