@@ -316,19 +316,17 @@ def sweep_graph(
             own = [x.model_copy(update={"repeats": None}) for x in file.transitions]
             changes |= {"repeats": int(at[REPEATS]), "transitions": own}
         part = replace(graph, graph=file.model_copy(update=changes))
-        (found,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
-        grid.append(GridPoint(at=at, **vars(found)))
+        (point,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
+        grid.append(GridPoint(at=at, **vars(point)))
     u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
     settled = {name: np.array([item.at[name] for item in grid]) for name in values}
-    formula = fit_formula(settled, u, se_u, linear_u, output.unit)
-    why, fitted = "", grid
-    if isinstance(formula, str):
-        formula, why = None, formula
-    else:
+    found = fit_formula(settled, u, se_u, linear_u, output.unit)
+    formula, why = (None, found) if isinstance(found, str) else (found, "")
+    if formula is not None:
         both = zip(grid, formula.u, formula.error_percent, strict=True)
-        fitted = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
+        grid = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
     return Sweep(
-        output=output, digits=settings.digits, varied=values, grid=tuple(fitted), formula=formula,
+        output=output, digits=settings.digits, varied=values, grid=tuple(grid), formula=formula,
         no_formula=why,
     )  # fmt: skip
 
@@ -371,7 +369,8 @@ def fit_formula(
         return f"u does not depend on {', '.join(varied)}"
     n, scale = len(u), 1.0 / UM if unit == "mm" else 1.0
     per, over = ("/repeats", varied[REPEATS]) if REPEATS in varied else ("", np.ones(n))
-    squares = {f"probe_um^2{per}": over, "axis_um^2": 1.0, "perpendicular_um^2": 1.0}
+    squares = dict.fromkeys((f"probe_um^2{per}", "axis_um^2", "perpendicular_um^2"), np.ones(n))
+    squares[f"probe_um^2{per}"] = over
     every = {
         term: varied[name] ** 2 / divisor
         for term, divisor in squares.items()

@@ -20,7 +20,7 @@ from mtu_cli.model.graph.transitions import Values
 from mtu_cli.stats.blocks import Draws, Quantiles
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import t_quantile
-from mtu_cli.stats.distributions import Distribution, shape_moments
+from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
@@ -41,7 +41,7 @@ class Noise(NamedTuple):
 
     place: str
     covariances: dict[str, FloatArray]
-    distribution: str = "normal"
+    kind: Kind = "normal"
 
 
 def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
@@ -68,7 +68,7 @@ def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
         if name in wanted and place.u:
             groups.append(Noise(name, {name: np.array([[place.u**2]])}, place.distribution))
     groups = [item for item in groups if any(map(np.any, item.covariances.values()))]
-    return sorted(groups, key=lambda item: item.distribution != "normal")
+    return sorted(groups, key=lambda item: item.kind != "normal")
 
 
 class GraphTrials:
@@ -86,7 +86,7 @@ class GraphTrials:
         start, self.steps = graph.needed(self.outputs)
         places, self._rows = graph.graph.places, dict[str, slice]()
         self.noises = noises(graph.graph, start)
-        factors = [covariance_root(sum(x.covariances.values())) for x in self.noises]
+        factors = [covariance_root(np.sum([*x.covariances.values()], axis=0)) for x in self.noises]
         self.k = sum(map(len, factors))
         self.mean, self.factor, at = np.zeros(self.k), np.zeros((self.k, self.k)), 0
         for item, F in zip(self.noises, factors, strict=True):
@@ -96,10 +96,10 @@ class GraphTrials:
             self.factor[rows, rows] = F
         self._fixed = {n: start_value(places[n]) for n in start if n not in self._rows}
         # Of variance 1 (JCGM 101:2008, 6.4).
-        kinds = [item.distribution for item in self.noises if item.distribution != "normal"]
         self._shapes = [
-            Distribution(kind=kind, u=1.0, half_width=shape_moments(kind)[0] ** -0.5)
-            for kind in kinds
+            Distribution(kind=x.kind, u=1.0, half_width=shape_moments(x.kind)[0] ** -0.5)
+            for x in self.noises
+            if x.kind != "normal"
         ]
         self.input_u = np.sqrt(np.sum(self.factor**2, axis=1))
         # What rounding is a share of: the part's largest coordinate for a length, 1 for a ratio.
