@@ -12,7 +12,7 @@ from graph_examples import graph_of, shipped
 from numpy.typing import NDArray
 
 from mtu_cli.files.contract import json_schema
-from mtu_cli.files.graph_contract import Graph, PlaceKind, TransitionKind
+from mtu_cli.files.graph_contract import TransitionKind
 from mtu_cli.findings import InputError
 from mtu_cli.language import parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
@@ -44,15 +44,7 @@ def test_token_rule() -> None:
 
 def test_every_transition_is_in_the_contract_and_in_the_help() -> None:
     assert list(TRANSITIONS) == list(get_args(TransitionKind))
-    places = set(get_args(PlaceKind))
-    for uses in TRANSITIONS.values():
-        for use in uses:
-            words = {*f"{use.takes}, {use.makes}".replace(",", "").split()}
-            assert words - set("xyz12345") - {"or", "more", "of", "optional"} <= places
-    schema = json_schema("graph")
-    known = {info.alias or name for name, info in Graph.model_fields.items()}
-    assert set(schema["properties"]) == known
-    assert schema["$defs"]["Transition"]["properties"]["do"]["enum"] == list(TRANSITIONS)
+    assert json_schema("graph")["$defs"]["Transition"]["properties"]["do"]["enum"] == [*TRANSITIONS]
     text = (Path(__file__).parents[3] / "mtu_cli" / "help" / "graph.md").read_text("utf-8")
     assert [do for do in TRANSITIONS if f"`{do}`" not in text] == []
 
@@ -243,21 +235,7 @@ def test_probing(tmp_path: Path) -> None:
     d = np.array([0.6, 0.0, 0.8])
     expected = 4 * np.eye(3) + (9 / 9 + 36) * np.outer(d, d)
     assert 1e6 * np.cov(places["P"]) == pytest.approx(expected, abs=5 * 41 * (2 / M) ** 0.5)
-    factor = GraphTrials(graph, graph.outputs()).factor
-    assert factor @ factor.T == pytest.approx(
-        1e-6 * np.diag([49, *[0] * 6]) + _block(1e-6 * expected, 1) + _block(_q(), 4), abs=1e-18
-    )
-    assert np.ptp(places["Q"][[0, 2]]) == pytest.approx(0, abs=1e-17)
-
-
-def _q() -> np.ndarray:
-    return np.diag([0.0, 45e-6, 0.0])
-
-
-def _block(matrix: np.ndarray, at: int) -> np.ndarray:
-    found = np.zeros((7, 7))
-    found[at : at + 3, at : at + 3] = matrix
-    return found
+    assert 1e6 * places["Q"].var(axis=1) == pytest.approx([0, 45, 0], rel=0.02, abs=1e-9)
 
 
 CONSTANTS = """
@@ -285,15 +263,12 @@ def test_constants(tmp_path: Path) -> None:
     # Fourth moments tell the shapes: 9/5 rectangular, 12/5 triangular.
     kurtosis = ((X - X.mean(axis=1)[:, None]) ** 4).mean(axis=1) / X.var(axis=1) ** 2
     assert kurtosis[2:] == pytest.approx([1.8, 2.4], abs=0.02)
-
-
-def test_shares_of_constants(tmp_path: Path) -> None:
-    """Var = 1 + 4 + 9 + 16 = 30."""
-    graph = graph_of(tmp_path, CONSTANTS)
+    # Var = 1 + 4 + 9 + 16 = 30.
     found = GraphTrials(graph, graph.outputs())
     assert found.u[0] ** 2 == pytest.approx(30)
-    shares = {name: float(values[0]) for name, values in found.shares().items()}
-    assert shares == pytest.approx({"a": 1 / 30, "b": 4 / 30, "c": 9 / 30, "d": 16 / 30})
+    assert [float(values[0]) * 30 for values in found.shares().values()] == pytest.approx(
+        [1, 4, 9, 16]
+    )
 
 
 def test_ball_centre_by_hand() -> None:
