@@ -100,7 +100,8 @@ class Plan:
 
 def rises(found: Readings, sensors: int) -> FloatArray:
     """(n, sensors) degC above the reference."""
-    return np.column_stack([found.covariates[name] for name in sensor_names(sensors)]) - REFERENCE
+    columns = [np.asarray(found.covariates[name], float) for name in sensor_names(sensors)]
+    return np.column_stack(columns) - REFERENCE
 
 
 def reordered(found: Readings, order: NDArray[np.int64]) -> Readings:
