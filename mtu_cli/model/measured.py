@@ -27,6 +27,8 @@ from mtu_cli.stats.resolution import SEEN, rounding_variance
 from mtu_cli.stats.threads import workers
 
 ARRAYS = tuple(each.name for each in fields(Cells))
+Label = tuple[str, str, str]
+"""Operation, name, axis; "" where there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -111,9 +111,9 @@ def compare(result: CompareResult) -> Figure:
     verdicts: list[str] = []
     values, k, total = [], result.coverage_factor, 0
     for found in filter(None, (result.lengths, result.features)):
-        items = sorted(found.by_interest()[: ITEMS // 2])
+        items = sorted(found.by_interest[: ITEMS // 2])
         names += [words(*found.labels[i]) for i in items]
-        verdicts += [found.stated(i) for i in items]
+        verdicts += [found.outcome[i] for i in items]
         zero, total = found.predicted.mean[items], total + len(found.labels)
         sides = (found.predicted, found.measured)
         values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
