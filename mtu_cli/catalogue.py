@@ -224,7 +224,7 @@ CATALOGUE: dict[str, Kind] = {
     ),
     "no-thermal-component": _warning(
         "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "
-        "degC{others}), but the model has no thermal component"
+        "degC), but the model has no thermal component"
     ),
     "outside-measured-range": _warning(
         "{what} is outside the measured range of {names}, {low:g} to {high:g} {unit}: extrapolated"

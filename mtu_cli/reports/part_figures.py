@@ -148,9 +148,15 @@ def correct(result: CorrectResult) -> Figure:
         if known:
             break
     else:
-        found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
-        names = [f"{name} {axis}" for name in found.features for axis in result.axes]
-        before, after = (x[:, at].ravel() / UM for x in (found.before, found.after))
+        points, at = result.points, [AXES.index(axis) for axis in result.axes]
+        seen, code = np.unique(points.feature, return_inverse=True)
+        count, nominal = np.bincount(code)[:, None], points.nominal[:, at]
+        before, after = (
+            np.ravel([np.bincount(code, along) for along in (x[:, at] - nominal).T] / count.T, "F")
+            / UM
+            for x in (points.measured, result.corrected)
+        )
+        names = [f"{points.features[i]} {axis}" for i in seen for axis in result.axes]
         title, half = "Mean errors of the features", np.full(len(names), np.nan)
     rows = spread(len(names), SIZES)
     some = f" ({len(rows)} of {len(names)})" if len(rows) < len(names) else ""
