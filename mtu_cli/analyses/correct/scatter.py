@@ -137,8 +137,8 @@ def point_scatter(
     for ring in rings:
         Q = ring_space(ring.away, ring.of[0])
         modelled, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
-        sums = (vectors.T @ Q.T @ ring.residuals) ** 2
-        squares.append(np.array([sums, np.ones(len(sums)), np.clip(modelled, 0.0, None)]))
+        each: FloatArray = (vectors.T @ Q.T @ ring.residuals) ** 2
+        squares.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
     form = np.concatenate(squares, axis=1)
     return estimate(form, "form", r) if form.size else None
 
