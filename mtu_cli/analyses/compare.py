@@ -12,7 +12,6 @@ from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from mtu_cli.analyses.anova.summary import missing_entries, some
 from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
@@ -28,9 +27,11 @@ from mtu_cli.model.measured import (
     feature_tables,
     left_out,
     length_tables,
+    missing_entries,
     no_shared_axis,
     not_measured,
     roundings,
+    some,
 )
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import Settings

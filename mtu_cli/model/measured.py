@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from mtu_cli.model.visits import (
     refuse_doubled,
 )
 from mtu_cli.stats.anova import Cells, cells_of
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
 from mtu_cli.stats.threads import workers
 
@@ -151,6 +152,20 @@ def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
         finding("axis-not-measured", what="the points", axis=name, consequence=consequence)
         for name, consequence in facts.items()
     ]
+
+
+def some(rows: BoolArray, name: str) -> str:
+    """How many of all, such as "2 of 6 features and axes"."""
+    count, total = int(rows.sum()), len(rows)
+    return f"all {name}" if count == total else f"{count} of {total} {name}"
+
+
+def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) -> list[Finding]:
+    """Lengths or angles of the part file that no measurement of a part has all features of."""
+    known = {label[1] for label in labels}
+    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in known]
+    reason = "no measurement of a part, in one operation, has all of its features"
+    return [finding("not-measured", names=lost, reason=reason)] if lost else []
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
