@@ -135,9 +135,10 @@ def analyse_variance(
         names += [name for item in angles for name in (*item.row, *item.column)]
         if len(needed := only_features(points, names)):
             visits = visits_of(needed)
-            for kind, of in (("length", length_tables), ("angle", angle_tables)):
-                if (found := of(needed, visits, part)) is not None:
-                    tables[kind] = found
+            if (found := length_tables(needed, visits, part)) is not None:
+                tables["length"] = found
+            if (found := angle_tables(needed, visits, part)) is not None:
+                tables["angle"] = found
         labels = {kind: found.labels for kind, found in tables.items()}
         warnings += missing_entries("length", lengths, labels.get("length", ()))
         warnings += missing_entries("right angle", angles, labels.get("angle", ()))
@@ -178,12 +179,9 @@ def _totals(found: Analysed) -> tuple[Total, ...]:
         rows = [i for i, label in enumerate(found.labels) if label[::2] == (operation, axis)]
         mean = found.one_way.mean[rows]
         spread = float(mean.std(ddof=1)) if len(mean) > 1 else np.nan
-        part, repeat, both = (
-            float(x[np.isfinite(x)].mean()) if np.isfinite(x).any() else np.nan
-            for x in (
-                of[rows] for of in (found.components.part, found.components.repeat, found.both)
-            )
-        )
+        variances = found.components.part, found.components.repeat, found.both
+        known = [each[rows][np.isfinite(each[rows])] for each in variances]
+        part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in known)
         scatter = np.array([np.sqrt(part), np.sqrt(repeat), np.sqrt(both), spread])
         worst = int(np.argmax(np.abs(mean)))
         total = Total(
