@@ -218,10 +218,6 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Comparison and correction.
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
-    "covariate-averaged": _warning(
-        "{names} differs between parts: the modelled effect of this difference was subtracted from "
-        "the measured parts"
-    ),
     "no-thermal-component": _warning(
         "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "
         "degC), but the model has no thermal component"

@@ -4,7 +4,7 @@ bias and one of scatter of every item, the scatter of all features pooled, and t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
@@ -322,12 +322,13 @@ def compare(
             variances[rows] = paper_length_variance(A, own)
         lengths = compared(long, of_operation, k, variances)
     features, lengths = judged(features, lengths)
+    kinds = [features] if lengths is None else [features, lengths]
     return CompareResult(
         features=features,
         lengths=lengths,
         datum=datum,
         coverage_factor=k,
-        warnings=(*warnings, *noted, *_warnings(model, part, points, features, lengths)),
+        warnings=(*warnings, *noted, *_warnings(model, part, points, kinds)),
     )
 
 
@@ -346,60 +347,47 @@ def predict_operations(
 
     Raises InputError for a covariate that nobody gives, and for a column with gaps.
     """
-    stated = point_columns(points)
-    columns = {name: column for name, column in stated.items() if name not in given}
-    values = needed_covariates(model, points, columns, given).values
+    stated = {name: x for name, x in point_columns(points).items() if name not in given}
+    values = needed_covariates(model, points, stated, given).values
     warnings = effect_warnings_at(model, points.nominal, values)
-    if overruled := [name for name in model.covariates() if name in given and name in stated]:
-        reason = "--at gives one value for all points"
-        warnings.append(finding("not-used", what="columns", names=overruled, reason=reason))
     measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
+    vary = any(np.ndim(values[name]) for name in model.covariates())
+    # Of all points: where a drift lags, they are its history.
+    errors = _errors(model, points.nominal, values) if vary else np.zeros((len(points), len(along)))
     result: dict[str, Prediction] = {}
-    moving: set[str] = set()
     operations, operation = operations_of(points)
     for code, name in enumerate(operations):
         rows = np.flatnonzero(operation == code)
         if not len(rows):
             continue
         seen, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
+
+        def mean(column: FloatArray, first: IntArray = first, of: IntArray = of) -> FloatArray:
+            # About the first of each feature, so that equal values stay equal.
+            start = column[first]
+            return start + np.bincount(of, column - start[of]) / np.bincount(of)
+
         features, place = [points.features[i] for i in seen], points.nominal[rows[first]]
         means: dict[str, FloatArray | float] = {}
-        differ = set()
         for key in model.covariates():
-            means[key] = values[key]
-            if np.ndim(values[key]) > 0:
-                means[key], moves = _mean(np.asarray(values[key])[rows], first, of)
-                differ |= {key} if moves else set()
+            column = np.asarray(values[key])
+            means[key] = mean(column[rows]) if column.ndim else float(column)
         prediction = predict(model, features, place, means)
         warnings += outside_warnings(prediction)
         warnings += temperature_warnings(model, place, means)
-        if differ:
-            moving |= differ
-            # Of all points: where a drift lags, they are its history.
-            errors = _errors(model, points.nominal, values)[rows]
-            mean = np.column_stack([_mean(each, first, of)[0] for each in errors.T])
-            measured[rows[:, None], along] -= errors - mean[of]
-            shift = mean - _errors(model, place, means)
+        if vary:
+            of_feature = np.column_stack([mean(each) for each in errors[rows].T])
+            measured[rows[:, None], along] -= errors[rows] - of_feature[of]
+            shift = of_feature - _errors(model, place, means)
             prediction = replace(prediction, mean=prediction.mean + shift.ravel())
         result[name] = prediction
-    if moving:
-        warnings.append(finding("covariate-averaged", names=sorted(moving)))
-        points = replace(points, measured=measured)
-    return result, points, warnings
+    return result, replace(points, measured=measured) if vary else points, warnings
 
 
 def _errors(model: MachineModel, places: FloatArray, values: Values) -> FloatArray:
     """J theta + remainder (n, a), mm."""
     rows = design(model, places, values)
     return np.asarray(rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
-
-
-def _mean(values: FloatArray, first: IntArray, of: IntArray) -> tuple[FloatArray, bool]:
-    """The mean (features,) of `values` (rows,) by the feature that each row is `of`, taken about
-    the `first` one, so that equal values stay equal; and whether any differ.
-    """
-    away = values - values[first][of]
-    return values[first] + np.bincount(of, away) / np.bincount(of), bool(away.any())
 
 
 def compared(
@@ -634,49 +622,54 @@ def _judged(kind: Compared, p: FloatArray) -> Compared:
     )
 
 
+SCATTER = "means are judged by the predicted scatter, and one that is off may be scatter"
+CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], ...] = (
+    ("few-parts", lambda x: x.one_way.parts < FEWEST_PARTS, {"consequence": SCATTER}),
+    (
+        "no-repeats",
+        lambda x: (x.one_way.df_within < 1) & (x.one_way.parts > 1),
+        {"consequence": "MS_between contains the scatter of the CMM, which is not predicted"},
+    ),
+    (
+        "not-tested",
+        lambda x: np.array([verdict is None for verdict in x.verdicts]),
+        {"what": "the difference", "reason": "no scatter is measured and none predicted"},
+    ),
+    (
+        "not-estimable",
+        lambda x: ~(x.predicted.u > 0),
+        {"quantity": "ratios to the predicted scatter", "reason": "no uncertainty is predicted"},
+    ),
+    (
+        "not-estimable",
+        lambda x: (x.s_part == 0) & (x.one_way.parts > 1),
+        {"quantity": "the parts' share of MS_between", "reason": "they do not scatter"},
+    ),
+)
+
+
 def _warnings(
-    model: MachineModel,
-    part: LoadedPart,
-    points: Points,
-    features: Compared,
-    lengths: Compared | None,
+    model: MachineModel, part: LoadedPart, points: Points, kinds: Sequence[Compared]
 ) -> list[Finding]:
     """What was not compared, and what parts, repeats and predictions are too few for."""
-    kinds = [features] if lengths is None else [features, lengths]
     without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
     aside = "the points are not compared there, and lengths have no predicted error along it"
     missing = [f"feature {name}" for name in part.part.features if name not in points.features]
+    labels = [label for kind in kinds for label in kind.labels]
+    lengths = [label for label in labels if not label[2]]
     result = [
         *not_measured(model.axes, points),
         *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
-        *missing_entries("length", part.part.lengths, lengths.labels if lengths else ()),
+        *missing_entries("length", part.part.lengths, lengths),
     ]
     if missing:
         result.append(finding("not-measured", names=missing, reason="not among the points"))
-    parts, repeats, u, s_part = (
-        np.concatenate(each)
-        for each in zip(
-            *((x.one_way.parts, x.one_way.df_within, x.predicted.u, x.s_part) for x in kinds),
-            strict=True,
-        )
-    )
-    untested = np.array([verdict is None for kind in kinds for verdict in kind.verdicts])
-    few = parts < FEWEST_PARTS
-    scatter = "means are judged by the predicted scatter, and one that is off may be scatter"
-    cmm = "MS_between contains the scatter of the CMM, which is not predicted"
-    nothing = "no scatter is measured and none predicted"
-    least = int(parts.min(initial=FEWEST_PARTS))
-    cases: tuple[tuple[str, BoolArray, dict[str, Any]], ...] = (
-        ("few-parts", few, {"parts": least, "consequence": scatter}),
-        ("no-repeats", (repeats < 1) & (parts > 1), {"consequence": cmm}),
-        ("not-tested", untested, {"what": "the difference", "reason": nothing}),
-    )
-    result += [finding(x, items=some(rows, "items"), **y) for x, rows, y in cases if rows.any()]
-    ids = np.array([label[1] for kind in kinds for label in kind.labels], object)
-    for rows, quantity, reason in (
-        (~(u > 0), "ratios to the predicted scatter", "no uncertainty is predicted"),
-        ((s_part == 0) & (parts > 1), "the parts' share of MS_between", "they do not scatter"),
-    ):
-        if names := [*dict.fromkeys(ids[rows])]:
-            result.append(finding("not-estimable", quantity=quantity, names=names, reason=reason))
+    for code, condition, facts in CONDITIONS:
+        rows = np.concatenate([condition(kind) for kind in kinds])
+        if code == "few-parts":
+            facts = facts | {"parts": int(min(kind.one_way.parts.min() for kind in kinds))}
+        names = dict.fromkeys(labels[i][1] for i in np.flatnonzero(rows))
+        of = {"names": [*names]} if code == "not-estimable" else {"items": some(rows, "items")}
+        if names:
+            result.append(finding(code, **of, **facts))
     return result
