@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,7 +135,7 @@ def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
     return [read(each.strip()) for each in text.split(",")] if text else []
 
 
-def _ballbar(inputs: Inputs, settings: Settings, paths: list[Path]) -> Outcome:
+def _ballbar(inputs: Inputs, settings: Settings, paths: Iterable[Path]) -> Outcome:
     """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of

@@ -140,7 +140,7 @@ def components(result: CircularResult) -> dict[str, Any]:
     """`results` of a components report: squareness as the angle component of the plane, positive
     above 90 degrees, and lost motion as reversal = forward - reverse.
     """
-    first, second = (result.traces.plane or "XY").lower()
+    first, second = [*(result.traces.plane or "XY").lower()]
     lean = result.cause("squareness")
     found: dict[str, Any] = {}
     if not math.isnan(lean.value):

@@ -15,6 +15,7 @@ from fuzz.damage import nudged
 from mtu_cli.analyses.compensate import (
     CompensateResult,
     Frame,
+    Verified,
     Wanted,
     axis_errors,
     compensate,
@@ -136,8 +137,14 @@ def with_table(
     return result, reading(rng, TARGETS, left)
 
 
+def verified(result: CompensateResult, after: tuple[Any, ...]) -> Verified:
+    found = verify(result, *after).verified
+    assert found is not None
+    return found
+
+
 def verdict(result: CompensateResult, after: tuple[Any, ...]) -> str:
-    return verify(result, *after).verified.verdict
+    return verified(result, after).verdict
 
 
 @pytest.mark.parametrize("name", CONTROLS)
@@ -334,7 +341,7 @@ def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
         first = axis_errors(*drifting(rng, targets, true))
         result = compensate(first, control, own, Wanted(), trials=10)
         assert result.applied is not None
-        found = verify(result, *drifting(rng, targets, true + (k - 1) * result.applied)).verified
+        found = verified(result, drifting(rng, targets, true + (k - 1) * result.applied))
         held.append(found.interval95[0] <= k <= found.interval95[1])
         names = ("worked", "no-effect", "wrong-sign")
         named.append(found.verdict in names and found.verdict != names[k])
