@@ -167,12 +167,12 @@ def test_clean_machines_are_warned_of_as_rarely_as_stated(clean: list[MachineFit
 def test_p_values_of_clean_machines_are_uniform(clean: list[MachineFit], name: str) -> None:
     fits = [fit.components[name].instruments[0] for fit in clean]
     for test in ("reversal", "trend", "lack_of_fit"):
-        p = [getattr(item, test).p for item in fits]
+        p = [item.tests[test].p for item in fits]
         assert stats.kstest(p, "uniform").pvalue > 1e-3, test
     # Pass scatter is no fault; without drift it is not seen either.
-    without = [item.scatter.p for item in fits[0::2] if item.scatter]
+    without = [item.tests["drift"].p for item in fits[0::2] if "drift" in item.tests]
     assert stats.kstest(without, "uniform").pvalue > 1e-3
-    with_drift = [item.scatter.p for item in fits[1::2] if item.scatter]
+    with_drift = [item.tests["drift"].p for item in fits[1::2] if "drift" in item.tests]
     assert np.median(with_drift) < 1e-3
 
 

@@ -48,15 +48,14 @@ def nested(y: FloatArray, full: FloatArray, reduced: FloatArray) -> FTest:
     """F test of nested models by statsmodels, on orthonormal bases of their columns."""
     F, p, df = OLS(y, orth(full)).fit().compare_f_test(OLS(y, orth(reduced)).fit())
     within = len(y) - np.linalg.matrix_rank(full)
-    return FTest(F=float(F), p=float(p), df_numerator=int(df), df_denominator=int(within))
+    return FTest(F=float(F), p=float(p), df=(int(df), int(within)))
 
 
 def assert_same(found: FTest | None, wanted: FTest) -> None:
     assert found is not None
     assert pytest.approx(wanted.F, rel=1e-7) == found.F
     assert found.p == pytest.approx(wanted.p, rel=1e-6, abs=1e-14)
-    assert found.df_numerator == wanted.df_numerator
-    assert found.df_denominator == wanted.df_denominator
+    assert found.df == wanted.df
 
 
 @pytest.mark.parametrize("name", DESIGNS)
