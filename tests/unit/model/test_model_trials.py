@@ -12,7 +12,6 @@ from scipy import stats
 from mtu_cli.model import settings
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.trials import PointTrials
-from mtu_cli.stats.workspace import Workspace
 
 TRIALS = 200_000
 POINTS = np.array([[0.0, 0, 0], [30, 10, 0], [60, -20, 0]])
@@ -40,7 +39,7 @@ def trials(
     return PointTrials(
         given,
         tuple(str(i) for i in range(k)),
-        lambda combined, work: combined,
+        lambda combined: combined,
         combine,
         np.arange(k),
         combine,
@@ -105,7 +104,7 @@ def test_all_combinations_of_an_output_share_its_scale() -> None:
     combine = np.eye(6)[:2]
     seen: list[FloatArray] = []
 
-    def measure(combined: FloatArray, work: Workspace) -> FloatArray:
+    def measure(combined: FloatArray) -> FloatArray:
         seen.append(combined.copy())
         return combined[:1]
 
