@@ -51,8 +51,8 @@ class Column:
 
     @property
     def numeric(self) -> bool:
-        """Whether its cells are written as numbers."""
-        return self.kind in ("number", "whole", "count", "free")
+        """Whether its cells are numbers and nothing else."""
+        return self.kind in ("number", "whole", "count")
 
     @property
     def whole(self) -> bool:
