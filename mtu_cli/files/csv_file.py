@@ -136,7 +136,7 @@ def read_table(
     file = read_header(path, role, convert)
     check_header(file.source, file.header_row, file.header, spec)
     kinds = {name: spec.column(name) for name in file.header}
-    rows, records = _sound_rows(file), list[list[str]]()
+    rows, records = _sound_rows(file), None
     if rows is None:
         rows, records = _one_by_one(file, faults)
     file.source = replace(file.source, rows=len(rows))
@@ -289,12 +289,12 @@ def _one_by_one(file: File, faults: CellFaults) -> tuple[Ints, list[list[str]]]:
 
 
 def _frames(
-    file: File, kinds: Mapping[str, Column], records: list[list[str]]
+    file: File, kinds: Mapping[str, Column], records: list[list[str]] | None
 ) -> Iterator[pd.DataFrame]:
     """The rows in chunks: a cell that is no number makes texts of its chunk alone."""
     import pandas as pd
 
-    if records:
+    if records is not None:
         yield pd.DataFrame(records, columns=[*file.header], dtype=object)
         return
     options: dict[str, Any] = {}

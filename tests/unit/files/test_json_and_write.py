@@ -110,13 +110,6 @@ def test_all_or_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert sorted(os.listdir(tmp_path)) == ["a", "c"]
 
 
-def test_an_input_is_not_overwritten_by_another_name(tmp_path: Path) -> None:
-    (tmp_path / "in.csv").write_bytes(b"data")
-    (tmp_path / "alias.csv").symlink_to(tmp_path / "in.csv")
-    with pytest.raises(InputError, match="not overwritten, as it is an input"):
-        write_files({tmp_path / "alias.csv": b"x"}, inputs=[tmp_path / "in.csv"])
-
-
 def test_what_no_system_takes_and_a_device(tmp_path: Path) -> None:
     (tmp_path / "l.json").symlink_to("/nope/zzz")
     with pytest.raises(
