@@ -62,13 +62,22 @@ def damaged(sample: Sample, rng: Random, mild: float = 0.2) -> bytes:
     Files of other programs have bytes alone.
     """
     content, foreign = sample.content, sample.kind in ("instrument", "control")
+    if foreign and rng.random() < 0.6:
+        return nudged(content, rng)
     little, draw = rng.random() < mild, rng.random()
     if not foreign and (little or draw < 0.75):
         change = damaged_table if sample.form == "csv" else damaged_tree
         content = change(sample, rng, little).encode("utf-8", "surrogatepass")
     if foreign or (not little and draw > 0.6):
         for _ in range(rng.choice(OFTEN_ONE)):
-            content = damaged_bytes(content, rng, spliced=foreign and rng.random() < 0.6)
+            content = damaged_bytes(content, rng)
+    return content
+
+
+def nudged(content: bytes, rng: Random) -> bytes:
+    """A few places changed."""
+    for _ in range(rng.randint(1, 4)):
+        content = damaged_bytes(content, rng, spliced=True)
     return content
 
 
@@ -167,9 +176,9 @@ def change_table(sheet: Sheet, rng: Random, way: int) -> None:
                 rng.choice(rows)[j : j + 1] = [any_cell(rng)]
                 j = rng.choice(order)
         case 8:
-            value = rng.choice(UNITS) if sheet.header[i] == "unit" else any_cell(rng)
+            same = rng.choice(UNITS) if sheet.header[i] == "unit" else any_cell(rng)
             for row in (row for row in rows if i < len(row) and rng.random() < 0.95):
-                row[i] = value
+                row[i] = same
         case 9:
             sheet.header[i] = rng.choice((*NAMES.split(), rng.choice(TEXTS), sheet.header[j]))
         case 10:
