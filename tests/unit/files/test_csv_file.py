@@ -40,13 +40,10 @@ def test_one_table_in_many_ways(content: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.numbers["size"], [2.0, np.nan])
 
 
-def test_rows_count_as_in_an_editor(tmp_path: Path) -> None:
+def test_rows_count_as_in_an_editor_and_may_be_packed(tmp_path: Path) -> None:
     content = '# one\n\nname,value,note\na,1,"a\nb"\n\n# six\nc,2,\n'
     assert table(tmp_path, content).rows.tolist() == [4, 8]
     assert table(tmp_path, "name,value\na,1\n\n   \nc,2\n").rows.tolist() == [2, 5]
-
-
-def test_packed(tmp_path: Path) -> None:
     packed = gzip.compress(PLAIN[:20].encode()) + gzip.compress(PLAIN[20:].encode())
     assert names(table(tmp_path, packed, "t.csv.gz")) == ["a", "b"]
     (fault,) = faults(tmp_path, packed[:-9], "t.csv.gz")
