@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from cli_runner import done, listing, mtu, refused, report
+from cli_runner import done, listing, mtu, report
 from support import CONFIGS
 
 from mtu_cli.analyses.graph import PARAMETERS
@@ -89,19 +89,3 @@ def test_the_same_bytes_with_other_threads(tmp_path: Path) -> None:
         done(mtu("graph", "simulate", graph, "--threads", threads, *files, cwd=folder))
         found.append(listing(folder))
     assert found[0] == found[1]
-
-
-def test_hundreds_of_faults_and_thousands_of_places(tmp_path: Path) -> None:
-    """A chain of 800 sums is neither too deep nor too slow; 500 faults are all counted."""
-    n = 800
-    places = "".join(f"  p{i}: {{kind: constant}}\n" for i in range(1, n + 1))
-    steps = "".join(
-        f"  - {{do: compute, in: [p{i}], out: p{i + 1}, formula: p{i} + 1}}\n" for i in range(n)
-    )
-    head = "schema: mtu/graph/1\nname: chain\nplaces:\n  p0: {kind: constant, value: 0, u: 1}\n"
-    text = f"{head}{places}transitions:\n{steps}"
-    (tmp_path / "g.yaml").write_text(text, "utf-8")
-    found = report("graph", "simulate", "g.yaml", "--trials", "1000", cwd=tmp_path)
-    assert found["results"]["places"][f"p{n}"]["value"]["nominal"] == n
-    (tmp_path / "g.yaml").write_text(text.replace("in: [p1", "in: [q1"), "utf-8")
-    assert "more" in refused(tmp_path, "graph", "check", "g.yaml")
