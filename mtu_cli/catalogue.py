@@ -83,7 +83,7 @@ CATALOGUE: dict[str, Kind] = {
         "{output}: {reason}: no first-order uncertainty exists, use the Monte Carlo"
     ),
     "second-order": _warning("{output}: {reason}; to the second order {second}"),
-    "correlated-inputs": _warning("{names} are correlated and not {how}: {assumed}{weaker}"),
+    "correlated-inputs": _warning("{names} are correlated and not {how}: {assumed}"),
     # The machine.
     "unused": _warning("the {what} '{name}' is in no equation"),
     # Calls.

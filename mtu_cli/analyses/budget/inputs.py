@@ -103,11 +103,6 @@ class Source:
     factor: FloatArray | None = None
 
     @property
-    def common_dof(self) -> bool:
-        """Whether all members have the same degrees of freedom."""
-        return len({item.dof for item in self.members}) == 1
-
-    @property
     def bounded(self) -> bool:
         """Whether it holds a bounded distribution."""
         return any(item.bounded for item in self.members)
@@ -115,7 +110,7 @@ class Source:
     @property
     def is_t(self) -> bool:
         """Whether its deviations are jointly t: every sum of them is a t."""
-        return self.common_dof and not self.bounded
+        return not self.bounded and len({item.dof for item in self.members}) == 1
 
     def variance(self, gradient: FloatArray) -> float:
         """g' V g (first order) of the source for a gradient over all inputs."""
@@ -148,16 +143,15 @@ class Inputs:
         if short := [item.name for item in self.quantities if item.without_u]:
             yield finding("few-degrees-of-freedom", names=short, how=NO_U)
         for source in self.sources:
-            names, weaker = [self.quantities[row].name for row in source.rows], ""
-            if not source.is_t and any(math.isfinite(item.dof) for item in source.members):
-                weaker = "; the scale of each makes the coefficients of the trials smaller"
+            names = [self.quantities[row].name for row in source.rows]
             if source.factor is not None and source.bounded:
-                what = {"how": "all normal", "assumed": "the Monte Carlo takes a Gaussian copula"}
-                yield finding("correlated-inputs", names=names, weaker=weaker, **what)
-            if not source.common_dof:
-                assumed = "Welch-Satterthwaite takes the smallest for all of them"
-                what = {"how": "of the same degrees of freedom", "assumed": assumed}
-                yield finding("correlated-inputs", names=names, weaker=weaker, **what)
+                how, assumed = "all normal", "the Monte Carlo takes a Gaussian copula"
+                yield finding("correlated-inputs", names=names, how=how, assumed=assumed)
+            if len({item.dof for item in source.members}) > 1:
+                how = "of the same degrees of freedom"
+                assumed = "Welch-Satterthwaite takes the smallest for all of them, the trials "
+                assumed += "each its own, which makes the coefficients smaller"
+                yield finding("correlated-inputs", names=names, how=how, assumed=assumed)
 
 
 def inputs_of(loaded: LoadedBudget) -> Inputs:
