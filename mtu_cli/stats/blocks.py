@@ -80,11 +80,6 @@ def least_block(probability: float, *, smooth: bool = False) -> int:
     return math.ceil(round(100.0 / (1.0 - probability), 6)) // (4 if smooth else 1)
 
 
-def is_one_block(trials: int | None, probability: float, *, smooth: bool = False) -> bool:
-    """Whether that many trials are too few for blocks: no control variate is then used."""
-    return trials is not None and trials < LEAST_BLOCKS * least_block(probability, smooth=smooth)
-
-
 @dataclass(frozen=True)
 class BlockPlan:
     """Blocks of `size` trials, the first `longer` of them of one more; `blocks` is None where the
@@ -98,8 +93,10 @@ class BlockPlan:
 
     @classmethod
     def fixed(cls, trials: int, probability: float, *, smooth: bool = False) -> BlockPlan:
-        """Exactly `trials`: one block where ten would be too short for their quantiles."""
-        if is_one_block(trials, probability, smooth=smooth):
+        """Exactly `trials`: one block, without the control variate, where ten would be too short
+        for their quantiles.
+        """
+        if trials < LEAST_BLOCKS * least_block(probability, smooth=smooth):
             return cls(probability, trials, 1)
         blocks = max(LEAST_BLOCKS, trials // max(FIXED_BLOCK, least_block(probability)))
         return cls(probability, trials // blocks, blocks, trials % blocks)
