@@ -153,4 +153,4 @@ def test_drifts_that_the_sensors_cannot_give() -> None:
     with pytest.raises(InputError) as told:
         sensors_for([drift()], impossible, 1)
     # The nearest to both is halfway between.
-    assert "about 15 um" in str(told.value)
+    assert "about 15 15 um" in str(told.value)
