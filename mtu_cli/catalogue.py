@@ -218,13 +218,9 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Comparison and correction.
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
-    "covariate-averaged": _warning(
-        "{names} differs between parts: the modelled effect of this difference was subtracted from "
-        "the measured parts"
-    ),
     "no-thermal-component": _warning(
         "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "
-        "degC{others}), but the model has no thermal component"
+        "degC), but the model has no thermal component"
     ),
     "outside-measured-range": _warning(
         "{what} is outside the measured range of {names}, {low:g} to {high:g} {unit}: extrapolated"
