@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -74,18 +74,6 @@ class SerialFit:
         are CLUSTERED_DOF or more; by the model of the errors elsewhere.
         """
         rows = L @ self.transform @ self.attenuated
-        u = np.sqrt(np.einsum("qi,ij,qj->q", rows, self.covariance, rows))
-        dof = np.full(len(L), self.dof)
-        variance, between = self._between_clusters(rows)
-        clustered = between >= CLUSTERED_DOF
-        u, dof = np.where(clustered, np.sqrt(variance), u), np.where(clustered, between, dof)
-        size = np.linalg.norm(L, axis=1, keepdims=True) * np.linalg.norm(self.null, axis=0)
-        undetermined = (np.abs(L @ self.null) > _SINGULAR * size).any(axis=1) | (self.dof < 1)
-        u = np.where(undetermined, np.inf, u)
-        return Combinations(rows @ self.beta, u, dof, clustered & ~undetermined)
-
-    def _between_clusters(self, rows: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Variances (q,) of combinations `rows` (q, r) of beta and their degrees of freedom."""
         a = [A @ rows.T for _, A, _ in self.clusters]
         scores = np.array([e @ own for (_, _, e), own in zip(self.clusters, a, strict=True)])
         X = np.array([R.T @ own for (R, _, _), own in zip(self.clusters, a, strict=True)])
@@ -93,16 +81,30 @@ class SerialFit:
         for c, own in enumerate(a):
             products[:, c, c] += np.sum(own**2, axis=0)
         trace, square = np.einsum("qcc->q", products), np.sum(products**2, axis=(1, 2))
-        dof = np.where(square > 0, trace**2 / np.where(square > 0, square, 1.0), 0.0)
-        return np.sum(scores**2, axis=0), dof
+        between = np.where(square > 0, trace**2 / np.where(square > 0, square, 1.0), 0.0)
+        clustered = between >= CLUSTERED_DOF
+        variance = np.einsum("qi,ij,qj->q", rows, self.covariance, rows)
+        variance = np.where(clustered, np.sum(scores**2, axis=0), variance)
+        size = np.linalg.norm(L, axis=1, keepdims=True) * np.linalg.norm(self.null, axis=0)
+        unknown = (np.abs(L @ self.null) > _SINGULAR * size).any(axis=1) | (self.dof < 1)
+        return Combinations(
+            value=rows @ self.beta,
+            u=np.where(unknown, np.inf, np.sqrt(variance)),
+            dof=np.where(clustered, between, self.dof),
+            clustered=clustered & ~unknown,
+        )
 
 
-class _Whitened(NamedTuple):
-    """Rows of unit variance: blocks of X, y, and the log likelihood's terms."""
+class _Fit(NamedTuple):
+    """Under one covariance of the errors: whitened rows Z = [X, y] of all blocks, log likelihood,
+    beta, its covariance, M = (X'V^-1 X)^-1.
+    """
 
-    X: list[FloatArray]
-    y: list[FloatArray]
-    log_det: float
+    Z: FloatArray
+    log_likelihood: float
+    beta: FloatArray
+    covariance: FloatArray
+    inverse: FloatArray
 
 
 def serial_fit(blocks: Sequence[Block], *, levels: bool) -> SerialFit:
@@ -123,57 +125,65 @@ def serial_fit(blocks: Sequence[Block], *, levels: bool) -> SerialFit:
     _, singular, Vt = np.linalg.svd(X / scale, full_matrices=len(X) < X.shape[1])
     r = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
     T = Vt[:r].T / singular[:r] / scale[:, None]
-    designs = [b.X @ T for b in blocks]
-    readings = [b.y - b.y.mean() if levels else b.y for b in blocks]
     nu = len(X) - r - (len(blocks) if levels else 0)
+    rows = [
+        np.column_stack([np.ones(len(b.y)), b.X @ T, b.y - b.y.mean() if levels else b.y])
+        for b in blocks
+    ]
     grid = [(0.0, 0.0), *product(MEMORY, SHARE)]
-    found = [_fitted(_whitened(designs, readings, levels, *each), nu) for each in grid]
+    fits = [_fitted(rows, nu, levels, *each) for each in grid]
     # Errors without memory are as likely beforehand as all others together.
-    log_likelihood = np.array([each[0] for each in found])
+    log_likelihood = np.array([fit.log_likelihood for fit in fits])
     log_likelihood[0] += np.log(len(grid) - 1)
     weight = np.exp(log_likelihood - log_likelihood.max())
     weight /= weight.sum()
-    betas, covariances = (np.array([each[i] for each in found]) for i in (1, 2))
+    betas = np.array([fit.beta for fit in fits])
     beta = weight @ betas
-    covariance = np.tensordot(weight, covariances, 1)
+    covariance = np.tensordot(weight, [fit.covariance for fit in fits], 1)
     covariance += (betas - beta).T * weight @ (betas - beta)
-    best = int(np.argmax(weight))
-    white = _whitened(designs, readings, levels, *grid[best])
-    inverse = found[best][3]
+    i = int(np.argmax(weight))
+    best, edges = fits[i], np.cumsum([len(b.y) for b in blocks])[:-1]
     return SerialFit(
         transform=T,
         null=Vt[r:].T / scale[:, None],
         beta=beta,
         covariance=covariance,
         dof=float(nu),
-        inverse=inverse,
-        attenuated=_unattenuated(blocks, T, inverse, levels, *grid[best]),
-        clusters=_clusters(blocks, white, betas[best], inverse),
+        inverse=best.inverse,
+        attenuated=_unattenuated(blocks, T, best.inverse, levels, *grid[i]),
+        clusters=tuple(_clusters(blocks, np.split(best.Z, edges), best)),
     )
 
 
-def _whitened(
-    designs: list[FloatArray], readings: list[FloatArray], levels: bool, phi: float, w: float
-) -> _Whitened:
-    """L^-1 [X, y] with V = L L', less what a level explains of each block."""
-    X, y, log_det = [], [], 0.0
-    roots: dict[int, FloatArray] = {}
-    for design, reading in zip(designs, readings, strict=True):
-        n = len(reading)
-        if n not in roots:
-            V = w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n)
-            roots[n] = cholesky(V, lower=True)
-        L = roots[n]
-        Z = solve_triangular(L, np.column_stack([np.ones(n), design, reading]), lower=True)
+def _covariance(n: int, phi: float, w: float) -> FloatArray:
+    """V (n, n)."""
+    return np.asarray(w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n))
+
+
+def _fitted(rows: list[FloatArray], nu: int, levels: bool, phi: float, w: float) -> _Fit:
+    """Least squares of L^-1 [X, y] with V = L L', less what a level explains of each block."""
+    whitened, log_det = [], 0.0
+    roots = {n: cholesky(_covariance(n, phi, w), lower=True) for n in {*map(len, rows)}}
+    for own in rows:
+        L = roots[len(own)]
+        Z = solve_triangular(L, own, lower=True)
         log_det += 2 * float(np.sum(np.log(np.diag(L))))
         if levels:
             one = Z[:, :1]
             square = float(one[:, 0] @ one[:, 0])
             Z = Z - one @ (one.T @ Z) / square
             log_det += float(np.log(square))
-        X.append(Z[:, 1:-1])
-        y.append(Z[:, -1])
-    return _Whitened(X, y, log_det)
+        whitened.append(Z[:, 1:])
+    Z = np.vstack(whitened)
+    Q, R = np.linalg.qr(Z[:, :-1])
+    beta = solve_triangular(R, Q.T @ Z[:, -1])
+    root = solve_triangular(R, np.eye(len(R)))
+    least = _ROUNDING * float(Z[:, -1] @ Z[:, -1])
+    rss = max(float(np.sum((Z[:, -1] - Z[:, :-1] @ beta) ** 2)), least, 1e-300)
+    log_det += 2 * float(np.sum(np.log(np.abs(np.diag(R)))))
+    freedom, inverse = max(nu, 1), root @ root.T
+    log_likelihood = -(log_det + freedom * np.log(rss)) / 2
+    return _Fit(Z, log_likelihood, beta, rss / freedom * inverse, inverse)
 
 
 def _unattenuated(
@@ -185,7 +195,7 @@ def _unattenuated(
     for block in blocks:
         n = len(block.y)
         if n not in weights:
-            inverse = np.linalg.inv(w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n))
+            inverse = np.linalg.inv(_covariance(n, phi, w))
             each = inverse.sum(axis=0)
             lost = float(each @ each) / float(each.sum()) if levels else 0.0
             weights[n] = float(np.trace(inverse)) - lost
@@ -193,34 +203,18 @@ def _unattenuated(
     root = cholesky(M, lower=True)
     share, W = np.linalg.eigh(root.T @ N @ root)
     gain = 1 / (1 - np.clip(share, 0.0, MOST_NOISE))
-    return root @ (W * gain) @ W.T @ np.linalg.inv(root)
-
-
-def _fitted(white: _Whitened, nu: int) -> tuple[float, FloatArray, FloatArray, FloatArray]:
-    """(log likelihood, beta, its covariance, (X'V^-1 X)^-1)."""
-    X, y = np.vstack(white.X), np.concatenate(white.y)
-    Q, R = np.linalg.qr(X)
-    beta = solve_triangular(R, Q.T @ y)
-    inverse = solve_triangular(R, np.eye(len(R)))
-    inverse = inverse @ inverse.T
-    rss = max(float(np.sum((y - X @ beta) ** 2)), _ROUNDING * float(y @ y), 1e-300)
-    log_det = white.log_det + 2 * float(np.sum(np.log(np.abs(np.diag(R)))))
-    freedom = max(nu, 1)
-    return -(log_det + freedom * np.log(rss)) / 2, beta, rss / freedom * inverse, inverse
+    return np.asarray(root @ (W * gain) @ W.T @ np.linalg.inv(root))
 
 
 def _clusters(
-    blocks: Sequence[Block], white: _Whitened, beta: FloatArray, M: FloatArray
-) -> tuple[tuple[FloatArray, FloatArray, FloatArray], ...]:
+    blocks: Sequence[Block], rows: Sequence[FloatArray], fit: _Fit
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
     """(R, A, Q'e) of each cluster: X = Q R, A = (I - R M R')^(-1/2) R M, residuals e."""
-    result = []
     for cluster in dict.fromkeys(block.cluster for block in blocks):
-        mine = [i for i, block in enumerate(blocks) if block.cluster == cluster]
-        X = np.vstack([white.X[i] for i in mine])
-        e = np.concatenate([white.y[i] for i in mine]) - X @ beta
-        Q, R = np.linalg.qr(X)
-        values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ M @ R.T)
-        usable = values > _SINGULAR
-        root = np.where(usable, 1 / np.sqrt(np.where(usable, values, 1.0)), 0.0)
-        result.append((R, (vectors * root) @ vectors.T @ R @ M, Q.T @ e))
-    return tuple(result)
+        own = [Z for Z, block in zip(rows, blocks, strict=True) if block.cluster == cluster]
+        Z = np.vstack(own)
+        Q, R = np.linalg.qr(Z[:, :-1])
+        values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ fit.inverse @ R.T)
+        root = np.where(values > _SINGULAR, 1 / np.sqrt(np.maximum(values, _SINGULAR)), 0.0)
+        A = (vectors * root) @ vectors.T @ R @ fit.inverse
+        yield R, A, Q.T @ (Z[:, -1] - Z[:, :-1] @ fit.beta)
