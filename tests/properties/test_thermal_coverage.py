@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from made_tables import made_readings
+from made_tables import made_readings, remembering
 from model_examples import loaded
 from numpy.typing import NDArray
 
@@ -51,14 +51,6 @@ def rises(rng: np.random.Generator, warm: bool) -> Floats:
     return found
 
 
-def unfollowed(rng: np.random.Generator) -> Floats:
-    """Drift (N,) um that no sensor follows, each value MEMORY times the last and a new part."""
-    found = LEFTOVER_UM * rng.standard_normal(N)
-    for i in range(1, N):
-        found[i] = MEMORY * found[i - 1] + np.sqrt(1 - MEMORY**2) * found[i]
-    return found
-
-
 def drift(name: str, place: Floats | float, u: Floats) -> Floats:
     """The drift (n,) um at rises (n, 2)."""
     level, slope = GRADIENTS[name]
@@ -73,7 +65,7 @@ def drift_test(rng: np.random.Generator) -> Readings:
         u = rises(rng, cycle % 2 == 0)
         read = u + SENSOR_K * rng.standard_normal(u.shape)
         for code, name in enumerate(GRADIENTS):
-            slow = unfollowed(rng)
+            slow = LEFTOVER_UM * remembering(rng, N, MEMORY)
             for place in PLACES:
                 y = drift(name, place, u) + slow + NOISE_UM * rng.standard_normal(N)
                 cells = (code, place, cycle, 1440.0 * cycle + STEP_MIN * np.arange(N), 1e-3 * y)

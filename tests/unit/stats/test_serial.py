@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_tables import remembering
 from scipy.special import stdtrit
 
-from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.serial import Block, serial_fit
 
 NONE = np.zeros((2, 2))
-
-
-def remembering(rng: np.random.Generator, n: int, phi: float) -> FloatArray:
-    found: FloatArray = rng.standard_normal(n)
-    for i in range(1, n):
-        found[i] = phi * found[i - 1] + np.sqrt(1 - phi**2) * found[i]
-    return found
 
 
 def blocks(

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from made_tables import remembering
 from scipy.integrate import solve_ivp
-from scipy.signal import lfilter
 from scipy.stats import f as f_distribution
 
 from mtu_cli.stats.compressed import Compressed, compress, effective_number, together
@@ -231,13 +231,6 @@ def alike(seed: int, apart: float, n: int = 300) -> FloatArray:
     return np.column_stack([np.ones(n), X, X[:, :1] + apart * own, y])
 
 
-def ar1(rng: np.random.Generator, n: int, r: float) -> FloatArray:
-    """Stationary noise of variance 1 with autocorrelation r^k."""
-    e = rng.normal(size=n) * np.sqrt(1 - r**2)
-    e[0] = rng.normal()
-    return np.asarray(lfilter([1.0], [1.0, -r], e), float)
-
-
 @pytest.mark.parametrize("limits", [(0.05, 0.10), (0.15, 0.15)])
 def test_selection_against_full_refits(limits: tuple[float, float]) -> None:
     sets = [collinear(seed) for seed in range(60)]
@@ -254,7 +247,7 @@ def test_selection_with_an_effective_number() -> None:
     differ = 0
     for seed in range(20):
         Z = collinear(seed, n=200)
-        Z[:, -1] += 6 * ar1(np.random.default_rng(seed), 200, 0.9)
+        Z[:, -1] += 6 * remembering(np.random.default_rng(seed), 200, 0.9)
         residuals = least_squares(Z[:, :-1], Z[:, -1]).residuals
         r = (residuals[:-1] @ residuals[1:] / 199) / (residuals @ residuals / 200)
         chosen = list(stepwise(compress(Z)))
@@ -293,7 +286,7 @@ def test_error_rate_on_noise_that_follows_itself() -> None:
     rng = np.random.default_rng(6)
     n, draws, entered, naive = 300, 400, 0, 0
     for _ in range(draws):
-        Z = np.column_stack([np.ones(n), ar1(rng, n, 0.99), ar1(rng, n, 0.8)])
+        Z = np.column_stack([np.ones(n), remembering(rng, n, 0.99), remembering(rng, n, 0.8)])
         entered += len(stepwise(compress(Z)))
         naive += len(stepwise(independent(Z)))
     error = np.sqrt(0.05 * 0.95 / draws)
