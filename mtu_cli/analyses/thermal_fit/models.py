@@ -11,10 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.stats.compressed import autocorrelation, mean_products
+from mtu_cli.stats.compressed import mean_products, ridge, stepwise
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.ridge import ridge
-from mtu_cli.stats.stepwise import stepwise
 
 ROUNDING = 1e-12
 """Share of a sum's terms, or of the readings, that is rounding."""
@@ -71,12 +69,6 @@ class Fitted:
         """Mean e_i^2 and mean e_i e_(i+1) of the residuals of any cycles."""
         own = self.design.rows(cycles).items()
         return mean_products((item.only(self.columns), self.weights[p]) for p, item in own)
-
-    @property
-    def autocorrelation(self) -> float:
-        """Lag-1 autocorrelation of all residuals, pooled over positions."""
-        own = self.design.rows(self.design.every_cycle).items()
-        return autocorrelation((item.only(self.columns), self.weights[p]) for p, item in own)
 
     def group_shares(self, cycles: Iterable[int]) -> FloatArray:
         """Mean square (g,) of each group's part of the modelled drift about its mean."""

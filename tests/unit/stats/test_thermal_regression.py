@@ -14,11 +14,16 @@ from made_tables import remembering
 from scipy.integrate import solve_ivp
 from scipy.stats import f as f_distribution
 
-from mtu_cli.stats.compressed import Compressed, compress, effective_number, together
+from mtu_cli.stats.compressed import (
+    Compressed,
+    compress,
+    effective_number,
+    ridge,
+    stepwise,
+    together,
+)
 from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.ridge import ridge
-from mtu_cli.stats.stepwise import stepwise
 
 # Lags.
 
