@@ -4,15 +4,14 @@ paths, forward-backward selection.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from made_tables import remembering
+from plain_selection import by_full_refits
 from scipy.integrate import solve_ivp
-from scipy.stats import f as f_distribution
 
 from mtu_cli.stats.compressed import (
     Compressed,
@@ -179,41 +178,6 @@ def independent(Z: FloatArray) -> Compressed:
     """Rows without any autocorrelation, so that their number is their effective one."""
     rows = compress(Z)
     return replace(rows, lag=np.zeros_like(rows.lag))
-
-
-def rss(Z: FloatArray, chosen: Sequence[int]) -> float:
-    return least_squares(Z[:, [0, *chosen]], Z[:, -1]).rss
-
-
-def partial_p(less: float, more: float, columns: int, number: float) -> float:
-    """Of one column, from the residual sums of squares without it and with it, of `columns`."""
-    dof = number - columns - 1
-    return float(f_distribution.sf((less - more) / more * dof, 1, dof))
-
-
-def by_full_refits(
-    Z: FloatArray, number: float, enter: float = 0.05, remove: float = 0.10
-) -> list[int]:
-    """The textbook's procedure, every step by regressions from scratch."""
-    chosen: list[int] = []
-    now = rss(Z, chosen)
-    for _ in range(100):
-        others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
-        entry = {j: rss(Z, [*chosen, j]) for j in others}
-        best = min(entry, key=lambda j: entry[j], default=0)
-        if not best or partial_p(now, entry[best], len(chosen) + 1, number) >= enter:
-            return sorted(chosen)
-        chosen.append(best)
-        now = entry[best]
-        while True:
-            # Of one column each: the largest p is that of the least rise.
-            exits = {j: rss(Z, [i for i in chosen if i != j]) for j in chosen}
-            worst = min(exits, key=lambda j: exits[j])
-            if partial_p(exits[worst], now, len(chosen), number) <= remove:
-                break
-            chosen.remove(worst)
-            now = exits[worst]
-    raise AssertionError("no end")
 
 
 def collinear(seed: int, n: int = 40, k: int = 7) -> FloatArray:
