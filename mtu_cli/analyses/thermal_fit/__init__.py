@@ -9,7 +9,7 @@ import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out
 from mtu_cli.analyses.thermal_fit.design import Design, about_means, designs, sensors_of
-from mtu_cli.analyses.thermal_fit.models import Fitted, fit
+from mtu_cli.analyses.thermal_fit.models import Fitted
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
 from mtu_cli.analyses.thermal_fit.uncertainty import (
     estimate,
@@ -56,7 +56,7 @@ def thermal_fit(
         of, unit = None, "um" if design.dimension == LENGTH else "arcsec"
         if components is not None:
             of, unit = components[design.name]
-        fitted = fit(design, design.every_cycle, choose(design, design.blocks, method))
+        fitted = Fitted(design, design.every_cycle, choose(design, design.blocks, method))
         if len(design.y) - fitted.parameters < 1 - _ROUNDING_OF_COUNT:
             raise _too_few(fitted)
         own = noise_share(fitted, sensor_noise(design))

@@ -26,7 +26,7 @@ from scipy.special import comb, fdtri
 
 from mtu_cli.analyses.thermal_fit.choice import folds
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.analyses.thermal_fit.models import Fitted, fit
+from mtu_cli.analyses.thermal_fit.models import Fitted
 from mtu_cli.analyses.thermal_fit.result import Gradient
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.compressed import effective_number
@@ -99,7 +99,7 @@ def _held_out_products(found: Fitted) -> tuple[float, float] | None:
         return None
     for block, others in folds(design.blocks):
         fitted, rows, held = (
-            fit(design, others, found.spec),
+            Fitted(design, others, found.spec),
             design.rows(others),
             design.rows(block),
         )
