@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from itertools import product
 from typing import NamedTuple
 
@@ -46,24 +45,69 @@ class Combinations(NamedTuple):
     clustered: np.ndarray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class SerialFit:
-    """Coefficients T beta of r directions that the rows determine, beta (r,) with `covariance`.
+    """y = X b + e, with a level of its own for each block where `levels`.
 
+    The errors of a block have the covariance s^2 V, V_ij = (1 - w) [i = j] + w phi^|i - j|: white
+    noise and a part with memory, of share w. Generalised least squares for each (phi, w) of a
+    grid, averaged by the restricted likelihood, s^2 integrated out (Harville 1974, Biometrika 61,
+    383-385):
+
+        log L = -(log|V| + log|X'V^-1 X| + nu log e'V^-1 e)/2,  nu = n - rank,
+
+    so that b has the mean covariance and the scatter of the grid's own b.
+
+    b = `transform` beta in r directions that the rows determine, beta (r,) with `covariance`;
     `null` (k, k - r) are directions that they do not. `clusters` hold (R_c, A_c, Q'e_c) of the
-    whitened rows, `inverse` M = (X'V^-1 X)^-1 (r, r). Noise of the columns attenuates b, E b =
-    (1 - M N) b with N the noise in X'V^-1 X: `attenuated` = (1 - M N)^-1 takes that back (Fuller,
-    Measurement Error Models, 1987, eq. (2.2.20)).
+    whitened rows, `inverse` M = (X'V^-1 X)^-1 (r, r) of the likeliest V. Noise of the columns
+    attenuates b, E b = (1 - M N) b with N the noise in X'V^-1 X: `attenuated` = (1 - M N)^-1 takes
+    that back (Fuller, Measurement Error Models, 1987, eq. (2.2.20)).
     """
 
-    transform: FloatArray
-    null: FloatArray
-    beta: FloatArray
-    covariance: FloatArray
-    dof: float
-    inverse: FloatArray
-    attenuated: FloatArray
-    clusters: tuple[tuple[FloatArray, FloatArray, FloatArray], ...]
+    def __init__(self, blocks: Sequence[Block], *, levels: bool) -> None:
+        X = np.vstack([b.X - b.X.mean(axis=0) if levels else b.X for b in blocks])
+        scale = np.linalg.norm(X, axis=0)
+        scale[scale == 0] = 1.0
+        _, singular, Vt = np.linalg.svd(X / scale, full_matrices=len(X) < X.shape[1])
+        r = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
+        self.transform = T = Vt[:r].T / singular[:r] / scale[:, None]
+        self.null = Vt[r:].T / scale[:, None]
+        self.dof = float(len(X) - r - (len(blocks) if levels else 0))
+        rows = [
+            np.column_stack([np.ones(len(b.y)), b.X @ T, b.y - b.y.mean() if levels else b.y])
+            for b in blocks
+        ]
+        grid = [(0.0, 0.0), *product(MEMORY, SHARE)]
+        fits = [_fitted(rows, max(self.dof, 1.0), levels, *each) for each in grid]
+        log_likelihood, betas, covariances = (np.array([x[i] for x in fits]) for i in range(3))
+        # Errors without memory are as likely beforehand as all others together.
+        log_likelihood[0] += np.log(len(grid) - 1)
+        weight = np.exp(log_likelihood - log_likelihood.max())
+        weight /= weight.sum()
+        self.beta = weight @ betas
+        self.covariance = np.tensordot(weight, covariances, 1)
+        self.covariance += (betas - self.beta).T * weight @ (betas - self.beta)
+        i = int(np.argmax(weight))
+        *_, self.inverse, Z = fits[i]
+        self.attenuated = _unattenuated(blocks, T, self.inverse, levels, *grid[i])
+        parts = np.split(Z, np.cumsum([len(b.y) for b in blocks])[:-1])
+        self.clusters = [
+            self._cluster(
+                [Z for Z, b in zip(parts, blocks, strict=True) if b.cluster == c], betas[i]
+            )
+            for c in dict.fromkeys(b.cluster for b in blocks)
+        ]
+
+    def _cluster(
+        self, parts: list[FloatArray], beta: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(R, A, Q'e): X = Q R, A = (I - R M R')^(-1/2) R M, residuals e."""
+        Z = np.vstack(parts)
+        Q, R = np.linalg.qr(Z[:, :-1])
+        values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ self.inverse @ R.T)
+        root = np.where(values > _SINGULAR, 1 / np.sqrt(np.maximum(values, _SINGULAR)), 0.0)
+        A = (vectors * root) @ vectors.T @ R @ self.inverse
+        return R, A, Q.T @ (Z[:, -1] - Z[:, :-1] @ beta)
 
     def combinations(self, L: FloatArray) -> Combinations:
         """Values and uncertainties of L b, L (q, k).
@@ -95,73 +139,17 @@ class SerialFit:
         )
 
 
-class _Fit(NamedTuple):
-    """Under one covariance of the errors: whitened rows Z = [X, y] of all blocks, log likelihood,
-    beta, its covariance, M = (X'V^-1 X)^-1.
-    """
-
-    Z: FloatArray
-    log_likelihood: float
-    beta: FloatArray
-    covariance: FloatArray
-    inverse: FloatArray
-
-
-def serial_fit(blocks: Sequence[Block], *, levels: bool) -> SerialFit:
-    """y = X b + e, with a level of its own for each block where `levels`.
-
-    The errors of a block have the covariance s^2 V, V_ij = (1 - w) [i = j] + w phi^|i - j|: white
-    noise and a part with memory, of share w. Generalised least squares for each (phi, w) of a
-    grid, averaged by the restricted likelihood, s^2 integrated out (Harville 1974, Biometrika 61,
-    383-385):
-
-        log L = -(log|V| + log|X'V^-1 X| + nu log e'V^-1 e)/2,  nu = n - rank,
-
-    so that b has the mean covariance and the scatter of the grid's own b.
-    """
-    X = np.vstack([b.X - b.X.mean(axis=0) if levels else b.X for b in blocks])
-    scale = np.linalg.norm(X, axis=0)
-    scale[scale == 0] = 1.0
-    _, singular, Vt = np.linalg.svd(X / scale, full_matrices=len(X) < X.shape[1])
-    r = int(np.sum(singular > RANK_TOLERANCE * singular.max(initial=0.0)))
-    T = Vt[:r].T / singular[:r] / scale[:, None]
-    nu = len(X) - r - (len(blocks) if levels else 0)
-    rows = [
-        np.column_stack([np.ones(len(b.y)), b.X @ T, b.y - b.y.mean() if levels else b.y])
-        for b in blocks
-    ]
-    grid = [(0.0, 0.0), *product(MEMORY, SHARE)]
-    fits = [_fitted(rows, nu, levels, *each) for each in grid]
-    # Errors without memory are as likely beforehand as all others together.
-    log_likelihood = np.array([fit.log_likelihood for fit in fits])
-    log_likelihood[0] += np.log(len(grid) - 1)
-    weight = np.exp(log_likelihood - log_likelihood.max())
-    weight /= weight.sum()
-    betas = np.array([fit.beta for fit in fits])
-    beta = weight @ betas
-    covariance = np.tensordot(weight, [fit.covariance for fit in fits], 1)
-    covariance += (betas - beta).T * weight @ (betas - beta)
-    i = int(np.argmax(weight))
-    best, edges = fits[i], np.cumsum([len(b.y) for b in blocks])[:-1]
-    return SerialFit(
-        transform=T,
-        null=Vt[r:].T / scale[:, None],
-        beta=beta,
-        covariance=covariance,
-        dof=float(nu),
-        inverse=best.inverse,
-        attenuated=_unattenuated(blocks, T, best.inverse, levels, *grid[i]),
-        clusters=tuple(_clusters(blocks, np.split(best.Z, edges), best)),
-    )
-
-
 def _covariance(n: int, phi: float, w: float) -> FloatArray:
     """V (n, n)."""
     return np.asarray(w * toeplitz(phi ** np.arange(n)) + (1 - w) * np.eye(n))
 
 
-def _fitted(rows: list[FloatArray], nu: int, levels: bool, phi: float, w: float) -> _Fit:
-    """Least squares of L^-1 [X, y] with V = L L', less what a level explains of each block."""
+def _fitted(
+    rows: list[FloatArray], nu: float, levels: bool, phi: float, w: float
+) -> tuple[float, FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Least squares of Z = L^-1 [X, y] with V = L L', less what a level explains of each block: log
+    likelihood, beta, its covariance, M, Z.
+    """
     whitened, log_det = [], 0.0
     roots = {n: cholesky(_covariance(n, phi, w), lower=True) for n in {*map(len, rows)}}
     for own in rows:
@@ -181,9 +169,8 @@ def _fitted(rows: list[FloatArray], nu: int, levels: bool, phi: float, w: float)
     least = _ROUNDING * float(Z[:, -1] @ Z[:, -1])
     rss = max(float(np.sum((Z[:, -1] - Z[:, :-1] @ beta) ** 2)), least, 1e-300)
     log_det += 2 * float(np.sum(np.log(np.abs(np.diag(R)))))
-    freedom, inverse = max(nu, 1), root @ root.T
-    log_likelihood = -(log_det + freedom * np.log(rss)) / 2
-    return _Fit(Z, log_likelihood, beta, rss / freedom * inverse, inverse)
+    inverse = root @ root.T
+    return -(log_det + nu * np.log(rss)) / 2, beta, rss / nu * inverse, inverse, Z
 
 
 def _unattenuated(
@@ -204,17 +191,3 @@ def _unattenuated(
     share, W = np.linalg.eigh(root.T @ N @ root)
     gain = 1 / (1 - np.clip(share, 0.0, MOST_NOISE))
     return np.asarray(root @ (W * gain) @ W.T @ np.linalg.inv(root))
-
-
-def _clusters(
-    blocks: Sequence[Block], rows: Sequence[FloatArray], fit: _Fit
-) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
-    """(R, A, Q'e) of each cluster: X = Q R, A = (I - R M R')^(-1/2) R M, residuals e."""
-    for cluster in dict.fromkeys(block.cluster for block in blocks):
-        own = [Z for Z, block in zip(rows, blocks, strict=True) if block.cluster == cluster]
-        Z = np.vstack(own)
-        Q, R = np.linalg.qr(Z[:, :-1])
-        values, vectors = np.linalg.eigh(np.eye(len(R)) - R @ fit.inverse @ R.T)
-        root = np.where(values > _SINGULAR, 1 / np.sqrt(np.maximum(values, _SINGULAR)), 0.0)
-        A = (vectors * root) @ vectors.T @ R @ fit.inverse
-        yield R, A, Q.T @ (Z[:, -1] - Z[:, :-1] @ fit.beta)

@@ -34,7 +34,7 @@ from mtu_cli.stats.covariance import covariance_root, positive_part
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.stats.serial import Block, SerialFit, serial_fit
+from mtu_cli.stats.serial import Block, SerialFit
 from mtu_cli.units import Unit
 
 NORMAL_QUARTILE = 0.6744897501960817
@@ -294,7 +294,7 @@ def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, i
         N = np.kron(np.outer(power, power), in_columns) / count.mean()
         N = np.pad(N, (0, level.shape[1]))
         blocks.append(Block(np.hstack([np.kron(power, Z[:, :-1]), level]), Z[:, -1], c, N))
-    return serial_fit(blocks, levels=design.offsets), squares, len(whose)
+    return SerialFit(blocks, levels=design.offsets), squares, len(whose)
 
 
 def _other_lags(found: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:
