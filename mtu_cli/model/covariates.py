@@ -189,17 +189,11 @@ def _shown(measured: Points | Readings, rows: IntArray, chosen: BoolArray) -> st
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
-    everywhere = np.zeros(len(column), np.int64)
-    for code, shape in ((everywhere, (1, 1)), (cells.part, (-1, 1)), (cells.column, (1, -1))):
-        first = np.unique(code, return_index=True)[1]
-        if (column == column[first][code]).all():
-            return column[first].reshape(shape)
-    means = cells.means(column)
-    table = cells.table(means)
-    for axis in (1, 0):
+    table = cells.table(cells.means(column))
+    for axis in ((0, 1), (1,), (0,)):
         low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
-        if (high - low <= ROUNDING * np.abs(means).max()).all():
-            return low
+        if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
+            return np.asarray(low)
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
 
 
