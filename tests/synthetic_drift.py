@@ -68,7 +68,7 @@ class Plan:
     def read(self, rng: np.random.Generator, temperatures: FloatArray | None = None) -> Readings:
         """Readings by cycle and position; all positions are read at the same times."""
         rows: list[tuple[NDArray[Any], ...]] = []
-        time = self.step * np.arange(self.n)
+        time = self.step * np.arange(self.n, dtype=np.float64)
         for c, true in enumerate(self.temperatures(rng) if temperatures is None else temperatures):
             seen = true + self.sensor_noise * rng.normal(size=true.shape)
             slow = np.array(self.slow) * remembering(rng, (self.n, len(self.slow)), self.memory)

@@ -72,7 +72,7 @@ def drift_test(rng: np.random.Generator, kind: Kind) -> tuple[Readings, Floats]:
         lags[rng.integers(3)] = kind.lag_min * rng.uniform(0.6, 1.6)
     T, y, cycle = [], [], []
     for c in range(kind.cycles):
-        t = STEP_MIN * np.arange(kind.n)
+        t = STEP_MIN * np.arange(kind.n, dtype=np.float64)
         room = rng.uniform(4, 8) * (1 - np.exp(-t / 30.0))
         room = room if c % 2 == 0 else room[-1] - room
         a = room + 0.8 * remembering(rng, kind.n, 0.9)

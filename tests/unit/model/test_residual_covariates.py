@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -189,7 +190,7 @@ def repeats(found: Points, column: FloatArray, needed: tuple[str, ...] = ()) -> 
     return warned[0].message if warned else None
 
 
-WRITTEN = {
+WRITTEN: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "the error along x": lambda e, m: e[:, 0],
     "the error along y": lambda e, m: -np.round(1e3 * e[:, 1], 1),
     "the coordinate x": lambda e, m: m[:, 0],

@@ -127,8 +127,8 @@ def test_shares_move_as_little_as_the_settled_drifts_ask_for() -> None:
     # One place, two sensors: the change is along the gradients, which no smaller one can do; so it
     # is where a limit is exceeded.
     one = plan(positions={"p": np.array([0.0])})
-    asked, limits = {"p": np.array([6e-3])}, {1: 6e-3, 0: 1.0}
-    for given in (replace(one, settled=asked), replace(one, limits=limits)):
+    six = {"p": np.array([6e-3])}
+    for given in (replace(one, settled=six), replace(one, limits={1: 6e-3, 0: 1.0})):
         shares = sensors_for([drift()], given, 1).shares
         assert (shares - drawn)[0] * -2 == pytest.approx((shares - drawn)[1] * 5)
         assert 6 * (5 * shares[0] - 2 * shares[1]) == pytest.approx(6)
