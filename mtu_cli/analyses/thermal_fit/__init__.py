@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out
-from mtu_cli.analyses.thermal_fit.design import Design, about_means, designs, sensors_of
+from mtu_cli.analyses.thermal_fit.design import Design, about_means, sensors_of
 from mtu_cli.analyses.thermal_fit.models import Fitted
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
 from mtu_cli.analyses.thermal_fit.uncertainty import (
@@ -48,11 +48,15 @@ def thermal_fit(
     Raises InputError without sensors, or where the readings of a component are not more than what
     is fitted to them.
     """
+    import pandas as pd
+
     sensors = sensors_of(readings)
     share, warnings = 1.0, list[Finding]()
     result: dict[str, ComponentDrift] = {}
     lagged = method in ("auto", "lagged")
-    for design in designs(readings, sensors, reference, lagged=lagged, zeroed=zeroed):
+    for code in pd.unique(readings.code):
+        rows = np.flatnonzero(readings.code == code)
+        design = Design(readings, rows, sensors, reference, lagged=lagged, zeroed=zeroed)
         of, unit = None, "um" if design.dimension == LENGTH else "arcsec"
         if components is not None:
             of, unit = components[design.name]

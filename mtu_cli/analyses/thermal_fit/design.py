@@ -4,7 +4,7 @@ sensors, or groups of them, with and without lag. Fits are to compressed rows of
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import cached_property
 from itertools import pairwise
 
@@ -251,18 +251,6 @@ def sensors_of(readings: Readings) -> tuple[str, ...]:
     if problems:
         raise InputError(problems)
     return sensors
-
-
-def designs(
-    readings: Readings, sensors: tuple[str, ...], reference: float, *, lagged: bool, zeroed: str
-) -> Iterator[Design]:
-    """That of every component, in the order in which the files have them."""
-    import pandas as pd
-
-    component, codes = pd.factorize(readings.code)
-    for i in range(len(codes)):
-        rows = np.flatnonzero(component == i)
-        yield Design(readings, rows, sensors, reference, lagged=lagged, zeroed=zeroed)
 
 
 def _alike(T: FloatArray, moving: Iterable[int]) -> list[dict[int, float]]:
