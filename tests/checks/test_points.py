@@ -47,13 +47,6 @@ OTHERS = [
 Change = Callable[[np.ndarray], np.ndarray]
 
 
-def test_names_alike_are_those_of_the_later_name() -> None:
-    table = study(6, 2, 3)
-    finding = only(replace(table, parts=("a", "B", "A ", *table.parts[3:])))
-    assert (finding.code, finding.column) == ("alike", "part")
-    assert finding.row == table.row[np.flatnonzero(table.part == 2)[0]]
-
-
 @pytest.mark.parametrize(("change", "words"), [*UNITS, *OTHERS])
 def test_what_a_file_or_some_parts_look_like(change: Change, words: str) -> None:
     """A whole file in another unit is an error, all else a warning."""
@@ -81,14 +74,6 @@ def test_parts_put_down_by_hand_are_no_mistake_where_the_datum_says_so() -> None
     assert set(codes(moved)) == {"far-from-nominal"}
     inches = with_measured(sound, (sound.measured + put) / 25.4)
     assert "unit-of-points" in codes(inches, "offset")
-
-
-def test_a_moved_nominal() -> None:
-    sound = study(4, 1, 2)
-    nominal = sound.nominal.copy()
-    nominal[5, 1] += 0.001
-    finding = only(replace(sound, nominal=nominal))
-    assert (finding.code, finding.facts["names"], finding.row) == ("nominals-differ", ["c"], 7)
 
 
 def test_a_single_reading_off_the_other_parts() -> None:

@@ -22,6 +22,7 @@ from correct_examples import (
     rings,
     seen,
 )
+from made_tables import made_points
 from model_examples import part_of, stated
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
@@ -37,7 +38,6 @@ from mtu_cli.analyses.correct.scatter import (
     estimate,
     forms_left,
 )
-from mtu_cli.files.points import Points
 from mtu_cli.findings import InputError
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.geometry import fit_circle
@@ -179,18 +179,6 @@ def test_the_calibrated_diameter_at_the_temperature_of_the_ring(
         assert codes(found) == warned
 
 
-def of_one_part(measured: Floats, places: Floats) -> Points:
-    """Points a, b, c, ... of one part, measured (n, 3) at nominal places (n, 3)."""
-    n = len(places)
-    return replace(
-        ring_points(ring_places(), ["p"]),
-        part=np.zeros(n, np.int64), features=tuple("abcdefgh"[:n]), feature=np.arange(n),
-        operation=np.full(n, -1), measured=measured, nominal=places, repeat=np.full(n, -1),
-        time_min=np.full(n, np.nan), sequence=np.ones(n, np.int64),
-        direction=np.full((n, 3), np.nan), file_index=np.zeros(n, np.int64), row=np.arange(n) + 2,
-    )  # fmt: skip
-
-
 def test_lengths_and_a_sphere(tmp_path: Path) -> None:
     """Ends and points in space; the machine's error is a plain offset of scale in z."""
     model = stated(
@@ -214,12 +202,8 @@ def test_lengths_and_a_sphere(tmp_path: Path) -> None:
         """,
     )
     places = np.array([(0, 0, 50), (0, 0, 150), (50, 0, 100), (0, 50, 100), (-50, 0, 100)], float)
-
-    def stretched(place: Floats, _: Floats) -> Floats:
-        return np.column_stack([np.zeros((5, 2)), 1e-4 * place[:, 2]])
-
-    measured = seen(places, stretched, np.zeros(5))
-    points = of_one_part(measured, places)
+    measured = places / np.array([1, 1, 1 - 1e-4])
+    points = made_points(["p"] * 5, np.arange(5), list("abcde"), measured, places)
     result = correct(model, part, points, SETTINGS)
     (sphere,), (length,) = result.of_kind("sphere"), result.of_kind("length")
     # What is read is stretched by 1e-4 of itself: m = t/(1 - 1e-4).
@@ -324,16 +308,14 @@ def test_p_of_a_round_ring_is_uniform(dof: float | None, oval: float) -> None:
 
 
 def test_a_form_is_tested_where_its_scatter_is_known_by_something_else() -> None:
-    rng = np.random.default_rng(7)
-    one = noisy(rng, 1)
-    assert forms_left(one, None) == ()
-    assert forms_left(one, PointScatter(variance=1.0, spread=0, dof=8, origin="form")) == ()
+    one = noisy(np.random.default_rng(7), 1)
+    form = PointScatter(variance=1.0, spread=0, dof=8, origin="form")
+    assert forms_left(one, None) == forms_left(one, form) == ()
     assert forms_left([ring(ring_places()[:3, :2])] * 2, None) == ()
     # Without any scatter a form of rounding is none, and a true one certain.
-    squashed = ring_places()[:, :2] * [1.0, 1 - 1e-5]
-    for places, certain in ((ring_places()[:, :2], False), (squashed, True)):
-        (form,) = forms_left([ring(places)] * 2, None)
-        assert (form.p < 1e-6) is certain
+    for squashed in (0.0, 1e-5):
+        (left,) = forms_left([ring(ring_places()[:, :2] * [1.0, 1 - squashed])] * 2, None)
+        assert (left.p < 1e-6) is (squashed > 0)
 
 
 def test_rings_are_judged_together_where_they_are_calibrated() -> None:

@@ -90,14 +90,6 @@ def test_a_single_entry_and_a_scattering_row_are_told_apart() -> None:
     assert outstanding_rows(table, GROUPS, 1).by_row[2] <= 0.05
 
 
-def test_constant_columns_and_few_rows() -> None:
-    table = np.ones((5, 4))
-    found = outstanding_rows(table, np.zeros(4, np.int64), 1)
-    assert (found.by_row > 0.5).all()
-    assert (found.by_cell > 0.5).all()
-    assert outstanding_rows(clean(1, 0)[:4], GROUPS, 1).by_row.shape == (4,)
-
-
 def test_large_tables_by_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rotation, "ENTRIES", 0)
     table = clean(6, 0.3)
