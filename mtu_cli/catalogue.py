@@ -271,7 +271,7 @@ CATALOGUE: dict[str, Kind] = {
         "(ISO 14253-1)"
     ),
     # Thermal models.
-    "no-effect-of-temperature": _warning("{component}: no {what} in the model: {reason}"),
+    "no-effect-of-temperature": _warning("{component}: no sensor in the model: {reason}"),
     "order-of-cycles": _warning("{component}: {reason}"),
     "not-held-out": _warning(
         "{component}: {cycles}: no cycle can be held out, and the rms of the fit says little of "
