@@ -135,7 +135,7 @@ def compare(result: CompareResult) -> Figure:
 @figures.styled
 def correct(result: CorrectResult) -> Figure:
     """Errors of diameters (or lengths) before and after with 95 % intervals of one part; without
-    either the mean errors of the features.
+    either the errors of the points.
     """
     rounds = [*result.of_kind("circle"), *result.of_kind("sphere")]
     kinds = {"diameters": rounds, "lengths": result.of_kind("length")}
@@ -149,15 +149,11 @@ def correct(result: CorrectResult) -> Figure:
             break
     else:
         points, at = result.points, [AXES.index(axis) for axis in result.axes]
-        seen, code = np.unique(points.feature, return_inverse=True)
-        count, nominal = np.bincount(code)[:, None], points.nominal[:, at]
         before, after = (
-            np.ravel([np.bincount(code, along) for along in (x[:, at] - nominal).T] / count.T, "F")
-            / UM
-            for x in (points.measured, result.corrected)
+            (x - points.nominal)[:, at].ravel() / UM for x in (points.measured, result.corrected)
         )
-        names = [f"{points.features[i]} {axis}" for i in seen for axis in result.axes]
-        title, half = "Mean errors of the features", np.full(len(names), np.nan)
+        names = [words(x, axis) for x in result.feature for axis in result.axes]
+        title, half = "Errors of the points", np.full(len(names), np.nan)
     rows = spread(len(names), SIZES)
     some = f" ({len(rows)} of {len(names)})" if len(rows) < len(names) else ""
     shown = [

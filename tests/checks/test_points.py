@@ -163,3 +163,11 @@ lengths:
         ("position-beyond-travel", 3, "features.a.x_mm"),
         ("implausible-size", 5, "lengths.0.tolerance_um"),
     ]
+
+
+def test_a_moved_nominal() -> None:
+    sound = study(4, 1, 2)
+    nominal = sound.nominal.copy()
+    nominal[5, 1] += 0.001
+    finding = only(replace(sound, nominal=nominal))
+    assert (finding.code, finding.facts["names"], finding.row) == ("nominals-differ", ["c"], 7)

@@ -86,15 +86,12 @@ def test_pictures(tmp_path: Path, kind: str) -> None:
     page = figure(found)
     panel = page.axes[0]
     names = [label.get_text() for label in panel.get_yticklabels()]
-    if kind in ("circles", "lengths"):
-        # A row a part, of the first to the last of 50.
-        what = "ring" if kind == "circles" else "r0-r5"
-        assert len(names) == 40
-        assert all(name.startswith(f"{what} part ") for name in names)
-        assert page.get_suptitle().endswith("(40 of 50)")
-    else:
-        axes = "x" if kind == "axis" else "xy"
-        assert names == [f"r{i} {axis}" for i in range(11) for axis in axes]
+    # A row a part or point, of the first to the last of them.
+    assert len(names) == 40
+    starts = {"circles": "ring part ", "lengths": "r0-r5 part ", "points": "r", "axis": "r"}
+    assert all(name.startswith(starts[kind]) for name in names)
+    ends = {"circles": 50, "lengths": 50, "points": 1100, "axis": 550}
+    assert page.get_suptitle().endswith(f"(40 of {ends[kind]})")
     assert len(figure_bytes(page, ".png")) > 5000
 
 
