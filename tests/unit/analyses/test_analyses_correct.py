@@ -118,13 +118,13 @@ def test_u_of_a_diameter_is_that_of_its_points_with_their_covariance(tmp_path: P
 def test_the_calibration_is_part_of_the_error_but_not_of_the_diameter(tmp_path: Path) -> None:
     _, measured, temperature = rings(1)
     points = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
-    part = ring_part(tmp_path, U_um="1.0")
-    ring = correct(machine(tmp_path), part, points, SETTINGS).sizes[0]
-    bare = correct(machine(tmp_path), ring_part(tmp_path), points, SETTINGS).sizes[0]
+    bare, ring = (
+        correct(machine(tmp_path), ring_part(tmp_path, U_um=U), points, SETTINGS).sizes[0]
+        for U in ("", "1.0")
+    )
     assert ring.u == bare.u == bare.u_error
     assert ring.u_error**2 == pytest.approx(ring.u**2 + 0.0005**2)
-    assert ring.dof_error == pytest.approx(ring.dof * ring.u_error**4 / ring.u**4)
-    half = coverage_factor(0.95, ring.dof_error) * ring.u_error
+    half = coverage_factor(0.95, ring.dof * ring.u_error**4 / ring.u**4) * ring.u_error
     assert ring.error_interval95 == pytest.approx((ring.error[1] - half, ring.error[1] + half))
 
 
@@ -284,12 +284,6 @@ def noisy(rng: np.random.Generator, visits: int, K: Floats | None = None) -> lis
     return [ring(moved + NOISE * rng.standard_normal((11, 2)), K) for _ in range(visits)]
 
 
-def repeats_of(rng: np.random.Generator, dof: float) -> PointScatter:
-    """The variance of the points as repeats of so many degrees of freedom estimate it."""
-    variance = NOISE**2 * (rng.chisquare(dof) / dof)
-    return PointScatter(variance=variance, spread=0.0, dof=dof, origin="repeats")
-
-
 @pytest.mark.parametrize(("dof", "oval"), [(None, 2.0), (8.0, 0.0)])
 def test_p_of_a_round_ring_is_uniform(dof: float | None, oval: float) -> None:
     """By repeats and by visits; exact of noise alone, on the safe side beside a modelled oval."""
@@ -298,7 +292,10 @@ def test_p_of_a_round_ring_is_uniform(dof: float | None, oval: float) -> None:
     K = None if not oval else (oval * NOISE) ** 2 * np.outer(np.cos(2 * angle), np.cos(2 * angle))
     p = []
     for _ in range(runs):
-        scatter = None if dof is None else repeats_of(rng, dof)
+        scatter = None
+        if dof is not None:
+            variance = NOISE**2 * (rng.chisquare(dof) / dof)
+            scatter = PointScatter(variance=variance, spread=0.0, dof=dof, origin="repeats")
         (form,) = forms_left(noisy(rng, 1 if dof else 3, K), scatter)
         p.append(form.p)
     for level in (0.05, 0.2):
@@ -388,20 +385,17 @@ def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None
 
 def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
     _, measured, temperature = rings(1)
-    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
-    points = ring_points(measured, ["a"], None, own)
-    model = machine(tmp_path)
+    points = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
+    model, ring = machine(tmp_path), ring_part(tmp_path)
     bare = correct(model, ring_part(tmp_path, calibrated_mm=""), points, SETTINGS)
     assert codes(bare) == ["not-estimable"]
     assert np.isnan(bare.sizes[0].error).all()
     assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
-    kept = np.arange(11) != 4
-    found = correct(model, ring_part(tmp_path), only_rows(points, kept), SETTINGS)
-    assert codes(found) == ["not-measured", "no-scatter-known"]
-    assert found.sizes == ()
     other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
                     "lengths: [{from: q, to: w}]\n")  # fmt: skip
-    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-scatter-known"]
+    for part, of in ((ring, only_rows(points, np.arange(11) != 4)), (other, points)):
+        found = correct(model, part, of, SETTINGS)
+        assert (codes(found), found.sizes) == (["not-measured", "no-scatter-known"], ())
 
 
 @pytest.mark.parametrize(
