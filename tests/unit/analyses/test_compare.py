@@ -4,6 +4,7 @@ of an item by hand, and the tests behind the verdicts against draws.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
@@ -232,7 +233,7 @@ def same_tail(p: float, tails: np.ndarray) -> None:
 
 SIX: list[list[float]] = [[10, 12], [4, 2]] * 3
 NO_REPEATS: list[list[float]] = [[11], [3]] * 4
-ms, nan, root = 8 * 16 / 7, np.nan, np.sqrt
+ms, nan, root = 8 * 16 / 7, math.nan, math.sqrt
 HAND: dict[str, tuple[list[list[float]], float, dict[str, float], tuple[list[float], ...]]] = {
     # Means 11 and 3 about 7, MS_between = 2 (16 + 16) = 64 with one degree of freedom, MS_within =
     # (2 + 2)/2 = 2 with two, n0 = 2, s_part^2 = 31. A future part about the measured mean: 31 +
@@ -266,7 +267,7 @@ HAND: dict[str, tuple[list[list[float]], float, dict[str, float], tuple[list[flo
         NO_REPEATS,
         4.0,
         {
-            "ratio_ms": ms / 4, "p_scatter": 2 * fdtrc(7, 8, ms / 4), "ratio_scatter": root(ms / 4),
+            "ratio_ms": ms / 4, "p_scatter": float(2 * fdtrc(7, 8, ms / 4)), "ratio_scatter": root(ms / 4),
             "measured.u": root(ms * (1 + 1 / 8)), "s_part": nan, "ms_share": nan,
         },
         ([9, ms / 8], [3, 7]),
