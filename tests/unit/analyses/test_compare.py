@@ -267,7 +267,8 @@ HAND: dict[str, tuple[list[list[float]], float, dict[str, float], tuple[list[flo
         NO_REPEATS,
         4.0,
         {
-            "ratio_ms": ms / 4, "p_scatter": float(2 * fdtrc(7, 8, ms / 4)), "ratio_scatter": root(ms / 4),
+            "ratio_ms": ms / 4, "p_scatter": float(2 * fdtrc(7, 8, ms / 4)),
+            "ratio_scatter": root(ms / 4),
             "measured.u": root(ms * (1 + 1 / 8)), "s_part": nan, "ms_share": nan,
         },
         ([9, ms / 8], [3, 7]),
