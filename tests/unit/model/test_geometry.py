@@ -98,7 +98,7 @@ CASES: dict[str, tuple[Callable[[Floats], RoundFit], Floats]] = {
     "circle": (fit_circle, arc(9, 90.0, 3.0, 1)),
     "short arc": (fit_circle, arc(9, 90.0, 0.5, 2, angle=1.0)),
     "gander": (fit_circle, GANDER),
-    "circle in space": (fit_circle, tilted(arc(9, 90.0, 3.0, 1), 2, 2.0)),
+    "circle in space": (fit_circle, tilted(arc(9, 90.0, 3.0, 1), 2, 1e-6)),
     "sphere": (fit_sphere, ball(12, 12.5, 0.5, 1)),
 }
 
