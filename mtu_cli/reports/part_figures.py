@@ -74,7 +74,8 @@ def anova(result: AnovaResult) -> Figure:
     for panel in page.axes[-columns:]:
         panel.set_xlabel("sequence of the parts")
     figures.legend(page, 2)
-    some = f"; {PANELS} of {len(result.shown)} features" * (len(result.shown) > PANELS)
+    count = len({label[:2] for label in result.features.labels})
+    some = f"; {PANELS} of {count} features" * (count > PANELS)
     figures.title(page, f"Mean errors by part, actual minus nominal{some}")
     return page
 
@@ -84,7 +85,9 @@ def _features(result: AnovaResult) -> Iterator[Chart]:
     found = result.features
     labels, k = found.tables.labels, found.coverage_factor
     clear = [x.where for x in result.trends if x.p <= FAMILY_RATE and x.where in labels]
-    keys = dict.fromkeys([*(label[:2] for label in clear), *result.shown])
+    outliers = [label for label, parts in zip(labels, found.unusual, strict=True) if parts]
+    most = [*clear, *outliers, *(labels[i] for i in found.order)]
+    keys = dict.fromkeys(label[:2] for label in most)
     for key in list(keys)[:PANELS]:
         for i in (i for i, label in enumerate(labels) if label[:2] == key):
             mean, u = (each / UM for each in found.part_means(i))
