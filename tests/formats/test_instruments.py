@@ -55,9 +55,9 @@ def test_rtl_with_wrapped_negative_targets_and_descending_reverse_runs() -> None
     assert got[13] == (-150.0, 1, "reverse", 1.1, "um")
     assert found.rows[0] == 19
     assert found.left_out == {"material sensors at -10 degC, that is not connected": 1}
-    assert found.facts["measured"] == ["2016-12-12T10:46", "2016-12-12T11:01"]
-    assert "material_2_degC" not in found.facts
-    assert found.facts["machine"].startswith("Fr\u00e4szentrum 20\u00b0")
+    assert found.facts["Date Time"] == '"10:46 Dec 12 2016" "11:01 Dec 12 2016"'
+    assert "Mat temp 2" not in found.facts
+    assert found.facts["Machine"].startswith("Fr\u00e4szentrum 20\u00b0")
     assert any("20 degC already" in text for text in found.says)
 
 
@@ -70,9 +70,9 @@ def test_code_pages_and_broken_degree_signs(code_page: str) -> None:
     found = read(raw(content, "x.rtl"), ASK)
     assert len(found.rows) == 14
     if code_page != "gbk":
-        assert found.facts["machine"].startswith(name)
+        assert found.facts["Machine"].startswith(name)
     broken = made.RTL.replace("\u00b0", "\u00c2\u00b0").encode()
-    assert "20\u00b0" in read(raw(broken, "x.rtl"), ASK).facts["machine"]
+    assert "20\u00b0" in read(raw(broken, "x.rtl"), ASK).facts["Machine"]
 
 
 def test_a_one_way_rtl_padded_with_zeros_and_a_plain_one() -> None:
