@@ -54,7 +54,8 @@ def inspect(inputs: Inputs, settings: Settings) -> Outcome:
 
 
 def _seen(file: RawFile, ask: Ask) -> dict[str, Any]:
-    result, title, gives, faults = Imported(format="xml"), "XML", (), list[Finding]()
+    result, title, faults = Imported(format="xml"), "XML", list[Finding]()
+    gives: tuple[str, ...] = ()
     if is_contract(file.content):
         result, title = contract_rows(file), "columns of the contract"
     elif known := identify(file):

@@ -58,6 +58,7 @@ def test_the_report_predicts_and_lists_moves(tmp_path: Path) -> None:
         change = move["expect_without_um"] - move["expect_with_um"]
         assert move["expect_wrong_sign_um"] - move["expect_without_um"] == pytest.approx(change)
     program = (tmp_path / "v.nc").read_text("utf-8")
+    assert program.count("F1000") == 12
     assert program.index("X-10.0000") < program.index("X500.0000") < program.index("X510.0000")
 
 
@@ -70,19 +71,13 @@ def test_one_value_for_both_directions_leaves_the_reversal_to_the_control() -> N
 
 @pytest.mark.parametrize(
     ("control", "line"),
-    [
-        ("siemens-enc", "$AA_ENC_COMP[0,0,Y1]="),
-        ("siemens-cec", "$AN_CEC_OUTPUT_AXIS[0]=(AX2)"),
-        ("heidenhain", "BEGIN AXIS_Y.COM MM"),
-        ("pmac", "#2"),
-    ],
+    [("siemens-enc", "$AA_ENC_COMP[0,0,Y1]="), ("siemens-cec", "$AN_CEC_OUTPUT_AXIS[0]=(AX2)")],
 )
 def test_the_axis_is_that_of_the_component(control: str, line: str, tmp_path: Path) -> None:
-    call = ("compensate", "-m", "m.yaml", "--component", "dy_y", "--from", 0, "--to", 20)
     dy_y = "components: {dy_y: {of: y, unit: um, coefficients: [0, 1]}}\nequations: {Ey: dy_y}\n"
     (tmp_path / "m.yaml").write_text(f"schema: mtu/machine/1\nname: m\n{dy_y}", "utf-8")
-    more = ("--step", 10, "--set", "counts_per_mm=100") if control == "pmac" else ("--step", 10)
-    done(mtu(*call, *more, "--for", control, "--to-file", "t", cwd=tmp_path))
+    call = ("compensate", "-m", "m.yaml", "--component", "dy_y", "--from", 0, "--to", 20)
+    done(mtu(*call, "--step", 10, "--for", control, "--to-file", "t", cwd=tmp_path))
     assert line in (tmp_path / "t").read_text("utf-8")
 
 
@@ -139,6 +134,7 @@ def test_what_the_loop_found_is_compensated_from_the_machine_file(tmp_path: Path
         (("--for", "acs", "--component", "pos_x", "--set", "zonne=1"), "did you mean 'zone'"),
         (("--for", "pmac", "--component", "pos_x", *STEP), "--set counts_per_mm="),
         (("--for", "siemens-enc", "--component", "pos_x"), "--step"),
+        (("--for", "acs", "--component", "pos_x", "--feed", "-1"), "above 0"),
         (("--for", "klipper", "--component", "pos_x"), "no angle between two axes"),
     ],
 )
@@ -156,12 +152,6 @@ def test_what_stands_beside_a_table_overwrites_nothing(tmp_path: Path) -> None:
     assert not (tmp_path / "t.comp").exists()
     twice = (*CALL, "--for", "linuxcnc", "--to-file", "a.nc", "--to-nc", "a.nc.txt")
     assert "appears twice" in refused(tmp_path, *twice)
-
-
-def test_the_feed_of_the_moves(tmp_path: Path) -> None:
-    done(mtu(*CALL, "--for", "table", "--to-nc", "v.nc", "--feed", 250, "-q", cwd=tmp_path))
-    assert (tmp_path / "v.nc").read_text("utf-8").count("F250") == 12
-    assert "above 0" in refused(tmp_path, *CALL, "--for", "table", "--feed", "-1")
 
 
 ROTARY_MACHINE = """
@@ -200,5 +190,6 @@ def test_a_rotary_axis(tmp_path: Path) -> None:
         assert last["forward"] == pytest.approx(-3.6, abs=0.2)
     assert "$AA_ENC_COMP" not in (tmp_path / "c.spf").read_text("utf-8")
     assert "holds lengths" in refused(tmp_path, *call, "heidenhain")
-    again = report(*call, "table", "--set", "axis=B", "--verify", "l.csv", cwd=tmp_path)
-    assert again["results"]["verification"]["verdict"] == "no-effect"
+    listed = report(*call, "table", "--set", "axis=B", "--to-file", "t", cwd=tmp_path)
+    assert listed["results"]["points"][0]["position_deg"] == 0.0
+    assert "# unit: urad\r\nno,position_deg" in (tmp_path / "t").read_bytes().decode()

@@ -7,6 +7,7 @@ from __future__ import annotations
 import io
 import random
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from mtu_cli.files.readings import read_readings
 from mtu_cli.files.source import Source
 from mtu_cli.findings import InputError
 from mtu_cli.formats.base import Ask, Imported, of_content
-from mtu_cli.formats.instruments import converter, identify, read
+from mtu_cli.formats.instruments import converter, read
 from mtu_cli.formats.renishaw import features_of, run_file
 from mtu_cli.formats.table_map import read_profile
 
@@ -40,11 +41,7 @@ def rows(found: Imported, *names: str) -> list[tuple[Any, ...]]:
 @pytest.mark.parametrize("name", made.FILES)
 def test_every_format_is_recognised_by_its_content_alone(name: str) -> None:
     wanted, content = made.FILES[name]
-    known = identify(raw(content, "no-ending"))
-    assert known is not None
-    # Both of Renishaw's say what they are.
-    assert known.name == wanted
-    assert read(raw(content, name), ASK).rows
+    assert read(raw(content, "no-ending"), ASK).format == wanted
 
 
 def test_rtl_with_wrapped_negative_targets_and_descending_reverse_runs() -> None:
@@ -64,13 +61,10 @@ def test_rtl_with_wrapped_negative_targets_and_descending_reverse_runs() -> None
 @pytest.mark.parametrize("code_page", ["utf-8", "utf-8-sig", "cp1252", "gbk"])
 def test_code_pages_and_broken_degree_signs(code_page: str) -> None:
     name = "\u673a\u5e8a" if code_page == "gbk" else "Fr\u00e4se"
-    text = made.RTL.replace("Fr\u00e4szentrum 20\u00b0", name)
-    # cp1252 accepts most bytes: GBK is tried only where it does not.
-    content = text.encode(code_page)
+    content = made.RTL.replace("Fr\u00e4szentrum 20\u00b0", name).encode(code_page)
     found = read(raw(content, "x.rtl"), ASK)
-    assert len(found.rows) == 14
-    if code_page != "gbk":
-        assert found.facts["Machine"].startswith(name)
+    # cp1252 accepts most bytes: GBK is tried only where it does not.
+    assert code_page == "gbk" or found.facts["Machine"].startswith(name)
     broken = made.RTL.replace("\u00b0", "\u00c2\u00b0").encode()
     assert "20\u00b0" in read(raw(broken, "x.rtl"), ASK).facts["Machine"]
 
@@ -152,21 +146,22 @@ def test_directions_of_runs(header: str, ways: str) -> None:
     assert one_way.columns["pass"][:3] == [1, 2, 3]
 
 
-def test_what_a_matrix_leaves_open_is_an_error() -> None:
-    with pytest.raises(InputError, match=r"the decimal sign .*--decimal"):
-        read(raw("t;+;-\n0;1,234;2,345\n5;1,300;2,400\n"), ASK)
-    stated = Ask(component="a", unit="um", decimal=",")
-    assert read(raw("t;+;-\n0;1,234;2,345\n5;1,300;2,400\n"), stated).columns["error"][0] == 1.234
-    with pytest.raises(InputError, match="both signs in one column"):
-        read(raw("t;+;-\n0;1,2;2,3\n5;1.3;2,4\n"), ASK)
-    with pytest.raises(InputError, match=r"measured positions.*subtract"):
-        read(raw("t;+;-\n0;0.001;0.002\n50;50.003;50.1\n99;99.002;99.0\n"), ASK)
-    with pytest.raises(InputError, match="row 3, column '-': not a number: 'x'"):
-        read(raw("t;+;-\n0;0.1;0.2\n5;0.3;x\n9;0.1;0.1\n"), ASK)
-    with pytest.raises(InputError, match="the component that the file reads is missing"):
-        read(raw("t;+;-\n0;0.1;0.2\n5;0.3;0.2\n"), Ask(unit="um"))
-    with pytest.raises(InputError, match=r"fits no format .*utf-8"):
-        read(raw("hello\nworld\n"), ASK)
+@pytest.mark.parametrize(
+    ("text", "ask", "said"),
+    [
+        ("t;+;-\n0;1,234;2,345\n5;1,300;2,400\n", ASK, r"the decimal sign .*--decimal"),
+        ("t;+;-\n0;1,2;2,3\n5;1.3;2,4\n", ASK, "both signs in one column"),
+        ("t;+;-\n0;0.001;0.002\n50;50.003;50.1\n99;99.002;99.0\n", ASK, "positions.*subtract"),
+        ("t;+;-\n0;0.1;0.2\n5;0.3;x\n9;0.1;0.1\n", ASK, "row 3, column '-': not a number: 'x'"),
+        ("t;+;-\n0;0.1;0.2\n5;0.3;0.2\n", Ask(unit="um"), "the component that the file reads"),
+        ("hello\nworld\n", ASK, "fits no format .*utf-8"),
+    ],
+)
+def test_what_a_matrix_leaves_open_is_an_error(text: str, ask: Ask, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read(raw(text), ask)
+    if "--decimal" in said:
+        assert read(raw(text), replace(ask, decimal=",")).columns["error"][0] == 1.234
 
 
 def test_ecmc_data_and_report() -> None:
@@ -237,28 +232,18 @@ def tdms(seconds: float = 30.0) -> bytes:
 
 
 def test_a_tdms_gives_drift_readings_with_temperatures() -> None:
-    file = raw(tdms(), "a.tdms")
-    known = identify(file)
-    assert known is not None
-    assert known.name == "tdms"
-    found = read(file, Ask(kind="drift", component="dz"))
+    found = read(raw(tdms(), "a.tdms"), Ask(kind="drift", component="dz"))
+    assert found.format == "tdms"
     assert found.columns["time_min"] == [0.0, 0.5, 1.0]
     assert found.columns["T_spindle_degC"] == [20.0, 20.5, 21.0]
     assert rows(found, "component", "error", "unit")[2] == ("dz", 0.9, "um")
-    assert found.left_out == {
-        "groups beyond the first": 1,
-        "samples beyond the shortest channel": 1,
-        "channels without a unit of temperature, length or angle": 1,
-    }
-
-
-def test_damaged_tdms_files_are_one_error_or_read() -> None:
-    content, rng = tdms(), random.Random(3)
+    assert [*found.left_out.values()] == [1, 1, 1]
     with pytest.raises(InputError, match="wf_increment"):
         read(raw(tdms(0.0), "a.tdms"), ASK)
+    rng = random.Random(3)
     for _ in range(150):
         with suppress(InputError):
-            read(raw(b"TDSm" + nudged(content[4:], rng), "a.tdms"), ASK)
+            read(raw(b"TDSm" + nudged(tdms()[4:], rng), "a.tdms"), ASK)
 
 
 def test_a_damaged_tdms_or_a_missing_extra_is_one_error() -> None:
@@ -322,29 +307,13 @@ def test_a_csv_of_one_component_leaves_out_what_the_call_says(comma: bool, tmp_p
         read_readings(files, None, for_fit=False, convert=nameless)
 
 
-def test_mutated_files_never_end_in_a_traceback() -> None:
-    rng = random.Random(49)
-    names, refused = [*made.FILES], list[str]()
-    for _ in range(1000):
-        name = rng.choice(names)
-        content = nudged(made.FILES[name][1], rng)
-        try:
-            found = read(raw(content or b"x", name), ASK)
-        except InputError as fault:
-            refused.append(str(fault))
-        else:
-            assert {len(column) for column in found.columns.values()} <= {len(found.rows)}
-            errors = [x for x in found.columns.get("error", []) if x is not None]
-            assert np.isfinite(errors).all()
-    assert 200 < len(refused) < 1000
-    # Nothing has to be caught that its reader did not look for.
-    assert [message for message in refused if "damaged" in message] == []
-
-
 @pytest.mark.parametrize("name", made.FILES)
-def test_a_truncated_file_is_read_in_part_or_is_one_error(name: str) -> None:
-    content = made.FILES[name][1]
+def test_a_damaged_file_is_read_in_part_or_is_one_error(name: str) -> None:
+    rng, content = random.Random(49), made.FILES[name][1]
     whole = len(read(raw(content, name), ASK).rows)
-    for cut in range(1, len(content), max(1, len(content) // 40)):
+    cuts = range(1, len(content), max(1, len(content) // 40))
+    for damaged in [*(content[:cut] for cut in cuts), *(nudged(content, rng) for _ in range(60))]:
         with suppress(InputError):
-            assert len(read(raw(content[:cut], name), ASK).rows) <= whole
+            found = read(raw(damaged or b"x", name), ASK)
+            assert {len(column) for column in found.columns.values()} <= {len(found.rows)}
+            assert len(found.rows) <= 2 * whole
