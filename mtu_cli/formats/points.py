@@ -136,10 +136,7 @@ def read_wide_points(file: RawFile, ask: Ask) -> Imported:
         kind = "deviations, no coordinates (they do not follow the nominal places)"
         raise file.error("other-table", kind=kind, expected="measured coordinates in mm")
     result.says = [said(grid, signs), f"{len(parts)} parts, coordinates in mm"]
-    result.facts = {
-        "parts": list(parts.values()),
-        "features": len({x.feature for x in coordinates}),
-    }
+    result.facts = {"parts": list(parts.values())}
     return result
 
 
