@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -82,7 +82,7 @@ class Ask:
     whose_unit: str = "the unit given"
     decimal: Decimal | None = None
     directions: str | None = None
-    profile: Path | None = None
+    profile: Path | Mapping[str, Any] | None = None
 
 
 @dataclass(kw_only=True)

@@ -72,7 +72,7 @@ class Profile(Contract):
     units: dict[str, str] = optional("Unit of a column that is read as mm, or of error", {})
 
 
-def read_profile(path: Path) -> Profile:
+def read_profile(given: Path | Mapping[str, Any]) -> Profile:
     """A checked mapping profile; raises InputError with all its faults."""
 
     def check(profile: Profile, faults: Faults) -> None:
@@ -81,15 +81,17 @@ def read_profile(path: Path) -> Profile:
                 faults.add(("units", name), "unknown-name", value=unit, what="unit",
                            **suggestion(unit, UNITS))  # fmt: skip
 
-    return check_contract(read_yaml(path, "map"), Profile, "import", check)
+    if not isinstance(given, Path):
+        return Profile(**given)
+    return check_contract(read_yaml(given, "map"), Profile, "import", check)
 
 
-def read_with(
-    file: RawFile, ask: Ask, profile: Profile, specs: Mapping[str, TableSpec]
-) -> Imported:
-    """The table of a file as its profile says; every bad cell at once."""
+def read_with(file: RawFile, ask: Ask, specs: Mapping[str, TableSpec]) -> Imported:
+    """The table of a file as the profile of `ask` says; every bad cell at once."""
     import pandas as pd
 
+    assert ask.profile is not None
+    profile = read_profile(ask.profile)
     kind = str(ask.kind if ask.kind in specs else READINGS)
     skip, sign = profile.skip_rows, WORDS.get(profile.separator or "", profile.separator)
     grid = grid_of(file.lines[skip:], skip + 1, sign)
