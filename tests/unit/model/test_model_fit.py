@@ -85,7 +85,7 @@ def test_a_report_of_another_machine_is_refused(tmp_path: Path, change: str, mes
         estimates_from_report(other, read_components(path))
 
 
-def test_stated_components(tmp_path: Path) -> None:
+def test_components_of_a_machine_file(tmp_path: Path) -> None:
     """Every form in which a machine file may state what is known, by hand."""
     model = stated(
         tmp_path,
