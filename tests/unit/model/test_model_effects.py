@@ -10,12 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_tables import table
-from model_examples import FloatArray, loaded, part_of, stated
+from model_examples import FloatArray, loaded, stated
 from support import read_components
 
-from mtu_cli.analyses.lengths import predict_lengths
-from mtu_cli.analyses.orthogonality import predict_orthogonality
-from mtu_cli.analyses.predict_points import predict_points
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
 from mtu_cli.model.effect_parameters import effect_warnings
@@ -24,7 +21,6 @@ from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.settings import Settings
 
 MACHINE = """
 components:
@@ -101,17 +97,6 @@ def test_the_joint_covariance_of_a_report_counts(tmp_path: Path) -> None:
     assert effect_warnings(machine, estimates.effects, "c.json") == []
 
 
-def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS)
-    own = predicted(machine, estimates_from_fit(machine, None))
-    estimates = reported(tmp_path, machine, together(values=(0, 5, 1)))
-    found = predicted(machine, estimates)
-    assert (own.mean - found.mean)[0::2] == pytest.approx(2e-3 * DIRECTION, rel=1e-9)
-    (warning,) = effect_warnings(machine, estimates.effects, "c.json")
-    assert warning.code == "not-used"
-    assert "values of machine.yaml not used (backlash-x.lost_motion): those of" in warning.message
-
-
 # Declared effects beyond what they were found on.
 
 
@@ -157,22 +142,6 @@ def test_a_tenth_of_the_range_is_no_matter(
     found = told_of(tmp_path, ONE, {"time_min": time}, NEAR)
     one = f"machine.yaml: effects[0] (one) time_min from 0 to 100 extrapolated to {at}"
     assert found == ([] if at is None else [one])
-
-
-def test_every_prediction_warns(tmp_path: Path) -> None:
-    model = stated(tmp_path, ONE_EFFECT + ONE)
-    part = part_of(
-        tmp_path,
-        """
-        features: {A: {x_mm: 0, y_mm: 0}, B: {x_mm: 90, y_mm: 0}, C: {x_mm: 90, y_mm: 90}}
-        lengths: [{from: A, to: B}]
-        orthogonality: [{id: xy, row: [A, B], column: [B, C]}]
-        """,
-    )
-    settings, far = Settings(trials=1000), {"time_min": 500.0}
-    for predicted in (predict_points, predict_lengths, predict_orthogonality):
-        found = predicted(model, part, settings, far).warnings
-        assert [w.code for w in found].count("outside-effect-range") == 1
 
 
 def ranges_of(**covariates: FloatArray) -> dict[str, list[float]]:
