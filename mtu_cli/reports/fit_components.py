@@ -46,7 +46,7 @@ TESTED = declare(
     drift. | tests.drift
         F | made.F | variance ratio
         p | made.p | p that passes differ by no more than repeatability \
-            | drift / p, p, mark=star(), begins
+            | drift / p, p, mark=star()
         df | made.df | its degrees of freedom | -, json
     trend. | tests.trend
         per_pass | made.value | steady change from pass to pass | -, size=size()
@@ -153,7 +153,7 @@ def component(powers: int) -> Fields:
 
 def _terms(powers: int, text: str, scale: float) -> Iterator[Field | Group]:
     heads = ["at 0 / unit", "slope / unit/m"]
-    heads += [f"x^{n} / unit/m^{n}, begins" for n in range(2, powers)]
+    heads += [f"x^{n} / unit/m^{n}" for n in range(2, powers)]
     for n, head in enumerate(heads[:powers]):
         value, u = (partial(each, n, scale**n) for each in (_value, _u))
         each = text.replace("N", str(n)).replace("HEAD", head)
