@@ -273,26 +273,27 @@ def missing_covariates(
     model: MachineModel,
     given: Collection[str],
     columns: Collection[str] | None = None,
+    *,
+    ask: str = "--at {}=VALUE",
+    of_sensor: str = "",
     **place: Any,
 ) -> list[Finding]:
     """A finding of each covariate that the equations need and that is not among those `given`;
-    `place` is of the file whose `columns` it might be one of.
+    `place` is of the file whose `columns` it might be one of. `ask` is the option that gives it,
+    `of_sensor` what else gives a temperature of a drift.
     """
     drifts, problems = sensors_of(model), []
     for name in model.covariates():
         if name in given:
             continue
-        expected = f"--at {name}=VALUE"
+        expected = ask.format(name) + of_sensor * (name in drifts)
         if columns is not None:
             near = closest(name, columns)
             there = f" (there is {near!r})" if near else ""
             expected = f"a column of this name{there}, or {expected}"
-        elif given:
-            expected += f"; given: {', '.join(given)}"
         drift = f"the drift of {listed(drifts.get(name, ()))}"
         owner = drift if name in drifts else f"the machine {model.name!r}"
-        what = f"a value of {name} for {owner}"
-        facts = {"what": what, "names": [name], "expected": expected}
+        facts = {"what": f"a value of {name} for {owner}", "names": [name], "expected": expected}
         problems.append(finding("missing-input", **facts, **place))
     return problems
 
