@@ -11,7 +11,7 @@ import numpy as np
 
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.machine import LoadedMachine
-from mtu_cli.files.machine_contract import AUTO, Component, Thermal
+from mtu_cli.files.machine_contract import AUTO, Component
 from mtu_cli.files.readings import Readings, drift_problem
 from mtu_cli.files.reports_read import (
     ComponentsReport,
@@ -299,48 +299,40 @@ def _joint(group: ReportedGroup, found: Mapping[str, ComponentEstimate]) -> Join
 
 
 def thermal_from_machine_file(machine: LoadedMachine) -> dict[str, ThermalEstimate]:
-    """The drifts that the machine file states, by component."""
-    reference = machine.machine.reference_temperature_degC
-    return {
-        name: _stated_drift(name, entry, entry.thermal, reference)
-        for name, entry in machine.machine.components.items()
-        if entry.thermal is not None
-    }
-
-
-def _stated_drift(
-    name: str, entry: Component, thermal: Thermal, reference: float
-) -> ThermalEstimate:
-    """Exactly known coefficients; what they leave is a shift of the component as a whole."""
-    unit, sensors, at = UNITS[entry.unit], tuple(thermal.gradients), thermal.positions_mm
-    gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
-    if at is not None:
-        gradients = through_positions(np.array(at, float), gradients, thermal.degree)
-    powers = thermal.degree + 1
-    leftover = np.zeros((powers, powers))
-    leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
-    size = powers * len(sensors)
-    return ThermalEstimate(
-        component=name,
-        of=entry.of,
-        unit=unit,
-        sensors=sensors,
-        reference=reference,
-        coefficients=gradients * unit.to_internal,
-        covariance=np.zeros((size, size)),
-        coefficient_dof=np.inf,
-        leftover=leftover,
-        leftover_dof=np.inf,
-        time_constants=np.array([thermal.time_constants_min.get(s, 0.0) for s in sensors], float),
-        sensor_u=np.array([thermal.sensor_u_degC.get(s, 0.0) for s in sensors], float),
-        position_range=None if at is None else (min(at), max(at)),
-    )
-
-
-def through_positions(positions: FloatArray, values: FloatArray, degree: int) -> FloatArray:
-    """Powers (degree + 1, s) of the least-squares polynomial of `values` (positions, s): eq. 13."""
-    X = polynomial(positions, degree)
-    return np.column_stack([least_squares(X, column).coefficients for column in values.T])
+    """The drifts that the machine file states, by component: exactly known coefficients, those of
+    the least-squares polynomial through their positions (Valdes et al., eq. (13)); what they leave
+    is a shift of the component as a whole.
+    """
+    result = {}
+    for name, entry in machine.machine.components.items():
+        if (thermal := entry.thermal) is None:
+            continue
+        unit, sensors, at = UNITS[entry.unit], tuple(thermal.gradients), thermal.positions_mm
+        gradients = np.array([thermal.gradients[sensor] for sensor in sensors]).T
+        powers = thermal.degree + 1
+        if at is not None:
+            X = polynomial(np.array(at, float), thermal.degree)
+            fits = [least_squares(X, column).coefficients for column in gradients.T]
+            gradients = np.column_stack(fits)
+        leftover = np.zeros((powers, powers))
+        leftover[0, 0] = (thermal.s_leftover * unit.to_internal) ** 2
+        lags, u = thermal.time_constants_min, thermal.sensor_u_degC
+        result[name] = ThermalEstimate(
+            component=name,
+            of=entry.of,
+            unit=unit,
+            sensors=sensors,
+            reference=machine.machine.reference_temperature_degC,
+            coefficients=gradients * unit.to_internal,
+            covariance=np.zeros((powers * len(sensors),) * 2),
+            coefficient_dof=np.inf,
+            leftover=leftover,
+            leftover_dof=np.inf,
+            time_constants=np.array([lags.get(sensor, 0.0) for sensor in sensors], float),
+            sensor_u=np.array([u.get(sensor, 0.0) for sensor in sensors], float),
+            position_range=None if at is None else (min(at), max(at)),
+        )
+    return result
 
 
 def thermal_from_report(
