@@ -92,24 +92,6 @@ def test_components_fitted_together(
         assert faults(path)[0].startswith("results.joint_pass_covariance")
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"of": "w"}, "of: unknown value: 'w'; expected one of: x, y, z"),
-        ({"unit": "inch"}, "unit: unknown unit: 'inch'; expected one of: um, mm"),
-        ({"coefficients": [[1, 2]]}, "coefficients: another size; expected 2 x 2"),
-        ({"coefficients": [[1, 2], [3, None]]}, "coefficients[1][1]: wrong value: 'null'"),
-        ({"leftover_covariance": [[None, 0], [0, 1]]}, "leftover_covariance[0][0]: wrong value"),
-        ({"time_constants_min": [0, -1]}, "time_constants_min[1]: wrong value"),
-        ({"temperature_range_degC": [[1, 2]]}, "temperature_range_degC: another size; expected 2"),
-        ({"reference_temperature_degC": None}, "reference_temperature_degC: wrong value: 'null'"),
-    ],
-)
-def test_faulty_thermal_reports(tmp_path: Path, change: dict[str, Any], words: str) -> None:
-    (found,) = faults(written(tmp_path / "t.json", "thermal-fit", DRIFT | change))
-    assert found.startswith(f"results.components.a.{words}")
-
-
 def test_two_of_a_kind_and_neither_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     fitted = [written(tmp_path / f"c{i}.json", "fit-components", FITTED) for i in (1, 2)]

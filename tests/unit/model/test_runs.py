@@ -79,21 +79,6 @@ def test_passes_that_each_run_one_way_are_paired(passes: str, pairs: str) -> Non
     assert told(passes) == pairs.split()
 
 
-@pytest.mark.parametrize("lost", range(1, 13))
-def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
-    """In turns, and two and four blocks of all there before all back."""
-    number = np.delete(np.arange(1, 13), lost - 1)
-    place = number - 1
-    for step, way in (
-        (1, 1 - 2 * (place % 2)),
-        (6, np.where(place < 6, 1, -1)),
-        (3, 1 - 2 * (place // 3 % 2)),
-    ):
-        found = [(number[i], number[j]) for i, j in fellows(number, way)]
-        there = number[way > 0]
-        assert found == [(n, n + step) for n in there if n + step != lost]
-
-
 @pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])
 def test_a_prediction_by_hand(tmp_path: Path, one_way: bool) -> None:
     """g'((1 + 1/P) S_m + S_h)g + s^2 (1 - M), S_m and S_h from the passes' lines by numpy."""
