@@ -87,23 +87,13 @@ class SimulatedReadings:
     direction: np.ndarray
     error: FloatArray
 
-    def of(self, *names: str) -> SimulatedReadings:
-        """The readings of some components."""
-        rows = np.flatnonzero(np.isin(self.component, names))
-        return SimulatedReadings(
-            component=tuple(self.component[i] for i in rows),
-            unit=tuple(self.unit[i] for i in rows),
-            position=self.position[rows],
-            pass_number=self.pass_number[rows],
-            direction=self.direction[rows],
-            error=self.error[rows],
-        )
 
-
-def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> SimulatedReadings:
-    """Readings of every component: its polynomial, a draw of D a pass, together for components read
-    together, s_repeat a reading. A component without an axis is read once a pass, forward only;
-    nothing reads the parameters of declared effects.
+def simulate_readings(
+    model: MachineModel, plan: ReadingsPlan, seed: int, only: str | None = None
+) -> SimulatedReadings:
+    """Readings of every component, or of the `only` one asked for: its polynomial, a draw of D a
+    pass, together for components read together, s_repeat a reading. A component without an axis is
+    read once a pass, forward only; nothing reads the parameters of declared effects.
     """
     estimates = [term.estimate for term in model.terms]
     # Direction and positions of each run through them in a pass.
@@ -125,7 +115,7 @@ def simulate_readings(model: MachineModel, plan: ReadingsPlan, seed: int) -> Sim
     deviations = np.concatenate(normal, axis=-1) @ pass_root(model).T
     rows: list[tuple[str, str, float, int, int, float]] = []
     for estimate, own, noise, at in zip(estimates, places, drawn, model.columns, strict=True):
-        if EFFECT_MARK in estimate.name:
+        if EFFECT_MARK in estimate.name or only not in (None, estimate.name):
             continue
         for number, i in np.ndindex(plan.passes, len(own)):
             sign, positions = own[i]
