@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -32,12 +31,9 @@ class Passes:
 
     def only(self, kept: IntArray) -> Passes:
         """The passes `kept` (m,)."""
-        some: dict[str, Any] = {
-            name: getattr(self, name)[kept] for name in ("order", "starts", "ends", "runs")
-        }
-        for name in ("keys", "setups"):
-            some[name] = tuple(getattr(self, name)[g] for g in kept)
-        return replace(self, **some)
+        arrays = {name: getattr(self, name)[kept] for name in ("order", "starts", "ends", "runs")}
+        keys, setups = tuple(self.keys[g] for g in kept), tuple(self.setups[g] for g in kept)
+        return replace(self, keys=keys, setups=setups, **arrays)
 
 
 def passes_read(readings: Readings, rows: IntArray, of: str | None) -> tuple[IntArray, Passes]:
