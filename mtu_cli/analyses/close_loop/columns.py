@@ -14,6 +14,10 @@ EMPTY = 1e-9
 DIGITS = 6
 MARKS = 3
 """Projections by which a column is known."""
+MANY = 100
+"""Times that a column is asked for at once from which on its products with all others are kept."""
+AT_ONCE = 1_000_000
+"""Numbers of columns whose products are calculated at once."""
 PADDING = 0
 """Index of the column of zeros that fills models of unequal size up."""
 
@@ -28,13 +32,16 @@ class Columns:
         self.strata, self.count = strata, 0
         S, N, A = len(strata.slices), int(strata.sizes.sum()), strata.shape[2]
         self._values = [np.zeros((1, int(n))) for n in strata.sizes]
-        self._cross = [np.zeros((1, 1)) for _ in strata.sizes]
-        """Products of the values of a stratum with each other."""
+        self._used = np.ones(S, int)
         self._rows = np.zeros((S, 0), int)
         """Where a column stands among the values of a stratum; the first row there is zero."""
         self._means = np.zeros((0, A))
         self._known: dict[bytes, int] = {}
         self._new: list[tuple[IntArray, FloatArray, FloatArray]] = []
+        self._pivots, self._pivot_of = np.zeros((S, 0, 0)), np.zeros(0, int)
+        """Cross products (S, K, p) with columns that many others are asked beside, and which of
+        these a column is (K,), or NONE.
+        """
         self._marks = np.random.default_rng(0).normal(size=(N, MARKS))
         self._append(np.zeros(0, np.int64), np.zeros((1, 0)), np.zeros((1, A)))
 
@@ -80,8 +87,24 @@ class Columns:
     def cross(self, one: IntArray, other: IntArray) -> FloatArray:
         """Cross products (S, ...) in each stratum of columns with these indices."""
         self._settle()
-        pairs = zip(self._cross, self._rows, strict=True)
-        return np.array([products[own[one], own[other]] for products, own in pairs])
+        one, other = np.broadcast_arrays(one, other)
+        shape, one, other = one.shape, one.ravel(), other.ravel()
+        lacking = (self._pivot_of[one] < 0) & (self._pivot_of[other] < 0)
+        asked = np.bincount(np.concatenate([one[lacking], other[lacking]]), minlength=1)
+        if len(new := np.flatnonzero(asked > MANY)):
+            self._pivot_of[new] = self._pivots.shape[2] + np.arange(len(new))
+            own = self.products(self.dense(new.tolist()))
+            self._pivots = np.concatenate([self._pivots, own], axis=2)
+        one, other = np.where(self._pivot_of[one] < 0, [other, one], [one, other])
+        kept = self._pivot_of[one] >= 0
+        result = np.zeros((len(self._values), len(one)))
+        result[:, kept] = self._pivots[:, other[kept], self._pivot_of[one[kept]]]
+        for s, values in enumerate(self._values):
+            rows = self._rows[s][np.stack([one, other])]
+            there = np.flatnonzero(~kept & (rows > 0).all(axis=0))
+            for some in np.array_split(there, 1 + len(there) * values.shape[1] // AT_ONCE):
+                result[s, some] = np.einsum("kn,kn->k", *values[rows[:, some]])
+        return result.reshape(len(result), *shape)
 
     @property
     def means(self) -> FloatArray:
@@ -90,38 +113,38 @@ class Columns:
         return self._means
 
     def _settle(self) -> None:
-        """Takes new columns into the cross products."""
+        """Takes new columns in."""
         if not self._new:
             return
-        starts = np.cumsum([len(self._means), *(len(units) for _, units, _ in self._new)])
+        first = old = len(self._means)
         self._means = np.concatenate([self._means, *(means for _, _, means in self._new)])
-        self._rows = np.pad(self._rows, ((0, 0), (0, self.count - self._rows.shape[1])))
-        for s, part in enumerate(self.strata.slices):
-            blocks, used = [self._values[s]], len(self._values[s])
-            for first, (at, units, _) in zip(starts.tolist(), self._new, strict=False):
+        self._rows = np.pad(self._rows, ((0, 0), (0, self.count - old)))
+        blocks: list[list[FloatArray]] = [[values] for values in self._values]
+        for at, units, _ in self._new:
+            for s, part in enumerate(self.strata.slices):
                 low, high = np.searchsorted(at, [part.start, part.stop])
                 there = np.flatnonzero(units[:, low:high].any(axis=1))
-                blocks.append(np.zeros((len(there), part.stop - part.start)))
-                blocks[-1][:, at[low:high] - part.start] = units[there, low:high]
-                self._rows[s, first + there] = used + np.arange(len(there))
-                used += len(there)
-            values, new = np.concatenate(blocks), np.concatenate(blocks[1:])
-            if len(new):
-                across = values @ new.T
-                whole = np.empty((used, used))
-                whole[: -len(new), : -len(new)] = self._cross[s]
-                whole[:, -len(new) :], whole[-len(new) :] = across, across.T
-                self._values[s], self._cross[s] = values, whole
+                if len(there):
+                    blocks[s].append(np.zeros((len(there), part.stop - part.start)))
+                    blocks[s][-1][:, at[low:high] - part.start] = units[there, low:high]
+                    self._rows[s, first + there] = self._used[s] + np.arange(len(there))
+                    self._used[s] += len(there)
+            first += len(units)
+        self._values = [own[0] if len(own) == 1 else np.concatenate(own) for own in blocks]
         self._new = []
+        pivots = np.argsort(self._pivot_of)[np.sum(self._pivot_of < 0) :]
+        new = self.products(self.dense(pivots.tolist()), old)
+        self._pivots = np.concatenate([self._pivots, new], axis=1)
+        self._pivot_of = np.concatenate([self._pivot_of, np.full(self.count - old, NONE)])
 
-    def products(self, Y: FloatArray) -> FloatArray:
-        """(S, K, B) products of the columns in each stratum with coordinates Y (B, N), in Y's
-        precision.
+    def products(self, Y: FloatArray, first: int = 0) -> FloatArray:
+        """(S, K, B) products of the columns from the first on in each stratum with coordinates
+        Y (B, N), in Y's precision.
         """
         self._settle()
-        result = np.zeros((len(self._values), self.count, len(Y)))
+        result = np.zeros((len(self._values), self.count - first, len(Y)))
         for s, part in enumerate(self.strata.slices):
-            rows = self._rows[s]
+            rows = self._rows[s, first:]
             result[s, rows > 0] = self._values[s][rows[rows > 0]].astype(Y.dtype) @ Y[:, part].T
         return result
 

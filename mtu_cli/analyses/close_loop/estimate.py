@@ -13,10 +13,9 @@ from mtu_cli.analyses.close_loop.design import (
     DEPENDENT,
     Design,
     Member,
-    Placed,
+    add,
     evaluated,
     grid_values,
-    made,
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
@@ -143,12 +142,12 @@ def without_aliases(models: ModelSet, model: Model) -> Model:
     return model
 
 
-def _gains(like: Likelihood, base: Fit, items: Sequence[Placed]) -> FloatArray:
+def _gains(like: Likelihood, base: Fit, items: Sequence[Member]) -> FloatArray:
     """The chi^2 that each of some members of a form explains beside a fitted model, its margins and
     the common columns, the strata's variances those of the fit with the best of them.
     """
-    labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].own)
-    X = np.array([np.concatenate([item.own, item.low]) for item in items])
+    labels, at, k = like.design.strata.labels(), items[0].at, len(items[0].form.parameters)
+    X = np.array([item.columns for item in items])
     weights, result = base.weights, np.zeros(len(items))
     Z, y = like.design.columns.dense(base.columns), base.residual
     for _ in range(2):
@@ -210,8 +209,7 @@ def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | 
         items = evaluated(design, member.form, np.array([new]))
         if not items:
             break
-        m = len(design.members)
-        design.members.append(made(design, member.candidate, items[0], 0.0))
+        m = add(design, member.candidate, items[0])
         now = like.log_likelihood(like.closure((*rest, m)))
         if now <= top + 1e-9:
             break
@@ -233,9 +231,9 @@ def _tangent(design: Design, like: Likelihood, rest: tuple[int, ...], m: int) ->
     items = evaluated(design, member.form, near)
     if len(items) != 2:
         return None
-    k = len(items[0].own)
-    slope = np.einsum("k,kn->n", sizes[:k], items[0].own - items[1].own) / (2 * STEP)
-    mean = np.einsum("k,ka->a", sizes[:k], (items[0].means - items[1].means)[:k]) / (2 * STEP)
+    own = np.array(sizes[: len(member.form.parameters)]) / (2 * STEP)
+    slope = own @ (items[0].columns - items[1].columns)[: len(own)]
+    mean = own @ (items[0].means - items[1].means)[: len(own)]
     norms = np.linalg.norm(slope[None], axis=1)
     (index,), (norm,) = design.columns.add(items[0].at, slope[None], mean[None], norms)
     if index == NONE:
