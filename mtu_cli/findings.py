@@ -77,13 +77,22 @@ class Finding:
         ...               column="error", value="1.2.3", expected="a number").message)
         a.csv, row 3, column 'error': not a number: '1.2.3'; expected a number
         """
+        return self._sentence([] if self.row is None else [self.row])
+
+    def _sentence(self, rows: Sequence[int]) -> str:
+        """The sentence of this finding in each of the `rows`."""
         text = self.text
         if isinstance(self.column, int):
             text += f" at column {self.column}"
         if self.path:
             text = f"{shorten(self.path, LONGEST_NAME)}: {text}"
-        if place := self._place():
-            text = f"{place}: {text}"
+        steps = [shorten(self.file, LONGEST_NAME)] if self.file else []
+        if self.line is not None:
+            steps = [f"{steps[0]}:{self.line}" if steps else f"line {self.line}"]
+        steps += [f"row{'s' * (len(rows) > 1)} {runs(rows)}"] if rows else []
+        if isinstance(self.column, str):
+            steps.append(f"column {shorten(self.column)!r}")
+        text = f"{', '.join(steps)}: {text}" if steps else text
         if self.value is not None:
             text += f": {shorten(self.value)!r}"
         if self.meant:
@@ -97,17 +106,6 @@ class Finding:
 
     def __hash__(self) -> int:
         return hash((self.code, self.file, self.line, self.row, self.column, self.value))
-
-    def _place(self) -> str:
-        file = shorten(self.file, LONGEST_NAME) if self.file else ""
-        steps = [file] if file else []
-        if self.line is not None:
-            steps = [f"{file}:{self.line}" if file else f"line {self.line}"]
-        if self.row is not None:
-            steps.append(f"row {self.row}")
-        if isinstance(self.column, str):
-            steps.append(f"column {shorten(self.column)!r}")
-        return ", ".join(steps)
 
     def at(self, **place: Any) -> Finding:
         """The same finding with what its place lacks (file, line, row, column, path) filled in."""
@@ -143,8 +141,13 @@ class InputError(MtuError):
         super().__init__(str(self))
 
     def __str__(self) -> str:
-        lines = [each.message for each in self.findings[:MOST_SHOWN]]
-        left = self.uncounted + len(self.findings[MOST_SHOWN:])
+        # One line of what is alike but for its row, as where a whole column has another unit.
+        alike: dict[Finding, list[int | None]] = {}
+        for each in self.findings:
+            alike.setdefault(replace(each, row=None), []).append(each.row)
+        shown = [*alike.items()][:MOST_SHOWN]
+        left = len(self.findings) + self.uncounted - sum(len(rows) for _, rows in shown)
+        lines = [each._sentence([n for n in rows if n is not None]) for each, rows in shown]
         return "\n".join([*lines, *([f"... and {left} more"] if left else [])])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,9 +36,9 @@ def written_effect(
     return {**rest, "parameters": own}
 
 
-def write_files(contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()) -> None:
+def write_files(contents: Mapping[Path, bytes]) -> None:
     """Writes all files, or none."""
-    with made_ready(contents, inputs=inputs) as put_in_place:
+    with made_ready(contents) as put_in_place:
         put_in_place()
 
 

@@ -18,6 +18,7 @@ from mtu_cli.cli import silence
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, MADE, SUSPICIOUS, WRITTEN, Options
 from mtu_cli.files.csv_table import number
+from mtu_cli.files.headers import measured_in
 from mtu_cli.files.source import SYNTHETIC, begins_with, given_path, same
 from mtu_cli.files.write import check_targets, made_ready
 from mtu_cli.findings import EXIT_GATE, Finding, InputError, counted, error, finding, listed
@@ -93,12 +94,6 @@ class Result:
 
         header, rows = self.outcome.rows()
         return pd.DataFrame([list(row) for row in rows], columns=list(header))
-
-    def figure(self) -> Figure:
-        """The picture of `--plot`; raises AttributeError where the command has none."""
-        if self.outcome.figure is None:
-            raise AttributeError(f"{self.command} has no picture")
-        return self.outcome.figure()
 
     def report(self) -> dict[str, Any]:
         """The whole report, as `-o` writes it."""
@@ -340,6 +335,9 @@ def _wrong_forms(command: str, written: Mapping[str, Path]) -> Iterator[Finding]
             yield finding("output-form", reason=reason, file=file, expected=expected)
         elif command == "simulate" and os.path.exists(path) and not begins_with(path, SYNTHETIC):
             reason = f"it does not begin with '{SYNTHETIC}'"
+            yield finding("not-overwritten", reason=reason, file=file, expected="another name")
+        elif name == "csv" and path.is_file() and (held := measured_in(path)):
+            reason = f"it holds {held}"
             yield finding("not-overwritten", reason=reason, file=file, expected="another name")
 
 

@@ -1,8 +1,8 @@
 """The one reader of CSV tables: typed columns, and every bad cell with its row, column and value.
 
 pandas reads the body once, in chunks. That no row is short or long is proven by counting separators
-between line ends; only where that fails, or cells are quoted, records are taken one by one. Cells
-are examined only in chunks of a column that are not numeric though they should be.
+between line ends; only where that fails, or cells are quoted, records are taken one by one. Of a
+chunk of a column that is not numeric each different cell is looked at once.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import math
 import re
 import sys
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property, partial
+from functools import cache, partial
 from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,10 +135,32 @@ def read_table(
     """
     file = read_header(path, role, convert)
     check_header(file.source, file.header_row, file.header, spec)
-    table = _Body(file, spec, faults).table
-    if not len(table) and all(each.file != file.source.shown for each in faults.listed):
+    kinds = {name: spec.column(name) for name in file.header}
+    rows, records = _sound_rows(file), None
+    if rows is None:
+        rows, records = _one_by_one(file, faults)
+    file.source = replace(file.source, rows=len(rows))
+    if not len(rows) and all(each.file != file.source.shown for each in faults.listed):
         expected = "a row of values below the header"
         raise error("empty-file", file=file.source.shown, what="rows", expected=expected)
+    shown = rows
+    if file.lines is not None:
+        shown = np.array(file.lines, np.int64)[rows - file.header_row - 1]
+    table = Table(files=(file,), rows=shown, file_index=np.zeros(len(rows), np.int64))
+    parts: dict[str, list[Part]] = {name: [] for name in file.header}
+    for frame in _frames(file, kinds, records):
+        for name, column in kinds.items():
+            parts[name].append(_part(frame[name], column))
+    lines = cache(lambda: file.content.decode().split("\n"))
+
+    def cell(i: int, name: str) -> str:
+        """A cell as the file has it: its float may be another number."""
+        cells = records[i] if records else lines()[rows[i] - 1].split(file.separator)
+        return cells[file.header.index(name)].strip()
+
+    for name, column in kinds.items():
+        _add_column(table, name, column, parts.pop(name), cell, faults)
+    file.content = b""
     return table
 
 
@@ -215,209 +237,184 @@ def _decimal(content: bytes, body: int) -> Decimal:
 # Rows and columns.
 
 
-class _Body:
-    """The rows of a text while they become the typed columns of a `table`."""
+Part = Floats | tuple[Ints, list[str]]
+"""Numbers of a chunk of a column, or its stripped cells `labels[codes[i]]`, the last one empty."""
 
-    def __init__(self, file: File, spec: TableSpec, faults: CellFaults) -> None:
-        self.file, self.faults = file, faults
-        self.records: list[list[str]] = []
-        rows = self._sound_rows()
-        if rows is None:
-            rows, frames = self._one_by_one()
-        else:
-            texts = [name for name in file.header if not spec.column(name).numeric]
-            frames = self._by_pandas(dtype=dict.fromkeys(texts, str))
-        file.source = replace(file.source, rows=len(rows))
-        self.own_rows = rows
-        if file.lines is not None:
-            rows = np.array(file.lines, np.int64)[rows - file.header_row - 1]
-        self.table = Table(files=(file,), rows=rows, file_index=np.zeros(len(rows), np.int64))
-        numbers = {name: np.empty(len(rows)) for name in file.header}
-        cells: dict[str, list[tuple[slice, Any]]] = {name: [] for name in file.header}
-        first = 0
-        for frame in frames:
-            part = slice(first, first + len(frame))
-            for name in file.header:
-                values = frame[name]
-                if spec.column(name).numeric and values.dtype.kind in "iuf":
-                    numbers[name][part] = values
-                else:
-                    cells[name].append((part, values))
-            first = part.stop
-        for name in file.header:
-            self._column(name, spec.column(name), numbers.pop(name), cells.pop(name))
-        file.content = b""
 
-    def _sound_rows(self) -> Ints | None:
-        """The editor rows of the records; None where cells are quoted or rows are not as long."""
-        content, body, columns = self.file.content, self.file.body, len(self.file.header)
-        # pandas would take a second byte order mark away.
-        if content.find(b'"', body) >= 0 or content.startswith(codecs.BOM_UTF8, body):
+def _sound_rows(file: File) -> Ints | None:
+    """The editor rows of the records; None where cells are quoted or rows are not as long."""
+    content, body, columns = file.content, file.body, len(file.header)
+    # pandas would take a second byte order mark away.
+    if content.find(b'"', body) >= 0 or content.startswith(codecs.BOM_UTF8, body):
+        return None
+    signs = file.separator.encode() + b"\n"
+    others = bytes({*range(256)} - {*signs})
+    pieces = (content[i : i + PIECE] for i in range(body, len(content), PIECE))
+    marks = b"".join(piece.translate(None, others) for piece in pieces)
+    marks += b"" if content.endswith(b"\n") else b"\n"
+    counts = np.diff(np.flatnonzero(np.frombuffer(marks, np.uint8) == signs[1]), prepend=-1)
+    odd = np.flatnonzero(counts != columns)
+    if len(odd):
+        lines = content[body:].split(b"\n")
+        if any(lines[i].strip() for i in odd.tolist()):
             return None
-        signs = self.file.separator.encode() + b"\n"
-        others = bytes({*range(256)} - {*signs})
-        pieces = (content[i : i + PIECE] for i in range(body, len(content), PIECE))
-        marks = b"".join(piece.translate(None, others) for piece in pieces)
-        marks += b"" if content.endswith(b"\n") else b"\n"
-        counts = np.diff(np.flatnonzero(np.frombuffer(marks, np.uint8) == signs[1]), prepend=-1)
-        odd = np.flatnonzero(counts != columns)
-        if len(odd):
-            lines = content[body:].split(b"\n")
-            if any(lines[i].strip() for i in odd.tolist()):
-                return None
-        return np.delete(np.arange(len(counts)) + self.file.header_row + 1, odd)
+    return np.delete(np.arange(len(counts)) + file.header_row + 1, odd)
 
-    def _by_pandas(self, **options: Any) -> Iterator[pd.DataFrame]:
-        """The rows in chunks: a cell that is no number makes texts of its chunk alone."""
-        import pandas as pd
 
-        if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
-            # Later versions read numbers exactly by themselves and warn of the option.
-            options["float_precision"] = "round_trip"
-        rows = BytesIO(self.file.content)
-        rows.seek(self.file.body)
-        with pd.read_csv(
-            rows,
-            sep=self.file.separator,
-            decimal=self.file.decimal,
-            header=None,
-            names=[*self.file.header],
-            index_col=False,
-            keep_default_na=False,
-            na_values=[""],
-            quoting=csv.QUOTE_NONE,
-            low_memory=False,
-            chunksize=CHUNK,
-            **options,
-        ) as reader:
-            yield from reader
+def _one_by_one(file: File, faults: CellFaults) -> tuple[Ints, list[list[str]]]:
+    """Editor rows and cells; records with too few or too many cells are faults and left out."""
+    wanted, rows, records = len(file.header), list[int](), list[list[str]]()
+    csv.field_size_limit(max(csv.field_size_limit(), len(file.content)))
+    lines = StringIO(file.content[file.body :].decode(), newline="\n")
+    reader = csv.reader(lines, delimiter=file.separator, strict=True)
+    place: dict[str, Any] = {"file": file.source.shown, "row": file.header_row + 1}
+    try:
+        for cells in reader:
+            if len(cells) == wanted:
+                rows.append(place["row"])
+                records.append(cells)
+            elif len(cells) > 1 or "".join(cells).strip():
+                expected = f"{wanted}, as in the header"
+                if len(cells) > wanted and cells[-1].strip() and file.separator == ",":
+                    expected += "; decimal commas need semicolons between the columns"
+                given = {"value": file.separator.join(cells), "expected": expected}
+                faults.add(
+                    finding("row-length", cells=counted(len(cells), "cell"), **given, **place)
+                )
+            place["row"] = file.header_row + 1 + reader.line_num
+    except csv.Error as fault:
+        place["expected"] = 'a closing "' if "unexpected end" in str(fault) else None
+        faults.add(finding("not-readable", reason=str(fault), **place))
+    return np.array(rows, np.int64), records
 
-    def _one_by_one(self) -> tuple[Ints, Iterator[pd.DataFrame]]:
-        """Records one by one; those with too few or too many cells are faults and left out."""
-        import pandas as pd
 
-        file, wanted = self.file, len(self.file.header)
-        rows: list[int] = []
-        csv.field_size_limit(max(csv.field_size_limit(), len(file.content)))
-        lines = StringIO(file.content[file.body :].decode(), newline="\n")
-        reader = csv.reader(lines, delimiter=file.separator, strict=True)
-        place: dict[str, Any] = {"file": file.source.shown, "row": file.header_row + 1}
-        try:
-            for cells in reader:
-                if len(cells) == wanted:
-                    rows.append(place["row"])
-                    self.records.append(cells)
-                elif len(cells) > 1 or "".join(cells).strip():
-                    expected = f"{wanted}, as in the header"
-                    if len(cells) > wanted and cells[-1].strip() and file.separator == ",":
-                        expected += "; decimal commas need semicolons between the columns"
-                    given = {"value": file.separator.join(cells), "expected": expected}
-                    count = counted(len(cells), "cell")
-                    self.faults.add(finding("row-length", cells=count, **given, **place))
-                place["row"] = file.header_row + 1 + reader.line_num
-        except csv.Error as fault:
-            place["expected"] = 'a closing "' if "unexpected end" in str(fault) else None
-            self.faults.add(finding("not-readable", reason=str(fault), **place))
-        frame = pd.DataFrame(self.records, columns=[*file.header], dtype=object)
-        return np.array(rows, np.int64), iter([frame])
+def _frames(
+    file: File, kinds: Mapping[str, Column], records: list[list[str]] | None
+) -> Iterator[pd.DataFrame]:
+    """The rows in chunks: a cell that is no number makes texts of its chunk alone."""
+    import pandas as pd
 
-    def _column(
-        self, name: str, column: Column, numbers: Floats, cells: list[tuple[slice, Any]]
-    ) -> None:
-        """A column of `numbers` (n,) but for some `cells`; a free one holds numbers where every
-        cell is one, else texts.
-        """
-        is_text = column.kind == "text"
-        stated = np.zeros(len(numbers) if column.may_be_empty else 0, bool)
-        for part, values in cells:
-            codes, labels = self._labelled(values, column)
-            of = partial(number, decimal=self.file.decimal)
-            parsed = [*map(of if column.numeric else partial(self._value, column), labels)]
-            numbers[part] = np.array(parsed, np.float64)[codes]
-            if column.may_be_empty:
-                stated[part] = np.array([bool(label) for label in labels])[codes]
-            pairs = zip(labels, parsed, strict=True)
-            is_text |= column.kind == "free" and any(label and x is None for label, x in pairs)
-        if is_text:
-            parts = [values for _, values in cells]
-            if sum(map(len, parts)) < len(numbers) or any(x.dtype.kind == "b" for x in parts):
-                # pandas has made numbers of parts of the column, and 7 of 007.
-                parts = [frame[name] for frame in self._by_pandas(usecols=[name], dtype=object)]
-            self.table.texts[name] = stacked([self._labelled(each, column) for each in parts])
-            if column.kind == "free":
-                return
-        odd = _excluded(numbers, column)
-        if column.may_be_empty and odd.any():
-            odd &= ~np.isnan(numbers) | stated
-        if odd.any():
-            numbers = np.where(np.isinf(numbers), np.nan, numbers)
-            fault = cache(partial(self._fault, name, column))
-            self.faults.cells(self.table, odd, name, lambda i: fault(self._text(name, i)))
-        if not is_text:
-            self.table.numbers[name] = numbers
+    if records is not None:
+        yield pd.DataFrame(records, columns=[*file.header], dtype=object)
+        return
+    options: dict[str, Any] = {}
+    if tuple(int(part) for part in pd.__version__.split(".")[:2]) < (3, 1):
+        # Later versions read numbers exactly by themselves and warn of the option.
+        options["float_precision"] = "round_trip"
+    body = BytesIO(file.content)
+    body.seek(file.body)
+    with pd.read_csv(
+        body,
+        sep=file.separator,
+        decimal=file.decimal,
+        header=None,
+        names=[*file.header],
+        index_col=False,
+        dtype={name: str for name, column in kinds.items() if not column.numeric},
+        keep_default_na=False,
+        na_values=[""],
+        quoting=csv.QUOTE_NONE,
+        low_memory=False,
+        chunksize=CHUNK,
+        **options,
+    ) as reader:
+        yield from reader
 
-    def _labelled(self, values: Any, column: Column) -> tuple[Ints, list[str]]:
-        """The stripped cells `labels[codes[i]]` of a part of a column; the last is empty."""
-        import pandas as pd
 
-        codes, labels = pd.factorize(values.astype(object))
-        cells = [str(label).strip() for label in labels]
-        if column.known is not None:
-            # The sign for micro and the Greek letter look alike.
-            cells = [cell if cell in column.known else plain_unit(cell) for cell in cells]
-        return codes, [*cells, ""]
+def _part(values: pd.Series[Any], column: Column) -> Part:
+    import pandas as pd
 
-    @cached_property
-    def _lines(self) -> list[str]:
-        return self.file.content.decode().split("\n")
+    if column.numeric and values.dtype.kind in "iuf":
+        return values.to_numpy(np.float64)
+    codes, labels = pd.factorize(values.astype(object))
+    cells = [str(label).strip() for label in labels]
+    if column.known is not None:
+        # The sign for micro and the Greek letter look alike.
+        cells = [cell if cell in column.known else plain_unit(cell) for cell in cells]
+    return codes, [*cells, ""]
 
-    def _text(self, name: str, i: int) -> str:
-        """A cell as the file has it: its float may be another number."""
-        if self.records:
-            cells = self.records[i]
-        else:
-            cells = self._lines[self.own_rows[i] - 1].split(self.file.separator)
-        return cells[self.file.header.index(name)].strip()
 
-    def _value(self, column: Column, label: str) -> float | None:
-        """What stands for a cell: 0 for a text that may stand there; None for what may not."""
-        if column.kind == "text":
-            known = is_name(label) if column.known is None else label in column.known
-            return 0.0 if known else None
-        if column.kind == "sign":
-            return direction_sign(label)
-        if (time := time_of(label)) is None:
-            return None
-        self.file.aware |= {time[1]}
-        return time[0]
+def _add_column(
+    table: Table,
+    name: str,
+    column: Column,
+    parts: list[Part],
+    cell: Callable[[int, str], str],
+    faults: CellFaults,
+) -> None:
+    """The column of its parts; a free one holds numbers where every cell is one, else texts."""
+    (file,) = table.files
+    labelled = [part for part in parts if isinstance(part, tuple)]
+    if column.kind == "text" or (
+        column.kind == "free"
+        and any(x and number(x, file.decimal) is None for _, labels in labelled for x in labels)
+    ):
+        table.texts[name] = stacked(labelled)
+        if column.kind == "free":
+            return
+    arrays = [np.zeros(0)]
+    for part in parts:
+        if isinstance(part, tuple):
+            part = np.array([_value(file, column, label) for label in part[1]])[part[0]]
+        arrays.append(part)
+    parts.clear()
+    numbers = np.concatenate(arrays)
+    odd = _excluded(numbers, column)
+    if odd.any():
+        fault = cache(partial(_fault, name, column, file.decimal))
+        faults.cells(table, odd, name, lambda i: fault(cell(i, name)))
+        numbers = np.where(np.isinf(numbers), np.nan, numbers)
+    if column.kind != "text":
+        table.numbers[name] = numbers
 
-    def _fault(self, name: str, column: Column, label: str) -> dict[str, Any]:
-        """What a Finding of a cell says that is no value of its column."""
-        says = SAYS.get(name, "")
-        if not label:
-            expected = says or WANTED.get(column.kind, ("", "a number"))[1]
-            return {"code": "empty-cell", "expected": expected}
-        given = {"value": label, "code": "wrong-type"}
-        if column.known is not None:
-            hint = suggestion(label, column.known)
-            return {**given, "code": "unknown-name", "what": name, **hint}
-        value = number(label, self.file.decimal) if column.numeric else None
-        if value is None or not math.isfinite(value):
-            expected = says or expectation(label, self.file.decimal)
-            kind, expected = WANTED.get(column.kind, ("a number", expected))
-            meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
-            return {**given, "kind": kind, "expected": expected, "meant": meant}
-        expected = f"at most {column.largest:g} in size"
-        if column.whole and (value % 1 or value < 0):
-            expected = "a whole number" + " from 0 on" * (column.kind == "count")
-        given["expected"] = says or expected
-        if column.whole and value % 1:
-            return {**given, "kind": "a whole number"}
-        return {**given, "code": "out-of-range"}
+
+def _value(file: File, column: Column, label: str) -> float:
+    """What stands for a cell: 0 for a text; nan for an empty cell, infinity for what may not be."""
+    value: float | None = None
+    if column.kind == "text":
+        value = (
+            0.0 if (label in column.known if column.known is not None else is_name(label)) else None
+        )
+    elif column.kind == "sign":
+        value = direction_sign(label)
+    elif column.kind == "time":
+        if time := time_of(label):
+            value = time[0]
+            file.aware |= {time[1]}
+    else:
+        value = number(label, file.decimal)
+    if not label:
+        return math.nan
+    return math.inf if value is None or math.isnan(value) else value
+
+
+def _fault(name: str, column: Column, decimal: Decimal, label: str) -> dict[str, Any]:
+    """What a Finding of a cell says that is no value of its column."""
+    says = SAYS.get(name, "")
+    if not label:
+        expected = says or WANTED.get(column.kind, ("", "a number"))[1]
+        return {"code": "empty-cell", "expected": expected}
+    given = {"value": label, "code": "wrong-type"}
+    if column.known is not None:
+        hint = suggestion(label, column.known)
+        return {**given, "code": "unknown-name", "what": name, **hint}
+    value = number(label, decimal) if column.kind not in WANTED else None
+    if value is None or not math.isfinite(value):
+        expected = says or expectation(label, decimal)
+        kind, expected = WANTED.get(column.kind, ("a number", expected))
+        meant = nearest(label, ("forward", "reverse")) if column.kind == "sign" else ()
+        return {**given, "kind": kind, "expected": expected, "meant": meant}
+    expected = f"at most {column.largest:g} in size"
+    if column.whole and (value % 1 or value < 0):
+        expected = "a whole number" + " from 0 on" * (column.kind == "count")
+    given["expected"] = says or expected
+    if column.whole and value % 1:
+        return {**given, "kind": "a whole number"}
+    return {**given, "code": "out-of-range"}
 
 
 def _excluded(numbers: Floats, column: Column) -> Flags:
-    """Where numbers (n,) are none that the column may hold; so is nan."""
+    """Where numbers (n,) are none that the column may hold; nan is an empty cell."""
     largest = min(column.largest, sys.float_info.max) if column.numeric else sys.float_info.max
     # Extremes cost less than flags: nan makes both nan.
     inside = numbers.min(initial=0.0) >= -largest and numbers.max(initial=0.0) <= largest
@@ -426,4 +423,4 @@ def _excluded(numbers: Floats, column: Column) -> Flags:
         odd |= numbers != np.rint(numbers)
     if column.kind == "count":
         odd |= numbers < 0
-    return odd
+    return odd & ~np.isnan(numbers) if column.may_be_empty and odd.any() else odd

@@ -7,13 +7,13 @@ import os
 import secrets
 import shutil
 import stat
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from mtu_cli.files.source import given_path, resolved, same, system_reason
+from mtu_cli.files.source import given_path, resolved, system_reason
 from mtu_cli.findings import Finding, InputError, error, finding
 
 
@@ -69,19 +69,16 @@ class _Pending:
 
 
 @contextmanager
-def made_ready(
-    contents: Mapping[Path, bytes], *, inputs: Iterable[Path] = ()
-) -> Iterator[Callable[[], None]]:
+def made_ready(contents: Mapping[Path, bytes]) -> Iterator[Callable[[], None]]:
     """All files, or none: temporary files beside the targets; what is given renames them.
 
     What else a run has to deliver goes in between, so that nothing is written where that fails.
     A device, which nothing can be taken back from, is written first: it may be full.
-    `inputs` are the files that the run has read; none of them is overwritten.
 
-    Raises InputError for a target that is an input or a folder, stands twice, lies in a
-    missing folder, or may not be written; no target is changed then.
+    Raises InputError for a target that is a folder, stands twice, lies in a missing folder, or may
+    not be written; no target is changed then.
     """
-    check_targets(list(contents), list(inputs))
+    check_targets(list(contents))
     files = []
     for path in contents:
         target, unique = resolved(path), secrets.token_hex(6)
@@ -145,7 +142,7 @@ def _naming(path: Path) -> Iterator[None]:
         raise error("not-writable", file=given_path(path), reason=system_reason(fault)) from None
 
 
-def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
+def check_targets(targets: Sequence[Path]) -> None:
     """Whether files can be written, as far as can be seen before they are there.
 
     Raises InputError as `made_ready` does; also for a file that stands twice in `targets`.
@@ -168,9 +165,6 @@ def check_targets(targets: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
         if target in seen and _is_replaceable(target):
             findings.append(finding("appears-twice", what="the output", **place))
         seen.add(target)
-        if any(same(path, source) for source in inputs):
-            facts = {"reason": "it is an input", "expected": "another name"}
-            findings.append(finding("not-overwritten", **facts, **place))
     if findings:
         raise InputError(findings)
 

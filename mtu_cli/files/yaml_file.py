@@ -1,8 +1,8 @@
 """The one YAML reader: plain data, and the line of every value.
 
 Every key of a mapping is text as it is written, so that a feature may be called ``007`` or ``no``.
-What nobody can read in one way alone (a key that appears twice, a tag, a merge key, a decimal comma
-in a list) is an error, and so is what would grow without bounds.
+What nobody can read in one way alone (a key that appears twice, a tag, a merge key) is an error,
+and so is what would grow without bounds.
 """
 
 from __future__ import annotations
@@ -36,18 +36,6 @@ _WORDS: dict[str, Scalar] = {
     "": None, "~": None, "null": None, "true": True, "false": False,
     ".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan,
 }  # fmt: skip
-_TIGHT, _SPACED = re.compile(r"[0-9],[0-9]"), re.compile(r"[0-9],[ \t]+[-+.0-9]")
-
-EXPECTED = {
-    "mapping values are not allowed": "one `key: value` a line, or quotes around a text with ': '",
-    "could not find expected ':'": "`key: value`, or a text indented below its key",
-    "did not find expected key": "one `key: value` a line, all of a mapping in the same column",
-    "block sequence entries are not allowed": "the list on lines of its own below its key",
-    "found unknown escape": r"single quotes: within double ones a \ has another meaning",
-    "found unexpected end of stream": "a quotation mark at the end of the text, as at its start",
-    "a second document": "one document in a file",
-}
-"""What is expected, by how the words of the parser begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,10 +113,10 @@ def parse_yaml(text: str, source: Source) -> YamlDocument:
     """YAML text as plain data with lines.
 
     Raises InputError, with the line, for text that is no YAML, tags, keys that appear twice, merge
-    keys, decimal commas in a list, more than one document, or too many levels or values.
+    keys, more than one document, or too many levels or values.
     """
     root = composed(text, source)
-    builder = _Builder(text, source.shown)
+    builder = _Builder(source.shown)
     data = builder.value(root, (), root.start_mark.line + 1)
     if builder.findings:
         raise InputError(builder.findings)
@@ -140,7 +128,7 @@ def composed(text: str, source: Source) -> yaml.Node:
     try:
         root = yaml.compose(text, Loader=_Loader)
     except yaml.MarkedYAMLError as fault:
-        raise _not_yaml(fault, text, source.shown) from None
+        raise _not_yaml(fault, source.shown) from None
     except (yaml.YAMLError, RecursionError) as fault:
         line = text.encode()[: getattr(fault, "position", 0)].count(b"\n") + 1
         why = f"no YAML: {(str(fault).splitlines() or ['nested too deeply'])[0]}"
@@ -157,7 +145,7 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
         return ""
 
 
-def _not_yaml(fault: yaml.MarkedYAMLError, text: str, shown: str) -> InputError:
+def _not_yaml(fault: yaml.MarkedYAMLError, shown: str) -> InputError:
     problem, mark = fault.problem or "unknown fault", fault.problem_mark or fault.context_mark
     # A text whose end is missing is at fault where it begins.
     if problem.startswith(("found unexpected end", "could not find")) and fault.context_mark:
@@ -165,20 +153,13 @@ def _not_yaml(fault: yaml.MarkedYAMLError, text: str, shown: str) -> InputError:
     line = None if mark is None else mark.line + 1
     if "nesting depth" in str(fault):
         return error("too-large", most=MAX_DEPTH, what="levels", file=shown, line=line)
-    if "another document" in problem:
-        problem = "a second document starts here"
-    expected = next((own for start, own in EXPECTED.items() if problem.startswith(start)), None)
-    if line is not None and re.match(r"[ ]*\t", "".join(text.splitlines()[line - 1 : line])):
-        expected = "spaces, not tabs, for indentation"
-    why = f"no YAML: {problem}"
-    return error("not-readable", reason=why, file=shown, line=line, expected=expected)
+    return error("not-readable", reason=f"no YAML: {problem}", file=shown, line=line)
 
 
 class _Builder:
     """Values and lines of a tree of nodes; collects what the whole file has of faults."""
 
-    def __init__(self, text: str, shown: str) -> None:
-        self.text = text
+    def __init__(self, shown: str) -> None:
         self.shown = shown
         self.lines: dict[YamlPath, int] = {}
         self.findings: list[Finding] = []
@@ -211,7 +192,6 @@ class _Builder:
         else:
             items = enumerate(node.value)
             result = [self.value(item, (*path, i), item.start_mark.line + 1) for i, item in items]
-            self.check_commas(node, result, path, line)
         self.open.discard(id(node))
         return result
 
@@ -229,17 +209,6 @@ class _Builder:
                 self.add("appears-twice", line, what=where, expected=expected)
             first.setdefault(name, line)
             yield name, item, line
-
-    def check_commas(self, node: Any, items: list[Any], path: YamlPath, line: int) -> None:
-        """``[50,21, 50,24]`` is four numbers to YAML and two to some of its users: a list has
-        blanks behind all of its commas, or behind none.
-        """
-        if node.flow_style and items and all(type(item) in (int, float) for item in items):
-            text = self.text[node.start_mark.index : node.end_mark.index]
-            if _TIGHT.search(text) and _SPACED.search(text):
-                expected = "decimal points, and a blank behind each comma between two numbers"
-                facts = {"what": "a comma within a number", "value": text, "expected": expected}
-                self.add("yaml-feature", line, path=path_text(path), **facts)
 
     def add(self, code: str, line: int, **facts: Any) -> None:
         self.findings.append(finding(code, file=self.shown, line=line, **facts))

@@ -16,8 +16,8 @@ its four columns being JSON path, value, meaning and cell::
 - Cell: the heading of the column, where a table has one (``-``: none; `` / `` begins its second
   line, which without it is the unit), then how it is shown: a key of `SHOWN` or ``name()``, a
   function of (value, u, digits); ``u=`` what the value is rounded to (JCGM 100, 7.2.6); ``mark=``
-  what follows, such as a dagger; ``detail``: with ``--detail`` only; ``begins``: where a table
-  too wide rather goes on below; ``names``: stands again there; ``unit=`` of the heading; ``size=``
+  what follows, such as a dagger; ``detail``: with ``--detail`` only; ``names``: stands again where
+  a table too wide goes on below; ``unit=`` of the heading; ``size=``
   of items of different units; ``csv=`` its column where that is not the path with ``_`` (an
   interval makes two, ``_low`` and ``_high`` before the unit or in place of ``{}``); ``json``: no
   column.
@@ -104,7 +104,6 @@ class Field:
     size: Value | None = None
     mark: Value | None = None
     detail: bool = False
-    begins: bool = False
     names: bool = False
     within: tuple[Callable[[Any], Any], ...] = ()
 
@@ -258,7 +257,7 @@ def _cell(text: str, known: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, value
         elif equals:
             yield name, _value(value, known)
-        elif name in ("detail", "begins", "names"):
+        elif name in ("detail", "names"):
             yield name, True
         elif name == "json":
             yield "csv", ""

@@ -24,7 +24,7 @@ POINT = """
     *errors
     conformance.
         position_um | | diameter of the zone of true position; conformance is null without \
-            | position, diameter(), begins, csv=position_um, size=as_stated()
+            | position, diameter(), csv=position_um, size=as_stated()
         *conforming
         se | | standard error of the probability (Monte Carlo) | -, json
     outside_measured_range | outside() | components whose measured range the feature leaves \
@@ -32,7 +32,7 @@ POINT = """
 """
 OF_AXIS = """
     EAXIS_um | prediction.mean | error along AXIS: actual minus nominal \
-        | EAXIS, u=root(variance), begins
+        | EAXIS, u=root(variance)
     u_AXIS_um | root(variance) | standard uncertainty of one future part | u, u=root(variance)
     U_AXIS_um | U() | expanded uncertainty k u | U, u=root(variance)
     var_AXIS_um2 | variance | variance, u squared

@@ -32,7 +32,7 @@ class Sheet:
     break over lines.
 
     Where the table is too wide even then, the columns of text in front and what else `names` the
-    row begin every group of columns; a group rather `begins` at a column that does.
+    row begin every group of columns.
     """
 
     title: str
@@ -84,12 +84,9 @@ class Sheet:
         names = [i for i in every if i < front or self.columns[i].names]
         groups, group = [], [*names]
         for i in (i for i in every if i not in names):
-            while len(group) > len(names) and sum(least[j] + 1 for j in [*group, i]) - 1 > width:
-                both = enumerate([*group, i])
-                starts = [n for n, j in both if n > len(names) and self.columns[j].begins]
-                end = starts[-1] if starts else len(group)
-                groups.append(group[:end])
-                group = [*names, *group[end:]]
+            if len(group) > len(names) and sum(least[j] + 1 for j in [*group, i]) - 1 > width:
+                groups.append(group)
+                group = [*names]
             group.append(i)
         return [*groups, group]
 

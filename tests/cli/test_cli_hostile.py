@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import pytest
-from cli_runner import SMALL, done, mtu, prepared, refused, shell
+from cli_runner import SMALL, done, mtu, prepared, refused
 
 MACHINE = "schema: mtu/machine/1\nname: m\ncomponents: {a: {unit: um}}\n"
 SECONDS = 10.0
@@ -67,11 +67,3 @@ def test_names_that_are_no_text_or_move_the_cursor(tmp_path: Path) -> None:
     (work / name).write_bytes(b"component,error,unit\naxy,x,urad\n")
     message = refused(work, "fit-components", "--lbb", name, "-o", "out.json")
     assert r"l\xe9\x1b[31m.csv, row 2, column 'error': not a number: 'x'" in message
-
-
-def test_a_working_folder_that_has_gone(tmp_path: Path) -> None:
-    script = f"cd {tmp_path / 'gone'} && rmdir ../gone && exec mtu lengths -o out.json"
-    (tmp_path / "gone").mkdir()
-    result = done(shell(script), 2)
-    assert result.stderr.startswith("mtu: ")
-    assert "no such file or directory" in result.stderr

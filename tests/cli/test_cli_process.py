@@ -1,4 +1,4 @@
-"""The process: pipes, terminals, signals, full disks, and what a kill leaves behind."""
+"""The process: the same bytes everywhere; pipes, terminals, signals, full disks."""
 
 from __future__ import annotations
 
@@ -16,15 +16,23 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from cli_runner import MTU, SMALL, done, environment, listing, prepared, shell
-from cli_runner import mtu as plain_call
-from cli_runner import started as mtu
+from cli_runner import MTU, SMALL, Listing, done, environment, listing, prepared, shell, started
+from cli_runner import mtu as within
+from support import CONFIGS
 
-ESCAPE = "\x1b["
-BOXES = re.compile("[\u2500-\u257f]")
+ESCAPE, COLOUR = "\x1b[", re.compile(r"\x1b\[[0-9;]*m")
 OLD = b'{"old": true}\n'
-
-
+SURROUNDINGS = [
+    (1, {"PYTHONHASHSEED": "0", "TZ": "UTC", "LC_ALL": "C"}),
+    (2, {"PYTHONHASHSEED": "1", "TZ": "Asia/Tokyo", "LC_ALL": "de_DE.UTF-8", "MPLBACKEND": "svg"}),
+]
+CALLS = {
+    "lengths --plot out.svg -o out.json --csv out.csv": 0,
+    f"budget {CONFIGS}/budgets/gum-h2-impedance.yaml --trials 20000 --plot out.pdf": 0,
+    "anova --cmm lbb.csv": 2,
+    "lenghts": 2,
+}
+"""With how each ends, in a folder of its own; a picture of every kind of file."""
 INTERRUPTED = """
 import signal, sys
 
@@ -39,6 +47,49 @@ from mtu_cli.cli.main import main
 main()
 """
 """The entry point, interrupted as it comes to import one module."""
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_process_does_what_a_call_of_the_tests_does(call: str, tmp_path: Path) -> None:
+    found = []
+    for name, way in (("within", within), ("process", started)):
+        work = prepared(tmp_path / name / "work")
+        result = done(way(*call.split(), cwd=work), CALLS[call])
+        found.append((result.stdout, result.stderr, listing(work)))
+    assert found[0] == found[1]
+
+
+def outcome(folder: Path, threads: int, env: dict[str, str]) -> Listing:
+    """All bytes of calls with absolute paths from another folder: files and standard streams."""
+    work, away = prepared(folder / "secret-folder"), folder / "away"
+    away.mkdir()
+    files = ["-o", "out.json", "--csv", "out.csv", "--plot", "out.pdf"]
+    words = ["--threads", threads, "--trials", 20_000]
+    result = done(started("orthogonality", work / "mtu.yaml", *files, *words, cwd=away, env=env))
+    made = ("--write-lbb", "a.csv", "--write-cmm", "b.csv")
+    done(started("simulate", work / "mtu.yaml", *made, cwd=away, env=env))
+    return listing(away) | {"": result.stdout.encode(), " ": result.stderr.encode()}
+
+
+def test_threads_hash_seeds_languages_time_zones_and_places(tmp_path: Path) -> None:
+    first, other = (outcome(tmp_path / str(n), n, env) for n, env in SURROUNDINGS)
+    assert set(first) == {"", " ", "out.json", "out.csv", "out.pdf", "a.csv", "b.csv"}
+    assert other == first
+    for name, content in first.items():
+        text = (content or b"").decode("utf-8", "replace")
+        assert "secret-folder" not in text, name
+        assert str(Path.home()) + "/" not in text, name
+        assert not re.search(r"\b20\d\d-\d\d-\d\d|CreationDate", text), name
+        assert '"path": "/' not in text, name
+
+
+def test_the_seed_makes_the_difference(tmp_path: Path) -> None:
+    texts: list[str] = []
+    for seed in ("1", "1", "2"):
+        path = tmp_path / f"{len(texts)}.json"
+        done(within("orthogonality", SMALL, "--seed", seed, "--trials", "20000", "-o", path))
+        texts.append(path.read_text("utf-8").replace(f'"seed": {seed}', '"seed"'))
+    assert texts[0] == texts[1] != texts[2]
 
 
 def start(*args: object, cwd: Path, program: Sequence[object] = (MTU,)) -> subprocess.Popen[bytes]:
@@ -58,18 +109,15 @@ def start(*args: object, cwd: Path, program: Sequence[object] = (MTU,)) -> subpr
 @cache
 def in_a_pipe() -> str:
     """What a process writes where nothing is said of terminals."""
-    return done(mtu("lengths", SMALL)).stdout
+    return done(started("lengths", SMALL)).stdout
 
 
 def test_a_pipe_receives_plain_text() -> None:
     """Whatever terminal it was started from."""
-    plain = in_a_pipe()
-    strange = {"COLUMNS": "40", "FORCE_COLOR": "1"}
-    assert done(mtu("lengths", SMALL, env=strange)).stdout == plain
-    assert ESCAPE not in plain
-    assert BOXES.search(plain) is None
+    plain, strange = in_a_pipe(), {"COLUMNS": "40", "FORCE_COLOR": "1"}
+    assert done(started("lengths", SMALL, env=strange)).stdout == plain
+    assert re.search("\x1b|[\u2500-\u257f]| $", plain, re.MULTILINE) is None
     assert max(map(len, plain.splitlines())) <= 100
-    assert not any(line.endswith(" ") for line in plain.splitlines())
 
 
 def on_a_terminal(*args: object, columns: int = 100) -> str:
@@ -97,20 +145,17 @@ def on_a_terminal(*args: object, columns: int = 100) -> str:
     return found.decode()
 
 
-def test_a_terminal_receives_colour() -> None:
-    shown = on_a_terminal("lengths", SMALL)
-    assert ESCAPE in shown
-    bare = re.sub(r"\x1b\[[0-9;]*m", "", shown)
-    for line in in_a_pipe().splitlines()[3:5]:
-        assert line.split() == next(x for x in bare.splitlines() if x.startswith(line[:3])).split()
-
-
-def test_a_narrow_terminal_loses_nothing() -> None:
+def test_a_terminal_receives_colour_and_a_narrow_one_loses_nothing() -> None:
     """Columns stand below each other there: all that a pipe receives is to be seen."""
-    shown = re.sub(r"\x1b\[[0-9;]*m", "", on_a_terminal("lengths", SMALL, columns=20))
+    wide = on_a_terminal("lengths", SMALL)
+    assert ESCAPE in wide
+    lines = COLOUR.sub("", wide).splitlines()
+    for line in in_a_pipe().splitlines()[3:5]:
+        assert line.split() == next(x for x in lines if x.startswith(line[:3])).split()
+    narrow = COLOUR.sub("", on_a_terminal("lengths", SMALL, columns=20))
     _, _, _, *rows = in_a_pipe().partition("\nU = ")[0].splitlines()
     for cell in (cell for row in rows for cell in re.split(" {2,}", row)):
-        assert re.search(rf"(^| ){re.escape(cell)}( |\r?$)", shown, re.MULTILINE)
+        assert re.search(rf"(^| ){re.escape(cell)}( |\r?$)", narrow, re.MULTILINE)
 
 
 @pytest.mark.parametrize("call", ["lengths --help", f"lengths {SMALL}"])
@@ -129,25 +174,22 @@ def test_a_reader_that_never_reads(call: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-def test_full_disks_and_closed_streams() -> None:
+def test_full_disks_closed_streams_pipes_and_bare_encodings(tmp_path: Path) -> None:
     message = done(shell(f"mtu lengths {SMALL} > /dev/full"), 2).stderr
     assert message.startswith("mtu: standard output cannot be written")
     assert "no space left on device" in message
-    message = done(plain_call("lengths", SMALL, "-o", "/dev/full"), 2).stderr
+    message = done(within("lengths", SMALL, "-o", "/dev/full"), 2).stderr
     assert message.startswith("mtu: /dev/full: cannot be written: no space left")
     assert done(shell(f"mtu lengths {SMALL} -o - 2>&-")).stdout.startswith("{")
     assert done(shell(f"mtu lengths {SMALL} >&- <&-")).stdout == ""
-
-
-def test_pipes_are_read() -> None:
     fit = f"mtu fit-components -m {SMALL}/machine.yaml --lbb"
-    told = done(plain_call(*fit.split()[1:], f"{SMALL}/lbb.csv")).stdout
+    told = done(within(*fit.split()[1:], f"{SMALL}/lbb.csv")).stdout
     assert done(shell(f"cat {SMALL}/lbb.csv | {fit} /dev/stdin")).stdout == told
-
-
-def test_an_output_that_lacks_letters() -> None:
     bare = {"PYTHONIOENCODING": "ascii"}
-    assert "20.2 \\xb1 4.1" in done(mtu("fit-components", SMALL, env=bare)).stdout
+    assert "20.2 \\xb1 4.1" in done(started("fit-components", SMALL, env=bare)).stdout
+    (gone := tmp_path / "gone").mkdir()
+    gone_folder = shell(f"cd {gone} && rmdir ../gone && exec mtu lengths -o out.json")
+    assert "no such file or directory" in done(gone_folder, 2).stderr
 
 
 def test_interrupt(tmp_path: Path) -> None:
@@ -161,34 +203,33 @@ def test_interrupt(tmp_path: Path) -> None:
     assert b"Traceback" not in error
     assert output == b""
     assert listing(work) == before
-
-
-def test_interrupt_while_it_imports(tmp_path: Path) -> None:
     call = ("mtu_cli.cli.analyse", "lengths", SMALL)
     process = start(*call, cwd=tmp_path, program=[sys.executable, "-c", INTERRUPTED])
     assert process.communicate(timeout=30) == (b"", b"")
     assert process.returncode == 130
 
 
-def large(folder: Path) -> list[str]:
-    """A study and a call with a report of 2 MB, so that writing it takes a while."""
-    work = prepared(folder)
+def test_interrupt_while_writing(tmp_path: Path) -> None:
+    """A report of 2 MB takes a while; the moment is found by looking for the temporary file."""
+    work = prepared(tmp_path / "work")
     features = "".join(f"  f{i}: {{x_mm: {i / 2}, y_mm: {i / 3:.4f}}}\n" for i in range(160))
     (work / "part.yaml").write_text(f"schema: mtu/part/1\nname: grid\nfeatures:\n{features}")
-    (work / "out.json").write_bytes(OLD)
-    words = "predict-points --covariance --trials 1000 -q -o out.json --csv out.csv"
-    return words.split()
-
-
-def test_interrupt_while_writing(tmp_path: Path) -> None:
-    """The moment is found by looking for the temporary file."""
-    call = large(tmp_path / "work")
-    work = tmp_path / "work"
+    call = [
+        "predict-points",
+        "--covariance",
+        "--trials",
+        "1000",
+        "-q",
+        "-o",
+        "out.json",
+        "--csv",
+        "out.csv",
+    ]
     kept = 0
     for delay in (0.0, 0.03):
         (work / "out.json").write_bytes(OLD)
         (work / "out.csv").unlink(missing_ok=True)
-        process = start(*call, cwd=work)
+        process = start(*call, "--csv", "out.csv", cwd=work)
         while process.poll() is None and not any(work.glob(".out.json*.tmp")):
             time.sleep(0.0005)
         time.sleep(delay)
@@ -200,8 +241,7 @@ def test_interrupt_while_writing(tmp_path: Path) -> None:
             kept += 1
             assert process.returncode == 130
         else:
-            report = json.loads(content)
-            assert len(report["results"]["covariance_um2"]) == 320
+            assert len(json.loads(content)["results"]["covariance_um2"]) == 320
         assert not any(work.glob(".out*"))
         assert (content == OLD) == (not (work / "out.csv").exists())
     assert kept >= 1

@@ -23,44 +23,25 @@ class Terminal(io.StringIO):
         return True
 
 
-def terminal_of(monkeypatch: pytest.MonkeyPatch) -> Terminal:
-    found = Terminal()
-    monkeypatch.setattr(sys, "stderr", found)
-    monkeypatch.setenv("TERM", "xterm")
-    return found
-
-
 def test_it_tells_what_is_done_without_a_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = terminal_of(monkeypatch)
-    monkeypatch.setattr(emit, "DELAY_S", 0.0)
-    monkeypatch.setattr(emit, "EVERY_S", 0.0)
-    # Libraries that a test before loaded may have threads of their own.
-    before = threading.active_count()
-    with late_bar("close-loop") as bar:
-        bar(3, 10)
-        assert threading.active_count() == before
-        assert "30%" in terminal.getvalue()
-        bar(7, 10)
-        assert "70%" in terminal.getvalue()
-    assert "close-loop" in terminal.getvalue()
-    # The line is left empty.
-    assert terminal.getvalue().endswith("\r\x1b[K")
-
-
-def test_it_draws_neither_all_the_time_nor_what_is_done_at_once(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    terminal = terminal_of(monkeypatch)
+    """Neither all the time, nor of what is done at once."""
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
     with late_bar("budget") as bar:
         bar(1, 2)
     assert terminal.getvalue() == ""
     monkeypatch.setattr(emit, "DELAY_S", 0.0)
-    monkeypatch.setattr(emit, "EVERY_S", 3600.0)
-    with late_bar("close-loop") as bar:
-        bar(1, 10)
-        before = terminal.getvalue()
-        bar(2, 10)
-        assert terminal.getvalue() == before != ""
+    # Libraries that a test before loaded may have threads of their own.
+    before = threading.active_count()
+    for every, shares in ((0.0, ["30", "70"]), (3600.0, ["30"])):
+        monkeypatch.setattr(emit, "EVERY_S", every)
+        terminal.truncate(0)
+        with late_bar("close-loop") as bar:
+            bar(3, 10)
+            bar(7, 10)
+            assert threading.active_count() == before
+        assert re.findall(r"close-loop: (\d+)%", terminal.getvalue()) == shares
+        # The line is left empty.
+        assert terminal.getvalue().endswith("\r\x1b[K")
 
 
 def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,14 +52,11 @@ def test_closing_a_loop_tells_what_is_done(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.chdir(tmp_path)
     call = ["close-loop", "--cmm", "cmm.csv", "--max-effects", "1", "-q", "-o", "out.json"]
     reports = set()
-    for stream in (terminal_of(monkeypatch), io.StringIO()):
+    for stream in (Terminal(), io.StringIO()):
         monkeypatch.setattr(sys, "stderr", stream)
         app(call, standalone_mode=False)
         reports.add(Path("out.json").read_bytes())
-        seen = stream.getvalue()
-        shares = [int(share) for share in re.findall(r"(\d+)%", seen)]
-        assert ("close-loop" in seen) == stream.isatty()
+        shares = [int(share) for share in re.findall(r"close-loop: (\d+)%", stream.getvalue())]
         assert shares == sorted(shares)
-        assert not shares or shares[-1] == 100
-        assert (len(set(shares)) > 2) == stream.isatty()
+        assert (len(set(shares)) > 2 and shares[-1] == 100) == stream.isatty()
     assert len(reports) == 1

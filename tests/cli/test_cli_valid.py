@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-import shlex
 from pathlib import Path
 from typing import Any
 
 import jsonschema
 import pytest
-from cli_runner import SMALL, TRUTH, VALID, done, listing, mtu, prepared, report, shared
+from cli_runner import SMALL, TRUTH, done, listing, mtu, prepared, report, shared
 from support import CONFIGS, DATA, PAPER, SIMULATED
 
 from mtu_cli.files.yaml_file import read_yaml
 
-FOLDERS = sorted(path for path in VALID.iterdir() if (path / "call.txt").exists())
 KEYS = {"schema", "tool", "inputs", "settings", "results", "warnings"}
-PREDICTIONS = ("predict-points", "lengths", "orthogonality")
 MAIN = {
     "fit-components": "components",
     "predict-points": "points",
@@ -28,22 +25,6 @@ SHIPPED = (
     *("fit-components configs/gilsinn-ling-simulated", "lengths configs/gilsinn-ling-simulated"),
     *("predict-points configs/gilsinn-ling", "orthogonality configs/gilsinn-ling --trials 20000"),
 )
-
-
-@pytest.fixture(scope="module")
-def fitted(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The components report of the simulated study."""
-    path = tmp_path_factory.mktemp("fit") / "components.json"
-    done(mtu("fit-components", SIMULATED, "-o", path, "-q"))
-    return path
-
-
-@pytest.mark.parametrize("folder", FOLDERS, ids=lambda path: path.name)
-def test_sound_input(folder: Path, tmp_path: Path) -> None:
-    work = prepared(tmp_path / "work", folder)
-    result = done(mtu(*shlex.split((folder / "call.txt").read_text("utf-8")), cwd=work))
-    for words in (folder / "expected.txt").read_text("utf-8").splitlines():
-        assert words in result.stdout + result.stderr
 
 
 @pytest.mark.parametrize("call", SHIPPED)
@@ -118,13 +99,15 @@ def test_options_win_over_the_study(tmp_path: Path) -> None:
     assert (before["u_um"], before["error_um"]) == (after["u_um"], after["error_um"])
 
 
-@pytest.mark.parametrize("command", PREDICTIONS)
-def test_a_components_report_stands_for_the_readings(command: str, fitted: Path) -> None:
+def test_a_components_report_stands_for_the_readings(tmp_path: Path) -> None:
     """To the last bit: the report holds all that predictions need."""
-    readings = report(command, SIMULATED)
-    again = report(command, SIMULATED, "-c", fitted)
-    assert again["results"] == readings["results"]
-    assert [item["role"] for item in again["inputs"]] == ["study", "machine", "components", "part"]
+    fitted = tmp_path / "components.json"
+    done(mtu("fit-components", SIMULATED, "-o", fitted, "-q"))
+    for command in ("predict-points", "lengths", "orthogonality"):
+        again = report(command, SIMULATED, "-c", fitted)
+        assert again["results"] == report(command, SIMULATED)["results"]
+        roles = [item["role"] for item in again["inputs"]]
+        assert roles == ["study", "machine", "components", "part"]
 
 
 def test_gates(tmp_path: Path) -> None:
@@ -159,23 +142,3 @@ def test_json_schemas(kind: str, files: list[Path]) -> None:
         validator.validate(data)
         assert not validator.is_valid(data | {"mashine": "m"})
         assert not validator.is_valid(data | {"schema": f"mtu/{kind}/2"})
-
-
-def test_simulate_fit_predict(tmp_path: Path) -> None:
-    """A virtual machine is measured, and its components are found again within five u."""
-    readings, points = tmp_path / "lbb.csv", tmp_path / "cmm.csv"
-    part = SIMULATED / "part.yaml"
-    call = ["-m", TRUTH, "-p", part, "--seed", "3", "--passes", "12", "--parts", "3"]
-    shown = done(mtu("simulate", *call, "--write-lbb", readings, "--write-cmm", points)).stdout
-    assert shown.splitlines()[0].endswith("lbb.csv: 1932 synthetic rows")
-    assert shown.splitlines()[1].endswith("cmm.csv: 144 synthetic rows")
-    fit = tmp_path / "fit.json"
-    machine = ["-m", SIMULATED / "machine.yaml"]
-    done(mtu("fit-components", *machine, "--lbb", readings, "-o", fit, "-q"))
-    found = json.loads(fit.read_text())["results"]["components"]
-    truth = read_yaml(TRUTH, "machine").data["components"]
-    for name, item in found.items():
-        for k, value in enumerate(truth[name]["coefficients"]):
-            assert abs(item["coefficients"][k] - value) < 5 * item["covariance"][k][k] ** 0.5
-    lengths = report("lengths", *machine, "-p", part, "-c", fit)["results"]["lengths"]
-    assert [item["id"] for item in lengths] == ["3-9", "9-15", "3-15"]

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-import shlex
+import os
 from pathlib import Path
 
+import made_files
 import pytest
-from cli_runner import MTU, done, shell
-from pipeline_runner import GILSINN_LING, PART, STUDY, make, placed, quick
-from support import CONFIGS
+from cli_runner import MTU
+from pipeline_runner import PART, STUDY, make, placed, quick
+
+FEATURES = PART[: PART.index("lengths:")]
+RENAME = "make takes letters, digits and . _ + @ - in names alone: rename the folder"
+
+
+def steps(tmp_path: Path) -> dict[str, list[str]]:
+    """The calls of mtu that a gate would make for the studies, by command, in words."""
+    ran = make(tmp_path / "out", "-n", "GATE=1", f"ROOT={tmp_path / 'shop'}")
+    assert ran.returncode == 0, ran.stderr
+    calls = [line.split()[1:] for line in ran.stdout.splitlines() if line.startswith(str(MTU))]
+    return {words[0]: words for words in calls}
 
 
 def test_a_study_runs_once_and_a_gate_stops_every_time(tmp_path: Path) -> None:
     study, out = tmp_path / "shop" / "mill-1", tmp_path / "out"
-    study.mkdir(parents=True)
-    (study / "machine.yaml").write_bytes((GILSINN_LING / "machine.yaml").read_bytes())
+    placed(study)
     (study / "part.yaml").write_text(PART, "utf-8")
-    (study / "mtu.yaml").write_text(STUDY, "utf-8")
     root = f"ROOT={study.parent}"
     ran = make(out, "-j2", root)
     assert ran.returncode == 0, ran.stderr
+    assert f"reports, tables and pictures: {out}/<study>/" in ran.stdout.splitlines()
     made = {path.name for path in (out / "mill-1").iterdir()}
     assert made == {"points.json", "points.png", "lengths.json", "lengths.csv", "lengths.done"}
     assert make(out, "-q", root).returncode == 0
@@ -30,8 +40,21 @@ def test_a_study_runs_once_and_a_gate_stops_every_time(tmp_path: Path) -> None:
         assert "gate nonconforming" in stopped.stderr
 
 
-STEPS = ("predict-points", "lengths")
-RENAME = "make takes letters, digits and . _ + @ - in names alone: rename the folder"
+def test_a_gate_stops_parts_that_scatter_more_than_predicted(tmp_path: Path) -> None:
+    """Off by a tenth of a millimetre to either side, they are where they should be in the mean."""
+    study, out = tmp_path / "shop" / "mill", tmp_path / "out"
+    placed(study, "cmm: [cmm.csv]\n")
+    errors = (0.08, -0.1, 0.09, -0.07, 0.1, -0.09, 0.07, -0.08)
+    rows = [f"{part},{hole},{n},{place + error + n / 1e4:.4f},{10 - error + n / 5e3:.4f}"
+            for part, error in enumerate(errors) for hole, place in (("a", 10.0), ("b", 140.0))
+            for n in (1, 2)]  # fmt: skip
+    text = "\n".join(["part,feature,repeat,x_mm,y_mm", *rows, ""])
+    (study / "cmm.csv").write_text(text, "utf-8")
+    stamp = out / "mill" / "compare.passed"
+    stopped = make(out, f"ROOT={study.parent}", "GATE=1", str(stamp))
+    assert stopped.returncode == 2
+    assert "mtu: gate under-predicted: a x" in stopped.stderr, stopped.stderr
+    assert not stamp.exists()
 
 
 @pytest.mark.parametrize(
@@ -39,9 +62,10 @@ RENAME = "make takes letters, digits and . _ + @ - in names alone: rename the fo
     [
         ("ROOT={}/none", "*** no study: no {}/none/*/mtu.yaml here"),
         ("ROOT={}/shop", "'{}/shop/mill 1': " + RENAME),
-        ("ROOT={}/shop/mill 1", "ROOT='{}/shop/mill 1': " + RENAME),
         ("OUT={}/my out", "OUT='{}/my out': " + RENAME),
         ("STUDIES=a%b", "STUDIES='a%b': " + RENAME),
+        ("ROOT=", "ROOT= names no folder"),
+        ("OUT=", "OUT= names no folder"),
     ],
 )
 def test_a_gate_that_finds_no_study_does_not_pass(tmp_path: Path, call: str, words: str) -> None:
@@ -51,89 +75,109 @@ def test_a_gate_that_finds_no_study_does_not_pass(tmp_path: Path, call: str, wor
     ran = make(tmp_path / "out", "GATE=1", call.format(tmp_path))
     assert ran.returncode == 2
     assert words.format(tmp_path) in ran.stderr
-    assert "grep" not in ran.stderr
 
 
-def test_studies_may_be_called_as_anything_of_the_makefile(tmp_path: Path) -> None:
-    names = ["-x", "Fr\u00e4se.1", "all", "clean", "steps"]
+def test_a_gate_runs_all_studies_and_sums_them_up(tmp_path: Path) -> None:
+    """One of them meets the gate of its lengths, one lacks a file; folders count from the call.
+    Studies may be called as targets of the Makefile are.
+    """
+    names = ("-x", "all", "clean", "fr\u00e4se.1", "mill-2", "mill-3")
     for name in names:
-        placed(tmp_path / "shop" / name)
-    out, root = tmp_path / "out", f"ROOT={tmp_path / 'shop'}"
-    words = tmp_path / "words"
-    mtu = tmp_path / "mtu"
-    script = f'printf "%s\\n" "$1 $2" >> {words}; until [ "$1" = -o ]; do shift; done; : > "$2"'
-    mtu.write_text(f"#!/bin/sh\n{script}\n", "utf-8")
-    mtu.chmod(0o755)
-    ran = make(out, "-j2", "GATE=1", root, f"MTU={mtu}")
-    assert ran.returncode == 0, ran.stderr
-    assert {f"{name}: passed" for name in names} <= set(ran.stdout.splitlines())
-    asked = {f"{step} {tmp_path}/shop/{name}" for name in names for step in STEPS}
-    assert set(words.read_text("utf-8").splitlines()) == asked
-    assert all((out / name / "lengths.passed").is_file() for name in names)
-    assert make(out, "clean", root).returncode == 0
-    assert not out.exists()
-
-
-def test_a_study_whose_file_is_gone_has_not_passed(tmp_path: Path) -> None:
-    """Neither where it never was there nor where it was at the last run."""
-    study, out = tmp_path / "shop" / "mill", tmp_path / "out"
-    placed(study, "lbb: [bar.csv]\n")
-    for there in (False, True, False):
-        (study / "bar.csv").unlink(missing_ok=True)
-        if there:
-            (study / "bar.csv").touch()
-        ran = make(out, "GATE=1", f"ROOT={study.parent}", quick(tmp_path))
-        assert (ran.returncode == 0) == there, ran.stderr
-        assert ("mill: passed" in ran.stdout) == there
-        left = "mill: not passed: fit-components iso230 predict-points lengths"
-        assert (left in ran.stdout) != there
-        assert "No rule" not in ran.stderr
+        placed(tmp_path / "shop" / name, "lbb: [bar.csv]\n" if name == "mill-3" else "")
+    gate, bar = tmp_path / "shop" / "mill-2" / "fails", tmp_path / "shop" / "mill-3" / "bar.csv"
+    gate.write_text("lengths", "utf-8")
+    call = ("ROOT=shop", "GATE=1", quick(tmp_path))
+    ran = make(Path("out"), "-j2", *call, called=tmp_path)
+    assert ran.returncode == 2
+    assert "No rule" not in ran.stderr
+    left = {"mill-2": "lengths", "mill-3": "fit-components iso230 predict-points lengths"}
+    told = {f"{x}: {f'not passed: {left[x]}' if x in left else 'passed'}" for x in names}
+    assert told <= set(ran.stdout.splitlines())
+    passed = {path.parent.name for path in (tmp_path / "out").glob("*/lengths.passed")}
+    assert passed == {*names} - {*left}
+    gate.unlink()
+    bar.touch()
+    again = make(Path("out"), *call, called=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert {"mill-2: passed", "mill-3: passed"} <= set(again.stdout.splitlines())
 
 
 def test_clean_takes_away_what_the_pipeline_has_made_alone(tmp_path: Path) -> None:
-    mine = tmp_path / "mine"
+    placed(tmp_path / "shop" / "mill")
+    mine, out, root = tmp_path / "mine", tmp_path / "out", f"ROOT={tmp_path / 'shop'}"
     mine.mkdir()
     (mine / "measured.csv").write_text("1\n", "utf-8")
     ran = make(mine, "clean")
     assert ran.returncode == 2
     assert "was there before this pipeline" in ran.stderr
     assert (mine / "measured.csv").is_file()
+    assert make(out, root, quick(tmp_path)).returncode == 0
+    assert make(out, "clean", root).returncode == 0
+    assert not out.exists()
 
 
-def test_another_root_has_an_output_of_its_own(tmp_path: Path) -> None:
-    """A study of the same name with older files would keep the reports of the other one."""
-    # Nor do strokes and hyphens make one name of two.
-    shops = ("first/b-c", "first-b/c", "first/b+-c")
-    for shop in shops:
-        placed(tmp_path / shop / "mill")
-    call = ["make", "-n", "-C", str(CONFIGS / "pipeline"), f"MTU={MTU}"]
-    told = [
-        done(shell(shlex.join([*call, f"ROOT={tmp_path / shop}"]), {"MAKEFLAGS": ""})).stdout
-        for shop in shops
-    ]
-    folders = [{word for word in text.split() if word.endswith("lengths.json")} for text in told]
-    assert all(folders)
-    assert len(set.union(*folders)) == sum(map(len, folders))
+@pytest.mark.parametrize(
+    ("lengths", "gated"),
+    [
+        ("- tolerance_um: 5\n  from: a\n  to: b\n", True),
+        ("- {from: a, to: b,\n  'tolerance_um' : 5}\n", True),
+        ("- {from: a, to: b} # tolerance_um: 5\n", False),
+        ("- {id: 'no tolerance_um: here', from: a, to: b}\n", False),
+    ],
+)
+def test_a_tolerance_has_its_gate_wherever_it_stands(
+    tmp_path: Path, lengths: str, gated: bool
+) -> None:
+    study = tmp_path / "shop" / "mill"
+    placed(study)
+    (study / "part.yaml").write_text(f"{FEATURES}lengths:\n{lengths}", "utf-8")
+    assert ("--fail-if" in steps(tmp_path)["lengths"]) == gated
+    # Where the part is not found, mtu has to say so.
+    (study / "part.yaml").unlink()
+    asked = steps(tmp_path)
+    assert asked.keys() == {"predict-points", "lengths", "orthogonality"}
+    assert "--fail-if" in asked["lengths"]
 
 
-def test_a_gate_runs_all_studies_and_sums_them_up(tmp_path: Path) -> None:
-    """The second of three meets the gate of its lengths; folders count from the call."""
-    for name in ("mill-1", "mill-2", "mill-3"):
-        placed(tmp_path / "shop" / name)
-    gate = tmp_path / "shop" / "mill-2" / "fails"
-    gate.write_text("lengths", "utf-8")
-    call = ("ROOT=shop", "GATE=1", quick(tmp_path))
-    ran = make(Path("out"), "-j2", *call, called=tmp_path)
-    assert ran.returncode == 2
-    assert ran.stdout.splitlines()[-5:-1] == [
-        "study: passed, or which of its steps have not",
-        "mill-1: passed",
-        "mill-2: not passed: lengths",
-        "mill-3: passed",
-    ]
-    passed = {path.parent.name for path in (tmp_path / "out").glob("*/lengths.passed")}
-    assert passed == {"mill-1", "mill-3"}
-    gate.unlink()
-    again = make(Path("out"), *call, called=tmp_path)
-    assert again.returncode == 0, again.stderr
-    assert "mill-2: passed" in again.stdout.splitlines()
+def test_reports_do_not_go_where_the_studies_are(tmp_path: Path) -> None:
+    """A report that a study names was removed before the step that reads it."""
+    study = tmp_path / "shop" / "mill"
+    placed(study, "components: components.json\nlbb: [lbb.csv]\n")
+    (study / "components.json").write_text("{}", "utf-8")
+    (tmp_path / "link").symlink_to(study.parent)
+    for out in (study.parent, tmp_path / "link"):
+        ran = make(out, f"ROOT={study.parent}")
+        assert ran.returncode == 2
+        assert "holds the studies: name another folder" in ran.stderr
+    assert (study / "components.json").is_file()
+
+
+def test_runs_that_need_a_unit_or_a_profile_are_imported_and_a_part_is_not_asked_for(
+    tmp_path: Path,
+) -> None:
+    study, out = tmp_path / "shop" / "mill", tmp_path / "out"
+    study.mkdir(parents=True)
+    for name, text in (
+        ("laser.txt", made_files.LASER),
+        ("map.yaml", made_files.MAP),
+        ("mapped.csv", made_files.MAPPED),
+        (
+            "machine.yaml",
+            "schema: mtu/machine/1\nname: m\ncomponents: {dx_x: {of: x, unit: um}}\n"
+            "equations: {Ex: dx_x}\n",
+        ),
+        (
+            "mtu.yaml",
+            "schema: mtu/study/1\nmachine: machine.yaml\nlaser:\n"
+            "- {file: laser.txt, component: dx_x, unit: um}\n- {file: mapped.csv, map: map.yaml}\n",
+        ),
+    ):
+        (study / name).write_text(text)
+    root, made = f"ROOT={study.parent}", f"{out}/mill/readings.csv"
+    assert made in make(out, root, "-n").stdout
+    assert "predict-points" not in make(out, root, "-n").stdout
+    assert make(out, root, made).returncode == 0
+    assert len(Path(made).read_text().splitlines()) == 12
+    assert make(out, root, "-q", made).returncode == 0
+    os.utime(study / "map.yaml", (2e9, 2e9))
+    assert make(out, root, "-q", made).returncode == 1

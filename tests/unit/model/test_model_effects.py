@@ -15,7 +15,7 @@ from support import read_components
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import Matrix
-from mtu_cli.model.effect_parameters import effect_warnings, searched_warnings
+from mtu_cli.model.effect_parameters import effect_warnings
 from mtu_cli.model.effect_ranges import effect_warnings_at
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report
@@ -108,22 +108,6 @@ def test_values_of_a_report_win_and_are_told(tmp_path: Path) -> None:
     assert "values of machine.yaml not used (backlash-x.lost_motion): those of" in warning.message
 
 
-@pytest.mark.parametrize(
-    ("found", "told"),
-    [
-        ("{class: [turn, scale-z]}", "scale-z"),
-        ("{class: [a, b, turn, c, d, e, f]}", "a, b, c, d, e, f"),
-        ("{class: [turn]}", None),
-        # What stands there is free.
-        ("{class: [turn, 3, {a: b}]}", None),
-    ],
-)
-def test_one_of_a_class_is_told_of(found: str, told: str | None, tmp_path: Path) -> None:
-    machine = loaded(tmp_path, MACHINE + EFFECTS + f"    found: {found}\n")
-    known = [(item.code, ", ".join(item.facts["others"])) for item in searched_warnings(machine)]
-    assert known == ([] if told is None else [("not-separable", told)])
-
-
 # Declared effects beyond what they were found on.
 
 
@@ -179,27 +163,11 @@ def ranges_of(**covariates: FloatArray) -> dict[str, list[float]]:
     return own.ranges(["x", "z", "load", "time_min"])
 
 
-@pytest.mark.parametrize(
-    "values",
-    [
-        [1234567.0, 1234571.0, 1234587.0],
-        [1763770000.0, 1763771234.567, 1763773600.0],
-        [19.8, 22.0, 26.1],
-        [-1 / 3, 0.0, 2 / 3],
-        [1e15, 1e15 + 1, 1e15 + 2],
-        [1e-9 / 3, 0.0, 2e-9],
-        [7.0, 7.0, 7.0],
-        # A range, or a millionth of it, that is no number: its ends are as they are.
-        [0.0, 5e-321, 1e-320],
-        [-1e308, 0.0, 1e308],
-    ],
-)
-def test_what_was_seen_lies_within_its_range(values: list[float]) -> None:
-    """Rounded outward, and by the range: counters and seconds since 1970 have few digits of it."""
-    low, high = ranges_of(load=np.array(values)[:, None])["load"]
-    slack = 2e-6 * (max(values) - min(values))
-    assert min(values) - slack <= low <= min(values)
-    assert max(values) <= high <= max(values) + slack
+def test_ranges_are_those_of_the_measured_cells() -> None:
+    """A column in its smallest shape, positions, and what the equations do not use."""
+    time = np.array([[0.0, 1.0], [2.0, 3.0], [4.0, 99.0]])
+    found = ranges_of(time_min=time, load=np.array([[7.0]]), sequence=np.arange(3.0)[:, None])
+    assert found == {"x": [10.0, 333.3334], "load": [7.0, 7.0], "time_min": [0.0, 4.0]}
 
 
 # The effects block: what close-loop found, added to the equations.

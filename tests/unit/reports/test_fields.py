@@ -1,17 +1,23 @@
-"""One declaration of a figure gives its JSON, CSV and cell."""
+"""One declaration of a figure gives its JSON, CSV and cell; the envelope and the CSV's text."""
 
 from __future__ import annotations
 
 import csv
+import io
 from collections import Counter
 from dataclasses import dataclass
 from math import inf, nan, pi
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from mtu_cli.files.source import Source
+from mtu_cli.files.write import report_bytes
+from mtu_cli.findings import finding
+from mtu_cli.model.settings import Settings
 from mtu_cli.reports.document import (
     REPORTS,
     Document,
@@ -19,35 +25,33 @@ from mtu_cli.reports.document import (
     declared,
     described,
     described_columns,
+    envelope,
 )
-from mtu_cli.reports.fields import (
-    Field,
-    Fields,
-    Group,
-    csv_rows,
-    csv_text,
-    record,
-    rows_of,
-)
+from mtu_cli.reports.fields import Field, Fields, csv_rows, csv_text, declare, record, rows_of
 from mtu_cli.reports.tables import plain_text
 
-INNER: Fields = (Field("value_um", "value", "so", head="inner"), Field("n", "n", csv=""))
-FIELDS: Fields = (
-    Field("id", "id", head="name", show="text", mark=lambda item: "*" if item.flag else ""),
-    Field("error_um", "error", head="error", u="u"),
-    Field("variance_um2", lambda item: item.u**2),
-    Field("ends.interval_arcsec", "ends", csv="ends_arcsec", show="interval", head="95 %", u="u"),
-    Group("part", INNER),
-    Group("members", INNER, many=True),
-    Field("p", "p", show="p", head="p", detail=True),
+FIELDS: Fields = declare(
+    """
+    id | | its name | name, text, mark=star()
+    error_um | error | its error | error, u=u
+    variance_um2 | squared(u) | u squared
+    ends.interval_arcsec | ends | where it lies | 95 %, interval, csv=ends_arcsec, u=u
+    part. | | |
+        value_um | value | so | inner
+        n | | | -, json
+    members.{} | | |
+        value_um | value | so
+    p | | of the test | p, p, detail
+    """,
+    star=lambda item: "*" if item.flag else "",
+    squared=lambda u: u**2,
 )
 
 
 def item(**changed: Any) -> Any:
     given = {
         "id": "a", "flag": True, "error": 0.00123, "u": 0.0005, "ends": (-pi / 648000, pi / 648000),
-        "part": SimpleNamespace(value=0.002, n=3),
-        "members": {"m": SimpleNamespace(value=nan, n=1)},
+        "part": SimpleNamespace(value=0.002, n=3), "members": {"m": SimpleNamespace(value=nan)},
         "p": 0.04,
     }  # fmt: skip
     return SimpleNamespace(**(given | changed))
@@ -60,20 +64,12 @@ def test_the_name_states_the_unit_and_dots_nest() -> None:
         "variance_um2": pytest.approx(0.25),
         "ends": {"interval_arcsec": [pytest.approx(-1), pytest.approx(1)]},
         "part": {"value_um": pytest.approx(2), "n": 3},
-        "members": {"m": {"value_um": None, "n": 1}},
+        "members": {"m": {"value_um": None}},
         "p": 0.04,
     }
-    nothing = record(FIELDS, item(part=None, error=inf, ends=None, members=[]))
-    assert (nothing["part"], nothing["error_um"], nothing["members"]) == (None, None, [])
+    nothing = record(FIELDS, item(part=None, error=inf, ends=(0.0, inf), members={}))
+    assert (nothing["part"], nothing["error_um"], nothing["members"]) == (None, None, {})
     assert nothing["ends"] == {"interval_arcsec": None}
-
-
-def test_an_open_interval_is_null_and_its_columns_may_be_named() -> None:
-    field = Field("limits_um", "ends", csv="limit_{}95_um", show="interval")
-    header, rows = csv_rows([field], [item(ends=(0.0, inf)), item(ends=(0.0, 0.001))])
-    assert header == ["limit_low95_um", "limit_high95_um"]
-    assert list(rows) == [[None, None], [0.0, 1.0]]
-    assert field.json(item(ends=(0.0, inf))) is None
 
 
 def test_csv_has_the_same_figures_side_by_side() -> None:
@@ -86,6 +82,17 @@ def test_csv_has_the_same_figures_side_by_side() -> None:
     ]  # fmt: skip
     assert float(first["ends_high_arcsec"]) == pytest.approx(1)
     assert (second["id"], second["part_value_um"], second["ends_low_arcsec"]) == ("b, c", "", "")
+    named = Field("limits_um", "ends", csv="limit_{}95_um", show="interval")
+    assert named.columns == ("limit_low95_um", "limit_high95_um")
+
+
+def test_csv_text_keeps_every_digit() -> None:
+    value = 0.1 + 0.2
+    text = csv_text(["a", "b,c", "d"], [[np.float64(value), 'say "x"', None], [nan, True, 3]])
+    assert text.endswith("\n")
+    assert "\r" not in text
+    rows = list(csv.reader(io.StringIO(text)))
+    assert rows == [["a", "b,c", "d"], [repr(value), 'say "x"', ""], ["", "true", "3"]]
 
 
 def test_a_table_rounds_to_u_and_leaves_out_what_is_empty() -> None:
@@ -93,8 +100,7 @@ def test_a_table_rounds_to_u_and_leaves_out_what_is_empty() -> None:
     table = Table(title="t", fields=FIELDS, items=items, footer="one line", notes=["more"])
     sheet = table.sheet(2, detail=False)
     assert [column.title for column in sheet.columns] == ["name\n", "error\num", "95 %\narcsec"]
-    assert sheet.rows[0][:2] == ("a*", "1.23")
-    assert sheet.rows[1][:2] == ("b", "-")
+    assert [row[:2] for row in sheet.rows] == [("a*", "1.23"), ("b", "-")]
     assert sheet.notes == ["one line"]
     full = table.sheet(2, detail=True)
     assert full.columns[-1].title == "p\n"
@@ -110,14 +116,10 @@ def test_millimetres_have_decimals_where_any_has() -> None:
 
 def test_what_needs_detail_is_not_shown_without_it() -> None:
     tables = [Table(title=t, fields=FIELDS, items=[item()], detail=t == "B") for t in "AB"]
-    given: dict[str, Any] = {
-        "title": "t", "results": (FIELDS, item()), "tables": tables, "verdict": "It is so.",
-        "figure": lambda: None,
-    }  # fmt: skip
-    short, long = (plain_text(Document(**given).shown(detail=detail)) for detail in (False, True))
+    document = Document("t", (FIELDS, item()), tables, None, verdict="It is so.")
+    short, long = (plain_text(document.shown(detail=detail)) for detail in (False, True))
     assert short.startswith("It is so.\nA\n")
-    assert "B\n" not in short
-    assert "B\n" in long
+    assert ("B\n" in short, "B\n" in long) == (False, True)
 
 
 @dataclass
@@ -141,3 +143,31 @@ def test_every_figure_is_declared_once_and_explained(name: str) -> None:
     for known in (list(described(results)), list(described_columns(row))):
         assert [path for path, meaning in known if not meaning] == []
         assert [path for path, n in Counter(path for path, _ in known).items() if n > 1] == []
+
+
+def test_envelope_has_the_contract_fields_and_each_warning_once() -> None:
+    path = Path("/secret/machine.yaml")
+    source = Source(role="machine", path=path, shown="machine.yaml", sha256="ab")
+    warning = finding("unrelated", output="C.x", names=["a"], file="a.csv", row=3)
+    document = envelope(
+        "lengths",
+        inputs=[source],
+        settings=Settings(trials=None, seed=3),
+        results={"lengths": []},
+        warnings=[warning, warning],
+        at={"dir_x": 1},
+    )
+    assert list(document) == ["schema", "tool", "inputs", "settings", "results", "warnings"]
+    assert document["schema"] == "mtu/lengths/1"
+    (given,), (listed,) = document["inputs"], document["warnings"]
+    assert given == {"role": "machine", "path": "machine.yaml", "sha256": "ab", "rows": None}
+    assert document["settings"] == {
+        "coverage_factor": 2.0, "seed": 3, "correlation": "shared", "digits": 2, "trials": None,
+        "at": {"dir_x": 1.0},
+    }  # fmt: skip
+    assert listed == {
+        "code": "unrelated", "severity": "warning", "file": "a.csv", "row": 3,
+        "message": "a.csv, row 3: C.x does not depend on a",
+        "facts": {"output": "C.x", "names": ["a"]},
+    }  # fmt: skip
+    assert b"secret" not in report_bytes(document)

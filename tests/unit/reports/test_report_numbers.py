@@ -48,26 +48,12 @@ def test_rounding_is_within_half_a_digit_of_u(value: float, u: float, digits: in
     assert not (float(first) == 0 and first.startswith("-"))
 
 
-@pytest.mark.parametrize(
-    ("p", "shown"),
-    [
-        (0.0214, "0.021"), (0.0004, "<0.001"), (0.0, "<0.001"), (0.09961, "0.10"), (1.0, "1.00"),
-        (None, "-"), (nan, "-"),
-    ],
-)  # fmt: skip
-def test_p_values(p: float | None, shown: str) -> None:
-    assert numbers.p_value(p) == shown
-
-
-@pytest.mark.parametrize(
-    ("p", "shown"),
-    [
-        (0.9973, "99.73"), (0.512, "51.2"), (0.004, "0.40"), (1.0, ">99.99"), (1 - 1e-9, ">99.99"),
-        (1e-9, "<0.01"), (nan, "-"),
-    ],
-)  # fmt: skip
-def test_percent_never_claims_certainty(p: float, shown: str) -> None:
-    assert numbers.percent(p) == shown
+def test_p_values_and_percents_never_claim_certainty() -> None:
+    shown = {0.0214: "0.021", 0.0: "<0.001", 0.09961: "0.10", 1.0: "1.00", None: "-"}
+    assert {p: numbers.p_value(p) for p in shown} == shown
+    shown = {0.9973: "99.73", 0.512: "51.2", 0.004: "0.40", 1.0: ">99.99", 1e-9: "<0.01"}
+    assert {p: numbers.percent(p) for p in shown} == shown
+    assert numbers.percent(nan) == numbers.p_value(nan) == "-"
 
 
 @pytest.mark.parametrize(
@@ -88,11 +74,7 @@ def test_intervals_and_degrees_of_freedom() -> None:
     assert numbers.plus_minus(-0.34, None) == "-0.34"
     shown = [numbers.degrees_of_freedom(dof) for dof in (4.05, 9.0, 123.4, 3e8, inf)]
     assert shown == ["4.0", "9", "123", ">999", "inf"]
-
-
-def test_a_range_of_one_value_is_one_number() -> None:
-    assert numbers.span("0.58", "2.6") == "0.58 to 2.6"
-    assert numbers.span("2.0", "2.0") == "2.0"
+    assert (numbers.span("0.58", "2.6"), numbers.span("2.0", "2.0")) == ("0.58 to 2.6", "2.0")
 
 
 def test_significant_digits() -> None:

@@ -6,8 +6,6 @@ import io
 import re
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from rich.console import Console
 
 from mtu_cli.reports.fields import Field
@@ -19,21 +17,6 @@ def shown_at(sheet: Sheet, width: int) -> str:
     out = io.StringIO()
     Console(file=out, force_terminal=True, width=width).print(sheet, crop=False)
     return re.sub(r"\x1b\[[0-9;]*m", "", out.getvalue())
-
-
-def sheet(widths: list[int]) -> Sheet:
-    """Names of eight letters and numbers of these widths."""
-    columns = [Field("", "", head="name\n", show="text")]
-    columns += [Field("", "", head="n\n") for _ in widths]
-    return Sheet(title="t", columns=columns, rows=[["n" * 8, *("1" * w for w in widths)]])
-
-
-@settings(deadline=None)
-@given(st.lists(st.integers(1, 120), min_size=1, max_size=12), st.integers(1, 120))
-def test_no_column_is_lost(widths: list[int], width: int) -> None:
-    shown = shown_at(sheet(widths), width)
-    found = [word for word in shown.split() if set(word) == {"1"}]
-    assert [len(word) for word in found] == widths
 
 
 SHEET = Sheet(
