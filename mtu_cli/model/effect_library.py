@@ -348,7 +348,13 @@ class BoundTemplate:
 
 def bound(family: Family, template: Template, binding: Binding, data: TableData) -> BoundTemplate:
     """Raises NoMember where the data has none: no such axis or column, or no finite values."""
-    found = list(_equations(template, binding, data.table.axes))
+    axes, search = data.table.axes, template.search
+    found: list[tuple[int, Node, Binding]] = []
+    for key, tree in template.trees.items():
+        for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
+            if axis not in axes:
+                raise NoMember
+            found.append((axes.index(axis), tree, {**binding, "each": axis}))
     columns = {_column(raw, own, data) for _, _, own in found for raw in template.columns}
     wanted = columns | {_column(raw, binding, data) for raw in family.needs}
     for name in sorted(wanted):
@@ -369,9 +375,17 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
     units = {}
     for raw, unit in template.units.items():
         own_unit = re.sub("^um", "arcsec", unit) if data.table.unit == "arcsec" else unit
-        for axis in data.table.axes if "{each}" in raw else ("",):
+        for axis in axes if "{each}" in raw else ("",):
             units[str(meant(raw, {**binding, "each": axis}))] = own_unit
-    levers = {axis: linear_form(tree, units).coefficients for axis, tree in equations.items()}
+    grid = None
+    if search is not None:
+        along = search.of and _column(search.of, binding, data)
+        if along:
+            check_column(along, data)
+        size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
+        grid = grid_of(search, data.values[along] if along else None, size)
+        if not len(grid):
+            raise NoMember(f"too few values of {along} to search {template.searched}")
     used = sorted(wanted - {*AXES})
     goes_with = [binding[mark] for mark in COLUMN_MARKS if mark in binding]
     whole = BoundTemplate(
@@ -380,26 +394,15 @@ def bound(family: Family, template: Template, binding: Binding, data: TableData)
         data=data,
         parameters=units,
         equations=equations,
-        levers=levers,
+        levers={axis: linear_form(tree, units).coefficients for axis, tree in equations.items()},
         used=tuple(used),
         covariate=next(iter([*goes_with, *used]), None),
-        grid=_grid(template, binding, columns, data),
+        grid=grid,
     )
-    whole.columns(whole.grid)
-    if whole.grid is not None:
+    whole.columns(grid)
+    if grid is not None:
         whole.change_unit()
     return whole
-
-
-def _equations(
-    template: Template, binding: Binding, axes: Sequence[str]
-) -> Iterator[tuple[int, Node, Binding]]:
-    """Axis, tree and binding of each equation."""
-    for key, tree in template.trees.items():
-        for axis in axes if "{each}" in key else (filled(key, binding)[1:],):
-            if axis not in axes:
-                raise NoMember
-            yield axes.index(axis), tree, {**binding, "each": axis}
 
 
 def _column(raw: str, binding: Binding, data: TableData) -> str:
@@ -411,22 +414,6 @@ def _column(raw: str, binding: Binding, data: TableData) -> str:
     if table.component is not None and name == f"dir_{table.axes[0]}":
         return next((own for own in table.covariates if own.startswith("dir_")), name)
     return name
-
-
-def _grid(
-    template: Template, binding: Binding, columns: Collection[str], data: TableData
-) -> FloatArray | None:
-    """The values of what is searched, None where nothing is. Raises NoMember without any."""
-    if template.search is None:
-        return None
-    along = template.search.of and _column(template.search.of, binding, data)
-    if along:
-        check_column(along, data)
-    size = math.prod(np.broadcast_shapes(*(data.values[name].shape for name in columns)))
-    grid = grid_of(template.search, data.values[along] if along else None, size)
-    if not len(grid):
-        raise NoMember(f"too few values of {along} to search {template.searched}")
-    return grid
 
 
 # Candidates.
