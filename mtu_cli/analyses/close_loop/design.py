@@ -333,17 +333,18 @@ def _distinct(placed: list[Member]) -> list[Member]:
     single = np.ones(len(placed), bool)
     for k in np.unique(widths):
         group = np.flatnonzero(widths == k)
-        bases = np.zeros((len(group), k, len(used)))
+        # Thousands of them are compared, and single precision tells the same from others.
+        bases = np.zeros((len(group), k, len(used)), np.float32)
         for basis, i in zip(bases, group, strict=True):
             basis[:, np.searchsorted(used, placed[i].at)] = placed[i].basis
         rows = bases.reshape(-1, len(used))
         products = (rows @ rows.T).reshape(len(group), k, len(group), k)
+        squares = np.einsum("gkhl,gkhl->gh", products, products)
         for n, i in enumerate(group):
-            own, earlier = products[:n, :, n], single[group[:n]]
             least = STEP_RAD / 2 if placed[i].around else SAME_RAD
             # The least cosine of all is at most their root mean square.
-            near = earlier & (np.einsum("gkl,gkl->g", own, own) > k * np.cos(least) ** 2)
-            single[i] = not near.any() or _angles(own[near]).min() >= least
+            near = single[group[:n]] & (squares[:n, n] > k * np.cos(least) ** 2)
+            single[i] = not near.any() or _angles(products[:n, :, n][near]).min() >= least
     return [item for item, alone in zip(placed, single, strict=True) if alone]
 
 
