@@ -112,7 +112,7 @@ class Inputs:
             kind=KIND_OF[role],
             component=component,
             unit=unit or of_machine,
-            assumed=unit is None,
+            whose_unit="the unit given" if unit else "the component's unit",
             decimal=stated.decimal if stated else None,
             directions=stated.directions if stated else None,
             profile=profile,

@@ -92,13 +92,14 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
     """Histogram of the trials of every angle, its interval, and the first-order curve."""
     shown = []
     for item in result.angles[:ANGLES]:
-        run, first = item.run, item.first_order
+        run, model = item.run, item.model
+        first = model.linear_mean[0] / ARCSEC, model.linear_u[0, 0] / ARCSEC, model.dof[0]
         mean, u = with_u(run.mean[0] / ARCSEC, item.scale / ARCSEC)[0], run.u[0] / ARCSEC
         shown.append(
             Trials(
                 run.samples[0] / ARCSEC,
                 (float(run.low[0] / ARCSEC), float(run.high[0] / ARCSEC)),
-                (first.mean / ARCSEC, first.u / ARCSEC, first.dof),
+                first,
                 f"{cut(item.id, NAME)}: mean {mean}, u {significant(u)} arcsec",
                 "angle minus 90 degrees, arcsec",
             )
