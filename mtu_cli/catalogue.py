@@ -218,13 +218,9 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Comparison and correction.
     "not-tested": _warning("{what} not tested ({items}): {reason}"),
-    "covariate-averaged": _warning(
-        "{names} differs between parts: the modelled effect of this difference was subtracted from "
-        "the measured parts"
-    ),
     "no-thermal-component": _warning(
         "the points are off the reference of {reference:.4g} degC ({sensor} reads {reading:.4g} "
-        "degC{others}), but the model has no thermal component"
+        "degC), but the model has no thermal component"
     ),
     "outside-measured-range": _warning(
         "{what} is outside the measured range of {names}, {low:g} to {high:g} {unit}: extrapolated"
@@ -275,7 +271,7 @@ CATALOGUE: dict[str, Kind] = {
         "(ISO 14253-1)"
     ),
     # Thermal models.
-    "no-effect-of-temperature": _warning("{component}: no {what} in the model: {reason}"),
+    "no-effect-of-temperature": _warning("{component}: no sensor in the model: {reason}"),
     "order-of-cycles": _warning("{component}: {reason}"),
     "not-held-out": _warning(
         "{component}: {cycles}: no cycle can be held out, and the rms of the fit says little of "

@@ -5,8 +5,7 @@ from __future__ import annotations
 import textwrap
 from pathlib import Path
 
-from mtu_cli.analyses.budget import BudgetResult, evaluate_budget
-from mtu_cli.analyses.budget.result import OutputBudget
+from mtu_cli.analyses.budget import BudgetResult, OutputBudget, evaluate_budget
 from mtu_cli.files.budget import LoadedBudget, load_budget
 from mtu_cli.files.source import Source
 from mtu_cli.files.yaml_file import parse_yaml

@@ -115,5 +115,5 @@ def rings(count: int, warm: float = 1.5) -> tuple[Floats, Floats, Floats]:
 
 
 def codes(result: CorrectResult) -> list[str]:
-    """The codes of the warnings of the input."""
-    return [item.code for item in result.notes]
+    """The codes of its warnings."""
+    return [item.code for item in result.warnings]

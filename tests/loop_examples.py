@@ -11,7 +11,6 @@ from effect_tables import table as points_table
 
 from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
 from mtu_cli.analyses.close_loop.experiment import Experiment
-from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.result import (
     WORST,
     CloseLoopResult,
@@ -21,7 +20,7 @@ from mtu_cli.analyses.close_loop.result import (
     TableResult,
 )
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect
-from mtu_cli.model.effect_library import effect_library
+from mtu_cli.model.effect_library import Candidate, effect_library
 from mtu_cli.units import PARAMETER_UNITS
 
 FAMILIES = {own.family.family: own.family for own in effect_library().families}

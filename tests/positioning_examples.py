@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.iso230 import Test as Positioning
+from mtu_cli.analyses.iso230 import Axis as Positioning
 from mtu_cli.stats.least_squares import FloatArray
 
 SOURCE = "paulscherrerinstitute/ecmccfg, examples/*/report.md_ISO230.dat and ecmcISO230_2.py"

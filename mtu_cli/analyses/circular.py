@@ -8,9 +8,9 @@ delta = ex cos t + ey sin t.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -66,11 +66,6 @@ class Cause(NamedTuple):
     range: float
     share: float = math.nan
 
-    @property
-    def meaning(self) -> str:
-        """What it is."""
-        return MEANING[self.name]
-
 
 class TraceFigures(NamedTuple):
     """The figures of one trace, mm: `G_lsc` about its least-squares circle with this centre; F
@@ -85,30 +80,20 @@ class TraceFigures(NamedTuple):
     centre_b: float
 
 
-class Stated(NamedTuple):
-    """A feature that a ballbar states itself, in its own unit and with its own sign."""
-
-    file: str
-    feature: str
-    value: float
-    unit: str
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CircularResult:
     """Figures of all traces, the causes, and the remainder of the joint fit, mm; `fitted` is what
-    it says of each trace; `instrument` what the instrument states. Without traces that is all.
+    it says of each trace.
     """
 
     traces: Traces
-    figures: tuple[TraceFigures, ...] = ()
-    G_bidirectional: float = math.nan
-    D: float = math.nan
-    causes: tuple[Cause, ...] = ()
-    remainder_rms: float = math.nan
-    remainder_range: float = math.nan
-    fitted: tuple[FloatArray, ...] = ()
-    instrument: tuple[Stated, ...] = ()
+    figures: tuple[TraceFigures, ...]
+    G_bidirectional: float
+    D: float
+    causes: tuple[Cause, ...]
+    remainder_rms: float
+    remainder_range: float
+    fitted: tuple[FloatArray, ...]
     warnings: tuple[Finding, ...] = ()
 
     def cause(self, name: str) -> Cause:
@@ -235,22 +220,10 @@ def _lagged(left: list[FloatArray], k: int) -> float:
     return float(np.nanmean(products)) if np.isfinite(products).any() else 0.0
 
 
-def diagnose(
-    traces: Traces,
-    pitches: tuple[float, float] | None = None,
-    features: Mapping[str, Mapping[str, Any]] | None = None,
-) -> CircularResult:
+def diagnose(traces: Traces, pitches: tuple[float, float] | None = None) -> CircularResult:
     """The figures of ISO 230-4 and the causes of the deviations; with the `pitches` (mm) of the
-    axes' ball screws or scales their cyclic errors, too; `features` by file, feature: those that
-    the instrument states with `value` and `unit`.
+    axes' ball screws or scales their cyclic errors, too.
     """
-    instrument = tuple(
-        Stated(file, name, each["value"], each["unit"])
-        for file, stated in (features or {}).items()
-        for name, each in stated.items()
-    )
-    if not traces.traces:
-        return CircularResult(traces=traces, instrument=instrument)
     fit, R = joint_fit(traces, pitches), traces.radius
     speed = float(np.mean([trace.feed for trace in traces.traces])) / 60.0
     timed = math.isfinite(speed) and speed > 0
@@ -261,12 +234,11 @@ def diagnose(
     }
     ranges = np.ptp(terms(np.linspace(0, 2 * math.pi, 1441), 1.0), axis=0)
     found = []
-    for i, name in enumerate(TERMS):
+    for name, beta, u, span in zip(TERMS, fit.beta, fit.u, ranges, strict=False):
         unit, factor, size = units.get(name, ("um", 1.0, UM))
-        u = float(fit.u[i])
-        value = float(fit.beta[i]) if u == u else math.nan
-        span = abs(value) * float(ranges[i])
-        found.append(Cause(name, value * factor, u * factor, unit, size, span))
+        value = float(beta) if u == u else math.nan
+        own = abs(value) * float(span)
+        found.append(Cause(name, value * factor, float(u) * factor, unit, size, own))
     for name in REVERSALS:
         value, u = _spike(traces, fit, name)
         found.append(Cause(name, value, u, "um", UM, abs(value)))
@@ -277,26 +249,26 @@ def diagnose(
         found.append(Cause(name, value, u, "um", UM, 2 * value))
     total = float(np.nansum([each.range for each in found]))
     causes = [each._replace(share=each.range / total if total > 0 else math.nan) for each in found]
-    causes.append(_centre(fit, len(traces.traces)))
-    figures = tuple(_figures(trace) for trace in traces.traces)
-    both = len({trace.direction for trace in traces.traces}) > 1
+    # The mean offset of the traces' centres.
+    p, n = len(fit.beta), len(traces.traces)
+    circles = np.eye(p)[len(TERMS) : len(TERMS) + 3 * n].reshape(n, 3, p)
+    offset, u = _length(fit, circles.mean(axis=0)[1:])
+    causes.append(Cause("centre-offset", offset, u, "um", UM, 2 * offset))
+    ways = dict.fromkeys(trace.direction for trace in traces.traces)
+    means = [np.mean([t.deviation.mean() for t in traces.traces if t.direction == way])
+             for way in ways]  # fmt: skip
+    both, left = len(ways) > 1, np.concatenate(fit.left)
     angle = np.concatenate([trace.angle for trace in traces.traces])
     deviation = np.concatenate([trace.deviation for trace in traces.traces])
-    means = [
-        np.mean([t.deviation.mean() for t in traces.traces if t.direction == way])
-        for way in dict.fromkeys(trace.direction for trace in traces.traces)
-    ]
-    left = np.concatenate(fit.left)
     return CircularResult(
         traces=traces,
-        figures=figures,
+        figures=tuple(_figures(trace) for trace in traces.traces),
         G_bidirectional=float(np.ptp(circle_fit(angle, deviation)[1])) if both else math.nan,
         D=float(np.mean(means)) if both else math.nan,
         causes=tuple(causes),
         remainder_rms=float(np.sqrt(np.nanmean(left**2))),
         remainder_range=float(np.nanmax(left) - np.nanmin(left)),
         fitted=tuple(design @ fit.beta for design in fit.designs),
-        instrument=instrument,
         warnings=tuple(_warnings(causes, both, timed)),
     )
 
@@ -323,15 +295,6 @@ def _spike(traces: Traces, fit: Fit, name: str) -> tuple[float, float]:
         return math.nan, math.nan
     g = X.T @ h / total
     return float(h @ e) / total, math.sqrt(variance / total**2 + max(g @ fit.covariance @ g, 0.0))
-
-
-def _centre(fit: Fit, count: int) -> Cause:
-    """The mean offset of the traces' centres."""
-    pick = np.zeros((2, len(fit.beta)))
-    for k in range(count):
-        pick[0, len(TERMS) + 3 * k + 1] = pick[1, len(TERMS) + 3 * k + 2] = 1.0 / count
-    value, u = _length(fit, pick)
-    return Cause("centre-offset", value, u, "um", UM, 2 * value)
 
 
 def _length(fit: Fit, pick: FloatArray) -> tuple[float, float]:

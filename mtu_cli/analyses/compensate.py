@@ -15,6 +15,7 @@ import numpy as np
 from mtu_cli.analyses.iso230 import figures_of
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
+from mtu_cli.model.stated_errors import StatedErrors
 from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray, IntArray
@@ -44,54 +45,44 @@ class Block(NamedTuple):
 class AxisErrors:
     """Errors of one axis at `targets` (T,), mm (of a `rotary` axis deg), in the readings' frame.
 
-    `means` (2, T) forward and reverse, mm or rad; `ways` 1 or 2 directions were measured. `runs`
-    tests stand behind them, none where they are stated and not `read`; `blocks` are lines of passes
-    and scatter about them, `known` (2T, 2T) the covariance of what was stated. `varies`: the F test
-    of backlash over targets; `added` (2, T): what the means have of stated errors. `angle`: the
+    `means` (2, T) forward and reverse, mm or rad, `expected` (2, T) what the axis most likely has;
+    `ways` 1 or 2 directions were measured. `runs` tests stand behind them, none where they are
+    stated and not `read`; `blocks` are lines of passes and scatter about them, `known` (2T, 2T) the
+    covariance of what was stated. `varies`: the F test of backlash over targets. `angle`: the
     errors are angles.
     """
 
     targets: FloatArray
     means: FloatArray
-    ways: int
-    runs: int
+    expected: FloatArray
+    ways: int = 1
+    runs: int = 1
     blocks: tuple[Block, ...] = ()
     known: FloatArray | None = None
     varies: FTest | None = None
-    added: FloatArray | float = 0.0
     angle: bool = False
     rotary: bool = False
     read: bool = True
+
+    def plus(self, own: StatedErrors) -> AxisErrors:
+        """With what a machine file states of another component or effect at the same targets."""
+        known = own.covariance if self.known is None else self.known + own.covariance
+        means, expected = self.means + own.values, self.expected + own.values
+        ways = 2 if own.turns else self.ways
+        return replace(self, means=means, expected=expected, ways=ways, known=known)
 
     @property
     def backlash(self) -> FloatArray | None:
         """Forward minus reverse (T,); None of one direction."""
         return None if self.ways == 1 else np.asarray(self.means[0] - self.means[1])
 
-    @property
-    def own_reversal(self) -> float:
-        """K = max(0, 1 - 1/F), the share of the variance of backlash over targets that is not
-        scatter (James and Stein 1961, "Estimation with quadratic loss"); 1 where no F is known.
-        """
-        F = np.nan if self.varies is None else self.varies.F
-        return max(0.0, 1.0 - 1.0 / F) if np.isfinite(F) and F > 0 else 1.0
-
-    @property
-    def expected(self) -> FloatArray:
-        """The errors (2, T) that the axis most likely has: means whose backlash is drawn to its
-        mean over the targets by 1 - K. The largest backlash of the means would be too large.
-        """
-        measured = self.means - self.added
-        return np.asarray(self.means - (1.0 - self.own_reversal) * reversal_of(measured))
-
     def of_run(self) -> FloatArray:
         """The covariance (2T, 2T) of the readings of one run."""
-        size = 2 * len(self.targets)
-        return sum((b.root @ b.root.T for b in self.blocks), np.zeros((size, size)))
+        return sum((b.root @ b.root.T for b in self.blocks), np.zeros((self.means.size,) * 2))
 
     def of_means(self) -> FloatArray:
         """The covariance (2T, 2T) of the means: the table's own."""
-        own = self.of_run() / self.runs if self.read else np.zeros_like(self.of_run())
+        own = self.of_run() * (1.0 / self.runs if self.read else 0.0)
         return own if self.known is None else own + self.known
 
     def draw(self, trials: int, seed: int) -> FloatArray:
@@ -99,17 +90,24 @@ class AxisErrors:
         with its own degrees of freedom (the scale of the table's error and of the new test's). Of
         `expected` the backlash of a target has K of its variance in `means`.
         """
-        rng, T = stream(seed, 49), len(self.targets)
-        result = np.zeros((trials, 2 * T))
+        rng, size = stream(seed, 49), self.means.size
+        result = np.zeros((trials, size))
         share = np.sqrt((2.0 if self.read else 1.0) / self.runs)
         for root, dof in self.blocks:
             scale = np.ones(trials) if np.isinf(dof) else np.sqrt(dof / rng.chisquare(dof, trials))
             z = rng.standard_normal((trials, root.shape[1]))
             result += share * scale[:, None] * (z @ root.T)
         if self.known is not None:
-            result += rng.standard_normal((trials, 2 * T)) @ covariance_root(self.known).T
-        drawn = result.reshape(trials, 2, T)
-        return drawn - (1.0 - np.sqrt((1.0 + self.own_reversal) / 2)) * reversal_of(drawn)
+            result += rng.standard_normal((trials, size)) @ covariance_root(self.known).T
+        drawn = result.reshape(trials, 2, -1)
+        return drawn - (1.0 - np.sqrt((1.0 + own_reversal(self.varies)) / 2)) * reversal_of(drawn)
+
+
+def own_reversal(varies: FTest | None) -> float:
+    """K = max(0, 1 - 1/F), the share of the variance of backlash over targets that is not scatter
+    (James and Stein 1961, "Estimation with quadratic loss"); 1 where no F is known.
+    """
+    return 1.0 if varies is None or varies.F <= 0 else max(0.0, 1.0 - 1.0 / varies.F)
 
 
 def reversal_of(errors: FloatArray) -> FloatArray:
@@ -127,6 +125,8 @@ def axis_errors(
 ) -> AxisErrors:  # fmt: skip
     """Means by target and direction (`way` +1, -1, 0 unknown) of readings (n,) in runs (n,), and
     their scatter: a line of each pass, jointly in a run, and what is left about the lines.
+    Backlash is expected as its means drawn to their average over targets by 1 - K: the largest of
+    the means themselves would be too large.
     """
     targets, at = np.unique(np.round(position, 6), return_inverse=True)
     T, back = len(targets), (way < 0).astype(int)
@@ -139,14 +139,16 @@ def axis_errors(
         raise error("not-applicable", reason=reason, expected="every target in both directions")
     means = np.bincount(cell, value, minlength=ways * T) / counts
     blocks, runs = _scatter(targets, cell, value - means[cell], run, ways, counts)
-    both = means.reshape(ways, T)
+    varies = _varies(cell, value, run, T) if ways == 2 else None
+    both = means.reshape(ways, T)[[0, -1]]
     return AxisErrors(
         targets=targets,
-        means=both[[0, -1]],
+        means=both,
+        expected=both - (1.0 - own_reversal(varies)) * reversal_of(both),
         ways=ways,
         runs=runs,
         blocks=blocks,
-        varies=_varies(cell, value, run, T) if ways == 2 else None,
+        varies=varies,
         angle=angle,
         rotary=rotary,
     )
@@ -164,9 +166,8 @@ def _scatter(
     if R < 2:
         # Repeats without pass numbers: nothing is known to be shared.
         s = np.sqrt(float(residual @ residual) / rest) if rest > 0 else 0.0
-        return ((Block(np.asarray(s * spread), float(rest)),) if s else ()), max(
-            int(counts.min()), 1
-        )
+        blocks = (Block(np.asarray(s * spread), float(rest)),) if s else ()
+        return blocks, max(int(counts.min()), 1)
     middle, half = targets.mean(), float(np.ptp(targets)) / 2 or 1.0
     line = np.column_stack([np.ones(T), (targets - middle) / half])[:, : min(2, T - 1) or 1]
     X = np.kron(np.eye(ways), line)
@@ -175,12 +176,13 @@ def _scatter(
         rows = run == number
         lines[i] = np.linalg.lstsq(X[cell[rows]], residual[rows], rcond=None)[0]
         left[rows] -= X[cell[rows]] @ lines[i]
-    blocks = [Block(spread @ X @ covariance_root(lines.T @ lines / (R - 1)), float(R - 1))]
+    of_lines = [Block(spread @ X @ covariance_root(lines.T @ lines / (R - 1)), float(R - 1))]
     dof = rest - X.shape[1] * (R - 1)
     if dof > 0:
         s = np.sqrt(float(left @ left) / dof)
-        blocks.append(Block(s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X)), float(dof)))
-    return tuple(blocks), R
+        about = s * spread @ (np.eye(ways * T) - X @ np.linalg.pinv(X))
+        of_lines.append(Block(about, float(dof)))
+    return tuple(of_lines), R
 
 
 def _varies(cell: IntArray, value: FloatArray, run: IntArray, T: int) -> FTest | None:
@@ -189,32 +191,24 @@ def _varies(cell: IntArray, value: FloatArray, run: IntArray, T: int) -> FTest |
     R = len(numbers)
     place = index.reshape(-1) * 2 * T + cell
     counts = np.bincount(place, minlength=2 * T * R)
-    if (counts == 0).any():
+    if (counts == 0).any() or T == 1:
         return None
     means = (np.bincount(place, value, minlength=2 * T * R) / counts).reshape(R, 2, T)
     B = means[:, 0] - means[:, 1]
     rest = B - B.mean(0) - B.mean(1)[:, None] + B.mean()
     df = (T - 1) * (R - 1)
-    between = R * float(np.var(B.mean(0), ddof=1)) if T > 1 else 0.0
-    return f_test(between, float((rest**2).sum()) / df if df else 0.0, T - 1, df)
+    between = R * float(np.var(B.mean(0), ddof=1))
+    return f_test(between, float((rest**2).sum()) / max(df, 1), T - 1, df)
 
 
-class Figures(NamedTuple):
-    """E, B, M and rms of the mean errors, in mm or rad; B is nan of one direction."""
-
-    E: FloatArray
-    B: FloatArray
-    M: FloatArray
-    rms: FloatArray
-
-
-def figures(means: FloatArray, ways: int) -> Figures:
-    """Systematic figures of ISO 230-2 of means (..., 2, T): E = max - min of both directions, B the
-    largest |forward - reverse|, M the range of the mean of both; rms over all of them.
+def figures(means: FloatArray, ways: int) -> dict[str, FloatArray]:
+    """Systematic figures of ISO 230-2 of means (..., 2, T), mm or rad: E = max - min of both
+    directions, B the largest |forward - reverse| (nan of one direction), M the range of the mean of
+    both; rms over all of them.
     """
     of = figures_of(means, np.full_like(means, np.nan))
     B = of["B"] if ways == 2 else np.full(means.shape[:-2], np.nan)
-    return Figures(of["E"], B, of["M"], np.sqrt((means**2).mean((-1, -2))))
+    return {"E": of["E"], "B": B, "M": of["M"], "rms": np.sqrt((means**2).mean((-1, -2)))}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -232,22 +226,21 @@ class Frame:
             f"Positions are machine coordinates: zero of the readings at {self.zero:g}, axis {way}."
         )
 
-    def table(self, errors: AxisErrors, means: FloatArray) -> ErrorTable:
-        """The errors `means` (2, T) in machine coordinates."""
-        at, values = errors.targets + self.zero, means
-        if self.reverse:
-            at, values = self.zero - errors.targets[::-1], -means[::-1, ::-1]
-        both = not np.array_equal(*means)
-        return ErrorTable(
-            at=at, forward=values[0], reverse=values[1], both=both, angle=errors.angle,
-            rotary=errors.rotary,
-        )  # fmt: skip
+    def places(self, positions: FloatArray) -> FloatArray:
+        """Machine coordinates of rising positions of the readings, rising, too."""
+        return self.zero - positions[::-1] if self.reverse else positions + self.zero
+
+    def of_machine(self, places: FloatArray) -> FloatArray:
+        """The readings' positions of rising machine coordinates."""
+        return self.zero - places[::-1] if self.reverse else places - self.zero
+
+    def turned(self, values: FloatArray) -> FloatArray:
+        """Errors (2, n) of the readings' frame in that of the machine, or these in that."""
+        return -values[::-1, ::-1] if self.reverse else values
 
     def applied(self, table: ErrorTable, targets: FloatArray) -> FloatArray:
         """What a table applies (2, T) at targets of the readings."""
-        if not self.reverse:
-            return table.at_places(targets + self.zero)
-        return -table.at_places(self.zero - targets)[::-1]
+        return self.turned(table.at_places(self.places(targets)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -262,10 +255,18 @@ class Wanted:
     frame: Frame = Frame()
     current: ErrorTable | None = None
 
+    @property
+    def places(self) -> FloatArray | None:
+        """Machine positions of its points; None: those of the targets."""
+        if self.positions is None:
+            return None
+        low, high, step = self.positions
+        return np.asarray(low + step * np.arange(round((high - low) / step) + 1))
+
 
 class Move(NamedTuple):
     """A verification move to `command` (mm; deg of a rotary axis) and the errors expected there, mm
-    or rad: without the table, with it, and with the wrong sign.
+    or rad: without the table, with it, and with the wrong sign; `measured` after it.
     """
 
     command: float
@@ -274,6 +275,7 @@ class Move(NamedTuple):
     with_table: float
     wrong_sign: float
     u: float
+    measured: float | None = None
 
 
 class Verified(NamedTuple):
@@ -289,8 +291,9 @@ class Verified(NamedTuple):
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompensateResult:
     """The table of a control. `asked` is its errors before the quantum, `held` as read back from
-    `text`; `applied` (2, T) what it changes at the targets of `errors`. `after` (trials,) each;
-    None where no scatter is known. Of a table that was only read there is no `errors`.
+    `text`; `applied` (2, T) what it changes at the targets of `errors`. `before` and `after`
+    (trials,) are figures by name, None where no scatter is known. Of a table that was only read
+    there is no `errors`.
     """
 
     component: str
@@ -303,8 +306,8 @@ class CompensateResult:
     reference: float | None = None
     errors: AxisErrors | None = None
     applied: FloatArray | None = None
-    before: Figures | None = None
-    after: Figures | None = None
+    before: dict[str, FloatArray] | None = None
+    after: dict[str, FloatArray] | None = None
     moves: tuple[Move, ...] = ()
     verified: Verified | None = None
     warnings: tuple[Finding, ...] = ()
@@ -328,7 +331,7 @@ def compensate(
 
     Raises InputError for a table that the format cannot hold, or that comes back otherwise.
     """
-    two = control.two(parameters)
+    two, frame = control.two(parameters), wanted.frame
     direction = wanted.direction or ("both" if two and errors.ways == 2 else "mean")
     if direction == "both" and not two:
         reason = f"{control.name} has one column for both directions"
@@ -338,7 +341,7 @@ def compensate(
     if reference is None:
         reference = 0.0 if np.any(np.abs(table.at) < SAME_PLACE) else float(table.at[0])
     table = control.zero(table, reference)
-    text = control.text(table, parameters, wanted.frame.says)
+    text = control.text(table, parameters, frame.says)
     held = control.read_back(text, parameters)
     quantum = control.resolution(table, parameters)
     far = np.abs(held.at - table.at).max() if len(held.at) == len(table.at) else np.inf
@@ -346,13 +349,16 @@ def compensate(
     if far > max(quantum, 1e-6) or off > quantum * (0.5 + 1e-6):
         reason = f"read back it is {off:.3g} off what was asked for, more than half of {quantum:g}"
         raise error("not-writable", reason=reason)
-    applied = wanted.frame.applied(held, errors.targets)
+    applied = frame.applied(held, errors.targets)
     if wanted.current is not None:
-        applied = applied - wanted.frame.applied(wanted.current, errors.targets)
-    after = None
+        applied = applied - frame.applied(wanted.current, errors.targets)
+    after, warnings = None, _varying(errors, component)
     if errors.blocks or errors.known is not None:
         drawn = errors.draw(trials or TRIALS, seed)
         after = figures(errors.expected - applied + drawn, errors.ways)
+    else:
+        facts = {"quantity": "figures after compensation", "names": [component]}
+        warnings.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
     return CompensateResult(
         component=component,
         controller=control,
@@ -367,69 +373,71 @@ def compensate(
         before=figures(errors.means, errors.ways),
         after=after,
         moves=_moves(errors, applied),
-        warnings=tuple(_warnings(errors, component, after)),
+        warnings=tuple(warnings),
     )
 
 
 def _asked(errors: AxisErrors, direction: str, wanted: Wanted) -> ErrorTable:
     """The table in machine coordinates, at its targets or at equal steps, with the current one."""
-    frame, current, means = wanted.frame, wanted.current, errors.means
+    frame, current = wanted.frame, wanted.current
+    at, values = frame.places(errors.targets), frame.turned(errors.means)
     if direction == "forward":
-        # Forward of a reversed machine is reverse of the readings.
-        means = means[[1, 1] if frame.reverse else [0, 0]]
+        values = values[[0, 0]]
     elif direction == "mean":
-        means = np.tile(means.mean(0), (2, 1))
-    table = frame.table(errors, means)
-    at = table.at
+        values = np.tile(values.mean(0), (2, 1))
+    table = ErrorTable(at=at, errors=values, angle=errors.angle, rotary=errors.rotary)
     if current is not None:
         inside = (current.at > at[0]) & (current.at < at[-1])
         at = np.unique(np.round(np.concatenate([at, current.at[inside]]), 6))
-    if wanted.positions is not None:
-        low, high, step = wanted.positions
-        at = np.asarray(low + step * np.arange(round((high - low) / step) + 1))
-        if at[0] < table.at[0] - SAME_PLACE or at[-1] > table.at[-1] + SAME_PLACE:
+    if (places := wanted.places) is not None:
+        ends = table.at[[0, -1]]
+        at = places
+        if at[0] < ends[0] - SAME_PLACE or at[-1] > ends[1] + SAME_PLACE:
             place = {"path": "--from, --to", "value": f"{at[0]:g} to {at[-1]:g} mm"}
-            expected = f"within the targets, {table.at[0]:g} to {table.at[-1]:g} mm of the machine"
+            expected = f"within the targets, {ends[0]:g} to {ends[1]:g} mm of the machine"
             raise error("out-of-range", **place, expected=expected)
-    values, both = table.at_places(at), table.both
+    values = table.at_places(at)
     if current is not None:
-        values, both = values + current.at_places(at), both or current.both
-    return replace(table, at=at, forward=values[0], reverse=values[1], both=both)
+        values = values + current.at_places(at)
+    return replace(table, at=at, errors=values, both=not np.array_equal(*values))
 
 
-def _moves(errors: AxisErrors, applied: FloatArray) -> tuple[Move, ...]:
-    """Moves to targets over the whole length, and to those of the largest and least change."""
+def _moves(
+    errors: AxisErrors, applied: FloatArray, measured: FloatArray | None = None
+) -> tuple[Move, ...]:
+    """Moves to targets over the whole length, and to those of the largest and least change; or to
+    all that were `measured` (2, T), nan elsewhere.
+    """
     T = len(errors.targets)
     chosen = set(np.linspace(0, T - 1, min(T, MOST_MOVES - 2)).round().astype(int).tolist())
     chosen |= {int(applied.mean(0).argmax()), int(applied.mean(0).argmin())}
     u = np.sqrt(np.diag(errors.of_run() + errors.of_means())).reshape(2, T)
     result = []
     for way, name in enumerate(WAYS[: errors.ways]):
-        for t in sorted(chosen, reverse=way == 1):
+        own = chosen if measured is None else np.flatnonzero(np.isfinite(measured[way])).tolist()
+        for t in sorted(own, reverse=way == 1):
             e, change = float(errors.means[way, t]), float(applied[way, t])
+            seen = None if measured is None else float(measured[way, t])
             place = float(errors.targets[t])
-            result.append(Move(place, name, e, e - change, e + change, float(u[way, t])))
+            result.append(Move(place, name, e, e - change, e + change, float(u[way, t]), seen))
     return tuple(result)
 
 
-def _warnings(errors: AxisErrors, component: str, after: Figures | None) -> list[Finding]:
-    result = []
+def _varying(errors: AxisErrors, component: str) -> list[Finding]:
+    """A warning where backlash varies along the travel: one value would over-correct."""
     B, test = errors.backlash, errors.varies
-    if B is not None and test is not None and not errors.angle:
-        spread = float(np.ptp(B))
-        if spread > VARIES_SHARE * abs(float(B.mean())) and test.p < VARIES_P:
-            facts = {"component": component, "p": test.p, "range_um": spread / UM}
-            result.append(finding("backlash-varies", **facts, mean_um=float(B.mean()) / UM))
-    if after is None:
-        facts = {"quantity": "figures after compensation", "names": [component]}
-        result.append(finding("not-estimable", **facts, reason="one run shows no scatter"))
-    return result
+    if B is None or test is None or errors.angle or test.p >= VARIES_P:
+        return []
+    if np.ptp(B) <= VARIES_SHARE * abs(B.mean()):
+        return []
+    facts = {"component": component, "p": test.p, "range_um": float(np.ptp(B)) / UM}
+    return [finding("backlash-varies", **facts, mean_um=float(B.mean()) / UM)]
 
 
 def verify(
     result: CompensateResult, position: FloatArray, way: IntArray, value: FloatArray, run: IntArray
-) -> Verified:
-    """The verdict of readings (n,) of the verification moves: reading = e - t + k t + offset.
+) -> CompensateResult:
+    """With the verdict of readings (n,) of the verification moves: reading = e - t + k t + offset.
 
     k by generalised least squares, b = (X' V^-1 X)^-1 X' V^-1 y with covariance (X' V^-1 X)^-1
     (Aitken 1935; Seber and Lee 2003, Linear Regression Analysis, 3.10). 0: the table worked, 1: no
@@ -451,7 +459,8 @@ def verify(
         raise error("not-applicable", reason=where, expected=expected)
     index = ((way < 0).astype(int) if errors.ways == 2 else 0) * len(errors.targets) + at
     t, e = applied.reshape(-1)[index], errors.means.reshape(-1)[index]
-    if len(np.unique(index)) < 3 or len(t) < 4 or np.ptp(t) == 0:
+    own = np.unique(index)
+    if len(own) < 3 or len(t) < 4 or np.ptp(t) == 0:
         what = "a verdict needs four readings, at three places where the table differs"
         raise error("too-little-data", what=what)
     n, y, X = len(t), value - e + t, np.column_stack([t, np.ones(len(t))])
@@ -467,24 +476,27 @@ def verify(
     weighted = np.linalg.solve(V, X)
     C = np.linalg.inv(X.T @ weighted)
     # Level aside: an offset is free.
-    own = np.unique(index)
     M = np.eye(len(own)) - 1.0 / len(own)
     noise = float(np.trace(M @ errors.of_means()[np.ix_(own, own)] @ M))
     share = min(1.0, noise / float(applied.reshape(-1)[own] @ M @ applied.reshape(-1)[own]))
     k, u = float((C @ (weighted.T @ y))[0]), float(np.hypot(np.sqrt(C[0, 0]), share))
     dof = min((b.dof for b in errors.blocks), default=float(n - 2))
+    measured = np.full(applied.size, np.nan)
+    measured[own] = np.bincount(index, value)[own] / np.bincount(index)[own]
+    moves = _moves(errors, applied, measured.reshape(2, -1))
+    return replace(result, moves=moves, verified=_verdict(k, u, dof))
+
+
+def _verdict(k: float, u: float, dof: float) -> Verified:
+    """What the 95 % interval of k holds of 0, 1 and 2, and p of the nearest, two-sided."""
+    from scipy.special import ndtr, stdtr
+
     half = coverage_factor(0.95, dof) * u
     inside = [name for slope, name in VERDICTS.items() if abs(k - slope) <= half]
     verdict = inside[0] if len(inside) == 1 else "too-small-to-tell" if inside else "partly"
-    return Verified(verdict, k, u, (k - half, k + half), _p(k, u, dof))
-
-
-def _p(k: float, u: float, dof: float) -> float:
-    """Of the nearest of the three slopes, two-sided."""
-    from scipy.special import ndtr, stdtr
-
     t = -min(abs(k - slope) for slope in VERDICTS) / u
-    return float(2 * (ndtr(t) if np.isinf(dof) else stdtr(dof, t)))
+    p = float(2 * (ndtr(t) if np.isinf(dof) else stdtr(dof, t)))
+    return Verified(verdict, k, u, (k - half, k + half), p)
 
 
 def moves_program(

@@ -2,80 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from mtu_cli.findings import Finding, counted, finding
 from mtu_cli.model.basis import Powers
 from mtu_cli.model.estimates import ComponentEstimate, Estimates, JointPasses
-from mtu_cli.model.estimation import ComponentFit, InstrumentFit
+from mtu_cli.model.estimation import InstrumentFit
 from mtu_cli.model.fit import MachineFit
 from mtu_cli.stats.covariance import positive_part
-from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.pass_tests import MAX_POSITIONS, FTest, Shift, by_runs
 from mtu_cli.units import Unit
 
 NOTHING = 1e-9
 """Share of the figures beside it below which a scatter is the rounding of their sums."""
-Flags = Mapping[str, set[tuple[str, str]]]
-"""By test the (component, role) that are significant among all of their kind."""
-TESTS: dict[str, Callable[[InstrumentFit], FTest | Shift | None]] = {
-    "drift": lambda item: item.scatter,
-    "trend": lambda item: item.trend,
-    "lack_of_fit": lambda item: item.lack_of_fit,
-    "reversal": lambda item: item.reversal,
-}
 
 
 class Tested(NamedTuple):
-    """A test: F or the size of a shift as `value` with its `u` (None of F), p, degrees of
-    freedom; `significant` among all components (Bonferroni). `unit` is that of the component.
-    """
+    """A test that was made in a component's `unit`; `significant` among all components."""
 
-    value: float
-    u: float | None
-    p: float
-    dof: int | tuple[int, int]
+    made: FTest | Shift
     significant: bool
     unit: Unit
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """What a line of the table states: of a component, or of one instrument that read it.
+    """What a line of the table states: of one instrument's readings of a component.
 
-    `coefficients` with their `covariance`; `scatter` are s_repeat and s_pass, each only where the
-    readings separate it from the other, and s_pass at the component's `pass_center`.
+    `scatter` are s_repeat and s_pass, each only where the readings separate it from the other, and
+    s_pass at the component's `pass_center`; `s` and `dof` are of all readings as repeats.
     """
 
     label: str
     of: str | None
     unit: Unit
-    source: str
+    source: str = "readings"
     coefficients: FloatArray
     covariance: FloatArray
-    passes_read: int | None
-    runs_read: int | None
-    n: int | None
-    dof: int | None
+    passes_read: int | None = None
+    runs_read: int | None = None
+    n: int | None = None
+    dof: int | None = None
     s_repeat: float
     scatter: tuple[float | None, float | None]
-    tests: Mapping[str, Tested]
-    r2: float | None
+    tests: Mapping[str, Tested] = field(default_factory=dict)
+    r2: float | None = None
+    role: str = ""
+    n_passes: int | None = None
+    s: float | None = None
     agreement_p: float | None = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class Instrument(Line):
-    """One instrument's readings of a component; `s` and `dof` of all readings as repeats."""
-
-    role: str
-    n_passes: int | None
-    s: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +77,7 @@ class Component(Line):
     pass_covariance_moment: FloatArray
     half_differences: FloatArray | None
     run_covariance: FloatArray | None
-    instruments: tuple[Instrument, ...]
+    instruments: tuple[Line, ...]
 
 
 class SharedPasses(NamedTuple):
@@ -132,18 +112,14 @@ def fit_result(
     coverage_factor: float = 2.0,
 ) -> FitResult:
     """The figures of a fit; `estimates` holds the components of the machine file too."""
-    items = [(x.name, item) for x in fit.components.values() for item in x.instruments]
-    flags = {}
-    for key, test in TESTS.items():
-        made = {f"{name}\n{item.role}": test(item) for name, item in items}
-        found = significant({pair: each.p for pair, each in made.items() if each is not None})
-        flags[key] = {(name, role) for name, _, role in (pair.partition("\n") for pair in found)}
     undetermined = tuple(observability(fit, estimates))
-    warnings = not_estimable(undetermined)
+    grouped: dict[tuple[str, str], list[str]] = {}
+    for item in undetermined:
+        # Components of a group stay together.
+        shown = item.component.replace(", ", " + ")
+        grouped.setdefault((item.not_determined, item.because), []).append(shown)
     if several := [name for name, x in fit.components.items() if len(x.instruments) > 1]:
-        reason = "several instruments: see `instruments`"
-        given = {"names": several, "reason": reason}
-        warnings.append(finding("not-estimable", quantity="dof and r2", **given))
+        grouped["dof and r2", "several instruments: see `instruments`"] = several
     shared = []
     for group in estimates.joint:
         units = [estimates.components[name].unit.to_internal for name in group.components]
@@ -154,49 +130,55 @@ def fit_result(
         fit=fit,
         estimates=estimates,
         components={
-            name: _component(estimate, fit.components.get(name), (says or {}).get(name), flags)
+            name: _component(estimate, fit, (says or {}).get(name))
             for name, estimate in estimates.components.items()
         },
         joint=tuple(shared),
         observability=undetermined,
         coverage_factor=coverage_factor,
-        warnings=tuple(warnings),
+        warnings=tuple(
+            finding("not-estimable", quantity=quantity, names=names, reason=reason)
+            for (quantity, reason), names in grouped.items()
+        ),
     )
 
 
-def _component(
-    estimate: ComponentEstimate, fit: ComponentFit | None, says: str | None, flags: Flags
-) -> Component:
+def _component(estimate: ComponentEstimate, machine: MachineFit, says: str | None) -> Component:
+    fit = machine.components.get(estimate.name)
     items = () if fit is None else fit.instruments
-    one = items[0] if len(items) == 1 else None
     centre = float(np.concatenate([item.position for item in items]).mean()) if items else 0.0
     T = estimate.shape.at_centre(centre)
     moment, halves = T @ estimate.pass_covariance @ T.T, _turned(estimate.half_differences, T)
     D = moment if np.linalg.eigvalsh(moment)[0] >= 0 else positive_part(moment)
-    if one is not None:
+    if len(items) == 1:
         # Where some pass has one position only the level varies from pass to pass, not the slope.
-        centre, P = float(one.fit.center), np.eye(min(2, len(T[0])), len(one.fit.D))
-        D, moment = P @ one.fit.D @ P.T, P @ one.fit.D_moment @ P.T
-        halves = _turned(one.fit.half_differences, P)
-    counts = [len(item.keys_read) for item in items]
-    runs = sum(_runs(item) or 0 for item in items)
-    s_pass, level = float(np.sqrt(D[0, 0])), float(estimate.coefficients[0])
+        own = items[0].fit
+        centre, P = float(own.center), np.eye(min(2, len(T[0])), len(own.D))
+        D, moment = P @ own.D @ P.T, P @ own.D_moment @ P.T
+        halves = _turned(own.half_differences, P)
+    lines = tuple(_line(estimate, item, centre, machine) for item in items)
+    passes = [each.passes_read for each in lines]
+    known: dict[str, Any] = {
+        "source": "readings" if items else "machine file",
+        "passes_read": sum(filter(None, passes)) if passes and all(passes) else None,
+        "runs_read": sum(each.runs_read or 0 for each in lines) or None,
+        "n": sum(len(item.error) for item in items) or None,
+        "agreement_p": None if fit is None else fit.agreement_p,
+    }
+    if len(lines) == 1:
+        known = {**vars(lines[0])}
+    level, s_pass = float(estimate.coefficients[0]), float(np.sqrt(D[0, 0]))
+    known |= {
+        "label": estimate.name,
+        "of": estimate.of,
+        "unit": estimate.unit,
+        "coefficients": estimate.coefficients,
+        "covariance": estimate.covariance,
+        "s_repeat": estimate.s_repeat,
+        "scatter": _scatter(estimate.s_repeat, s_pass, level, items),
+    }
     return Component(
-        label=estimate.name,
-        of=estimate.of,
-        unit=estimate.unit,
-        source="machine file" if fit is None else "readings",
-        coefficients=estimate.coefficients,
-        covariance=estimate.covariance,
-        passes_read=sum(counts) if counts and all(counts) else None,
-        runs_read=runs or None,
-        n=sum(len(item.error) for item in items) if items else None,
-        dof=None if one is None else int(one.fit.plain.dof),
-        s_repeat=estimate.s_repeat,
-        scatter=_scatter(estimate.s_repeat, s_pass, level, items),
-        tests={} if one is None else _tests(estimate, one, flags),
-        r2=None if one is None else _r2(one),
-        agreement_p=None if fit is None else fit.agreement_p,
+        **known,
         estimate=estimate,
         says=says,
         pass_center=centre,
@@ -204,32 +186,37 @@ def _component(
         pass_covariance_moment=moment,
         half_differences=halves,
         run_covariance=_turned(estimate.run_covariance, T),
-        instruments=tuple(_instrument(estimate, item, centre, flags) for item in items),
+        instruments=lines,
     )
 
 
-def _instrument(
-    estimate: ComponentEstimate, item: InstrumentFit, centre: float, flags: Flags
-) -> Instrument:
+def _line(
+    estimate: ComponentEstimate, item: InstrumentFit, centre: float, machine: MachineFit
+) -> Line:
     fit, b, s_repeat = item.fit, item.fit.plain.coefficients, float(np.sqrt(item.fit.s2))
-    line = Powers(len(b) - 1)
-    T = line.at_centre(centre) @ line.of_line(fit.center, len(fit.D))
+    powers = Powers(len(b) - 1)
+    T = powers.at_centre(centre) @ powers.of_line(fit.center, len(fit.D))
     s_pass = float(np.sqrt(max((T @ fit.D @ T.T)[0, 0], 0.0)))
-    return Instrument(
+    about_mean = float(((item.error - item.error.mean()) ** 2).sum())
+    explains = item.powers > 1 and about_mean > 0
+    key = (estimate.name, item.role)
+    return Line(
         label=f"  {item.role}",
         of="",
         unit=estimate.unit,
-        source="readings",
         coefficients=b,
         covariance=fit.covariance,
         passes_read=len(item.keys_read) or None,
-        runs_read=_runs(item),
+        runs_read=None if item.read is None else len(np.unique(item.read.runs)),
         n=len(item.error),
         dof=int(fit.plain.dof),
         s_repeat=s_repeat,
         scatter=_scatter(s_repeat, s_pass, float(b[0]), [item]),
-        tests=_tests(estimate, item, flags),
-        r2=_r2(item),
+        tests={
+            name: Tested(made, key in machine.significant[name], estimate.unit)
+            for name, made in item.tests.items()
+        },
+        r2=float(1.0 - fit.plain.rss / about_mean) if explains else None,
         role=item.role,
         n_passes=fit.n_passes if fit.separated else None,
         s=float(np.sqrt(fit.plain.s2)),
@@ -238,11 +225,6 @@ def _instrument(
 
 def _turned(D: FloatArray | None, T: FloatArray) -> FloatArray | None:
     return None if D is None else T @ D @ T.T
-
-
-def _runs(item: InstrumentFit) -> int | None:
-    """Runs, a pass there and the one back, of an instrument; None where no passes are given."""
-    return None if item.read is None else len(np.unique(item.read.runs))
 
 
 def _scatter(
@@ -256,35 +238,6 @@ def _scatter(
     return s_repeat if repeated else None, s_pass if several else None
 
 
-def _tests(estimate: ComponentEstimate, item: InstrumentFit, flags: Flags) -> dict[str, Tested]:
-    """By name, those that the readings allow."""
-    result = {}
-    for name, test in TESTS.items():
-        if (made := test(item)) is None:
-            continue
-        flag = (estimate.name, item.role) in flags[name]
-        if isinstance(made, FTest):
-            dof = (made.df_numerator, made.df_denominator)
-            result[name] = Tested(made.F, None, made.p, dof, flag, estimate.unit)
-        else:
-            result[name] = Tested(made.value, made.u, made.p, made.dof, flag, estimate.unit)
-    return result
-
-
-def _r2(item: InstrumentFit) -> float | None:
-    """Share of the readings' variance that the polynomial explains; None for a constant."""
-    about_mean = float(((item.error - item.error.mean()) ** 2).sum())
-    if item.powers < 2 or about_mean == 0:
-        return None
-    return float(1.0 - item.fit.plain.rss / about_mean)
-
-
-FEWEST_OF_TREND = 3
-"""Runs there and back from which on a straight line leaves a degree of freedom."""
-ALONE = "correlation of drift with other components"
-GROUPS = "correlation of drift between the groups"
-
-
 class NotDetermined(NamedTuple):
     """One thing that the data leave open, in plain words."""
 
@@ -294,87 +247,80 @@ class NotDetermined(NamedTuple):
     reading_that_would: str
 
 
-def observability(fit: MachineFit, estimates: Estimates) -> list[NotDetermined]:
+def observability(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
     """All that the readings of a machine do not determine, component by component."""
-    result: list[NotDetermined] = []
-    for name in estimates.components:
+    for name, estimate in estimates.components.items():
         if (component := fit.components.get(name)) is None:
-            what = "drift, reversal and lack of fit"
-            because = "it is known from the machine file only"
-            would = "readings of it, given with --lbb or --laser"
-            result.append(NotDetermined(name, what, because, would))
+            what, because = (
+                "drift, reversal and lack of fit",
+                "it is known from the machine file only",
+            )
+            yield NotDetermined(name, what, because, "readings of it, given with --lbb or --laser")
             continue
-        without_axis = component.estimate.of is None
         for item in component.instruments:
             by = f" by {item.role}" if len(component.instruments) > 1 else ""
-            checks = [*_of_scatter(item, without_axis=without_axis)]
-            checks += [] if without_axis else [*_of_shape(item)]
-            result += [NotDetermined(name, f"{what}{by}", *why) for what, *why in checks]
-    return result + list(_apart(fit, estimates))
+            for what, *why in _left_open(item, constant=estimate.of is None):
+                yield NotDetermined(name, f"{what}{by}", *why)
+    # Components whose passes are not those of any other, or of some others only.
+    read = {name: x.instruments for name, x in fit.components.items()}
+    read = {name: own for name, own in read.items() if any(item.fit.separated for item in own)}
+    groups = [group.components for group in estimates.joint]
+    alone = [name for name in read if not any(name in group for group in groups)]
+    would = "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
+    for name in alone if len(read) > 1 else ():
+        because, reading = "read in passes of its own", would
+        if len(read[name]) > 1:
+            because = "read by several instruments"
+            reading = "read it by one instrument, in the same passes as the others"
+        yield NotDetermined(name, "correlation of drift with other components", because, reading)
+    because = "each group was read in passes of its own, or in other directions"
+    for group in groups if len(groups) > 1 else ():
+        what = "correlation of drift between the groups"
+        yield NotDetermined(", ".join(group), what, because, would)
 
 
-def not_estimable(found: Iterable[NotDetermined]) -> list[Finding]:
-    """A note for each quantity, with all components of which the readings leave it open."""
-    grouped: dict[tuple[str, str], list[str]] = {}
-    for item in found:
-        # Components of a group stay together.
-        shown = item.component.replace(", ", " + ")
-        grouped.setdefault((item.not_determined, item.because), []).append(shown)
-    return [
-        finding("not-estimable", quantity=quantity, names=names, reason=reason)
-        for (quantity, reason), names in grouped.items()
-    ]
-
-
-Checks = Iterator[tuple[str, str, str]]
-"""What is not determined, why, and which readings would."""
-
-
-def _of_scatter(item: InstrumentFit, *, without_axis: bool) -> Checks:
-    """What readings, passes and repeats are too few for."""
-    fit, passes = item.fit, len(item.keys_read)
+def _left_open(item: InstrumentFit, *, constant: bool) -> Iterable[tuple[str, str, str]]:
+    """What readings, passes, repeats, directions and positions are too few for, why, and which
+    readings would do; a `constant` has neither directions nor positions.
+    """
+    fit, passes, positions = item.fit, len(item.keys_read), len(np.unique(item.position))
     if not fit.plain.dof > 0:
         because = f"{counted(len(item.error), 'reading')} for as many coefficients"
         yield "uncertainty", because, "more readings of it, best in several passes"
     if not fit.separated:
-        what = ("reading", "") if without_axis else ("pass", "passes")
-        because = f"{counted(passes, *what)} only"
+        count = counted(passes, *(("reading", "") if constant else ("pass", "passes")))
         yield (
             "pass-to-pass drift apart from repeatability",
-            because if passes else "no `pass` is given",
+            f"{count} only" if passes else "no `pass` is given",
             "repeat the run at least 3 times, numbered in `pass`",
         )
+    else:
+        if len(fit.D) != min(2, item.powers):
+            because = "some passes have one position only"
+            would = "read every pass at two positions or more"
+            yield "pass-to-pass change of slope", because, would
+        if "trend" not in item.tests:
+            read = counted(fit.n_passes, "pass", "passes")
+            would = "at least 4 passes, in each direction where both are read"
+            if by_runs(fit):
+                read = f"{counted(len(fit.pairs), 'run')} there and back"
+                would = "at least 3 runs there and back"
+            yield "steady drift from pass to pass", f"{read}, too few or of equal levels", would
+        if not fit.within_dof > 0:
+            because = "nothing is repeated within a pass from the same side: all its scatter counts"
+            would = "read it at least twice in a pass from the same side, in the same set-up"
+            yield "repeatability of one visit", f"{because} as pass-to-pass", would
+    if constant:
         return
-    if len(fit.D) != min(2, item.powers):
-        because = "some passes have one position only"
-        would = "read every pass at two positions or more"
-        yield "pass-to-pass change of slope", because, would
-    if item.trend is None:
-        read = counted(fit.n_passes, "pass", "passes")
-        would = "at least 4 passes, in each direction where both are read"
-        if by_runs(fit):
-            read = f"{counted(len(fit.pairs), 'run')} there and back"
-            would = f"at least {FEWEST_OF_TREND} runs there and back"
-        yield "steady drift from pass to pass", f"{read}, too few or of equal levels", would
-    if not fit.within_dof > 0:
-        because = "nothing is repeated within a pass from the same side: all its scatter counts as "
-        because += "pass-to-pass"
-        would = "read it at least twice in a pass from the same side, in the same set-up"
-        yield "repeatability of one visit", because, would
-
-
-def _of_shape(item: InstrumentFit) -> Checks:
-    """What directions and positions are too few for."""
-    if item.reversal is None:
+    if "reversal" not in item.tests:
         ways = {int(np.sign(way)) for way in np.unique(item.direction)} - {0}
         because = {0: "no `direction` is given", 1: "read in one direction only"}.get(
             len(ways), "its passes are too few or do not differ"
         )
         would = "at least 3 passes, each in both directions, given in `direction`"
         yield "reversal", because, would
-    if item.lack_of_fit is None and item.profile is None:
-        positions, k = len(np.unique(item.position)), item.powers
-        would = "the same positions again, in two passes or more"
+    if "lack_of_fit" not in item.tests and item.profile is None:
+        k, would = item.powers, "the same positions again, in two passes or more"
         because = "no position is repeated often enough"
         if positions <= k:
             because = f"{counted(positions, 'position')} for {counted(k, 'coefficient')}"
@@ -382,22 +328,3 @@ def _of_shape(item: InstrumentFit) -> Checks:
         elif positions > MAX_POSITIONS:
             because = f"{positions} different positions; up to {MAX_POSITIONS} are compared"
         yield "lack of fit", because, would
-
-
-def _apart(fit: MachineFit, estimates: Estimates) -> Iterator[NotDetermined]:
-    """Components whose passes are not those of any other, or of some others only."""
-    read = {name: x.instruments for name, x in fit.components.items()}
-    read = {name: own for name, own in read.items() if any(item.fit.separated for item in own)}
-    groups = [group.components for group in estimates.joint]
-    would = "read it in the same passes (same set-up) as the others, or give `time` or `setup`"
-    for name, own in read.items():
-        if any(name in group for group in groups) or len(read) < 2:
-            continue
-        because, reading = "read in passes of its own", would
-        if len(own) > 1:
-            because = "read by several instruments"
-            reading = "read it by one instrument, in the same passes as the others"
-        yield NotDetermined(name, ALONE, because, reading)
-    because = "each group was read in passes of its own, or in other directions"
-    for group in groups if len(groups) > 1 else ():
-        yield NotDetermined(", ".join(group), GROUPS, because, would)

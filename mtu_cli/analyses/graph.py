@@ -13,10 +13,10 @@ from mtu_cli.files.graph_contract import LARGEST_U_UM, MAX_REPEATS
 from mtu_cli.findings import Finding, counted, error, finding, listed
 from mtu_cli.model.graph.net import MeasurementGraph, Output
 from mtu_cli.model.graph.propagation import STILL, GraphTrials
-from mtu_cli.model.settings import Settings, validation_warnings
-from mtu_cli.stats.coverage import few_blocks_factor, numerical_tolerance
+from mtu_cli.model.settings import PROBABILITY, Settings, validation_warnings
+from mtu_cli.stats.coverage import coverage_factor, few_blocks_factor, numerical_tolerance
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.validation import CONVERGED_TO, Validation
+from mtu_cli.stats.validation import Validation, validated
 from mtu_cli.units import UM
 
 MOST = 2_500_000
@@ -25,7 +25,7 @@ LINEAR = 0.5
 """Share of u that the first-order u must have to say anything of it."""
 DRAWN = 2**16
 """Trials kept for the histogram."""
-STATISTICS = ("mean", "u", "se_mean", "se_u", "low", "high", "shortest_low", "shortest_high")
+ENDS = ("mean", "low", "high", "shortest_low", "shortest_high")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,44 +182,40 @@ def simulate_outputs(
 ) -> list[SimulatedCoordinate]:
     """Outputs by Monte Carlo, at most so many trials where the count adapts, and to first order;
     whether they have their digits is judged by mean and u and, with `ends`, by the interval.
-
-    Where clause 8 is not settled by then, the count goes on to a fifth of the tolerance (8.2).
     """
     model = GraphTrials(graph, outputs)
     nominal, first_u, shares = model.nominal.tolist(), model.u.tolist(), model.shares()
-    judged = [i for i, u in enumerate(first_u) if u > 0.0]
-    verdicts: dict[int, Validation] = {}
-    for fraction in (1.0, CONVERGED_TO):
-        run = settings.run(model, keep=DRAWN, fraction=fraction, most=most)
-        for i in judged:
-            verdicts[i] = settings.validate(nominal[i], first_u[i], np.inf, run, i)
-        if settings.trials or all(item.settled for item in verdicts.values()):
-            break
+    k = coverage_factor(PROBABILITY)
+    run, verdicts = validated(
+        lambda fraction: settings.run(model, keep=DRAWN, fraction=fraction, most=most),
+        [(y, u, k) for y, u in zip(nominal, first_u, strict=True)],
+        settings.digits,
+        settings.trials is None,
+    )
     # Twice the largest standard error over its numerical tolerance: 1 or below is what 7.9.4 wants.
     # Twice is for many blocks, Student's t for fewer.
     errors = [run.se_mean, run.se_u] + [run.se_low, run.se_high] * ends
     twice = 2.0 * few_blocks_factor(run.blocks) * np.max(errors, axis=0)
-    tolerance = np.array([numerical_tolerance(float(u), settings.digits) for u in run.u])
     result = []
     for i, item in enumerate(outputs):
-        made = {name: getattr(run, name)[i] for name in STATISTICS}
-        fixed = first_u[i] == 0.0 and made["u"] <= STILL * float(model.sizes[i])
-        if fixed:
-            made = {**dict.fromkeys(STATISTICS, nominal[i]), "u": 0.0, "se_mean": 0.0, "se_u": 0.0}
-        made = {name: float(value) for name, value in made.items()}
-        low, high, shortest_low, shortest_high = (made.pop(name) for name in STATISTICS[4:])
+        y, u = nominal[i], float(run.u[i])
+        fixed = first_u[i] == 0.0 and u <= STILL * float(model.sizes[i])
+        made = dict.fromkeys(ENDS, y) if fixed else {x: float(getattr(run, x)[i]) for x in ENDS}
         coordinate = SimulatedCoordinate(
             output=item,
-            nominal=nominal[i],
+            nominal=y,
             first_order_u=first_u[i],
             shares={source: float(values[i]) for source, values in shares.items()},
             k=settings.coverage_factor,
-            **made,
-            interval=(low, high),
-            shortest=(shortest_low, shortest_high),
+            mean=made["mean"],
+            u=0.0 if fixed else u,
+            interval=(made["low"], made["high"]),
+            shortest=(made["shortest_low"], made["shortest_high"]),
+            se_mean=0.0 if fixed else float(run.se_mean[i]),
+            se_u=0.0 if fixed else float(run.se_u[i]),
             trials=0 if fixed else run.trials,
-            converged=fixed or bool(twice[i] <= tolerance[i]),
-            validation=verdicts.get(i),
+            converged=fixed or bool(twice[i] <= numerical_tolerance(u, settings.digits)),
+            validation=verdicts[i] if first_u[i] > 0.0 else None,
             samples=run.samples[i],
         )
         result.append(coordinate)
@@ -238,23 +234,21 @@ LETTERS = "abcdef"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formula:
-    """u^2 as a sum of terms, fitted to g grid points.
-
-    `form` in um where the output is a length, with the `terms` of u^2. `u` (g,) in the unit of
-    the output, `error_percent` (g,) = 100 (formula/Monte Carlo - 1). `monte_carlo_percent`:
-    relative standard error of a Monte Carlo u (root mean square); `expected_max_percent`: the
-    largest of g errors that these alone would make (with the formula true).
+    """u^2 as a sum of terms, fitted to g grid points: its `form`, in um where the output is a
+    length. `u` (g,) in the unit of the output, `error_percent` (g,) = 100 (formula/Monte Carlo -
+    1). `monte_carlo_percent`: relative standard error of a Monte Carlo u (root mean square).
     """
 
     form: str
-    terms: tuple[str, ...]
-    scale: float
     coefficients: dict[str, float]
     u: FloatArray
     error_percent: FloatArray
-    max_error_percent: float
     monte_carlo_percent: float
-    expected_max_percent: float
+
+    @property
+    def max_error_percent(self) -> float:
+        """The largest error."""
+        return float(np.max(np.abs(self.error_percent)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -278,18 +272,8 @@ class Sweep:
     digits: int
     varied: dict[str, tuple[float, ...]]
     grid: tuple[GridPoint, ...]
-    formula: Formula | None = None
-    no_formula: str | None = None
-
-    @property
-    def nominal(self) -> float:
-        """Of the output, the same at all points."""
-        return self.grid[0].nominal
-
-    @property
-    def converged(self) -> bool:
-        """Whether the trials of all grid points did."""
-        return all(item.converged for item in self.grid)
+    formula: Formula | None
+    no_formula: str
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -332,17 +316,19 @@ def sweep_graph(
             own = [x.model_copy(update={"repeats": None}) for x in file.transitions]
             changes |= {"repeats": int(at[REPEATS]), "transitions": own}
         part = replace(graph, graph=file.model_copy(update=changes))
-        (found,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
-        grid.append(GridPoint(at=at, **vars(found)))
-    swept = Sweep(output=output, digits=settings.digits, varied=values, grid=tuple(grid))
+        (point,) = simulate_outputs(part, [output], now, most=MOST_OF_GRID, ends=False)
+        grid.append(GridPoint(at=at, **vars(point)))
     u, se_u, linear_u = np.array([(x.u, x.se_u, x.first_order_u) for x in grid]).T
     settled = {name: np.array([item.at[name] for item in grid]) for name in values}
-    formula = fit_formula(settled, u, se_u, linear_u, output.unit)
-    if isinstance(formula, str):
-        return replace(swept, no_formula=formula)
-    both = zip(grid, formula.u, formula.error_percent, strict=True)
-    fitted = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
-    return replace(swept, grid=tuple(fitted), formula=formula)
+    found = fit_formula(settled, u, se_u, linear_u, output.unit)
+    formula, why = (None, found) if isinstance(found, str) else (found, "")
+    if formula is not None:
+        both = zip(grid, formula.u, formula.error_percent, strict=True)
+        grid = [replace(x, formula_u=float(u), error_percent=float(e)) for x, u, e in both]
+    return Sweep(
+        output=output, digits=settings.digits, varied=values, grid=tuple(grid), formula=formula,
+        no_formula=why,
+    )  # fmt: skip
 
 
 def _check(varied: Mapping[str, Sequence[float]]) -> None:
@@ -373,76 +359,42 @@ def fit_formula(
 
     A text where there is no formula: why.
     """
-    scale = 1.0 / UM if unit == "mm" else 1.0
     varied = {name: values for name, values in at.items() if np.ptp(values) > 0}
     if not varied:
         return "nothing varies"
     if not np.all(u > 0):
         return "u is 0 somewhere"
-    n, known = len(u), bool(np.all(linear_u >= LINEAR * u))
+    known = bool(np.all(linear_u >= LINEAR * u))
     if known and np.ptp(linear_u) <= EXACT * linear_u.max():
         return f"u does not depend on {', '.join(varied)}"
-    terms = _chosen(varied, linear_u * scale, known)
-    if n < len(terms):
-        return f"{n} grid points are too few for its {len(terms)} terms, {_form(terms, unit)}"
-    X, relative, size = _columns(terms, varied, n), se_u / u, u * scale
-    result = least_squares(X / size[:, None] ** 2, np.ones(n)).coefficients
-    error = np.sqrt(np.maximum(X @ result, 0.0)) / size - 1.0
-    return Formula(
-        form=_form(terms, unit),
-        terms=terms,
-        scale=scale,
-        coefficients=dict(zip(LETTERS, map(float, result), strict=False)),
-        u=u * (1 + error),
-        error_percent=100 * error,
-        max_error_percent=100 * float(np.max(np.abs(error))),
-        monte_carlo_percent=100 * float(np.sqrt(np.mean(relative**2))),
-        expected_max_percent=100 * _expected_largest(X / u[:, None] ** 2, relative),
-    )
-
-
-def _chosen(varied: Mapping[str, FloatArray], linear_u: FloatArray, known: bool) -> tuple[str, ...]:
-    """The terms of u^2 ("": a constant): those of what is varied, and others that the first-order u
-    has, or all where that is not `known`.
-    """
-    probe = "probe_um^2/repeats" if "repeats" in varied else "probe_um^2"
-    squares = {"probe_um": probe, "axis_um": "axis_um^2", "perpendicular_um": "perpendicular_um^2"}
-    terms = [term for name, term in squares.items() if name in varied]
-    more = ["1/repeats", ""] if "repeats" in varied else [""]
-    if "repeats" in varied and "probe_um" not in varied:
-        terms, more = [*terms, "1/repeats"], [""]
-    every, n = (*terms, *more), len(linear_u)
-    if not known or n < len(every):
-        return every
-    X = _columns(every, varied, n) / linear_u[:, None] ** 2
-    share = np.abs(X * least_squares(X, np.ones(n)).coefficients).max(axis=0)
-    return tuple(x for x, own in zip(every, share, strict=True) if x in terms or own > EXACT)
-
-
-def _columns(terms: Sequence[str], at: Mapping[str, FloatArray], n: int) -> FloatArray:
-    """The terms (n, p) at n settings."""
-    result = np.ones((n, len(terms)))
-    for column, term in zip(result.T, terms, strict=True):
-        name, _, divisor = term.partition("/")
-        if name.endswith("^2"):
-            column *= at[name.removesuffix("^2")] ** 2
-        if divisor:
-            column /= at[divisor]
-    return result
-
-
-def _form(terms: Sequence[str], unit: str) -> str:
+    n, scale = len(u), 1.0 / UM if unit == "mm" else 1.0
+    per, over = ("/repeats", varied[REPEATS]) if REPEATS in varied else ("", np.ones(n))
+    squares = dict.fromkeys((f"probe_um^2{per}", "axis_um^2", "perpendicular_um^2"), np.ones(n))
+    squares[f"probe_um^2{per}"] = over
+    every = {
+        term: varied[name] ** 2 / divisor
+        for term, divisor in squares.items()
+        if (name := term.partition("^")[0]) in varied
+    }
+    needed = {*every, "" if "probe_um" in varied else "1/repeats"} - {""}
+    every |= {"1/repeats": 1.0 / over, "": np.ones(n)} if per else {"": np.ones(n)}
+    if known and n >= len(every):
+        X = np.column_stack([*every.values()]) / (linear_u[:, None] * scale) ** 2
+        share = np.abs(X * least_squares(X, np.ones(n)).coefficients).max(axis=0)
+        pairs = zip(every.items(), share, strict=True)
+        every = {x: column for (x, column), own in pairs if x in needed or own > EXACT}
     left = {"mm": "u_um", "rad": "u_rad"}.get(unit, "u")
-    joint = [f"*{term}".replace("*1/", "/").removesuffix("*") for term in terms]
-    parts = map("".join, zip(LETTERS, joint, strict=False))
-    return f"{left} = sqrt({' + '.join(parts)})"
-
-
-def _expected_largest(weighted: FloatArray, relative: FloatArray) -> float:
-    """The median of the largest of n normal errors, each as large as the fit leaves it."""
-    from scipy.special import ndtri
-
-    Q, _ = np.linalg.qr(weighted / np.linalg.norm(weighted, axis=0))
-    left = relative * np.sqrt(np.clip(1.0 - np.sum(Q**2, axis=1), 0.0, 1.0))
-    each = 0.5 ** (1.0 / len(relative))
-    return float(ndtri(0.5 + each / 2.0) * np.sqrt(np.mean(left**2)))
+    joint = [f"*{term}".replace("*1/", "/").removesuffix("*") for term in every]
+    form = f"{left} = sqrt({' + '.join(map(''.join, zip(LETTERS, joint, strict=False)))})"
+    if n < len(every):
+        return f"{n} grid points are too few for its {len(every)} terms, {form}"
+    X = np.column_stack([*every.values()]) / (u[:, None] * scale) ** 2
+    result = least_squares(X, np.ones(n)).coefficients
+    relative_error = np.sqrt(np.maximum(X @ result, 0.0)) - 1.0
+    return Formula(
+        form=form,
+        coefficients=dict(zip(LETTERS, map(float, result), strict=False)),
+        u=u * (1 + relative_error),
+        error_percent=100 * relative_error,
+        monte_carlo_percent=100 * float(np.sqrt(np.mean((se_u / u) ** 2))),
+    )

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 from warnings import catch_warnings, simplefilter
 
@@ -23,7 +24,7 @@ from mtu_cli.stats.outliers import medians, outlying
 from mtu_cli.stats.streams import stream
 from mtu_cli.units import LENGTH, UM, UNITS, dimension_name
 
-FIGURES = {
+ISO = {
     "A": "bidirectional accuracy of positioning",
     "A_forward": "unidirectional accuracy of positioning, forward",
     "A_reverse": "unidirectional accuracy of positioning, reverse",
@@ -45,8 +46,9 @@ VDI = {
     "U_max": "largest reversal error",
     "U_mean": "mean reversal error",
 }
+MEANINGS = ISO | VDI
+STANDARDS = {"iso230-2": ISO, "vdi3441": VDI}
 WAYS = ("forward", "reverse")
-STANDARDS = ("iso230-2", "vdi3441")
 REFERENCE_DEGC = 20.0
 TRIALS, TOGETHER = 10_000, 500
 """Trials of either uncertainty, which is then known to 0.7 %, and how many at a time."""
@@ -57,50 +59,62 @@ LEAST_PHASE = 0.15
 """Of a pitch: planned targets keep this distance from its multiples."""
 
 
-class Figure(NamedTuple):
-    """A figure in mm or rad; `u` by the instrument, `u_sampling` over repeated tests, nan where
-    unknown. `size` of the axis' unit.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """A figure in mm or rad: `u` by the instrument, `u_sampling` over repeated tests, nan where
+    unknown; `k` of U = k u. `size` of its unit, the `limit` asked for, the figure `before`.
     """
 
+    name: str
     value: float
     u: float
     u_sampling: float
-    size: float
-
-
-class Change(NamedTuple):
-    """A figure against that of an earlier test: they differ beyond `bound` = 2 sqrt(u1^2 + u2^2),
-    which is 2 sqrt(2) u_sampling of tests alike.
-    """
-
-    value: float
-    u_sampling: float
-    difference: float
-    bound: float
-    differs: bool | None
-    size: float
-
-
-class Decision(NamedTuple):
-    """A figure against its limit, by ISO 14253-1: conforming where value + U is within, not where
-    value - U is beyond, else neither is proven. `U` is nan where no budget is stated.
-    """
-
-    component: str
-    figure: str
-    limit: float
-    value: float
-    U: float
-    verdict: str
     unit: str
     size: float
+    k: float = 2.0
+    limit: float | None = None
+    before: Figure | None = None
+
+    @property
+    def U(self) -> float:
+        """Expanded uncertainty; nan without a budget."""
+        return self.k * self.u
+
+    @property
+    def verdict(self) -> str | None:
+        """By ISO 14253-1: conforming where value + U is within the limit, nonconforming where
+        value - U is beyond, else neither is proven; without U the value alone decides.
+        """
+        if self.limit is None:
+            return None
+        value, guard = abs(self.value), 0.0 if math.isnan(self.U) else self.U
+        if value - guard > self.limit:
+            return "nonconforming"
+        return "conforming" if value + guard <= self.limit else "not proven"
+
+    @property
+    def difference(self) -> float:
+        """Now minus earlier."""
+        return math.nan if self.before is None else self.value - self.before.value
+
+    @property
+    def bound(self) -> float:
+        """The tests differ beyond 2 sqrt(u1^2 + u2^2): 2 sqrt(2) u_sampling of tests alike."""
+        return 2 * math.hypot(self.u_sampling, self.before.u_sampling if self.before else math.nan)
+
+    @property
+    def differs(self) -> bool | None:
+        """Whether they do; None where that is not known."""
+        off = abs(self.difference)
+        return None if math.isnan(off + self.bound) else off > self.bound
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Test:
-    """What was read along one axis: `targets` (m,) in mm, of a `rotary` axis in deg; `readings`
-    (2, m, n) in mm or rad, of `unit`. `directed`: whether directions are stated; `stepped`: whether
-    every target was read to the end before the next; `rows` (2, m, n) of the `file`.
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """What was read along one axis, and its figures by name: `targets` (m,) in mm, of a `rotary`
+    axis in deg; `readings` (2, m, n) in mm or rad, of `unit`. `directed`: whether directions are
+    stated; `stepped`: whether every target was read to the end before the next; `rows` (2, m, n) of
+    the `file`.
     """
 
     name: str
@@ -112,6 +126,7 @@ class Test:
     stepped: bool = False
     rows: np.ndarray | None = None
     file: str | None = None
+    figures: Mapping[str, Figure] = field(default_factory=dict)
 
     @property
     def size(self) -> float:
@@ -119,31 +134,19 @@ class Test:
         return UNITS[self.unit].to_internal
 
     @property
-    def is_length(self) -> bool:
-        """Whether the readings are lengths."""
-        return UNITS[self.unit].dimension == LENGTH
+    def budgeted(self) -> bool:
+        """Whether the budget of an instrument of lengths is about it."""
+        return UNITS[self.unit].dimension == LENGTH and not self.rotary
 
     @property
     def travel(self) -> float:
         """From the first to the last target, mm or deg."""
         return float(np.ptp(self.targets))
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Axis:
-    """The figures of one axis; number, means and s of the runs (2, m), forward and reverse; `k` of
-    U = k u.
-    """
-
-    name: str
-    test: Test
-    count: FloatArray
-    mean: FloatArray
-    s: FloatArray
-    figures: Mapping[str, Figure]
-    vdi: Mapping[str, float]
-    k: float
-    before: Mapping[str, Change] | None = None
+    @cached_property
+    def of_runs(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Number, means and s of the runs, (2, m) each."""
+        return statistics(self.readings)
 
 
 class Plan(NamedTuple):
@@ -156,13 +159,18 @@ class Plan(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Iso230Result:
-    """All axes by name, decisions on limits, and what there is to say."""
+    """All axes by name, and what there is to say."""
 
     axes: Mapping[str, Axis]
-    decisions: tuple[Decision, ...] = ()
     warnings: tuple[Finding, ...] = ()
     plan: Plan | None = None
-    standard: str = STANDARDS[0]
+    standard: str = "iso230-2"
+
+    @property
+    def decisions(self) -> list[tuple[Axis, Figure]]:
+        """Figures that have a limit."""
+        pairs = ((axis, each) for axis in self.axes.values() for each in axis.figures.values())
+        return [(axis, each) for axis, each in pairs if each.limit is not None]
 
 
 def statistics(readings: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -194,8 +202,11 @@ def reversal_and_repeatability(
 
 
 def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
-    """The figures of ISO 230-2:2014 of means and s (..., 2, m), by their names; nan where one does
-    not exist. A target without scatter enters A by its means alone.
+    """The figures of ISO 230-2:2014 and VDI/DGQ 3441 (1977) of means and s (..., 2, m), by their
+    names; nan where one does not exist. A target without scatter enters A and P by its means alone.
+
+    VDI: U_j = |B_j|, Ps_j = 6 (s_j forward + s_j reverse)/2, Pa the range of the means of both
+    directions, P = max(mean_j + (U_j + Ps_j)/2) - min(mean_j - (U_j + Ps_j)/2).
     """
     high, low = np.fmax.reduce, np.fmin.reduce
     B, R_way, R = reversal_and_repeatability(mean, s)
@@ -204,38 +215,26 @@ def figures_of(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
     top, bottom = high(mean + band, axis=-1), low(mean - band, axis=-1)
     highest, lowest = high(mean, axis=-1), low(mean, axis=-1)
     two_way = np.where(np.isfinite(B).any(axis=-1), 0.0, np.nan)
+    U, Ps = np.abs(B), 3 * s.sum(axis=-2)
+    half = (U + np.nan_to_num(Ps)) / 2
+    of_both = np.where(np.isfinite(Ps).any(axis=-1), 0.0, np.nan)
     result = {
         "A": top.max(axis=-1) - bottom.min(axis=-1) + two_way + scatters.sum(axis=-1),
         "E": highest.max(axis=-1) - lowest.min(axis=-1) + two_way,
         "R": high(R, axis=-1),
         "M": high(middle, axis=-1) - low(middle, axis=-1),
-        "B": high(np.abs(B), axis=-1),
+        "B": high(U, axis=-1),
         "B_mean": _average(B),
+        "P": high(middle + half, axis=-1) - low(middle - half, axis=-1) + of_both,
+        "Ps_max": high(Ps, axis=-1),
+        "Ps_mean": _average(Ps),
+        "U_mean": _average(U),
     }
+    result |= {"Pa": result["M"], "U_max": result["B"]}
     one_way = {"A": top - bottom + scatters, "E": highest - lowest, "R": high(R_way, axis=-1)}
     result |= {f"{name}_{way}": values[..., i] for name, values in one_way.items()
               for i, way in enumerate(WAYS)}  # fmt: skip
-    return {name: result[name] for name in FIGURES}
-
-
-def vdi_figures(mean: FloatArray, s: FloatArray) -> dict[str, FloatArray]:
-    """The figures of VDI/DGQ 3441 (1977) of means and s (..., 2, m).
-
-    U_j = |B_j|, Ps_j = 6 (s_j forward + s_j reverse)/2, Pa the range of the means of both
-    directions, P = max(mean_j + (U_j + Ps_j)/2) - min(mean_j - (U_j + Ps_j)/2).
-    """
-    high, low = np.fmax.reduce, np.fmin.reduce
-    U, Ps, middle = np.abs(mean[..., 0, :] - mean[..., 1, :]), 3 * s.sum(-2), mean.mean(-2)
-    half = (U + np.nan_to_num(Ps)) / 2
-    scatters = np.where(np.isfinite(Ps).any(axis=-1), 0.0, np.nan)
-    return {
-        "P": high(middle + half, axis=-1) - low(middle - half, axis=-1) + scatters,
-        "Pa": high(middle, axis=-1) - low(middle, axis=-1),
-        "Ps_max": high(Ps, axis=-1),
-        "Ps_mean": _average(Ps),
-        "U_max": high(U, axis=-1),
-        "U_mean": _average(U),
-    }
+    return {name: result[name] for name in MEANINGS}
 
 
 def _average(values: FloatArray) -> FloatArray:
@@ -267,31 +266,30 @@ def sampling_u(
     chi2 = 2 * rng.standard_gamma(np.maximum(dof, 1) / 2, shape)
     drawn = pooled * np.sqrt(chi2 / np.maximum(dof, 1))
     known = np.isfinite(pooled)[..., 0]
+    of_way = {way: known[..., i] for i, way in enumerate(WAYS)}
     return {
         name: np.where(
-            known[..., WAYS.index(way)] if (way := name.rpartition("_")[2]) in WAYS
-            else known.all(axis=-1),
-            np.std(values, axis=0), np.nan,
+            of_way.get(name.rpartition("_")[2], known.all(axis=-1)), np.std(values, axis=0), np.nan
         )
         for name, values in figures_of(means, np.where(free, drawn, np.nan)).items()
-    }  # fmt: skip
+    }
 
 
-def corrected(test: Test, budget: InstrumentBudget | None) -> tuple[Test, list[Finding]]:
+def corrected(axis: Axis, budget: InstrumentBudget | None) -> tuple[Axis, list[Finding]]:
     """Readings as of an axis at 20 degC, where the budget says that they are not yet:
     less alpha (T - 20) (x - x_first).
     """
-    if budget is None or budget.already_at_20 is not False or not test.is_length or test.rotary:
-        return test, []
+    if budget is None or budget.already_at_20 is not False or not axis.budgeted:
+        return axis, []
     rise = (budget.alpha_um_per_m_K or 0.0) * (budget.T_mean_degC - REFERENCE_DEGC)
-    off = rise * UM / METRE * (test.targets - test.targets[0])
-    facts = {"component": test.name, "size": float(off[-1] / UM), "rise": rise}
-    readings = test.readings - off[:, None]
-    return replace(test, readings=readings), [finding("corrected-to-20", **facts)]
+    off = rise * UM / METRE * (axis.targets - axis.targets[0])
+    facts = {"component": axis.name, "size": float(off[-1] / UM), "rise": rise}
+    readings = axis.readings - off[:, None]
+    return replace(axis, readings=readings), [finding("corrected-to-20", **facts)]
 
 
 def instrument_u(
-    test: Test, budget: InstrumentBudget, rng: np.random.Generator, trials: int = TRIALS
+    axis: Axis, budget: InstrumentBudget, rng: np.random.Generator, trials: int = TRIALS
 ) -> dict[str, float]:
     """Standard deviation of every figure of these runs by the instrument's errors, Monte Carlo.
 
@@ -300,13 +298,13 @@ def instrument_u(
     a rectangle from 0 to d^2/(2 L) at the end of the travel L. Of each reading alone: drift of a
     rectangle of width E_VE (ISO/TR 230-9, as derived in `mtu help iso230`).
     """
-    x = test.targets - test.targets[0]
+    x = axis.targets - axis.targets[0]
     span = float(x[-1]) or 1.0
     per_metre = UM / METRE
     alpha = budget.alpha_um_per_m_K or 0.0
     away = abs(budget.T_mean_degC - REFERENCE_DEGC)
     found: dict[str, list[FloatArray]] = {}
-    zeroed = np.isnan(statistics(test.readings)[2])
+    zeroed = np.isnan(axis.of_runs[2])
     for start in range(0, trials, TOGETHER):
         n = min(TOGETHER, trials - start)
         scale = rng.standard_normal(n) * budget.device_U_um_per_m / budget.k
@@ -316,40 +314,34 @@ def instrument_u(
         off = (scale * per_metre + bend)[:, None, None, None] * x[:, None]
         drift: FloatArray | float = 0.0
         if budget.E_VE_um:
-            drift = rng.uniform(-0.5, 0.5, (n, *test.readings.shape)) * budget.E_VE_um * UM
-        _, mean, s = statistics(test.readings + off + drift)
+            drift = rng.uniform(-0.5, 0.5, (n, *axis.readings.shape)) * budget.E_VE_um * UM
+        _, mean, s = statistics(axis.readings + off + drift)
         for name, values in figures_of(mean, np.where(zeroed, np.nan, s)).items():
             found.setdefault(name, []).append(values)
     # What changes the readings of a target alike leaves R and B but for round-off.
-    round_off = 8 * np.finfo(float).eps * float(np.nanmax(np.abs(test.readings)))
+    round_off = 8 * np.finfo(float).eps * float(np.nanmax(np.abs(axis.readings)))
     stds = {name: float(np.std(np.concatenate(parts))) for name, parts in found.items()}
     return {name: 0.0 if u < round_off else u for name, u in stds.items()}
 
 
-def evaluate(test: Test, budget: InstrumentBudget | None, k: float, seed: int, index: int) -> Axis:
-    """All figures of one axis; draws depend on `seed` and its `index` alone."""
-    count, mean, s = statistics(test.readings)
-    values = figures_of(mean, s)
+def evaluate(axis: Axis, budget: InstrumentBudget | None, k: float, seed: int, index: int) -> Axis:
+    """The axis with all figures; draws depend on `seed` and its `index` alone."""
+    count, mean, s = axis.of_runs
+    values, measured = figures_of(mean, s), dict[str, float]()
     sampling = sampling_u(count, mean, s, stream(seed, 1, index), TRIALS)
-    measured: dict[str, float] = {}
-    if budget is not None and test.is_length and not test.rotary:
-        measured = instrument_u(test, budget, stream(seed, 2, index))
-    return Axis(
-        name=test.name,
-        test=test,
-        count=count,
-        mean=mean,
-        s=s,
-        figures={
-            name: Figure(float(values[name]), measured.get(name, np.nan), float(u), test.size)
-            for name, u in sampling.items()
-        },
-        vdi={name: float(value) for name, value in vdi_figures(mean, s).items()},
-        k=k,
-    )
+    if budget is not None and axis.budgeted:
+        measured = instrument_u(axis, budget, stream(seed, 2, index))
+    figures = {
+        name: Figure(
+            name=name, value=float(values[name]), u=measured.get(name, math.nan),
+            u_sampling=float(u), unit=axis.unit, size=axis.size, k=k,
+        )
+        for name, u in sampling.items()
+    }  # fmt: skip
+    return replace(axis, figures=figures)
 
 
-def tests_of(readings: Readings) -> tuple[list[Test], list[Finding]]:
+def axes_of(readings: Readings) -> tuple[list[Axis], list[Finding]]:
     """What was read at targets by component (and instrument, of several), and a note of the rest.
 
     Raises InputError for a component in units of two kinds or with some positions missing.
@@ -361,7 +353,7 @@ def tests_of(readings: Readings) -> tuple[list[Test], list[Finding]]:
         rotary = np.isnan(position) & np.isfinite(angles)
         position = np.where(rotary, angles, position)
     roles = np.array(readings.roles)[readings.file_index]
-    tests, without = [], []
+    axes, without = [], []
     for code, name in enumerate(readings.components):
         mine = readings.code == code
         for role in dict.fromkeys(roles[mine].tolist()):
@@ -370,29 +362,34 @@ def tests_of(readings: Readings) -> tuple[list[Test], list[Finding]]:
             if not known.size or (len(known) == len(rows) and not np.ptp(known)):
                 without.append(name)
                 continue
-            kinds, blank = readings.dimension[rows], np.isnan(position[rows])
-            for bad, fault, column in ((kinds != kinds[0], "wrong-unit", "unit"),
-                                       (blank, "empty-cell", "position_mm")):  # fmt: skip
-                if bad.any():
-                    i = int(rows[np.flatnonzero(bad)[0]])
-                    place = {"file": readings.sources[readings.file_index[i]].shown,
-                             "row": int(readings.row[i]), "column": column}  # fmt: skip
-                    stated, wanted = (dimension_name(readings.dimension[j]) for j in (i, rows[0]))
-                    facts = {"of": name, "unit": stated, "wanted": wanted}
-                    facts = facts if column == "unit" else {}
-                    raise error(fault, expected=f"as in the other rows of {name}", **place, **facts)
+            _check_alike(readings, name, rows, position)
             label = f"{name} ({role})" if len({*roles[mine]}) > 1 else name
-            tests.append(_test(readings, label, position, bool(rotary[rows[0]]), rows))
-    if not tests:
+            axes.append(_axis(readings, label, position, bool(rotary[rows[0]]), rows))
+    if not axes:
         expected = "readings with position_mm (of rotary axes position_deg)"
         raise error("too-little-data", what="no component was read at targets", expected=expected)
     note = {"quantity": "positioning", "reason": "they were not read at targets"}
-    return tests, [finding("not-estimable", names=without, **note)] if without else []
+    return axes, [finding("not-estimable", names=without, **note)] if without else []
 
 
-def _test(
+def _check_alike(readings: Readings, name: str, rows: np.ndarray, position: FloatArray) -> None:
+    """Raises InputError for the first of some rows of another kind of unit, or without position."""
+    kinds, facts = readings.dimension, dict[str, str]()
+    for bad, code, column in ((kinds[rows] != kinds[rows[0]], "wrong-unit", "unit"),
+                              (np.isnan(position[rows]), "empty-cell", "position_mm")):  # fmt: skip
+        if bad.any():
+            i = int(rows[np.argmax(bad)])
+            if column == "unit":
+                unit, wanted = (dimension_name(kinds[j]) for j in (i, rows[0]))
+                facts = {"of": name, "unit": unit, "wanted": wanted}
+            file = readings.sources[readings.file_index[i]].shown
+            place = {"file": file, "row": int(readings.row[i]), "column": column}
+            raise error(code, expected=f"as in the other rows of {name}", **place, **facts)
+
+
+def _axis(
     readings: Readings, name: str, position: FloatArray, rotary: bool, rows: np.ndarray
-) -> Test:
+) -> Axis:
     """The readings of `rows` as (direction, target, run)."""
     import pandas as pd
 
@@ -406,7 +403,7 @@ def _test(
     lines[way, of, rank] = readings.row[rows]
     time = readings.time_min[rows]
     moves = np.count_nonzero(np.diff(of[np.argsort(time, kind="stable")]))
-    return Test(
+    return Axis(
         name=name,
         unit="um" if readings.dimension[rows[0]] == LENGTH else "arcsec",
         rotary=rotary,
@@ -422,35 +419,30 @@ def _test(
 
 def warnings_of(axis: Axis) -> Iterator[Finding]:
     """What ISO 230-2 asks of a test and this one lacks, and figures that do not exist."""
-    test = axis.test
-    unit, of = ("deg", 360.0) if test.rotary else ("mm", LONG_MM)
-    short = test.travel <= of
-    m, wanted = len(test.targets), max(FEWEST, math.ceil(FEWEST * test.travel / METRE))
-    fewest = int(axis.count[axis.count > 0].min())
-    asked = []
-    if short and not test.rotary and m < wanted:
-        asked.append((f"{m} targets over {test.travel:g} mm", f"{wanted} or more (five a metre)"))
-    if short and fewest < FEWEST:
+    count, _, s = axis.of_runs
+    unit, of = ("deg", 360.0) if axis.rotary else ("mm", LONG_MM)
+    m, wanted = len(axis.targets), max(FEWEST, math.ceil(FEWEST * axis.travel / METRE))
+    fewest, asked = int(count[count > 0].min()), []
+    if axis.travel <= of and not axis.rotary and m < wanted:
+        asked.append((f"{m} targets over {axis.travel:g} mm", f"{wanted} or more (five a metre)"))
+    if axis.travel <= of and fewest < FEWEST:
         asked.append((f"{fewest} runs at a target", f"{FEWEST} in each direction"))
-    if test.stepped:
+    if axis.stepped:
         asked.append(("a step cycle", "the standard test cycle for acceptance"))
-    clause = ROTARY_CLAUSE if test.rotary else CLAUSE
+    clause = ROTARY_CLAUSE if axis.rotary else CLAUSE
     for what, how in asked:
         facts = {"component": axis.name, "clause": clause, "what": what, "wanted": how}
         yield finding("test-conditions", **facts)
-    missing = [name for name, each in axis.figures.items() if math.isnan(each.value)]
-    if missing:
-        reason = (
-            "read in one direction only"
-            if not axis.count.any(axis=1).all()
-            else "single runs have no scatter"
-        )
-        if not test.directed:
+    if missing := [name for name in ISO if math.isnan(axis.figures[name].value)]:
+        reason = "single runs have no scatter"
+        if not axis.directed:
             reason = "no direction is stated, so all readings count as forward"
+        elif not count.any(axis=1).all():
+            reason = "read in one direction only"
         yield finding("not-estimable", quantity=listed(missing), names=axis.name, reason=reason)
-    lacking = np.isnan(axis.s) & (axis.count > 0)
-    if lacking.any() and np.isfinite(axis.s).any():
-        places = [f"{x:g} {unit}" for x in test.targets[lacking.any(axis=0)]]
+    lacking = np.isnan(s) & (count > 0)
+    if lacking.any() and np.isfinite(s).any():
+        places = [f"{x:g} {unit}" for x in axis.targets[lacking.any(axis=0)]]
         reason = "a single run, or the instrument was zeroed there in every run"
         quantity = f"R at {listed(places)}"
         yield finding("not-estimable", quantity=quantity, names=axis.name, reason=reason)
@@ -458,42 +450,31 @@ def warnings_of(axis: Axis) -> Iterator[Finding]:
 
 def outlying_runs(axis: Axis) -> Iterator[Finding]:
     """Runs far off the others at their target and direction: reported, never left out."""
-    test = axis.test
-    off = test.readings - medians(test.readings, 2)
-    mask, s = outlying(off, int((axis.count > 0).sum()))
-    if mask.any() and test.rows is not None:
-        lines = tuple(sorted(test.rows[mask].tolist()))
-        far = float(np.abs(off[mask]).max()) / test.size
-        facts = {"what": axis.name, "unit": test.unit, "beside": "the other runs", "off": far}
-        facts |= {"count": int(mask.sum()), "s": s / test.size, "rows": lines}
-        yield finding("outlying-value", file=test.file, row=lines[0], column="error", **facts)
+    off = axis.readings - medians(axis.readings, 2)
+    mask, s = outlying(off, int((axis.of_runs[0] > 0).sum()))
+    if mask.any() and axis.rows is not None:
+        lines = tuple(sorted(axis.rows[mask].tolist()))
+        far = float(np.abs(off[mask]).max()) / axis.size
+        facts = {"what": axis.name, "unit": axis.unit, "beside": "the other runs", "off": far}
+        facts |= {"count": int(mask.sum()), "s": s / axis.size, "rows": lines}
+        yield finding("outlying-value", file=axis.file, row=lines[0], column="error", **facts)
 
 
-def changes(axis: Axis, earlier: Axis) -> dict[str, Change]:
-    """Every figure against that of an earlier test of the same axis."""
-    result = {}
-    for name, now in axis.figures.items():
-        value, _, u, size = earlier.figures[name]
-        off, bound = now.value - value, 2 * math.hypot(now.u_sampling, u)
-        differs = None if math.isnan(bound + off) else abs(off) > bound
-        result[name] = Change(value, u, off, bound, differs, size)
-    return result
-
-
-def decisions(axes: Mapping[str, Axis], limits: Mapping[str, float]) -> Iterator[Decision]:
-    """Every limit (``A``, or ``dx_x.A`` of one axis, in its unit) against the figure."""
-    for key, stated in limits.items():
+def limited(axis: Axis, limits: Mapping[str, float]) -> Axis:
+    """With limits (``A``, or ``dx_x.A`` of one axis, in its unit) of figures that exist."""
+    figures = dict(axis.figures)
+    for key, limit in limits.items():
         of, _, name = key.rpartition(".")
-        for axis in axes.values():
-            figure, size = axis.figures[name], axis.test.size
-            if of not in ("", axis.name) or math.isnan(figure.value):
-                continue
-            value, limit = abs(figure.value), stated * size
-            U = axis.k * figure.u
-            guard = 0.0 if math.isnan(U) else U
-            verdict = "conforming" if value + guard <= limit else "not proven"
-            verdict = "nonconforming" if value - guard > limit else verdict
-            yield Decision(axis.name, name, limit, value, U, verdict, axis.test.unit, size)
+        if of in ("", axis.name) and not math.isnan(figures[name].value):
+            figures[name] = replace(figures[name], limit=limit * axis.size)
+    return replace(axis, figures=figures)
+
+
+def compared(axis: Axis, earlier: Axis) -> Axis:
+    """With the figures of an earlier test of the same axis beside its own."""
+    figures = {name: replace(each, before=earlier.figures[name])
+               for name, each in axis.figures.items()}  # fmt: skip
+    return replace(axis, figures=figures)
 
 
 def evaluate_all(
@@ -504,45 +485,36 @@ def evaluate_all(
     limits: Mapping[str, float] | None = None,
     k: float = 2.0,
     seed: int = 0,
-    standard: str = STANDARDS[0],
+    standard: str = "iso230-2",
 ) -> Iso230Result:
     """The figures of every component of `readings`, against those `before` and their `limits`."""
-    axes, warnings = _axes(readings, budget, k, seed)
+    found, warnings = axes_of(readings)
+    axes = {}
+    for index, each in enumerate(found):
+        own, noted = corrected(each, budget)
+        axis = limited(evaluate(own, budget, k, seed, index), limits or {})
+        warnings += [*noted, *warnings_of(axis), *outlying_runs(axis)]
+        axes[axis.name] = axis
     if before is not None:
-        earlier = _axes(before, None, k, seed)[0]
-        known = {name: each for name, each in axes.items() if name in earlier}
-        if not known:
+        earlier = {x.name: (i, x) for i, x in enumerate(axes_of(before)[0])}
+        if not axes.keys() & earlier.keys():
             expected = f"one of: {listed(axes)}"
             reason = f"the earlier test has none of these axes, but {listed(earlier)}"
             raise error("not-applicable", reason=reason, path="--before", expected=expected)
-        axes |= {
-            name: replace(each, before=changes(each, earlier[name])) for name, each in known.items()
-        }
-    for axis in axes.values():
-        warnings += warnings_of(axis)
-        warnings += outlying_runs(axis)
-    other = [x.name for x in axes.values() if not (x.test.is_length and not x.test.rotary)]
+        for name in axes.keys() & earlier.keys():
+            index, each = earlier[name]
+            axes[name] = compared(axes[name], evaluate(each, None, k, seed, index))
+    other = [x.name for x in axes.values() if not x.budgeted]
     if other and budget:
         reason = "the budget of the instrument is of lengths"
         warnings.append(finding("not-estimable", quantity="u", names=other, reason=reason))
-    made = tuple(decisions(axes, limits or {}))
-    if unknown := [f"{x.figure} of {x.component}" for x in made if math.isnan(x.U)]:
+    result = Iso230Result(axes=axes, standard=standard)
+    named = [(f"{x.name} of {axis.name}", x) for axis, x in result.decisions]
+    if unknown := [name for name, x in named if math.isnan(x.U)]:
         warnings.append(finding("no-uncertainty", names=unknown))
-    if open_ := [f"{x.figure} of {x.component}" for x in made if x.verdict == "not proven"]:
+    if open_ := [name for name, x in named if x.verdict == "not proven"]:
         warnings.append(finding("not-proven", names=open_))
-    return Iso230Result(axes=axes, decisions=made, warnings=tuple(warnings), standard=standard)
-
-
-def _axes(
-    readings: Readings, budget: InstrumentBudget | None, k: float, seed: int
-) -> tuple[dict[str, Axis], list[Finding]]:
-    tests, warnings = tests_of(readings)
-    axes = {}
-    for index, test in enumerate(tests):
-        own, noted = corrected(test, budget)
-        axes[test.name] = evaluate(own, budget, k, seed, index)
-        warnings += noted
-    return axes, warnings
+    return replace(result, warnings=tuple(warnings))
 
 
 def plan(length: float, pitch: float) -> Plan:

@@ -12,8 +12,8 @@ from mtu_cli.files.part import LoadedPart
 from mtu_cli.files.part import Orthogonality as RightAngle
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.model.features import NO_U, dof_warnings, feature_points, prediction_warnings
-from mtu_cli.model.machine_model import AXES, MachineModel
-from mtu_cli.model.measurands import AngleTrials, angle_error, check_square, contrasts
+from mtu_cli.model.machine_model import MachineModel
+from mtu_cli.model.measurands import AngleTrials, check_square
 from mtu_cli.model.prediction import Prediction, predict
 from mtu_cli.model.settings import (
     PROBABILITY,
@@ -21,14 +21,12 @@ from mtu_cli.model.settings import (
     convergence_warnings,
     validation_warnings,
 )
-from mtu_cli.model.trials import Conformance, Measure, PointTrials, conformance_of
+from mtu_cli.model.trials import Conformance, conformance_of
 from mtu_cli.model.variance import Shares
 from mtu_cli.stats.coverage import coverage_factor
-from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.stats.monte_carlo import MonteCarloResult
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.stats.validation import Validation
-from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import ARCSEC
 
 DRAWN = 2**18
@@ -122,21 +120,21 @@ def predict_orthogonality(
 
 
 def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Orthogonality:
-    name, row, column = entry.id, entry.row, entry.column
-    papers = angle_trials(name, row, column, prediction, independent=True)
-    independent = settings.run(papers, keep=DRAWN)
+    def trials(*, independent: bool) -> tuple[AngleTrials, MonteCarloResult]:
+        model = angle_trials(entry.id, entry.row, entry.column, prediction, independent=independent)
+        return model, settings.run(model, keep=DRAWN)
+
+    papers, independent = trials(independent=True)
     chosen, run = papers, independent
     if not settings.independent:
-        chosen = angle_trials(name, row, column, prediction, independent=False)
-        run = settings.run(chosen, keep=DRAWN)
+        chosen, run = trials(independent=False)
     mean, dof = float(chosen.linear_mean[0]), float(chosen.dof[0])
     u, by_trials = float(chosen.linear_u[0, 0]), float(run.u[0])
     half = coverage_factor(PROBABILITY, dof) * u
-    gradient = angle_gradient(prediction, *_places(prediction, row, column))[None, :]
     return Orthogonality(
-        id=name,
-        row=tuple(row),
-        column=tuple(column),
+        id=entry.id,
+        row=tuple(entry.row),
+        column=tuple(entry.column),
         prediction=prediction,
         run=run,
         scale=by_trials if np.isfinite(by_trials) else u,
@@ -144,7 +142,7 @@ def _angle(entry: RightAngle, prediction: Prediction, settings: Settings) -> Ort
         independent=independent,
         independent_u=float(papers.linear_u[0, 0]),
         validation=settings.validate(mean, u, dof, run, 0),
-        shares=None if settings.independent else prediction.variance(gradient).shares(0),
+        shares=None if settings.independent else chosen.variance.shares(0),
         conformance=conformance_of(entry.tolerance, ARCSEC, mean, u, dof),
         outside=bool(prediction.outside),
         k=settings.coverage_factor,
@@ -162,88 +160,4 @@ def angle_trials(
     """The Monte Carlo model of one angle, with its first-order form."""
     # Threads of linear algebra that wait for such small matrices take longer than the trials.
     with one_blas_thread():
-        plain = plain_angle_trials(name, row, column, prediction, independent=independent)
-        return AngleTrials(plain, _by_design(prediction, *_places(prediction, row, column)))
-
-
-def plain_angle_trials(
-    name: str,
-    row: Sequence[str],
-    column: Sequence[str],
-    prediction: Prediction,
-    *,
-    independent: bool,
-) -> PointTrials:
-    """The same with all errors drawn and the two lines laid through them: slow, for reference."""
-    places = _places(prediction, row, column)
-    measure, combine = angle_measure(prediction, *places)
-    gradient = angle_gradient(prediction, *places)[None, :]
-    dof = np.full(1, np.inf) if independent else prediction.variance(gradient).dof
-    owner = np.zeros(len(combine), np.int64)
-    return PointTrials(
-        prediction, (name,), measure, combine, owner, gradient, dof, independent=independent
-    )
-
-
-def _places(
-    prediction: Prediction, row: Sequence[str], column: Sequence[str]
-) -> tuple[IntArray, IntArray]:
-    of_row, of_column = (np.array([prediction.ids.index(i) for i in ids]) for ids in (row, column))
-    return of_row, of_column
-
-
-def angle_measure(
-    prediction: Prediction, row: IntArray, column: IntArray
-) -> tuple[Measure, FloatArray]:
-    """dtheta = -b1(column) - b1(row), eqs. (24)-(26), and the combinations it needs.
-
-    A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2, the same of n - 1 orthonormal
-    contrasts of the coordinates as of the n coordinates less their mean.
-    """
-    a, ends = len(prediction.axes), np.cumsum([len(row), len(row), len(column)]) - [1, 2, 3]
-    every = np.eye(len(prediction.mean)).reshape(-1, a, len(prediction.mean))
-    of_axis = {axis: every[:, i] for i, axis in enumerate(prediction.axes)}
-    combine = np.vstack(
-        [contrasts(len(own)) @ of_axis[axis][own] for own, axis in _coordinates(row, column)]
-    )
-    nominal = np.concatenate(_by_design(prediction, row, column))
-    u_r, v_r, u_c, v_c = np.split(nominal, ends)
-
-    def measure(combined: FloatArray, work: Workspace) -> FloatArray:
-        placed = np.add(combined, nominal, out=work.array("placed", combined.shape))
-        of_row, of_column = np.split(placed, ends)[:2], np.split(placed, ends)[2:]
-        lines = (of_row[0], of_row[1]), (of_column[0], of_column[1])
-        return angle_error(lines, ((u_r, v_r), (u_c, v_c)))[None, :]
-
-    return measure, combine
-
-
-def _coordinates(row: IntArray, column: IntArray) -> list[tuple[IntArray, str]]:
-    """Features and axis along and across the row, then the column."""
-    return [(row, "x"), (row, "y"), (column, "y"), (column, "x")]
-
-
-def _by_design(prediction: Prediction, row: IntArray, column: IntArray) -> tuple[FloatArray, ...]:
-    """Contrasts (features - 1, 1) of the nominal coordinates along and across both lines."""
-    place = {axis: prediction.points[:, [i]] for i, axis in enumerate(AXES)}
-    return tuple(contrasts(len(own)) @ place[axis][own] for own, axis in _coordinates(row, column))
-
-
-def angle_gradient(prediction: Prediction, row: IntArray, column: IntArray) -> FloatArray:
-    """d(dtheta)/dE (rows,) at the predicted points.
-
-    For a slope b = S_uv / S_uu: db/dv = (u - mean u)/S_uu, db/du = ((v - mean v) - 2 b
-    (u - mean u))/S_uu.
-    """
-    errors = prediction.mean.reshape(-1, len(prediction.axes))
-    gradient, index = np.zeros_like(errors), prediction.axes.index
-    for own, along, across in ((row, "x", "y"), (column, "y", "x")):
-        u, v = (
-            prediction.points[own, AXES.index(axis)] + errors[own, index(axis)]
-            for axis in (along, across)
-        )
-        u, v = u - u.mean(), v - v.mean()
-        b = float(u @ v / (u @ u))
-        gradient[own, index(across)] += -u / (u @ u)
-        gradient[own, index(along)] += -(v - 2 * b * u) / (u @ u)
-    return gradient.ravel()
+        return AngleTrials(prediction, name, row, column, independent=independent)

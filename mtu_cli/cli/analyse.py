@@ -174,7 +174,7 @@ def compare(inputs: Inputs, settings: Settings) -> Outcome:
 
 def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
     """The items that meet a gate; of few parts a mean that is off meets both."""
-    from mtu_cli.analyses.compare.evidence import FEWEST_PARTS
+    from mtu_cli.analyses.compare import FEWEST_PARTS
 
     met: list[str] = []
     judged = False
@@ -193,7 +193,7 @@ def _failing(result: CompareResult, gate: str, limit: float) -> str | None:
             "and a machine that was read in enough passes"
         )
         raise error("gate-undefined", gate=gate, expected=expected)
-    pooled = [item for item in result.feature_summaries if item.pooled_fault == gate]
+    pooled = [item for item in result.features.summaries if item.pooled_fault == gate]
     met += [f"{item.operation} features pooled".strip() for item in pooled]
     return listed(met) if met else None
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,22 +22,16 @@ from mtu_cli.analyses.compensate import (
 from mtu_cli.cli.emit import Outcome
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import BESIDE, option_name
-from mtu_cli.cli.values import assigned, known_name
+from mtu_cli.cli.values import above_zero, assigned, known_name
 from mtu_cli.files.readings import Readings
 from mtu_cli.files.source import check_text, read_source
 from mtu_cli.findings import InputError, error
 from mtu_cli.formats.control import CONTROLLERS, NAMES
-from mtu_cli.formats.control.errors import Controller, ErrorTable
+from mtu_cli.formats.control.errors import Controller, ErrorTable, Parameters
 from mtu_cli.formats.control.klipper import DEFAULTS, read_skew, skew_quantum, write_skew
 from mtu_cli.model.passes import passes_read
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.stated_errors import (
-    axis_of,
-    default_positions,
-    known_names,
-    output_of,
-    stated_errors,
-)
+from mtu_cli.model.stated_errors import Stated, known_names, stated
 from mtu_cli.stats.least_squares import FloatArray, IntArray
 from mtu_cli.units import LENGTH, UNITS
 
@@ -59,9 +52,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         if not np.isfinite(options.values.get(name) or 0.0):
             place = {"path": option_name(name), "value": str(options.values[name])}
             raise error("out-of-range", **place, expected="a finite position, mm")
-    if options.feed is not None and not 0 < options.feed < np.inf:
-        place = {"path": "--feed", "value": f"{options.feed:g}"}
-        raise error("out-of-range", **place, expected="mm/min above 0")
+    feed = FEED if options.feed is None else above_zero("--feed", str(options.feed))
     if options.for_ is None:
         raise error("missing-input", what="the control", expected="--for CONTROLLER")
     known_name("--for", "controller", options.for_, NAMES)
@@ -75,40 +66,35 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         return _skew(inputs, parameters)
     if options.read:
         table = _read(inputs, options.read, control, parameters)
-        direction = "both" if table.both else "mean"
-        known = CompensateResult(component=options.read.name, controller=control,
-                                 direction=direction, asked=table, held=table)  # fmt: skip
+        known = CompensateResult(
+            component=options.read.name, controller=control, asked=table, held=table,
+            direction="both" if table.both else "mean",
+        )  # fmt: skip
         return Outcome.of(report.document(known, settings.digits))
     if options.direction is not None:
         known_name("--direction", "direction", options.direction, DIRECTIONS)
-    wanted = Wanted(
-        direction=options.direction,
-        positions=_positions(inputs),
-        reference=options.reference,
-        frame=Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis)),
-    )
-    names = options.component or []
-    if not names:
+    if not options.component:
         raise error("missing-input", what="the component", expected="--component NAME")
-    errors, axis = _errors(inputs, names, wanted, given.get("axis", ROTARY).lower())
-    _name_axis(inputs, names[0], axis, control, parameters, given)
+    frame = Frame(zero=options.machine_zero or 0.0, reverse=bool(options.reverse_axis))
+    wanted = Wanted(direction=options.direction, positions=_positions(inputs),
+                    reference=options.reference, frame=frame)  # fmt: skip
+    errors, axis, first = _errors(inputs, wanted, given.get("axis", ROTARY).lower())
+    _name_axis(inputs, axis, first, control, parameters, given)
     if options.current:
         wanted = replace(wanted, current=_read(inputs, options.current, control, parameters))
     # Type 0 is written where nothing is said; a file does not show which it is.
     parameters["type"] = parameters.get("type") or "0"
+    name = options.component[0]
     result = analysis(
-        errors, control, parameters, wanted, component=" + ".join(names), seed=settings.seed,
-        trials=settings.trials,
+        errors, control, parameters, wanted, component=" + ".join(options.component),
+        seed=settings.seed, trials=settings.trials,
     )  # fmt: skip
-    if options.verify:
-        readings = inputs.verify
-        assert readings is not None
-        if names[0] not in readings.components:
+    if readings := inputs.verify if options.verify else None:
+        if name not in readings.components:
             held = ", ".join(readings.components)
-            reason = f"--verify holds readings of {held}, not of {names[0]}"
+            reason = f"--verify holds readings of {held}, not of {name}"
             raise error("not-applicable", reason=reason)
-        moves = _columns(readings, _rows(readings, names[0]), axis)
-        result = replace(result, verified=verify(result, *moves))
+        result = verify(result, *_columns(readings, _rows(readings, name), axis))
 
     def files() -> dict[Path, bytes]:
         made, table = dict[Path, bytes](), options.to_file
@@ -117,37 +103,34 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         if table and not control.comment:
             beside = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
             written = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
-            notes = (control.says, wanted.frame.says, f"This table: {written}.")
+            notes = (control.says, frame.says, f"This table: {written}.")
             made[beside] = "".join(f"{note}\n" for note in notes).encode()
         if options.to_nc:
-            feed = options.feed or FEED
-            program = moves_program(result, feed, DWELL_S, axis.upper(), wanted.frame)
+            program = moves_program(result, feed, DWELL_S, axis.upper(), frame)
             made[options.to_nc] = program.encode()
         return made
 
-    return Outcome.of(
-        report.document(result, settings.digits), warnings=result.warnings, files=files
-    )
+    document = report.document(result, settings.digits)
+    return Outcome.of(document, warnings=result.warnings, files=files)
 
 
 def _name_axis(
-    inputs: Inputs, name: str, axis: str, control: Controller, parameters: dict[str, str],
-    given: dict[str, str],
+    inputs: Inputs, axis: str, first: Stated | None, control: Controller,
+    parameters: dict[str, str], given: Parameters,
 ) -> None:  # fmt: skip
     """The axis and the ISO 230-1 name of the component, where the control wants them: `parameters`
     hold those of X, and axes that a control numbers are counted on from it.
     """
-    component = inputs.machine.machine.components.get(name)
-    first = parameters.get("axis", "")
-    if "axis" not in given and first.startswith("X"):
-        parameters["axis"] = axis.upper() + first[1:]
-    elif "axis" not in given and first:
-        number = int(first[-1]) + "xyzabc".index(axis)
-        parameters["axis"] = f"{first[:-1]}{number}"
-    output = axis if axis not in "xyz" else output_of(inputs.machine, name, axis)
+    name = inputs.options.component[0]
+    of_x = "" if "axis" in given else parameters.get("axis", "")
+    if of_x.startswith("X"):
+        parameters["axis"] = axis.upper() + of_x[1:]
+    elif of_x:
+        parameters["axis"] = f"{of_x[:-1]}{int(of_x[-1]) + 'xyzabc'.index(axis)}"
+    output = axis if first is None else first.output
     if "error" in parameters and not parameters["error"]:
-        linear = component is None or UNITS[component.unit].dimension == LENGTH
-        own = f"E{output}{axis}".upper() if linear or axis not in "xyz" else ""
+        component = inputs.machine.machine.components.get(name)
+        own = "" if first is not None and first.angle else f"E{output}{axis}".upper()
         parameters["error"] = (component and component.iso) or own
     elif output != axis and not control.listing:
         reason = f"{name} is an error in {output} along {axis}: no table of one axis"
@@ -170,45 +153,37 @@ def _positions(inputs: Inputs) -> tuple[float, float, float] | None:
     return given
 
 
-def _errors(
-    inputs: Inputs, names: list[str], wanted: Wanted, rotary: str
-) -> tuple[AxisErrors, str]:
-    """Readings of the first name, else what the machine states, with the others added; the axis."""
-    machine, first = inputs.machine, names[0]
-    component = machine.machine.components.get(first)
-    angle = component is not None and UNITS[component.unit].dimension != LENGTH
-    readings = inputs.readings
-    rows = _rows(readings, first)
+def _errors(inputs: Inputs, wanted: Wanted, rotary: str) -> tuple[AxisErrors, str, Stated | None]:
+    """Readings of the first name, else what the machine states, with the others added; the axis,
+    and the first as stated (None of a rotary axis).
+    """
+    machine, readings, names = inputs.machine, inputs.readings, inputs.options.component
+    component, rows = machine.machine.components.get(names[0]), _rows(readings, names[0])
     if readings and np.isfinite(_degrees(readings)[rows]).any():
         if names[1:]:
-            reason = f"{first} is of a rotary axis: nothing is added to its readings"
+            reason = f"{names[0]} is of a rotary axis: nothing is added to its readings"
             raise error("not-applicable", reason=reason)
-        errors = axis_errors(*_columns(readings, rows, rotary), angle=angle, rotary=True)
-        return errors, rotary
-    axes = [axis_of(machine, name) for name in names]
-    if len(set(axes)) > 1:
+        angle = component is not None and UNITS[component.unit].dimension != LENGTH
+        columns = _columns(readings, rows, rotary)
+        return axis_errors(*columns, angle=angle, rotary=True), rotary, None
+    rest = [stated(machine, name) for name in names]
+    first, axis = rest[0], rest[0].axis
+    if any(each.axis != axis for each in rest):
         raise error("not-applicable", reason=f"{', '.join(names)} are not along one axis")
-    axis = axes[0]
     if readings and len(rows):
-        errors, rest = axis_errors(*_columns(readings, rows, axis), angle=angle), names[1:]
+        errors = axis_errors(*_columns(readings, rows, axis), angle=first.angle)
+        rest = rest[1:]
     else:
-        rest = names
-        if wanted.positions is None:
-            positions = default_positions(machine, first, axis)
+        if wanted.places is None:
+            at = first.default_positions(machine)
         else:
-            low, high, step = wanted.positions
-            at = low + step * np.arange(round((high - low) / step) + 1) - wanted.frame.zero
-            positions = np.asarray(-at[::-1] if wanted.frame.reverse else at)
-        T = len(positions)
-        errors = AxisErrors(targets=positions, means=np.zeros((2, T)), ways=1, runs=1,
-                            known=np.zeros((2 * T, 2 * T)), angle=angle, read=False)  # fmt: skip
-    for name in rest:
-        own = stated_errors(machine, name, errors.targets)
-        known = own.covariance if errors.known is None else errors.known + own.covariance
-        ways = 2 if own.turns else errors.ways
-        means, added = errors.means + own.values, errors.added + own.values
-        errors = replace(errors, means=means, added=added, ways=ways, known=known)
-    return errors, axis
+            at = wanted.frame.of_machine(wanted.places)
+        none = np.zeros((2, len(at)))
+        errors = AxisErrors(targets=at, means=none, expected=none, angle=first.angle, read=False,
+                            known=np.zeros((none.size,) * 2))  # fmt: skip
+    for each in rest:
+        errors = errors.plus(each.errors_at(machine, errors.targets))
+    return errors, axis, first
 
 
 def _rows(readings: Readings | None, name: str) -> IntArray:
@@ -232,18 +207,16 @@ def _columns(
     position, degrees = readings.position_mm[rows], _degrees(readings)[rows]
     position = np.where(np.isnan(position), degrees, position)
     if np.isnan(position).any():
-        i = rows[np.flatnonzero(np.isnan(position))[0]]
-        place = {
-            "file": readings.sources[readings.file_index[i]].shown,
-            "row": int(readings.row[i]),
-        }
-        raise error("empty-cell", column="position_mm", expected="a position", **place)
+        i = rows[np.argmax(np.isnan(position))]
+        file = readings.sources[readings.file_index[i]].shown
+        place = {"file": file, "row": int(readings.row[i]), "column": "position_mm"}
+        raise error("empty-cell", expected="a position", **place)
     group, passes = passes_read(readings, rows, axis)
     direction = readings.direction[rows].astype(np.int64)
     return position, direction, readings.error[rows], passes.runs[group]
 
 
-def _read(inputs: Inputs, path: Path, control: Controller, parameters: Any) -> ErrorTable:
+def _read(inputs: Inputs, path: Path, control: Controller, parameters: Parameters) -> ErrorTable:
     """A table that exists; raises InputError with the file's name."""
     text, shown = _text(inputs, path)
     try:
@@ -273,17 +246,16 @@ def _skew(inputs: Inputs, parameters: dict[str, str]) -> Outcome:
     entry = inputs.machine.machine.components.get(name)
     if entry is None or entry.of is not None or UNITS[entry.unit].dimension == LENGTH:
         expected = "a component without `of`, such as axy"
-        reason = f"{name} is no angle between two axes"
-        raise error("not-applicable", reason=reason, expected=expected)
+        raise error("not-applicable", reason=f"{name} is no angle between two axes",
+                    expected=expected)  # fmt: skip
+    readings, rows = inputs.readings, _rows(inputs.readings, name)
     if entry.coefficients is not None:
         angle = entry.coefficients[0] * UNITS[entry.unit].to_internal
-    else:
-        readings = inputs.readings
-        rows = _rows(readings, name)
-        if readings is None or not len(rows):
-            expected = "readings of it, or coefficients in the machine file"
-            raise error("missing-input", what=f"an estimate of {name}", expected=expected)
+    elif readings is not None and len(rows):
         angle = float(readings.error[rows].mean())
+    else:
+        expected = "readings of it, or coefficients in the machine file"
+        raise error("missing-input", what=f"an estimate of {name}", expected=expected)
     text = write_skew(angle, parameters)
     held = read_skew(text)
     if abs(held - angle) > quantum / 2:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     from mtu_cli.reports import iso230 as report
 
     options = inputs.options
-    standard = options.standard or analysis.STANDARDS[0]
+    standard = options.standard or "iso230-2"
     known_name("--standard", "standard", standard, analysis.STANDARDS)
     if (options.plan is None) != (options.pitch is None):
         given, lacks = ("--plan", "--pitch") if options.pitch is None else ("--pitch", "--plan")
@@ -37,26 +37,22 @@ def iso230(inputs: Inputs, settings: Settings) -> Outcome:
     readings = inputs.readings
     if readings is None:
         raise inputs.missing("--laser FILE or --lbb FILE", "laser", "lbb")
-    figures = list(analysis.FIGURES)
-    names = [f"{x.name}.{each}" for x in analysis.tests_of(readings)[0] for each in figures]
+    figures = list(analysis.STANDARDS[standard])
+    names = [f"{x.name}.{each}" for x in analysis.axes_of(readings)[0] for each in figures]
+
+    def limit(name: str, text: str) -> float:
+        return above_zero(f"--limit {name}", text)
+
     result = analysis.evaluate_all(
         readings,
         budget=_budget(inputs),
         before=inputs.before,
-        limits=assigned(
-            "--limit",
-            options.limit,
-            "=",
-            "NAME=VALUE",
-            "A=10",
-            lambda name, text: above_zero(f"--limit {name}", text),
-            [*figures, *names],
-            "figure",
-        ),
+        limits=assigned("--limit", options.limit, "=", "NAME=VALUE", f"{figures[0]}=10", limit,
+                        [*figures, *names], "figure"),
         k=settings.coverage_factor,
         seed=settings.seed,
         standard=standard,
-    )
+    )  # fmt: skip
     # What the checks of all readings have reported is not said twice.
     known = {x.facts["what"] for x in inputs.suspicions if x.code == "outlying-value"}
     warnings = [x for x in result.warnings
@@ -87,50 +83,38 @@ def _nonconforming(result: Iso230Result) -> str | None:
     """Figures that are proven not to conform."""
     if not result.decisions:
         raise error("gate-undefined", gate="nonconforming", expected="--limit A=10, say")
-    found = [
-        f"{x.figure} of {x.component} {x.value / x.size:.4g} {x.unit}"
-        for x in result.decisions
-        if x.verdict == "nonconforming"
-    ]
+    found = [f"{x.name} of {axis.name} {abs(x.value) / x.size:.4g} {x.unit}"
+             for axis, x in result.decisions if x.verdict == "nonconforming"]  # fmt: skip
     return f"beyond the limit by ISO 14253-1: {listed(found)}" if found else None
 
 
 def circular(inputs: Inputs, settings: Settings) -> Outcome:
-    """A circular test: figures of its traces and their causes, beside what a ballbar states."""
-    from mtu_cli.analyses.circular import diagnose
-    from mtu_cli.files.traces import PLANES, WAYS, Traces, read_traces, words
+    """A circular test: figures of its traces and their causes, or what a ballbar states."""
+    from mtu_cli.analyses.circular import CircularResult, diagnose
+    from mtu_cli.files.traces import PLANES, WAYS, read_traces
     from mtu_cli.reports import circular as report
 
     options = inputs.options
-    ways = words(options.direction, str.lower)
-    plane = options.plane.upper() if options.plane else None
-    for way in ways:
-        known_name("--direction", "direction", way, WAYS)
-    if plane is not None:
-        known_name("--plane", "plane", plane, PLANES)
-    feeds = words(options.feed, partial(above_zero, "--feed"))
-    pitches = words(options.pitch, partial(above_zero, "--pitch"))
+    ways, planes = _words(options.direction, str.lower), _words(options.plane, str.upper)
+    for name, values, known in (("direction", ways, WAYS), ("plane", planes, PLANES)):
+        for value in values:
+            known_name(f"--{name}", name, value, known)
+    feeds = _words(options.feed, partial(above_zero, "--feed"))
+    pitches = _words(options.pitch, partial(above_zero, "--pitch"))
     if len(pitches) > 2:
         found = f"{len(pitches)} values"
         raise error("wrong-count", path="--pitch", found=found, expected="one, or one of each axis")
     files = options.file if isinstance(options.file, list | tuple) else [options.file]
-    features, stated = _ballbar(inputs, [path for path in files if _is_xml(path)])
-    files = [path for path in files if not _is_xml(path)]
-    if plane and stated and plane != stated:
-        place = {"path": "--plane", "value": plane, "expected": stated}
-        raise error("contradicts", other="the ballbar's file", **place)
-    traces = Traces(traces=(), plane=plane or stated, radius=math.nan, sources=())
-    if files:
-        traces = read_traces(files, direction=ways, feed=feeds, radius=options.radius,
-                             plane=plane or stated)  # fmt: skip
-        inputs.sources.extend(traces.sources)
+    if any(path.is_file() and begins_with(path, "<") for path in files):
+        return _ballbar(inputs, settings, files)
+    radius = [] if options.radius is None else [options.radius]
+    traces = read_traces(files, direction=ways, feed=feeds, radius=radius, plane=planes)
+    inputs.sources.extend(traces.sources)
     target = options.write_components
-    if target is not None and not (files and traces.plane):
-        what, expected = "the plane", "--plane XY, YZ or ZX, or a column 'plane'"
-        if not files:
-            what, expected = "a trace", "a CSV of traces: the sign of stated features is not known"
-        raise error("missing-input", what=what, expected=expected)
-    result = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None, features)
+    if target is not None and not traces.plane:
+        expected = "--plane XY, YZ or ZX, or a column 'plane'"
+        raise error("missing-input", what="the plane", expected=expected)
+    result: CircularResult = diagnose(traces, (pitches[0], pitches[-1]) if pitches else None)
 
     def components() -> dict[Path, bytes]:
         from mtu_cli.files.write import report_bytes
@@ -138,39 +122,31 @@ def circular(inputs: Inputs, settings: Settings) -> Outcome:
 
         if target is None:
             return {}
-        found = envelope(
-            "fit-components",
-            inputs=traces.sources,
-            settings=settings,
-            results=report.components(result),
-            warnings=result.warnings,
-        )
+        found = envelope("fit-components", inputs=traces.sources, settings=settings,
+                         results=report.components(result), warnings=result.warnings)  # fmt: skip
         return {target: report_bytes(found)}
 
     document = report.document(result, settings.digits)
     return Outcome.of(document, warnings=result.warnings, files=components)
 
 
-def _is_xml(path: Path) -> bool:
-    return path.is_file() and path.stat().st_size > 0 and begins_with(path, "<")
+def _words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
+    """The values of an option with commas."""
+    return [read(each.strip()) for each in text.split(",")] if text else []
 
 
-def _ballbar(
-    inputs: Inputs, paths: list[Path]
-) -> tuple[dict[str, dict[str, dict[str, Any]]], str | None]:
-    """The features that a ballbar states, by file and feature, and their plane."""
+def _ballbar(inputs: Inputs, settings: Settings, paths: Iterable[Path]) -> Outcome:
+    """The features that a ballbar states, in its own units and with its own signs."""
     from mtu_cli.formats.base import raw_file
     from mtu_cli.formats.renishaw import features_of
+    from mtu_cli.reports.circular import stated_document
 
-    result, planes = {}, dict[str, str]()
+    if inputs.options.write_components:
+        expected = "a CSV of traces: the sign of stated features is not known"
+        raise error("missing-input", what="a trace", expected=expected)
+    stated = {}
     for path in paths:
         file = raw_file(path, "traces")
         inputs.sources.append(file.source)
-        known = features_of(file)
-        result[file.source.shown] = known["features"]
-        if "test_plane" in known:
-            planes.setdefault(known["test_plane"].upper(), file.source.shown)
-    if len(planes) > 1:
-        (one, _), (other, file_) = [*planes.items()][:2]
-        raise error("contradicts", file=file_, other="another file", value=other, expected=one)
-    return result, next(iter(planes), None)
+        stated[file.source.shown] = features_of(file)
+    return Outcome.of(stated_document(stated, settings.digits))

@@ -43,8 +43,6 @@ LARGEST = 1e150
 LEAST_DOF = 0.5
 """Fewer would let a half-width be uncertain by more than itself: dof = (a/da)^2 / 2."""
 ROUNDING = 1e-9
-OUTPUT_NAMES = ("y", "Y", "result", "measurand")
-"""Of an equation whose quantity has no name, the first that no input has."""
 WAYS = ("u", "half_width", "low", "U")
 """Keys of which one says how large a contribution is."""
 PAIRS = {"low": "high", "high": "low", "U": "k", "k": "U"}
@@ -215,22 +213,31 @@ def load_budget(file: Path | YamlDocument, role: str = "budget") -> LoadedBudget
         for name in faults.given("inputs"):
             faults.symbol(("inputs", name), name, taken)
         _check_together(budget, faults)
-        coverage = budget.coverage
+        coverage, given = budget.coverage, faults.given()
         if coverage is not None and coverage.probability is not None and coverage.k is not None:
             faults.add(("coverage",), "exclusive", names="probability and k", expected="one")
-        _check_keys(budget, faults)
+        if {"equation", "equations"} <= set(given):
+            names = "equation and equations"
+            faults.add(("equations",), "exclusive", names=names, expected="one")
+        elif not {"equation", "equations"} & set(given):
+            expected = "equation: or equations:"
+            faults.add((), "missing-key", key="equation", expected=expected)
+        outputs = faults.keys("equations")
+        for name in budget.units or {}:
+            if name not in outputs:
+                faults.unknown(("units", name), name, outputs, "output")
+        if budget.quantity is not None and outputs:
+            where, expected = "a single `equation`", "`units: {...}`"
+            faults.add(("quantity",), "misplaced", key="quantity", where=where, expected=expected)
         for name, unit, tree in _outputs(budget, faults):
             units[name], trees[name] = unit, tree
 
     budget = check_contract(document, Budget, "budget", check)
+    warnings = tuple(_warnings(budget, trees, document))
     return LoadedBudget(
-        source=document.source,
-        budget=budget,
-        trees=trees,
-        units=units,
-        warnings=tuple(_warnings(budget, trees, document)),
-        document=document,
-    )
+        source=document.source, document=document, warnings=warnings,
+        budget=budget, trees=trees, units=units,
+    )  # fmt: skip
 
 
 def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
@@ -259,29 +266,26 @@ def _check_input(item: Input, path: YamlPath, faults: Faults) -> None:
 
 
 def _check_contribution(item: Contribution, path: YamlPath, faults: Faults) -> None:
-    """That a width is stated in one way, and whole; and that it and its distribution agree."""
-    if len(item.ways) > 1:
+    """That a width is stated in one way, and whole; that its distribution has what it needs, and
+    nothing has what only another one has.
+    """
+    kind, dof, ways = item.distribution or "normal", item.dof, item.ways
+    if len(ways) > 1:
         expected = "one of u, half_width, low with high, U with k"
-        faults.add(path, "exclusive", names=" and ".join(item.ways), expected=expected)
+        faults.add(path, "exclusive", names=" and ".join(ways), expected=expected)
         return
-    for key, other in PAIRS.items():
-        if getattr(item, key) is not None and getattr(item, other) is None:
-            faults.add((*path, key), "incomplete", what=f"`{key}`", other=f"`{other}`")
-    for key in ("distribution", "dof") if not item.ways else ():
-        if getattr(item, key) is not None:
-            other = "a width: `u`, `half_width`, `U`, or `low` and `high`"
-            faults.add((*path, key), "incomplete", what=f"`{key}`", other=other)
     if item.low is not None and item.high is not None and item.low >= item.high:
         expected = f"a number below `high`, {item.high:g}"
         faults.add((*path, "low"), "wrong-value", value=item.low, expected=expected)
         return
-    _check_distribution(item, path, faults)
-
-
-def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> None:
-    """That a distribution has what it needs, and nothing has what only another one has."""
-    kind, dof = item.distribution or "normal", item.dof
-    if kind not in BOUNDED and item.ways in (["half_width"], ["low"]):
+    lacking = {key: f"`{other}`" for key, other in PAIRS.items() if getattr(item, other) is None}
+    if not ways:
+        width = "a width: `u`, `half_width`, `U`, or `low` and `high`"
+        lacking |= {"distribution": width, "dof": width}
+    for key, other in lacking.items():
+        if getattr(item, key) is not None:
+            faults.add((*path, key), "incomplete", what=f"`{key}`", other=other)
+    if kind not in BOUNDED and ways in (["half_width"], ["low"]):
         expected = "`distribution: rectangular`, say, or u"
         faults.add(path, "no-limits", distribution=kind, expected=expected)
     if kind == "t" and dof is None:
@@ -291,16 +295,13 @@ def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> N
         faults.add((*path, "dof"), "exclusive", names="inexact and dof", expected=expected)
     for key, (owner, ratio) in SHAPES.items():
         value = getattr(item, key)
-        if value is None:
-            if kind == owner and (key == "top" or dof is None):
-                expected = f"that of a {owner} distribution"
-                faults.add(path, "missing-key", key=key, expected=expected)
-            continue
-        if kind != owner:
-            faults.add((*path, key), "misplaced", key=key, where=f"`distribution: {owner}`")
         # The widest that any half-width leaves room for.
         most = item.half if item.half is not None else ratio * (item.u or math.inf)
-        if value > most:
+        if value is None and kind == owner and (key == "top" or dof is None):
+            faults.add(path, "missing-key", key=key, expected=f"that of a {owner} distribution")
+        elif value is not None and kind != owner:
+            faults.add((*path, key), "misplaced", key=key, where=f"`distribution: {owner}`")
+        elif value is not None and value > most:
             expected = f"at most {most:.6g}, by the half-width or u"
             faults.add((*path, key), "wrong-value", value=value, expected=expected)
 
@@ -308,7 +309,6 @@ def _check_distribution(item: Contribution, path: YamlPath, faults: Faults) -> N
 def _check_together(budget: Budget, faults: Faults) -> None:
     """Correlations of uncertain inputs, no pair twice; simultaneous inputs, each once."""
     known, inputs = faults.keys("inputs"), budget.inputs
-    groups = present(budget.simultaneous)
     pairs: set[frozenset[str]] = set()
     for index, (first, second, r) in present(budget.correlations):
         path: YamlPath = ("correlations", index)
@@ -324,13 +324,9 @@ def _check_together(budget: Budget, faults: Faults) -> None:
         if first == second or pair in pairs:
             what = "the name" if first == second else "the correlation"
             faults.add(path, "appears-twice", what=what, value=f"{first}, {second}")
-        elif any(pair <= set(group) for _, group in groups):
-            given = {"names": "correlations and simultaneous"}
-            expected = "one: readings have a correlation"
-            faults.add(path, "exclusive", value=[first, second], expected=expected, **given)
         pairs.add(pair)
-    seen: set[str] = set()
-    for index, group in groups:
+    correlated, seen = set().union(*pairs), set[str]()
+    for index, group in present(budget.simultaneous):
         counts = {}
         for at, name in enumerate(group):
             path = ("simultaneous", index, at)
@@ -338,6 +334,9 @@ def _check_together(budget: Budget, faults: Faults) -> None:
                 faults.unknown(path, name, known)
             elif name in seen:
                 faults.add(path, "appears-twice", what="the input", value=name)
+            elif name in correlated:
+                ways, expected = "correlations and simultaneous", "one: readings have a correlation"
+                faults.add(path, "exclusive", value=name, names=ways, expected=expected)
             elif name in inputs and (readings := inputs[name].readings) is None:
                 faults.add(path, "incomplete", what=f"`{name}`", other="`readings`")
             elif name in inputs and readings:
@@ -349,30 +348,13 @@ def _check_together(budget: Budget, faults: Faults) -> None:
             faults.add(("simultaneous", index), "wrong-count", **given)
 
 
-def _check_keys(budget: Budget, faults: Faults) -> None:
-    """That there is an `equation` or there are `equations`, with what belongs to either."""
-    given, outputs = faults.given(), faults.keys("equations")
-    ways = [key for key in ("equation", "equations") if key in given]
-    if len(ways) == 2:
-        faults.add(("equations",), "exclusive", names=" and ".join(ways), expected="one")
-    elif not ways:
-        faults.add((), "missing-key", key="equation", expected="equation: or equations:")
-    for name in budget.units or {}:
-        if name not in outputs:
-            faults.unknown(("units", name), name, outputs, "output")
-    if budget.quantity is not None and outputs:
-        where, expected = "a single `equation`", "`units: {...}`"
-        faults.add(("quantity",), "misplaced", key="quantity", where=where, expected=expected)
-
-
 def _outputs(budget: Budget, faults: Faults) -> Iterator[tuple[str, str, Node]]:
     """Name, unit and tree of each measurand whose equation can be read; adds what is wrong."""
     known, single = faults.keys("inputs"), budget.equation is not None
     texts, stated = budget.equations or {}, budget.units or {}
     if budget.equation is not None:
         quantity = budget.quantity or Quantity()
-        free = next((own for own in OUTPUT_NAMES if own not in known), "y_1")
-        name = quantity.name or free
+        name = quantity.name or ("Y" if "y" in known else "y")
         texts, stated = {name: budget.equation}, {name: quantity.unit or ""}
     units = {name: item.unit or "" for name, item in budget.inputs.items()}
     outputs = {name: stated.get(name) or "" for name in texts}
@@ -411,10 +393,9 @@ def _warnings(budget: Budget, trees: dict[str, Node], document: YamlDocument) ->
         path: YamlPath = ("inputs", name)
         if name not in used:
             yield noted("unused", path, path_text(path), what="input", name=name)
-            continue
-        if item.readings and not item.varies:
-            readings = (*path, "readings")
-            yield noted("equal-readings", readings, path_text(path), n=len(item.readings))
+        elif item.readings and not item.varies:
+            where = (*path, "readings")
+            yield noted("equal-readings", where, path_text(path), n=len(item.readings))
         elif isinstance(document.at(*path), dict) and not item.varies and not item.ways:
             exact.append(name)
     if exact:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mtu_cli.files.csv_file import read_tables
-from mtu_cli.files.csv_table import CellFaults, Floats, Table, Texts
+from mtu_cli.files.csv_table import CellFaults, Floats, Table
 from mtu_cli.files.headers import Column, TableSpec
 from mtu_cli.files.source import Source
 from mtu_cli.findings import error, finding
@@ -71,103 +72,77 @@ def read_traces(
     *,
     direction: Sequence[str] = (),
     feed: Sequence[float] = (),
-    radius: float | None = None,
-    plane: str | None = None,
+    radius: Sequence[float] = (),
+    plane: Sequence[str] = (),
 ) -> Traces:
-    """Reads all files; what no column says `direction` and `feed` do, of all files or of each in
-    turn, and `radius` and `plane`.
+    """Reads all files; what no column says the options do, each of all files or of each in turn.
 
     Raises InputError with all bad cells, or for what is not stated, or not alike in all traces.
     """
     faults = CellFaults()
     table = read_tables([(path, "traces") for path in files], TRACES, faults)
     faults.raise_if_any()
-    _spread(table, "direction", "--direction", direction)
-    _spread(table, "feed_mm_min", "--feed", feed)
-    _spread(table, "radius_mm", "--radius", () if radius is None else (radius,))
-    _spread(table, "plane", "--plane", () if plane is None else (plane,))
-    for i in np.flatnonzero(table.number("feed_mm_min") <= 0)[:1].tolist():
-        place = {**table.place(i), "column": "feed_mm_min"}
-        value = f"{table.number('feed_mm_min')[i]:g}"
+    ways = _filled(table, "direction", "--direction", direction)
+    feeds = _filled(table, "feed_mm_min", "--feed", feed).astype(float)
+    if (bad := np.flatnonzero(feeds <= 0)).size:
+        place = {**table.place(int(bad[0])), "column": "feed_mm_min"}
+        value = f"{feeds[bad[0]]:g}"
         raise error("out-of-range", value=value, expected="mm/min above 0, or empty", **place)
-    radii = table.number("radius_mm")
-    if len(np.unique(radii[np.isfinite(radii)])) > 1:
-        row = int(np.flatnonzero(radii != radii[0])[0])
-        place = {**table.place(row), "column": "radius_mm", "value": f"{radii[row]:g}"}
-        raise error("contradicts", other="another trace", expected="one in all traces", **place)
-    if not (radii > 0).all():
+    radii = _filled(table, "radius_mm", "--radius", radius)
+    planes = _filled(table, "plane", "--plane", plane)
+    if not all(x and x > 0 for x in radii):
         place = {"path": "--radius", "expected": "--radius MM above 0, or a column radius_mm"}
         raise error("missing-input", what="the nominal radius", **place)
-    labels, codes = table.labelled("plane")
-    names = [labels[int(each)] if each >= 0 else "" for each in np.unique(codes)]
-    if len(names) > 1:
-        expected = "the traces of one plane in a call"
-        place = {"column": "plane", "value": ", ".join(names)}
-        raise error("contradicts", other="another trace", expected=expected, **place)
-    return Traces(
-        traces=tuple(_traces(table)),
-        plane=names[0] or None,
-        radius=float(radii[0]),
-        sources=table.sources,
-    )
-
-
-def _spread(table: Table, name: str, option: str, values: Sequence[Any]) -> None:
-    """Gives files without a column the value of an option: one for all, or one for each."""
-    files = len(table.files)
-    if not values:
-        return
-    if len(values) not in (1, files):
-        expected = f"one for all files, or {files} with commas"
-        raise error("wrong-count", path=option, found=f"{len(values)} values", expected=expected)
-    without = ~table.has(name)
-    each = [values[i % len(values)] for i in range(files)]
-    if name in ("direction", "plane"):
-        known = table.texts.get(name, Texts(np.full(len(table), -1), ()))
-        labels = [*known.labels, *each]
-        codes = np.where(without, len(known.labels) + table.file_index, known.codes)
-        first = {label: labels.index(label) for label in labels}
-        merged = np.array([first[label] for label in labels] + [-1])[codes]
-        table.texts[name] = Texts(merged, tuple(labels))
-    else:
-        given = np.array(each, np.float64)[table.file_index]
-        table.numbers[name] = np.where(without, given, table.number(name))
-
-
-def _traces(table: Table) -> list[Trace]:
-    """Rows of one file, pass, direction and feed are a trace."""
-    labels, way = table.labelled("direction")
-    feed, number = table.number("feed_mm_min"), table.whole("pass")
-    result, faults = [], CellFaults()
-    keys = np.column_stack([table.file_index, number, way, np.nan_to_num(feed)])
-    group = np.unique(keys, axis=0, return_inverse=True)[1].ravel()
-    for each in dict.fromkeys(group.tolist()):
+    for name, column in (("radius_mm", radii), ("plane", planes)):
+        if (other := np.flatnonzero(column != column[0])).size:
+            value = ", ".join(f"{column[i]}" for i in (0, other[0]))
+            place = {**table.place(int(other[0])), "column": name, "value": value}
+            raise error("contradicts", other="another trace", expected="one in all traces", **place)
+    traces, number = [], table.whole("pass")
+    # Rows of one file, pass, direction and feed are a trace.
+    keys = [
+        *zip(table.file_index.tolist(), number.tolist(), ways, np.nan_to_num(feeds), strict=True)
+    ]
+    index = {key: i for i, key in enumerate(dict.fromkeys(keys))}
+    group = np.array([index[key] for key in keys])
+    for each in index.values():
         rows = np.flatnonzero(group == each)
         first = int(rows[0])
         place = table.place(first)
-        if way[first] < 0:
-            expected = "--direction cw or ccw, or a column 'direction'"
+        if ways[first] is None:
             del place["row"]
-            faults.add(finding("missing-input", what="the direction", expected=expected, **place))
+            place["expected"] = "--direction cw or ccw, or a column 'direction'"
+            faults.add(finding("missing-input", what="the direction", **place))
         elif len(rows) < FEWEST:
             what = f"a trace of {len(rows)} samples"
-            expected = f"{FEWEST} or more around the circle"
-            faults.add(finding("too-little-data", what=what, expected=expected, **place))
+            place["expected"] = f"{FEWEST} or more around the circle"
+            faults.add(finding("too-little-data", what=what, **place))
         else:
-            result.append(
+            traces.append(
                 Trace(
                     file=str(place["file"]),
                     number=int(number[first]) if number[first] >= 0 else None,
-                    direction=labels[way[first]],
-                    feed=float(feed[first]),
+                    direction=ways[first],
+                    feed=float(feeds[first]),
                     angle=np.radians(table.number("angle_deg")[rows]),
                     deviation=table.number("deviation_um")[rows] * UM,
                 )
             )
     faults.raise_if_any()
-    return result
+    return Traces(traces=tuple(traces), plane=planes[0], radius=radii[0], sources=table.sources)
 
 
-def words(text: str | None, read: Callable[[str], Any]) -> list[Any]:
-    """The values of an option with commas."""
-    return [read(each.strip()) for each in text.split(",")] if text else []
+def _filled(table: Table, name: str, option: str, values: Sequence[Any]) -> NDArray[Any]:
+    """A column (n,), with the value of an option where the file has none: one for all files, or one
+    for each; None where neither says it.
+    """
+    files = len(table.files)
+    if values and len(values) not in (1, files):
+        expected = f"one for all files, or {files} with commas"
+        raise error("wrong-count", path=option, found=f"{len(values)} values", expected=expected)
+    each = np.array([values[i % len(values)] if values else None for i in range(files)], object)
+    own = table.number(name).astype(object)
+    if name in table.texts:
+        labels, codes = table.labelled(name)
+        own = np.array([*labels, None], object)[codes]
+    return np.where(table.has(name), own, each[table.file_index])

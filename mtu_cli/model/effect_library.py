@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from itertools import combinations, product
 from pathlib import Path
@@ -78,16 +78,17 @@ def check_excluded(exclude: Collection[str], library: EffectLibrary) -> None:
     families = list(dict.fromkeys(family.family.family for family in library.families))
     bindings = [dict(zip("abn", axes, strict=True)) for axes in product(AXES, repeat=3)]
     effects = {filled(family.name, own) for family in library.families for own in bindings}
+    known = [*families, *sorted(effects)]
     expected = (
         f"a family ({', '.join(families)}) or one of its effects, such as backlash-x; --csv FILE "
         "lists all that your data allows"
     )
-    faults = []
-    for name in exclude:
-        if name not in families and name not in effects:
-            facts = {"value": name, "meant": nearest(name, [*families, *sorted(effects)])}
-            facts |= {"what": "effect to exclude", "expected": expected}
-            faults.append(finding("unknown-name", **facts))
+    facts = {"what": "effect to exclude", "expected": expected}
+    faults = [
+        finding("unknown-name", value=name, meant=nearest(name, known), **facts)
+        for name in exclude
+        if name not in known
+    ]
     if faults:
         raise InputError(faults)
 
@@ -449,6 +450,106 @@ def _per_minute(parameter: str, unit: str, levers: Sequence[Node], searched: str
     if not per or PARAMETER_UNITS[unit].per is not None:
         raise NoMember(f"{unit} of {parameter} has no unit per minute")
     return per[0]
+
+
+# Candidates.
+
+SCATTER, OFFSET, OUTLIER = "scatter", "offset", "outlier"
+NOTHING_LEFT = "not separable from an offset on this data"
+CONSTANT = "a parameter of it is a constant, which is estimated with every effect: leave it out"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """An effect that the model may lack, as the library describes it on one table; `notes` are the
+    reasons why the table cannot test some of its forms, `unavailable` those why it can test none.
+    """
+
+    name: str
+    family: str
+    axis: str | None = None
+    kind: str = "mean"
+    over: str | None = None
+    says: str = ""
+    separates: str | None = None
+    sentence: str = ""
+    forms: tuple[BoundTemplate, ...] = ()
+    unavailable: str | None = None
+    notes: str = ""
+
+
+def candidates_of(
+    table: ResidualTable, library: EffectLibrary, exclude: Collection[str] = ()
+) -> tuple[Candidate, ...]:
+    """All candidates of a library on a table, in the library's order, but those of `exclude`.
+
+    Raises InputError for a name in `exclude` that the library does not have.
+    """
+    check_excluded(exclude, library)
+    data = TableData.of(table)
+    candidates = (
+        _candidate(family, binding, data)
+        for family in library.families
+        if family.family.family not in exclude and len(table.axes) >= family.family.least_axes
+        for binding in of_candidates(family, data)
+    )
+    return tuple(c for c in candidates if c is not None and c.name not in exclude)
+
+
+def _candidate(family: LoadedFamily, binding: Binding, data: TableData) -> Candidate | None:
+    """None where the table could not have such an effect."""
+    own, forms = family.family, list[BoundTemplate]()
+    reasons: dict[str, None] = {}
+    # Of two neither is the outlier.
+    least = 3 if own.kind == OUTLIER else 2
+    if own.over is not None and (there := len(choices(data.table, own.over))) < least:
+        reasons[f"there {'is one' if there == 1 else f'are {there}'} {own.over} only"] = None
+    elif own.kind == SCATTER:
+        for name in own.needs:
+            try:
+                check_column(name, data)
+            except NoMember as lack:
+                reasons[str(lack) or f"no column {name}"] = None
+    else:
+        for template in family.templates:
+            for item in of_members(template, binding, data):
+                try:
+                    forms.append(_form(family, template, item, data))
+                except NoMember as lack:
+                    reasons |= {str(lack): None} if str(lack) else {}
+        if not forms and not reasons:
+            return None
+    readings, notes = data.table.component is not None, "; ".join(reasons)
+    separates = (readings and own.separates_readings) or own.separates
+    missing = not forms if own.kind != SCATTER else bool(reasons)
+    return Candidate(
+        name=filled(family.name, binding),
+        family=own.family,
+        axis=binding.get("n") or binding.get("a", "") + binding.get("b", "") or None,
+        kind=own.kind,
+        over=own.over,
+        says=filled(own.says, binding),
+        separates=None if separates is None else filled(separates, binding),
+        sentence=(readings and own.sentence_readings) or own.sentence,
+        forms=tuple(forms),
+        unavailable=notes or NOTHING_LEFT if missing else None,
+        notes="" if missing else notes,
+    )
+
+
+def _form(
+    family: LoadedFamily, template: Template, item: Binding | str, data: TableData
+) -> BoundTemplate:
+    """With its margins. Raises NoMember where the table has none."""
+    if isinstance(item, str):
+        raise NoMember(item)
+    own = family.family
+    effect, *margins = (bound(own, one, item, data) for one in (template, *family.margins))
+    levers = [node for by_name in effect.levers.values() for node in by_name.values()]
+    if own.kind != OFFSET and not all(any(names(node)) for node in levers):
+        raise NoMember(CONSTANT)
+    chosen = None if own.over is None else tuple(choices(data.table, own.over))
+    return replace(effect, margins=tuple(margins), chosen=chosen)
 
 
 # Grids of what is searched.

@@ -37,6 +37,14 @@ from mtu_cli.stats.resolution import rounding_variance
 from mtu_cli.stats.smooth_profile import FEWEST_TARGETS, SmoothProfile
 from mtu_cli.units import UNITS, Unit
 
+TESTS = {
+    "drift": "drift between passes",
+    "trend": "trend",
+    "lack_of_fit": "misfit of the polynomial",
+    "reversal": "reversal",
+}
+"""Of the readings of one instrument, in words."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class InstrumentFit:
@@ -75,31 +83,18 @@ class InstrumentFit:
         return result[0] if result in ([1], [-1]) else None
 
     @cached_property
-    def scatter(self) -> FTest | None:
-        """Whether the passes differ by more than repeatability."""
-        return pass_scatter(self.fit, self.rounding)
-
-    @cached_property
-    def trend(self) -> Shift | None:
-        """The drift a pass."""
-        passes = self.passes
-        return None if passes is None else pass_trend(self.fit, passes.order, self.rounding)
-
-    @cached_property
-    def reversal(self) -> Shift | None:
-        """The mean reversal value."""
-        passes = self.passes
-        if passes is None:
-            return None
-        return reversal(self.fit, passes.order, timed=passes.timed, r=self.rounding)
-
-    @cached_property
-    def lack_of_fit(self) -> FTest | None:
-        """Whether free means at the positions fit better than the polynomial; None of a table."""
-        if self.profile is not None:
-            return None
-        degree = self.powers - 1
-        return lack_of_fit(self.error, self.position, degree, self.group, self.rounding)
+    def tests(self) -> dict[str, FTest | Shift]:
+        """By TESTS, those that passes, directions and positions allow; a table fits by design."""
+        r, passes = self.rounding, self.passes
+        made: dict[str, FTest | Shift | None] = {"drift": pass_scatter(self.fit, r)}
+        if passes is not None:
+            made["trend"] = pass_trend(self.fit, passes.order, r)
+        if self.profile is None:
+            y, x, degree = self.error, self.position, self.powers - 1
+            made["lack_of_fit"] = lack_of_fit(y, x, degree, self.group, r)
+        if passes is not None:
+            made["reversal"] = reversal(self.fit, passes.order, timed=passes.timed, r=r)
+        return {name: test for name, test in made.items() if test is not None}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,10 +309,10 @@ def _at_both_ways(
     way alone, w = +1 or -1, reads a line half of the reversal value h away: b_0 - w h/2, with
     u(h)^2/4 more variance, h of one that ran both ways. Without such a one it stays as it is.
     """
-    known = next((fit.reversal for fit in fits if fit.reversal is not None), None)
+    known = next((fit.tests["reversal"] for fit in fits if "reversal" in fit.tests), None)
     result = list(estimates)
     for i, fit in enumerate(fits):
-        if known is not None and fit.way is not None:
+        if isinstance(known, Shift) and fit.way is not None:
             b, C = result[i].coefficients.copy(), result[i].covariance.copy()
             b[0] -= fit.way * known.value / 2
             C[0, 0] += known.u**2 / 4

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -34,10 +35,11 @@ from mtu_cli.model.estimates import (
     stated_component,
     stated_table,
 )
-from mtu_cli.model.estimation import ComponentFit, fit_component, shared_passes
+from mtu_cli.model.estimation import TESTS, ComponentFit, fit_component, shared_passes
 from mtu_cli.model.machine_model import AXES, TIME, design, effect_alone, theta
 from mtu_cli.model.machine_model import places as fixed_places
 from mtu_cli.model.passes import passes_read
+from mtu_cli.stats.family import significant
 from mtu_cli.stats.least_squares import FloatArray, IntArray, least_squares, polynomial
 from mtu_cli.units import PARAMETER_UNITS, UNITS
 
@@ -47,7 +49,7 @@ ELSEWHERE = 1.0
 """mm along axes that readings tell no position of: effect and lever arm have the same factor."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class MachineFit:
     """Every component that readings were given for, and the groups that share passes; `missing`
     have neither readings nor coefficients. `warnings` of these and of effects left on the readings.
@@ -57,6 +59,15 @@ class MachineFit:
     joint: tuple[JointPasses, ...]
     missing: tuple[str, ...] = ()
     warnings: tuple[Finding, ...] = ()
+
+    @cached_property
+    def significant(self) -> dict[str, dict[tuple[str, str], float]]:
+        """By test, the p of each (component, role) that holds out among all of it (Bonferroni)."""
+        items = [(name, x) for name, own in self.components.items() for x in own.instruments]
+        return {
+            test: significant({(n, x.role): x.tests[test].p for n, x in items if test in x.tests})
+            for test in TESTS
+        }
 
 
 def fit_machine(machine: LoadedMachine, readings: Readings) -> MachineFit:

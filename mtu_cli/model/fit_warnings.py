@@ -53,7 +53,7 @@ def scatter_warnings(fit: MachineFit) -> list[Finding]:
 
 def fit_warnings(fit: MachineFit) -> list[Finding]:
     """Warnings on scatter that cannot be split, reversal, trend, lack of fit, disagreement."""
-    misfits = _significant(fit, "lack-of-fit")
+    misfits = _significant(fit, "lack_of_fit", "lack-of-fit")
     return [*fit.warnings, *scatter_warnings(fit), *misfits, *limit_warnings(fit)]
 
 
@@ -62,8 +62,8 @@ def limit_warnings(fit: MachineFit) -> list[Finding]:
     p_values = {name: x.agreement_p for name, x in fit.components.items()}
     apart = significant({name: p for name, p in p_values.items() if p is not None})
     return [
-        *_significant(fit, "reversal"),
-        *_significant(fit, "passes-drift"),
+        *_significant(fit, "reversal", "reversal"),
+        *_significant(fit, "trend", "passes-drift"),
         *(finding("instruments-disagree", component=name, p=p) for name, p in apart.items()),
     ]
 
@@ -77,25 +77,17 @@ def limits_of(warnings: Iterable[Finding], used: Container[str]) -> list[Finding
     ]
 
 
-TESTS = {"reversal": "reversal", "passes-drift": "trend", "lack-of-fit": "lack_of_fit"}
-"""By code: the test of an instrument's readings."""
-
-
-def _significant(fit: MachineFit, code: str) -> list[Finding]:
-    """The tests of one kind on the passes that hold out among all of it."""
-    tested = {
-        (name, instrument.role): (getattr(instrument, TESTS[code]), component.unit, instrument)
-        for name, component in fit.components.items()
-        for instrument in component.instruments
-    }
-    made = {key: item[0].p for key, item in tested.items() if item[0] is not None}
+def _significant(fit: MachineFit, test: str, code: str) -> list[Finding]:
+    """The warnings of one kind of test on the passes."""
     warnings = []
-    for key, p in significant(made).items():
-        found, unit, instrument = tested[key]
-        facts: dict[str, Any] = {"component": key[0], "p": p, "unit": unit.name}
+    for (name, role), p in fit.significant[test].items():
+        component = fit.components[name]
+        item = next(x for x in component.instruments if x.role == role)
+        found, unit = item.tests[test], component.unit
+        facts: dict[str, Any] = {"component": name, "p": p, "unit": unit.name}
         if isinstance(found, Shift):
             facts["size"] = found.value / unit.to_internal
-        if code == "passes-drift":
-            facts["each"] = "a pass there and back" if len(instrument.fit.pairs) else "a pass"
+        if test == "trend":
+            facts["each"] = "a pass there and back" if len(item.fit.pairs) else "a pass"
         warnings.append(finding(code, **facts))
     return warnings

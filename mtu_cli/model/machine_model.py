@@ -32,7 +32,7 @@ from mtu_cli.model.estimates import (
     leftover_estimate,
     temperature_estimate,
 )
-from mtu_cli.stats.lag import lag_of_moments
+from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray, polynomial
 
 Covariates = Mapping[str, FloatArray | float]
@@ -82,7 +82,7 @@ def temperatures(drift: ThermalEstimate, covariates: Covariates, n: int) -> Floa
     if times is not None and drift.time_constants.any():
         order = np.argsort(times, kind="stable")
         constants, index = np.unique(drift.time_constants, return_inverse=True)
-        lagged = lag_of_moments(result[order], times[order], constants)
+        lagged = first_order_lag(result[order], times[order], constants)
         result[order] = lagged[index, :, np.arange(result.shape[1])].T
     return result
 

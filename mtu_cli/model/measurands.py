@@ -14,7 +14,6 @@ from mtu_cli.model.trials import Measure, PointTrials
 from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.distributions import t_scales
 from mtu_cli.stats.least_squares import FloatArray, IntArray
-from mtu_cli.stats.workspace import Workspace
 
 
 def differences(points: FloatArray, pairs: IntArray, names: Sequence[str], file: str) -> FloatArray:
@@ -61,11 +60,7 @@ def length_measure(
     L0, along = np.linalg.norm(delta, axis=1), _along(prediction, delta)
     of_axis = np.eye(len(prediction.mean)).reshape(-1, a, len(prediction.mean))
     combine = np.concatenate([of_axis[pairs[:, 1], j] - of_axis[pairs[:, 0], j] for j in range(a)])
-
-    def measure(differences: FloatArray, work: Workspace) -> FloatArray:
-        return length_error(L0, along, differences.reshape(a, m, -1))
-
-    return measure, combine
+    return lambda errors: length_error(L0, along, errors.reshape(a, m, -1)), combine
 
 
 def length_error(L0: FloatArray, delta: FloatArray, e: FloatArray) -> FloatArray:
@@ -157,7 +152,7 @@ ROUNDING = 1e-12
 
 
 class AngleTrials(PointTrials):
-    """A Monte Carlo model of one angle, distributed as that of `plain`, of half as many normals.
+    """A Monte Carlo model of one angle, of half as many normals as all errors have.
 
     dtheta = -w'v + what it is by design, w = (u_r/u_r'u_r, u_c/u_c'u_c), with the coordinates u
     along and v across the row and the column: Gilsinn & Ling 2004, eqs. (24)-(26). They are jointly
@@ -167,24 +162,63 @@ class AngleTrials(PointTrials):
         expectation -w'(v_0 + K z) and variance w'V w.
 
     So a trial draws z and one normal for all of v. Where the degrees of freedom are finite all
-    normals of a trial are scaled alike, as in `plain` (JCGM 101:2008, 6.4.9).
-
-    The first-order form, the control variate, has its own distribution exactly; it is drawn from
-    the same z and, for its share in v, the same last normal.
+    normals of a trial are scaled alike, as in `PointTrials`, whose own `draw` lays the lines
+    through all errors. The first-order form, the control variate, has its own distribution exactly;
+    it is drawn from the same z and, for its share in v, the same last normal.
     """
 
-    def __init__(self, plain: PointTrials, lines: tuple[FloatArray, ...]) -> None:
-        """`plain` draws the errors of u_r, v_r, u_c, v_c; `lines` are these by design, (k, 1)."""
-        self.__dict__.update(plain.__dict__)
-        self.work = Workspace()
-        u_r, v_r, u_c, v_c = (item[:, 0] for item in lines)
-        self.square = float(u_r @ v_r / (u_r @ u_r) + u_c @ v_c / (u_c @ u_c))
-        self.of_row, self.n = len(u_r), len(u_r) + len(u_c)
-        places = np.split(np.arange(plain.k), np.cumsum([len(item) for item in lines[:-1]]))
+    def __init__(
+        self,
+        prediction: Prediction,
+        name: str,
+        row: Sequence[str],
+        column: Sequence[str],
+        *,
+        independent: bool,
+    ) -> None:
+        """The angle of the features `row` and `column`; one in both is drawn once.
+
+        A slope is sum (u - mean u)(v - mean v) / sum (u - mean u)^2, the same of n - 1 orthonormal
+        contrasts of the coordinates as of the n coordinates less their mean. Of b = u'v/u'u it is
+        db/dv = u/u'u and db/du = (v - 2 b u)/u'u.
+        """
+        of_row, of_column = ([prediction.ids.index(i) for i in ids] for ids in (row, column))
+        sides = [(of_row, "x"), (of_row, "y"), (of_column, "y"), (of_column, "x")]
+        mean, index = prediction.mean, prediction.axes.index
+        every = np.eye(len(mean)).reshape(-1, len(prediction.axes), len(mean))
+        combine = [contrasts(len(own)) @ every[own, index(axis)] for own, axis in sides]
+        places = prediction.points.T
+        design = [contrasts(len(own)) @ places[AXES.index(axis), own] for own, axis in sides]
+        ends, nominal = np.cumsum([len(x) for x in design]), np.concatenate(design)[:, None]
+        lines = (design[0][:, None], design[1][:, None]), (design[2][:, None], design[3][:, None])
+
+        def measure(errors: FloatArray) -> FloatArray:
+            u_r, v_r, u_c, v_c = np.split(errors + nominal, ends[:-1])
+            return angle_error(((u_r, v_r), (u_c, v_c)), lines)[None, :]
+
+        slopes = np.zeros((len(prediction.ids), len(prediction.axes)))
+        errors = mean.reshape(slopes.shape)
+        for (own, x), (_, y) in (sides[:2], sides[2:]):
+            each = (places[AXES.index(axis), own] + errors[own, index(axis)] for axis in (x, y))
+            u, v = (side - side.mean() for side in each)
+            b = float(u @ v / (u @ u))
+            slopes[own, index(y)] -= u / (u @ u)
+            slopes[own, index(x)] -= (v - 2 * b * u) / (u @ u)
+        gradient = slopes.reshape(1, -1)
+        self.variance = prediction.variance(gradient)
+        dof = np.full(1, np.inf) if independent else self.variance.dof
+        owner = np.zeros(ends[-1], np.int64)
+        super().__init__(
+            prediction, (name,), measure, np.vstack(combine), owner, gradient, dof,
+            independent=independent,
+        )  # fmt: skip
+        self.square = float(slope(lines[0])[0] + slope(lines[1])[0])
+        self.of_row, self.n = len(design[0]), len(design[0]) + len(design[2])
+        at = np.split(np.arange(self.k), ends[:-1])
         # u, then v, then the first-order form.
-        order = np.concatenate([*places[::2], *places[1::2], [plain.k]])
-        means = plain.offset[order] + np.vstack([*lines[::2], *lines[1::2], np.zeros((1, 1))])
-        factor = plain.factor[order]
+        order = np.concatenate([*at[::2], *at[1::2], [self.k]])
+        means = (self.offset + np.vstack([nominal, np.zeros((1, 1))]))[order]
+        factor = self.factor[order]
         _, size, normals = np.linalg.svd(factor[: self.n], full_matrices=False)
         normals = normals[size > ROUNDING * size.max(initial=0.0)]
         by_z = factor @ normals.T

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 
@@ -21,12 +22,13 @@ from mtu_cli.model.visits import (
     operations_of,
     refuse_doubled,
 )
-from mtu_cli.stats.anova import Cells, cells_of
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.anova import Cells, cells_of, only
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
 from mtu_cli.stats.resolution import SEEN, rounding_variance
 from mtu_cli.stats.threads import workers
 
-ARRAYS = tuple(each.name for each in fields(Cells))
+Label = tuple[str, str, str]
+"""Operation, name, axis; "" where there is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,14 +49,9 @@ class MeasuredTables:
         return MeasuredTables(
             labels=tuple(self.labels[i] for i in kept),
             parts=self.parts,
-            cells=Cells(**{name: getattr(self.cells, name)[kept] for name in ARRAYS}),
+            cells=only(self.cells, kept),
             rounding=self.rounding[kept],
         )
-
-
-def _stacked(found: Sequence[Cells]) -> Cells:
-    """The cells of tables, one below the other."""
-    return Cells(**{name: np.concatenate([getattr(x, name) for x in found]) for name in ARRAYS})
 
 
 def roundings(points: Points) -> FloatArray:
@@ -88,7 +85,8 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
         return cells_of(errors, cell, len(used), parts, spare=True)
 
     with workers(3) as pool:
-        result = list(pool.map(along, axes))
+        found = list(pool.map(along, axes))
+    each = {x.name: [getattr(cells, x.name) for cells in found] for x in fields(Cells)}
     r = roundings(points) if rounding is None else rounding
     return MeasuredTables(
         labels=tuple(
@@ -97,7 +95,7 @@ def feature_tables(points: Points, rounding: FloatArray | None = None) -> Measur
             for g in used.tolist()
         ),
         parts=points.parts,
-        cells=_stacked(result),
+        cells=Cells(**{name: np.concatenate(arrays) for name, arrays in each.items()}),
         rounding=np.repeat(r[list(axes)], len(used)),
     )
 
@@ -149,6 +147,20 @@ def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
         finding("axis-not-measured", what="the points", axis=name, consequence=consequence)
         for name, consequence in facts.items()
     ]
+
+
+def some(rows: BoolArray, name: str) -> str:
+    """How many of all, such as "2 of 6 features and axes"."""
+    count, total = int(rows.sum()), len(rows)
+    return f"all {name}" if count == total else f"{count} of {total} {name}"
+
+
+def missing_entries(what: str, entries: Iterable[Any], labels: Iterable[Label]) -> list[Finding]:
+    """Lengths or angles of the part file that no measurement of a part has all features of."""
+    known = {label[1] for label in labels}
+    lost = [f"{what} {entry.id}" for entry in entries if entry.id not in known]
+    reason = "no measurement of a part, in one operation, has all of its features"
+    return [finding("not-measured", names=lost, reason=reason)] if lost else []
 
 
 def length_tables(points: Points, visits: Visits, part: LoadedPart) -> MeasuredTables | None:
@@ -234,16 +246,14 @@ def _visit_tables(
     the last digit; visits without a value are left out.
     """
     operations, _ = operations_of(points)
-    labels, result, of, parts = [], [], [], len(points.parts)
-    for code, operation in enumerate(operations):
-        for name, value, r in zip(ids, values, rounding, strict=True):
-            kept = (visits.operation == code) & np.isfinite(value)
-            if kept.any():
-                labels.append((operation, name, ""))
-                result.append(cells_of(value[kept], visits.part[kept], 1, parts))
-                of.append(r)
-    if not result:
+    of, visit = np.nonzero(np.isfinite(values))
+    if not len(of):
         return None
+    used, table = distinct(visits.operation[visit].astype(np.int64) * len(ids) + of)
+    parts, quantity = len(points.parts), used % len(ids)
     return MeasuredTables(
-        labels=tuple(labels), parts=points.parts, cells=_stacked(result), rounding=np.array(of)
+        labels=tuple((operations[g // len(ids)], ids[g % len(ids)], "") for g in used.tolist()),
+        parts=points.parts,
+        cells=cells_of(values[of, visit], table * parts + visits.part[visit], len(used), parts),
+        rounding=rounding[quantity],
     )

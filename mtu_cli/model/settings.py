@@ -49,6 +49,7 @@ class Settings:
         keep: int = 0,
         fraction: float = CONVERGED_TO,
         most: int | None = None,
+        probability: float = PROBABILITY,
     ) -> MonteCarloResult:
         """The Monte Carlo of a model under these settings, converged to a fifth of the tolerance
         as clause 8 needs it, or to another `fraction`; at `most` so many trials where the count
@@ -59,7 +60,7 @@ class Settings:
             model,
             seed=self.seed,
             trials=self.trials,
-            probability=PROBABILITY,
+            probability=probability,
             digits=self.digits,
             tolerance_fraction=fraction,
             max_trials=self.trials or most or enough,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,15 +22,60 @@ POINTS = 11
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedErrors:
-    """Errors (2, n) forward and reverse at n positions along `axis`, mm or rad, and their
+    """Errors (2, n) forward and reverse at n positions along an axis, mm or rad, and their
     covariance (2n, 2n); `turns`: the directions differ.
     """
 
-    axis: str
     values: FloatArray
     covariance: FloatArray
     turns: bool
-    angle: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stated:
+    """A component or an effect of a machine file that is an error along one `axis`, in the
+    direction of the axis `output` (y of a straightness of x in y); `at_mm` of a table.
+    """
+
+    name: str
+    axis: str
+    output: str
+    angle: bool = False
+    at_mm: FloatArray | None = None
+
+    def default_positions(self, machine: LoadedMachine) -> FloatArray:
+        """The positions of its table, or equal steps over the travel of its axis."""
+        if self.at_mm is not None:
+            return self.at_mm
+        if self.axis not in machine.machine.travels:
+            expected = "axes: in the machine file, or --from, --to, --step"
+            raise error("missing-input", what=f"the travel of {self.axis}", expected=expected)
+        return np.linspace(*machine.machine.travels[self.axis], POINTS)
+
+    def errors_at(self, machine: LoadedMachine, positions: FloatArray) -> StatedErrors:
+        """What the machine file says of it at `positions` (n,), mm.
+
+        Raises InputError for a component without coefficients.
+        """
+        entry = machine.machine.components.get(self.name)
+        if entry is None:
+            model = effect_alone(
+                machine, [x.name for x in machine.machine.effects].index(self.name)
+            )
+        elif entry.coefficients is None:
+            expected = "readings of it, or coefficients in the machine file"
+            raise error("missing-input", what=f"an estimate of {self.name}", expected=expected)
+        else:
+            model = component_alone(self.name, self.axis, stated_component(self.name, entry))
+        way, points = f"dir_{self.axis}", np.full((2 * len(positions), 3), np.nan)
+        points[:, AXES.index(self.axis)] = np.tile(positions, 2)
+        rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})
+        blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
+        return StatedErrors(
+            values=(rows.J @ theta(model)).reshape(2, -1),
+            covariance=np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0),
+            turns=way in model.covariates(),
+        )
 
 
 def known_names(machine: LoadedMachine) -> list[str]:
@@ -37,85 +83,41 @@ def known_names(machine: LoadedMachine) -> list[str]:
     return [*machine.machine.components, *(each.name for each in machine.machine.effects)]
 
 
-def axis_of(machine: LoadedMachine, name: str) -> str:
-    """The axis along which a component or an effect is an error; raises InputError for none."""
-    component = machine.machine.components.get(name)
-    if component is not None:
+def stated(machine: LoadedMachine, name: str) -> Stated:
+    """The component or effect of this name; raises InputError for none along one axis."""
+    components, effects = machine.machine.components, machine.machine.effects
+    if name in components:
+        component = components[name]
         if component.of is None:
             raise error("not-applicable", reason=f"{name} is a constant: no table of an axis")
-        return str(component.of)
-    place = [each.name for each in machine.machine.effects]
+        equations = [key for key, form in machine.forms.items() if name in form.coefficients]
+        at = np.array(component.at_mm, float) if component.at_mm else None
+        angle = UNITS[component.unit].dimension != LENGTH
+        output = _output(equations, component.of)
+        return Stated(name=name, axis=component.of, output=output, angle=angle, at_mm=at)
+    place = {each.name: i for i, each in enumerate(effects)}
     if name not in place:
         near = suggestion(name, known_names(machine))
         raise error("unknown-name", path="--component", what="component", value=name, **near)
-    form, effect = (
-        machine.effect_forms[place.index(name)],
-        machine.machine.effects[place.index(name)],
-    )
-    used = {
-        x for each in form.values() for lever in each.coefficients.values() for x in names(lever)
-    }
-    used |= {x.of for x in effect.components.values() if x.of}
-    (equation, *others) = form
-    axes = {x.removeprefix("dir_") for x in used} & {"x", "y", "z"}
+    form, own = machine.effect_forms[place[name]], effects[place[name]].components.values()
+    levers = [lever for each in form.values() for lever in each.coefficients.values()]
+    used = {x for lever in levers for x in names(lever)} | {x.of for x in own if x.of}
+    axes = {x.removeprefix("dir_") for x in used} & {*AXES}
     left = used - {*axes, *(f"dir_{x}" for x in axes), *machine.machine.constants}
-    if others or len(axes) != 1 or left or form[equation].remainder is not None:
+    if (
+        len(form) > 1
+        or len(axes) != 1
+        or left
+        or any(x.remainder is not None for x in form.values())
+    ):
         depends = ", ".join(sorted(left | (axes if len(axes) != 1 else set()))) or "several axes"
         reason = f"the effect {name} depends on {depends}: no table of one axis holds it"
         raise error("not-applicable", reason=reason)
-    return axes.pop()
+    (axis,) = axes
+    at = next((np.array(x.at_mm, float) for x in own if x.at_mm), None)
+    return Stated(name=name, axis=axis, output=_output(form, axis), at_mm=at)
 
 
-def output_of(machine: LoadedMachine, name: str, axis: str) -> str:
-    """The axis whose error it is: `axis` itself where its equation holds it, else the only other
-    one (y of a straightness of x in y).
-    """
-    place = {each.name: i for i, each in enumerate(machine.machine.effects)}
-    if name in place:
-        result = [equation[1:] for equation in machine.effect_forms[place[name]]]
-    else:
-        result = [key[1:] for key, form in machine.forms.items() if name in form.coefficients]
-    return result[0] if len(result) == 1 else axis
-
-
-def default_positions(machine: LoadedMachine, name: str, axis: str) -> FloatArray:
-    """The positions of its table, or equal steps over the travel of its axis."""
-    component = machine.machine.components.get(name)
-    effects = [each for each in machine.machine.effects if each.name == name]
-    tables = [component] if component else [x for e in effects for x in e.components.values()]
-    for table in tables:
-        if table is not None and table.at_mm:
-            return np.array(table.at_mm, float)
-    if axis not in machine.machine.travels:
-        what, expected = (
-            f"the travel of {axis}",
-            "axes: in the machine file, or --from, --to, --step",
-        )
-        raise error("missing-input", what=what, expected=expected)
-    return np.linspace(*machine.machine.travels[axis], POINTS)
-
-
-def stated_errors(machine: LoadedMachine, name: str, positions: FloatArray) -> StatedErrors:
-    """What the machine file says of a component or an effect at `positions` (n,), mm.
-
-    Raises InputError for one without coefficients, or that depends on more than one axis.
-    """
-    axis, entry = axis_of(machine, name), machine.machine.components.get(name)
-    if entry is None:
-        model = effect_alone(machine, [x.name for x in machine.machine.effects].index(name))
-    elif entry.coefficients is None:
-        expected = "readings of it, or coefficients in the machine file"
-        raise error("missing-input", what=f"an estimate of {name}", expected=expected)
-    else:
-        model = component_alone(name, axis, stated_component(name, entry))
-    way, points = f"dir_{axis}", np.full((2 * len(positions), 3), np.nan)
-    points[:, AXES.index(axis)] = np.tile(positions, 2)
-    rows = design(model, points, {way: np.repeat([1.0, -1.0], len(positions))})
-    blocks = component_blocks(model, rows.J, rows.levers, rows.columns)
-    return StatedErrors(
-        axis=axis,
-        values=(rows.J @ theta(model)).reshape(2, -1),
-        covariance=np.sum([block.G @ block.C @ block.G.T for block in blocks], axis=0),
-        turns=way in model.covariates(),
-        angle=entry is not None and UNITS[entry.unit].dimension != LENGTH,
-    )
+def _output(equations: Collection[str], axis: str) -> str:
+    """The axis of the only equation it stands in; of several `axis` itself."""
+    return next(iter(equations))[1:] if len(equations) == 1 else axis

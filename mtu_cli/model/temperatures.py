@@ -16,7 +16,7 @@ from mtu_cli.model.machine_model import (
     sensors_of,
 )
 from mtu_cli.model.variance import Block, normal_block
-from mtu_cli.stats.lag import lag_of_moments
+from mtu_cli.stats.lag import first_order_lag
 from mtu_cli.stats.least_squares import FloatArray
 
 SLACK = 0.05
@@ -82,7 +82,7 @@ def temperature_blocks(
         if times is not None and K > 1 and lags.any():
             order = np.argsort(times, kind="stable")
             through = np.empty((len(live), n, K))
-            through[:, order] = lag_of_moments(R[order], times[order], lags)
+            through[:, order] = first_order_lag(R[order], times[order], lags)
         elif K == n > 1 and live:
             # Every row has a reading of its own.
             result.append(normal_block(sensor, np.sum([*live.values()], axis=0), of_part=True))

@@ -26,7 +26,7 @@ COUNTED_TRIALS = 200_000
 Happens = Callable[[np.random.Generator, int], NDArray[np.bool_]]
 """Random numbers and a count m -> whether each event happens (events, m)."""
 
-Measure = Callable[[FloatArray, Workspace], FloatArray]
+Measure = Callable[[FloatArray], FloatArray]
 """Combined errors (combinations, m) in mm -> values (outputs, m) of the measurands."""
 
 
@@ -59,7 +59,7 @@ class PointTrials:
     ) -> None:
         self.names, self.measure, self.work = names, measure, Workspace()
         mean = combine @ prediction.mean
-        self.linear_mean = measure(mean[:, None], Workspace())[:, 0].copy()
+        self.linear_mean = measure(mean[:, None])[:, 0].copy()
         # The first-order form is drawn as further rows of the same product.
         self.offset = np.concatenate([mean, self.linear_mean])[:, None]
         self.k = len(combine)
@@ -105,7 +105,7 @@ class PointTrials:
             for row, i in zip(total, self.owner, strict=True):
                 row *= scale[i]
         total += self.offset
-        return Draws(values=self.measure(total[: self.k], self.work), linear=total[self.k :])
+        return Draws(values=self.measure(total[: self.k]), linear=total[self.k :])
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order values less their mean."""

@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 
 from mtu_cli.analyses.anova import Analysed, AnovaResult
-from mtu_cli.analyses.anova.capability import Trend
-from mtu_cli.analyses.anova.outliers import FAMILY_RATE
+from mtu_cli.analyses.anova.parts import Trend
 from mtu_cli.analyses.anova.tables import Kind
 from mtu_cli.findings import listed
 from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, RowOf, declare, read, rows_of
 from mtu_cli.reports.numbers import MISSING
+from mtu_cli.stats.family import FAMILY_RATE
 
 SHOWN = 24
 """Tables of a kind that are listed in full; of more the worst are shown."""
@@ -159,8 +159,6 @@ TOTAL = declare(
     - | root(part) | | s_part, unit=um
     - | root(both) | | s_part+repeat, unit=um
     - | root(repeat) | | s_repeat, unit=um
-    repeat_share | | share of the CMM in the variance of one measured point (REML) \
-        | CMM / % of s^2, percent, detail
     parts_differ | differ | features in which parts differ, 5 % over all (Holm) \
         | parts / differ, of_tested(), u=tested
     """,

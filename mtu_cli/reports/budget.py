@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from typing import Any
 
-from mtu_cli.analyses.budget import BudgetResult
-from mtu_cli.analyses.budget.result import OutputBudget
+from mtu_cli.analyses.budget import BudgetResult, OutputBudget
 from mtu_cli.findings import listed
 from mtu_cli.reports import monte_carlo_figures
 from mtu_cli.reports.document import Document, Table
-from mtu_cli.reports.fields import Field, Fields, RowOf, declare, rows_of
+from mtu_cli.reports.fields import Field, Fields, declare, rows_of
 from mtu_cli.reports.numbers import interval, plus_minus, significant, with_u
 
 SHOWN = 4
 """Outputs of which the verdict states the value."""
 INPUT = """
-    - | first.name | name of the output | OUTPUT, text, csv=output
+    - | name | name of the output | OUTPUT, text, csv=output
     name | inputs.name | name of the input | input, text
     unit | inputs.unit | unit of its value | unit, text
     value | inputs.value | estimate | value, u=inputs.u
@@ -26,11 +26,11 @@ INPUT = """
     dof | inputs.dof | degrees of freedom; null: infinite | -, json
     - | stated_dof() | degrees of freedom; inf: infinite | -, csv=dof
     - | finite_dof() | | dof, dof
-    sensitivity | first.sensitivity | derivative of the output by the input, c
+    sensitivity | | derivative of the output by the input, c
     - | sensitivity() | | sensitivity, sig4
-    contribution | first.contribution | |c| u, in the unit of the output
+    contribution | | |c| u, in the unit of the output
     - | contribution() | | contribution / UNIT
-    share | first.share | share of u^2, with half of every covariance that it has a part in; below \
+    share | | share of u^2, with half of every covariance that it has a part in; below \
         0 where the input makes u smaller
     - | share() | | share / %, percent1
     contributions[] | parts()
@@ -49,9 +49,9 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
         text,
         stated_dof=lambda x: "inf" if math.isinf(x.inputs.dof) else x.inputs.dof,
         finite_dof=lambda x: x.inputs.dof if x.inputs.u else None,
-        sensitivity=lambda x: x.first.sensitivity if x.inputs.u else None,
-        contribution=lambda x: x.first.contribution if x.inputs.u else None,
-        share=lambda x: x.first.share if x.inputs.u else None,
+        sensitivity=lambda x: x.sensitivity if x.inputs.u else None,
+        contribution=lambda x: x.contribution if x.inputs.u else None,
+        share=lambda x: x.share if x.inputs.u else None,
         parts=lambda x: x.inputs.parts if len(x.inputs.parts) > 1 else (),
         type=lambda part: "A" if part.type_a else "B",
     )
@@ -60,11 +60,11 @@ def row(unit: str = "", *, several: bool = False) -> Fields:
 ROW = row()
 OUTPUT = """
     unit | | unit of the output
-    value | first.value | value at the estimates of the inputs
-    u | first.u | standard uncertainty of first order (JCGM 100, 5.1.2)
-    second_order.value | first.second_value | value to the second order
-    second_order.u | first.second_u | standard uncertainty to the second order
-    dof_effective | first.dof | effective degrees of freedom (Welch-Satterthwaite); null: infinite
+    value | | value at the estimates of the inputs
+    u | | standard uncertainty of first order (JCGM 100, 5.1.2)
+    second_order.value | second_value | value to the second order
+    second_order.u | second_u | standard uncertainty to the second order
+    dof_effective | dof | effective degrees of freedom (Welch-Satterthwaite); null: infinite
     k | | coverage factor
     U | expanded | expanded uncertainty k u
     rows[] | lines() | *row
@@ -75,7 +75,7 @@ OUTPUT = """
         shortest | | shortest interval
         probability | run.probability | coverage probability of the intervals
         trials | run.trials | number of trials
-        converged | | whether they reached the digits asked for
+        converged | run.converged | whether they reached the digits asked for
         first_order_valid | validation.passed | whether the first-order interval agrees with that \
             of the trials (JCGM 101, clause 8); null: too few trials to decide
         validation.k | k_probability | coverage factor of the first-order interval
@@ -89,20 +89,14 @@ OUTPUT = """
 """
 
 
-def _lines(item: OutputBudget) -> list[RowOf]:
-    """A row an input."""
-    return rows_of(item, len(item.inputs))
-
-
-OF_RUN = {
-    name: partial(OutputBudget.of_run, name=name)
-    for name in ("u", "se_mean", "se_u", "se_low", "se_high")
-}
 ONE = declare(
     OUTPUT,
     row=ROW,
-    lines=_lines,
-    **OF_RUN,
+    lines=lambda item: rows_of(item, len(item.inputs)),
+    **{
+        name: partial(OutputBudget.of_run, name=name)
+        for name in ("u", "se_mean", "se_u", "se_low", "se_high")
+    },
 )
 INPUTS = declare(
     """
@@ -116,22 +110,21 @@ OUTPUTS = declare(
     outputs{} | by_name() | *output
     covariance | | of the outputs, first order (JCGM 102, 6.2)
     correlation | | of the outputs, first order
-    monte_carlo_covariance | run.covariance | of the outputs, by the trials
     """,
     output=ONE,
-    by_name=lambda result: {x.first.name: x for x in result.outputs},
+    by_name=lambda result: {x.name: x for x in result.outputs},
 )
 NAME = declare("""
-    name | outputs.0.first.name | name of the output; of a single one its figures stand here, \
+    name | outputs.0.name | name of the output; of a single one its figures stand here, \
         without `outputs`
 """)
 RESULTS: Fields = (*NAME, *OUTPUTS, *INPUTS)
 ESTIMATE = declare("""
-    - | output | | output, text
+    - | output.name | | output, text
     - | method | | method, text
     - | value | | value, u=u
     - | u | | u
-    - | unit | | unit, text
+    - | output.unit | | unit, text
     - | dof | | dof, dof
     - | k | | k, sig3
     - | U | | U, u=U
@@ -140,21 +133,41 @@ ESTIMATE = declare("""
 """)
 
 
+def _estimates(item: OutputBudget) -> list[dict[str, Any]]:
+    """By first order, second order and Monte Carlo; intervals are rounded to `ends_u`."""
+    u, (low, high) = item.of_run("u"), item.symmetric
+    # A few trials far out give a u to which an interval of 95 % is nothing.
+    ends_u = u if u <= high - low or low == high else 0.25 * (high - low)
+    stated = {
+        "dof": None if math.isnan(item.dof) else item.dof, "k": item.k, "U": item.expanded,
+        "interval": item.interval, "ends_u": item.u,
+    }  # fmt: skip
+    drawn = {"interval": item.symmetric, "shortest": item.shortest, "ends_u": ends_u}
+    return [
+        {"output": item, "method": method, "value": value, "u": own, **more}
+        for method, value, own, more in (
+            ("first order", item.value, item.u, stated),
+            ("second order", item.second_value, item.second_u, {}),
+            ("Monte Carlo", item.mean, u, drawn),
+        )
+    ]
+
+
 def document(result: BudgetResult, digits: int = 2) -> Document:
     """One row an input of each output, and each output by three methods."""
-    outputs, single = result.outputs, result.single
+    outputs, single, percent = result.outputs, result.single, 100 * result.run.probability
     units = {item.unit for item in outputs}
     fields = row(units.pop() if len(units) == 1 else "", several=not single)
-    lines = [line for item in outputs for line in _lines(item)]
+    lines = [line for item in outputs for line in rows_of(item, len(item.inputs))]
     footer = "share of u^2: half of every covariance belongs to each of its two inputs"
     contributions = Table(f"{result.name}: contributions", fields, lines, footer)
-    rows = [each for item in outputs for each in item.estimates]
-    footer = f"intervals for {100 * result.probability:.4g} %; of first order: value ± k u with "
+    rows = [each for item in outputs for each in _estimates(item)]
+    footer = f"intervals for {percent:.4g} %; of first order: value ± k u with "
     footer += listed(map(_factor, outputs))
     estimates = Table(f"{result.name}: result", ESTIMATE, rows, footer)
-    fields = declare("- | outputs.first.name | | output, text")
+    fields = declare("- | outputs.name | | output, text")
     for i, item in enumerate(outputs):
-        fields.append(Field("", f"correlation.{i}", head=item.first.name, show="fix4"))
+        fields.append(Field("", f"correlation.{i}", head=item.name, show="fix4"))
     items = rows_of(result, len(outputs)) if len(outputs) > 1 else []
     correlation = Table("Correlation of the outputs, first order", fields, items)
     return Document(
@@ -162,7 +175,7 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
         (ONE, outputs[0]) if single else (OUTPUTS, result),
         [contributions, estimates, correlation],
         partial(monte_carlo_figures.budget, result),
-        _verdict(result, digits),
+        _verdict(result, percent, digits),
         digits,
         [(INPUTS, result), *[(NAME, result)] * single],
     )
@@ -170,34 +183,31 @@ def document(result: BudgetResult, digits: int = 2) -> Document:
 
 def _factor(item: OutputBudget) -> str:
     """The coverage factor of the first-order interval, whatever U has."""
-    dof = item.first.dof
-    if math.isnan(dof):
+    if math.isnan(item.dof):
         return "k undefined"
-    of = "normal" if math.isinf(dof) else f"t of {dof:.3g} dof"
+    of = "normal" if math.isinf(item.dof) else f"t of {item.dof:.3g} dof"
     return f"k = {significant(item.k_probability, 3)} ({of})"
 
 
-def _verdict(result: BudgetResult, digits: int) -> str:
-    values = [_stated(item, result.probability, digits) for item in result.outputs[:SHOWN]]
-    more = len(result.outputs) - SHOWN
-    stated = "; ".join([*values, *([f"and {more} more"] if more > 0 else [])])
-    undecided = listed([x.first.name for x in result.outputs if x.validation.passed is None])
+def _verdict(result: BudgetResult, percent: float, digits: int) -> str:
+    """Values with U, or the intervals of the Monte Carlo where first order is not valid."""
+    stated = []
+    for item in result.outputs[:SHOWN]:
+        unit, u = f" {item.unit}" if item.unit else "", item.of_run("u")
+        if item.validation.passed is False:
+            mean, ends = with_u(item.mean, u, digits)[0], interval(*item.symmetric, u, digits)
+            text = f"{mean}{unit}, {percent:.4g} % interval {ends} (Monte Carlo: first order is "
+            text += "not valid by JCGM 101, clause 8)"
+        else:
+            value = plus_minus(item.value, item.expanded, digits)
+            text = f"{value}{unit} (k = {significant(item.k, 3)})"
+        stated.append(f"{item.name} = {text}")
+    if (more := len(result.outputs) - SHOWN) > 0:
+        stated.append(f"and {more} more")
+    verdict = "; ".join(stated) + "."
+    undecided = listed([x.name for x in result.outputs if x.validation.passed is None])
     if undecided:
-        return f"{stated}. Too few trials to validate first order for {undecided}."
+        return f"{verdict} Too few trials to validate first order for {undecided}."
     if all(item.validation.passed for item in result.outputs):
-        return f"{stated}. First order is valid (JCGM 101, clause 8)."
-    return f"{stated}."
-
-
-def _stated(item: OutputBudget, probability: float, digits: int) -> str:
-    """The value with U, or the interval of the Monte Carlo where first order is not valid."""
-    unit = f" {item.unit}" if item.unit else ""
-    if item.validation.passed is False:
-        u = item.of_run("u")
-        mean, ends = with_u(item.mean, u, digits)[0], interval(*item.symmetric, u, digits)
-        return (
-            f"{item.first.name} = {mean}{unit}, {100 * probability:.4g} % interval {ends} "
-            "(Monte Carlo: first order is not valid by JCGM 101, clause 8)"
-        )
-    value = plus_minus(item.first.value, item.expanded, digits)
-    return f"{item.first.name} = {value}{unit} (k = {significant(item.k, 3)})"
+        return f"{verdict} First order is valid (JCGM 101, clause 8)."
+    return verdict

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from functools import partial
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mtu_cli.analyses.circular import CircularResult, circle_fit
+from mtu_cli.analyses.circular import MEANING, CircularResult, circle_fit
+from mtu_cli.findings import listed
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, INK, ORANGE, blank, legend, styled, title
@@ -16,9 +18,9 @@ from mtu_cli.reports.numbers import plus_minus, significant
 from mtu_cli.units import ARCSEC, UM
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Page
+    from collections.abc import Mapping
 
-    from mtu_cli.analyses.circular import Cause
+    from matplotlib.figure import Figure as Page
 
 MOST_ANGLES = 720
 """Of the fit, drawn."""
@@ -31,8 +33,9 @@ ROW = declare(
     unit | | um, um/m or ms | unit, text
     share_percent | share() | range of the term over the sum of all terms' ranges; null of the \
         set-up | share / %, fix1
-    meaning | | what it is | meaning, text
+    meaning | meaning(name) | what it is | meaning, text
     """,
+    meaning=MEANING.get,
     share=lambda item: None if math.isnan(item.share) else 100 * item.share,
 )
 TRACE = declare(
@@ -70,48 +73,49 @@ RESULTS = declare(
         null of one direction | -, size=size()
     D | | um: mean bidirectional radial deviation; null of one direction | -, size=size()
     diagnosis[] | causes | *row
-    instrument[] | instrument | *stated
     remainder.rms_um | remainder_rms | of what the joint fit leaves, without 5 degrees after each \
         reversal
     remainder.range_um | remainder_range | its range
     """,
     trace=TRACE,
     row=ROW,
-    stated=STATED,
     **UNIT,
 )
 
 
+def stated_document(stated: Mapping[str, Mapping[str, Any]], digits: int = 2) -> Document:
+    """The features that ballbars state, by file."""
+    rows = [
+        SimpleNamespace(file=file, feature=name, **each)
+        for file, known in stated.items()
+        for name, each in known["features"].items()
+    ]
+    footer = "a, b: first and second axis of the plane; signs as the instrument has them"
+    planes = listed(known.get("test_plane", "plane not stated") for known in stated.values())
+    verdict = f"{len(rows)} features stated by the instrument ({planes}); no traces."
+    fields = declare("instrument[] | . | *stated", stated=STATED)
+    tables = [Table("Stated by the instrument", STATED, rows, footer)]
+    return Document("Circular test", (fields, rows), tables, None, verdict, digits)
+
+
 def document(result: CircularResult, digits: int = 2) -> Document:
-    """One row a cause; the traces below, and what the instrument states."""
-    stated_by = Table(
-        "Stated by the instrument",
-        STATED,
-        result.instrument,
-        "a, b: first and second axis of the plane; signs as the instrument has them",
-    )
-    if not result.figures:
-        verdict = f"{len(result.instrument)} features stated by the instrument; no traces."
-        return Document("Circular test", (RESULTS, result), [stated_by], None, verdict, digits)
-    plane = f"{result.traces.plane}, " if result.traces.plane else ""
-    heading = f"Causes, {plane}radius {result.traces.radius:g} mm"
+    """One row a cause; the traces below."""
     footer = (
         f"one joint fit of all traces; remainder {significant(result.remainder_rms / UM)} um rms; "
         "u allows for the correlation of neighbouring samples"
     )
     causes = sorted(result.causes, key=lambda x: -x.share if x.share == x.share else 1.0)
     tables = [
-        Table(heading, ROW, result.causes, footer, shown=causes),
+        Table(f"Causes, {_of(result)}", ROW, result.causes, footer, shown=causes),
         Table("Traces", TRACE, result.figures, "about the least-squares circle (LSC)"),
     ]
-    tables += [stated_by] if result.instrument else []
     figure, verdict = partial(polar, result), _verdict(result, digits)
     return Document("Circular test", (RESULTS, result), tables, figure, verdict, digits)
 
 
-def stated(cause: Cause, digits: int) -> str:
-    """Value and u with the unit."""
-    return f"{plus_minus(cause.value / cause.size, cause.u / cause.size, digits)} {cause.unit}"
+def _of(result: CircularResult) -> str:
+    plane = f"{result.traces.plane}, " if result.traces.plane else ""
+    return f"{plane}radius {result.traces.radius:g} mm"
 
 
 def _verdict(result: CircularResult, digits: int) -> str:
@@ -124,7 +128,11 @@ def _verdict(result: CircularResult, digits: int) -> str:
     causes = sorted(known, key=lambda x: -x.share)[:3]
     if not causes:
         return f"{text}. No cause exceeds 2 u."
-    shown = ", ".join(f"{x.name} {stated(x, digits)} ({100 * x.share:.0f} %)" for x in causes)
+    shown = ", ".join(
+        f"{x.name} {plus_minus(x.value / x.size, x.u / x.size, digits)} {x.unit} "
+        f"({100 * x.share:.0f} %)"
+        for x in causes
+    )
     return f"{text}. Largest causes: {shown}."
 
 
@@ -132,8 +140,7 @@ def components(result: CircularResult) -> dict[str, Any]:
     """`results` of a components report: squareness as the angle component of the plane, positive
     above 90 degrees, and lost motion as reversal = forward - reverse.
     """
-    plane = (result.traces.plane or "XY").lower()
-    first, second = plane[0], plane[1]
+    first, second = [*(result.traces.plane or "XY").lower()]
     lean = result.cause("squareness")
     found: dict[str, Any] = {}
     if not math.isnan(lean.value):
@@ -162,8 +169,7 @@ def components(result: CircularResult) -> dict[str, Any]:
 def polar(result: CircularResult) -> Page:
     """Deviations about each trace's circle over the angle, and the joint fit."""
     page = blank(6.5, 6.5)
-    plane = f"{result.traces.plane}, " if result.traces.plane else ""
-    title(page, f"Circular test, {plane}radius {result.traces.radius:g} mm")
+    title(page, f"Circular test, {_of(result)}")
     panel: Any = page.add_subplot(projection="polar")
     colours, reach = {"ccw": BLUE, "cw": ORANGE}, 0.0
     for trace, fitted in zip(result.traces.traces, result.fitted, strict=True):

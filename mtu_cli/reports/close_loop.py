@@ -141,6 +141,7 @@ CANDIDATE = """
     found | found() | whether it is one of the effects
     in_class | in_class() | whether it is in the class of one
     unavailable | one.unavailable | why it could not be tested
+    notes | one.notes | why some of its forms could not be
 """
 SMALLEST = """
     minimum_detectable_UNIT | smallest() | rms over the data of an effect that would be found four \

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from mtu_cli.analyses.compare import CompareResult, Summary
+from mtu_cli.analyses.compare import Compared, CompareResult, Summary, Verdict
 from mtu_cli.reports import part_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Fields, RowOf, declare, rows_of
@@ -19,7 +19,7 @@ SHOWN = 40
 ITEM = """
     - | kind() | of item | -, csv=kind
     - | words(labels) | | item, text
-    - | outcome() | | verdict, text
+    - | outcome | | verdict, text
     id | labels.1 | name of the feature or length
     axis | stated(labels.2) | null: a length
     operation | stated(labels.0) | null: not stated
@@ -65,7 +65,6 @@ ITEM = """
 ROW = declare(
     ITEM,
     kind=lambda x: "feature" if x.labels[2] else "length",
-    outcome=lambda x: x.table.stated(x.index),
 )
 SUMMARY = """
     operation | stated(operation) | null: not stated
@@ -74,14 +73,14 @@ SUMMARY = """
     items | | number of items
     verdicts | | number of items by gravest fault
     - | verdicts.consistent | | con- / sistent, some()
-    biased | | items with that fault | biased, some()
-    under_predicted | | items with that fault | under- / predicted, some()
-    over_predicted | | items with that fault | over- / predicted, some()
+    biased | faults.biased.0 | items with that fault | biased, some()
+    under_predicted | faults.under-predicted.0 | items with that fault | under- / predicted, some()
+    over_predicted | faults.over-predicted.0 | items with that fault | over- / predicted, some()
     *pooled
-    ratio_u | ranges.ratio_u | least and largest ratio of u | u ratio, span
-    ratio_scatter | ranges.ratio_scatter | least and largest ratio of scatter from part to \
-        part | scatter ratio, span
-    ratio_range | ranges.ratio_range | least and largest ratio of range widths \
+    ratio_u | | least and largest ratio of u | u ratio, span
+    ratio_scatter | | least and largest ratio of scatter from part to part \
+        | scatter ratio, span
+    ratio_range | | least and largest ratio of range widths \
         | range ratio, span
 """
 POOLED = """
@@ -94,33 +93,29 @@ POOLED = """
 """
 
 
+SIZES: dict[Verdict, tuple[float, str]] = {
+    "under-predicted": (1.0, "scatter {} times predicted"),
+    "biased": (UM, "mean off by {} um"),
+    "over-predicted": (1.0, "scatter {} times predicted"),
+}
+"""How large a fault is: its unit, and in words."""
+
+
 def verdict_text(item: Summary) -> str:
     """Such as "drilled features: under-predicted (48 of 48: scatter 3.1 to 4.7 times predicted)",
     every fault with its size.
     """
-    faults = (
-        ("under-predicted", item.under_predicted, "under_factor", "scatter {} times predicted"),
-        ("biased", item.biased, "bias_size", "mean off by {} um"),
-        ("over-predicted", item.over_predicted, "over_factor", "scatter {} times predicted"),
-    )
-    said = [
-        f"{name} ({number} of {item.items}{_size(item, size, text)})"
-        for name, number, size, text in faults
-        if number
-    ]
+    said = []
+    for name, (number, ends) in item.faults.items():
+        scale, text = SIZES[name]
+        size = ends and f": {text.format(span(*(significant(end / scale) for end in ends)))}"
+        if number:
+            said.append(f"{name} ({number} of {item.items}{size or ''})")
     if item.pooled is not None and item.pooled_fault:
         times, p = significant(item.pooled.ratio), p_value(item.pooled.p)
         said.append(f"{item.pooled_fault} (pooled scatter {times} times predicted, p {p})")
     known = "consistent" if any(item.verdicts.values()) else "not tested"
     return f"{item.operation} {item.kind}: ".lstrip() + ("; ".join(said) or known)
-
-
-def _size(item: Summary, name: str, text: str) -> str:
-    if name not in item.ranges:
-        return ""
-    scale = UM if "um" in text else 1.0
-    ends = (significant(end / scale) for end in item.ranges[name])
-    return f": {text.format(span(*ends))}"
 
 
 def summary(kind: str) -> Fields:
@@ -135,39 +130,34 @@ def summary(kind: str) -> Fields:
     )
 
 
-def _features(result: CompareResult) -> list[RowOf]:
-    return rows_of(result.features, len(result.features.labels))
-
-
-def _lengths(result: CompareResult) -> list[RowOf]:
-    return [] if result.lengths is None else rows_of(result.lengths, len(result.lengths.labels))
+def _rows(found: Compared | None) -> list[RowOf]:
+    return [] if found is None else rows_of(found, len(found.labels))
 
 
 RESULTS = declare(
     """
     datum | | best-fit alignment removed from each part
-    features[] | features() | *row
+    features[] | rows(features) | *row
     lengths[] | lengths() | *row
-    summary.features[] | feature_summaries | *of_features
-    summary.lengths[] | length_summaries() | *of_lengths
+    summary.features[] | features.summaries | *of_features
+    summary.lengths[] | lengths.summaries | *of_lengths
     """,
-    features=_features,
-    lengths=_lengths,
+    rows=_rows,
+    lengths=lambda x: _rows(x.lengths),
     row=ROW,
     of_features=summary("features"),
     of_lengths=summary("lengths"),
-    length_summaries=lambda x: None if x.lengths is None else x.length_summaries,
 )
 
 
 def document(result: CompareResult, digits: int = 2) -> Document:
     """A row an operation and kind, then a row an item, lengths first."""
-    features, lengths = _features(result), _lengths(result)
+    features, lengths = _rows(result.features), _rows(result.lengths)
     chosen, title = features, "Lengths and features" if lengths else "Features"
     if len(features) > SHOWN:
-        chosen = [features[i] for i in result.features.by_interest()[:SHOWN]]
+        chosen = [features[i] for i in result.features.by_interest[:SHOWN]]
         title += f": faults first, {SHOWN} of {len(features)} features"
-    summaries = [*result.feature_summaries, *result.length_summaries]
+    summaries = [*result.features.summaries, *(result.lengths.summaries if result.lengths else ())]
     faults = (
         "items with each fault (5 % over the study); ratios: measured over predicted, least to "
         "largest"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.compensate import CompensateResult, Figures
+from mtu_cli.analyses.compensate import CompensateResult
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import declare
 from mtu_cli.reports.figures import BLUE, ORANGE, blank, styled
@@ -18,21 +18,21 @@ from mtu_cli.units import ARCSEC
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+MEANS = {
+    "E": "systematic deviation, both directions: largest less smallest mean error",
+    "B": "largest |forward - reverse| at a target; null of one direction",
+    "M": "range of the mean of both directions",
+    "rms": "root mean square of the mean errors",
+}
+
 
 def _placed(result: CompensateResult, places: Any, items: Any) -> list[SimpleNamespace]:
     """Points or moves with their places: mm, of a rotary axis deg; by unit the item itself."""
-    rotary, angle = result.asked.rotary, result.asked.angle
+    where, other = ("deg", "mm") if result.asked.rotary else ("mm", "deg")
+    unit, none = ("arcsec", "um") if result.asked.angle else ("um", "arcsec")
+    shared = {other: None, none: None, "unit": unit, "size": result.size}
     return [
-        SimpleNamespace(
-            item=item,
-            mm=None if rotary else at,
-            deg=at if rotary else None,
-            um=None if angle else item,
-            arcsec=item if angle else None,
-            unit=result.unit,
-            size=result.size,
-            quantum=result.quantum,
-        )
+        SimpleNamespace(item=item, quantum=result.quantum, **shared, **{where: at, unit: item})
         for at, item in zip(places, items, strict=True)
     ]
 
@@ -47,42 +47,30 @@ def _moves(result: CompensateResult) -> list[SimpleNamespace]:
     return _placed(result, [move.command for move in result.moves], result.moves)
 
 
-def _scaled(name: str) -> Any:
-    """The figures of the result by that name in its unit."""
-
-    def found(result: CompensateResult) -> Figures | None:
-        own = getattr(result, name)
-        return None if own is None else Figures(*(each / result.size for each in own))
-
+def _figures(result: CompensateResult) -> list[SimpleNamespace]:
+    """Each figure before and after, in the unit of the errors."""
+    found = []
+    for name, before in (result.before or {}).items():
+        median = interval = u = None
+        if result.after is not None:
+            drawn = result.after[name] / result.size
+            median, u = float(np.median(drawn)), float(np.std(drawn))
+            interval = [float(x) for x in np.quantile(drawn, (0.025, 0.975))]
+        found.append(SimpleNamespace(name=name, before=float(before) / result.size, median=median,
+                                     interval95=interval, u=u))  # fmt: skip
     return found
 
 
-def _interval(values: Any) -> list[float]:
-    return [float(x) for x in np.quantile(values, (0.025, 0.975))]
+def _by_name(result: CompensateResult) -> dict[str, SimpleNamespace] | None:
+    return {each.name: each for each in _figures(result)} or None
 
 
-MEANS = {
-    "E": "systematic deviation, both directions: largest less smallest mean error",
-    "B": "largest |forward - reverse| at a target; null of one direction",
-    "M": "range of the mean of both directions",
-    "rms": "root mean square of the mean errors",
-}
-BEFORE = declare("\n".join(f"{name} | | {text} | -" for name, text in MEANS.items()))
-AFTER = declare(
-    "\n".join(
-        f"{name}.median | median({name}) | of a new test with the table: {text} | -\n"
-        f"{name}.interval95 | interval({name}) | interval of 95 of 100 such tests | -, interval"
-        for name, text in MEANS.items()
-    ),
-    median=np.median,
-    interval=_interval,
-)
 PLACE = """
     {name}_mm | mm | {what}; null of a rotary axis | {name} / mm, mm
     {name}_deg | deg | the same of a rotary axis | {name} / deg, mm
 """
 SHARED = "u=quantum, unit=, size=size"
-ROW = POINT = declare(
+ROW = declare(
     PLACE.format(name="position", what="machine position")
     + f"""
     unit | | unit of errors | -
@@ -102,6 +90,7 @@ MOVE = declare(
     expect_wrong_sign_{unit} | {unit}.wrong_sign | error expected with the wrong sign \
         | wrong sign, u={unit}.u
     u_{unit} | {unit}.u | standard uncertainty of one such reading | u, u={unit}.u
+    measured_{unit} | {unit}.measured | mean of the readings of --verify | measured, u={unit}.u
     """
         for unit in ("um", "arcsec")
     )
@@ -118,8 +107,10 @@ RESULTS = declare(
     reference_mm | reference | machine position at which the table is 0; null: not zeroed
     backlash_um | backlash() | mean of forward - reverse; null of one direction
     points[] | points() | *point
-    before. | figures_before() | *before
-    predicted_after. | figures_after() | *after
+    before. | figures()
+        *before
+    predicted_after. | predicted()
+        *after
     backlash_varies. | errors.varies
         F | F | mean squares of forward - reverse over targets
         p | p | that chance makes it so large
@@ -134,15 +125,29 @@ RESULTS = declare(
     verification.p | verified.p | of the nearest of 0, 1 and 2
     """,
     points=_points,
-    point=POINT,
-    figures_before=_scaled("before"),
-    figures_after=_scaled("after"),
-    before=BEFORE,
-    after=AFTER,
+    point=ROW,
+    before=declare("\n".join(f"{x} | {x}.before | {text} | -" for x, text in MEANS.items())),
+    after=declare(
+        "\n".join(
+            f"{x}.median | {x}.median | of a new test with the table: {text} | -\n"
+            f"{x}.interval95 | {x}.interval95 | interval of 95 of 100 such tests | -, interval"
+            for x, text in MEANS.items()
+        )
+    ),
+    figures=_by_name,
+    predicted=lambda result: _by_name(result) if result.after else None,
     moves=_moves,
     move=MOVE,
     backlash=lambda result: _of_backlash(result, np.mean),
     range=lambda result: _of_backlash(result, np.ptp),
+)
+SUMMARY = declare(
+    """
+    name | | the figure | figure, text
+    before | | of the readings | before, sig3
+    median | | of a new test | after (median), sig3
+    interval95 | | of 95 of 100 new tests | 95 % interval, interval, u=u
+    """
 )
 
 
@@ -158,39 +163,16 @@ def document(result: CompensateResult, digits: int = 2) -> Document:
         f"errors (actual minus nominal) in {unit}; held: as read back from the file; the file's "
         f"values are {control.sign}s{'; FOR HAND ENTRY, no file to load' * control.listing}"
     )
-    tables = [Table(f"Table of {result.component}", ROW, _points(result), footer)]
-    if result.before is not None:
-        what = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
-        tables.append(Table("Before and after", SUMMARY, _summary(result), f"{unit}; {what}"))
-    if result.moves:
-        what = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
-        tables.append(Table("Verification moves", MOVE, _moves(result), what))
+    what = "E, B, M: ISO 230-2; after: a new test of as many runs at the same targets"
+    moved = f"errors in {unit}; wrong sign: what a table with the other sign would leave"
+    known = [each for each in _figures(result) if np.isfinite(each.before)]
+    tables = [
+        Table(f"Table of {result.component}", ROW, _points(result), footer),
+        Table("Before and after", SUMMARY, known, f"{unit}; {what}"),
+        Table("Verification moves", MOVE, _moves(result), moved),
+    ]
     figure, verdict = partial(draw, result), _verdict(result)
     return Document("Compensation", (RESULTS, result), tables, figure, verdict, digits)
-
-
-SUMMARY = declare(
-    """
-    name | name | the figure | figure, text
-    before | before | of the readings | before, sig3
-    median | median | of a new test | after (median), sig3
-    interval95 | interval95 | of 95 of 100 new tests | 95 % interval, interval, u=u
-    """
-)
-
-
-def _summary(result: CompensateResult) -> list[SimpleNamespace]:
-    """Each figure before and after, in the unit of the errors."""
-    before, after, found = _scaled("before")(result), _scaled("after")(result), []
-    for name in MEANS:
-        item = SimpleNamespace(name=name, before=float(getattr(before, name)))
-        item.median = item.interval95 = item.u = None
-        if after is not None:
-            drawn = getattr(after, name)
-            item.median, item.u = np.median(drawn), float(np.std(drawn))
-            item.interval95 = _interval(drawn)
-        found += [item] if np.isfinite(item.before) else []
-    return found
 
 
 def _verdict(result: CompensateResult) -> str:
@@ -201,7 +183,7 @@ def _verdict(result: CompensateResult) -> str:
         return f"Verification: {result.verified.verdict} ({words}; {slopes})."
     if result.before is None:
         return f"{result.component} holds {len(result.asked.at)} points."
-    E = _summary(result)[0]
+    E = _figures(result)[0]
     stated = f"E of {result.component} is {significant(E.before, 3)} {result.unit}"
     if E.interval95 is None:
         return f"{stated}; what the table will leave is not estimable."

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from functools import partial
 
+import numpy as np
+
 from mtu_cli.analyses.correct import CorrectResult
 from mtu_cli.analyses.correct.scatter import Kind
 from mtu_cli.model.machine_model import AXES
@@ -174,5 +176,6 @@ def _verdict(result: CorrectResult) -> str:
             changes = "reduces" if rms[1] <= rms[0] else "increases"
             of = f"the rms error of {name} from {before} to {after} um"
             return f"Correction {changes} {of}."
-    largest, axis = result.largest
-    return f"The largest correction is {significant(largest / UM, 3)} um, along {axis}."
+    along = np.nan_to_num(np.abs(result.error)).max(axis=0)
+    largest, axis = significant(along.max() / UM, 3), AXES[int(along.argmax())]
+    return f"The largest correction is {largest} um, along {axis}."

@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from mtu_cli.analyses.fit_components import TESTS, Component, FitResult
+from mtu_cli.analyses.fit_components import Component, FitResult
 from mtu_cli.findings import listed
+from mtu_cli.model.estimation import TESTS
 from mtu_cli.reports import machine_figures
 from mtu_cli.reports.document import Document, Table
 from mtu_cli.reports.fields import Field, Fields, Group, declare
@@ -43,24 +44,25 @@ SIZES: dict[str, Any] = {
 TESTED = declare(
     """
     drift. | tests.drift
-        F | value | variance ratio
-        p | | p that passes differ by no more than repeatability | drift / p, p, mark=star()
-        df | dof | its degrees of freedom | -, json
+        F | made.F | variance ratio
+        p | made.p | p that passes differ by no more than repeatability \
+            | drift / p, p, mark=star()
+        df | made.df | its degrees of freedom | -, json
     trend. | tests.trend
-        per_pass | value | steady change from pass to pass | -, size=size()
-        u | | its standard uncertainty | -, size=size()
-        p | | p that there is none | trend / p, p, mark=star()
-        dof | | its degrees of freedom | -, json
+        per_pass | made.value | steady change from pass to pass | -, size=size()
+        u | made.u | its standard uncertainty | -, size=size()
+        p | made.p | p that there is none | trend / p, p, mark=star()
+        dof | made.dof | its degrees of freedom | -, json
     lack_of_fit. | tests.lack_of_fit
-        F | value | variance ratio
-        p | | p that the polynomial fits | misfit / p, p, mark=star()
-        df | dof | its degrees of freedom | -, json
+        F | made.F | variance ratio
+        p | made.p | p that the polynomial fits | misfit / p, p, mark=star()
+        df | made.df | its degrees of freedom | -, json
     reversal. | tests.reversal
-        mean | value | forward minus reverse \
-            | reversal / unit, plus-minus, u=u, size=size(), mark=star()
-        u | | its standard uncertainty | -, size=size()
-        p | | p that there is none
-        dof | | its degrees of freedom | -, json
+        mean | made.value | forward minus reverse \
+            | reversal / unit, plus-minus, u=made.u, size=size(), mark=star()
+        u | made.u | its standard uncertainty | -, size=size()
+        p | made.p | p that there is none
+        dof | made.dof | its degrees of freedom | -, json
     r2 | | share of the variance of the readings that the polynomial explains
     """,
     **SIZES,
@@ -249,14 +251,18 @@ def _tables(components: Iterable[Component]) -> Iterator[Table]:
 
 
 def _verdict(result: FitResult) -> str:
-    words = {"lack_of_fit": "misfit of the polynomial", "drift": "drift between passes"}
-    names: dict[str, dict[str, None]] = {name: {} for name in TESTS}
-    for item in result.components.values():
-        for each in item.instruments:
-            for name, test in each.tests.items():
-                if test.significant:
-                    names[name][item.label] = None
-    texts = [f"{words.get(name, name)} of {listed(of)}" for name, of in names.items() if of]
-    if not texts:
-        return "No drift, trend, misfit or reversal is significant."
-    return f"Significant: {'; '.join(texts)}."
+    """The tests that are significant, those that are not, and those that no readings allow."""
+    tests = [(x.label, own.tests) for x in result.components.values() for own in x.instruments]
+    found: list[str] = []
+    quiet: list[str] = []
+    missing: list[str] = []
+    for name, words in TESTS.items():
+        made = [(label, own[name].significant) for label, own in tests if name in own]
+        if names := [label for label, sure in made if sure]:
+            found.append(f"{words} of {listed(names)}")
+        else:
+            (quiet if made else missing).append(words)
+    none = f"No {' or '.join(quiet)} is significant." if quiet else ""
+    text = f"Significant: {'; '.join(found)}." if found else none
+    untested = f"Not tested, as the readings do not allow it: {', '.join(missing)}."
+    return " ".join(filter(None, [text, untested if missing else ""]))

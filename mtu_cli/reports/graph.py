@@ -240,15 +240,13 @@ def grid(fields: Fields) -> Fields:
             max_error_percent | | largest difference from the Monte Carlo, of u
             monte_carlo.standard_error_percent | monte_carlo_percent | relative standard error of \
                 a u of the Monte Carlo
-            monte_carlo.expected_max_error_percent | expected_max_percent | largest difference \
-                that these alone would make
     """
     return declare(text, output=lambda result: str(result.output), point=fields)
 
 
 ALL_CONVERGED = declare(
     "converged | all() | whether all trials reached the digits asked for",
-    all=lambda both: all(item.converged for item in both),
+    all=lambda both: both[0].converged and all(point.converged for point in both[1].grid),
 )
 GRID_ROW = grid_point(("axis_um", "probe_um", "perpendicular_um", "repeats"))
 SWEEP: Fields = (*PLACES, *grid(GRID_ROW), *ALL_CONVERGED)
@@ -272,6 +270,6 @@ def _swept(result: Sweep) -> str:
     found = result.formula
     if found is None:
         return f"No formula: {result.no_formula}."
-    if len(result.grid) == len(found.terms):
+    if len(result.grid) == len(found.coefficients):
         return "The formula has as many terms as the grid has points: nothing checks it."
     return f"Formula and Monte Carlo differ by {fixed(found.max_error_percent, 1)} % at most."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
 from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, NamedTuple
@@ -11,11 +10,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.iso230 import (
-    FIGURES,
+    ISO,
+    MEANINGS,
+    STANDARDS,
     VDI,
+    WAYS,
     Axis,
-    Change,
-    Decision,
     Figure,
     Iso230Result,
     Plan,
@@ -37,13 +37,10 @@ SHOWN_AXES = 2
 
 
 class Row(NamedTuple):
-    """A figure of an axis, with its limit and what it was before where there are such."""
+    """A figure of an axis."""
 
     axis: Axis
-    name: str
     figure: Figure
-    decision: Decision | None
-    change: Change | None
 
 
 VALUE = """
@@ -57,15 +54,14 @@ FIGURE = (
         u | | its standard uncertainty by the instrument, of these runs; null without a budget \
             | -, size=size"""
 )
-CHANGE = (
-    """
-        {0}. | {0}"""
-    + VALUE.replace("\n    ", "\n        ").format("earlier test: {1}")
-    + """
+CHANGE = """
+        {0}. | {0}
+            value | before.value | earlier test: {1} | -, size=size
+            u_sampling | before.u_sampling | its standard deviation over repeated tests \
+                | -, size=size
             difference | | now minus earlier | -, size=size
             bound | | the tests differ beyond this | -, size=size
             differs | | whether they do"""
-)
 AT_TARGET = """
         target_mm | mm | target position; null of a rotary axis | target / mm, plain
         target_deg | deg | target position of a rotary axis | target / deg, plain
@@ -84,66 +80,64 @@ AT_TARGET = """
             | R / unit, u=s_forward, size=size"""
 AXIS = (
     """
-    unit | test.unit | unit of all figures
+    unit | | unit of all figures
     targets_mm | targets_mm() | target positions; null of a rotary axis
     targets_deg | targets_deg() | target positions of a rotary axis; null of others
     runs.forward | forward() | runs forward, at the target with most
     runs.reverse | reverse() | runs in reverse, at the target with most
     at_target[] | at_target()"""
     + AT_TARGET
-    + "".join(FIGURE.format(*each) for each in FIGURES.items())
+    + "".join(FIGURE.format(*each) for each in ISO.items())
     + "".join(
-        f"\n    vdi3441.{name} | vdi.{name} | {meaning} (VDI/DGQ 3441) | -, size=test.size"
+        f"\n    vdi3441.{name} | figures.{name}.value | {meaning} (VDI/DGQ 3441) | -, size=size"
         for name, meaning in VDI.items()
     )
-    + "\n    before. | before"
-    + "".join(CHANGE.format(*each) for each in FIGURES.items())
+    + "\n    before. | earlier()"
+    + "".join(CHANGE.format(*each) for each in ISO.items())
 )
 
 
 def at_target(axis: Axis) -> list[SimpleNamespace]:
     """What ISO 230-2 has of every target (mm, of a rotary axis deg); B = forward - reverse."""
-    test, (B, R_way, R) = axis.test, reversal_and_repeatability(axis.mean, axis.s)
-    ways, columns = ("forward", "reverse"), {"mean": axis.mean.mean(axis=0), "B": B, "R": R}
-    for name, both in (("mean", axis.mean), ("s", axis.s), ("R", R_way)):
-        columns |= {f"{name}_{way}": values for way, values in zip(ways, both, strict=True)}
-    place, other = ("deg", "mm") if test.rotary else ("mm", "deg")
+    count, mean, s = axis.of_runs
+    B, R_way, R = reversal_and_repeatability(mean, s)
+    columns = {"mean": mean.mean(axis=0), "B": B, "R": R}
+    for name, both in (("n", count.astype(int)), ("mean", mean), ("s", s), ("R", R_way)):
+        columns |= {f"{name}_{way}": values for way, values in zip(WAYS, both, strict=True)}
+    place, other = ("deg", "mm") if axis.rotary else ("mm", "deg")
+    shared = {"name": axis.name, "size": axis.size, other: None}
     return [
-        SimpleNamespace(
-            name=axis.name,
-            size=test.size,
-            n_forward=int(axis.count[0][i]),
-            n_reverse=int(axis.count[1][i]),
-            **{place: at, other: None},
-            **{name: float(values[i]) for name, values in columns.items()},
-        )
-        for i, at in enumerate(test.targets.tolist())
-    ]
+        SimpleNamespace(**shared, **{place: at},
+                        **{name: values[i].item() for name, values in columns.items()})
+        for i, at in enumerate(axis.targets.tolist())
+    ]  # fmt: skip
 
 
 RESULTS = declare(
     """
     axes{} | | *axis
     conformity[] | decisions
-        component | | name of the component
-        figure | | symbol of the figure
-        unit | | unit of limit, value and U
-        limit | | largest value allowed | -, size=size
-        value | | the figure, of a mean its absolute value | -, size=size
-        U | | expanded uncertainty k u; null without a budget | -, size=size
-        verdict | | conforming, not proven or nonconforming (ISO 14253-1)
+        component | 0.name | name of the component
+        figure | 1.name | symbol of the figure
+        unit | 1.unit | unit of limit, value and U
+        limit | 1.limit | largest value allowed | -, size=1.size
+        value | absolute(1.value) | the figure, of a mean its absolute value | -, size=1.size
+        U | 1.U | expanded uncertainty k u; null without a budget | -, size=1.size
+        verdict | 1.verdict | conforming, not proven or nonconforming (ISO 14253-1)
     plan. | plan
         length_mm | length | travel
         pitch_mm | pitch | pitch that no target is a multiple of
         targets_mm | targets | proposed targets
     """,
+    absolute=abs,
     axis=declare(
         AXIS,
-        targets_mm=lambda x: None if x.test.rotary else x.test.targets,
-        targets_deg=lambda x: x.test.targets if x.test.rotary else None,
-        forward=lambda x: int(x.count[0].max()),
-        reverse=lambda x: int(x.count[1].max()),
+        targets_mm=lambda x: None if x.rotary else x.targets,
+        targets_deg=lambda x: x.targets if x.rotary else None,
+        forward=lambda x: int(x.of_runs[0][0].max()),
+        reverse=lambda x: int(x.of_runs[0][1].max()),
         at_target=at_target,
+        earlier=lambda x: x.figures if x.figures["A"].before else None,
     ),
 )
 
@@ -156,35 +150,30 @@ def _scale(figure: Figure) -> float:
 ROW = declare(
     """
     component | axis.name | name of the component | axis, text, names
-    figure | name | symbol of the figure | figure, text
+    figure | figure.name | symbol of the figure | figure, text
     value | figure.value | the figure, in the unit | value, u=scale(figure), size=figure.size
-    unit | axis.test.unit | its unit | unit, text
+    unit | figure.unit | its unit | unit, text
     u | figure.u | standard uncertainty by the instrument, of these runs | u, size=figure.size, \
         u=figure.u
-    U | U() | expanded uncertainty k u | U, size=figure.size, u=figure.u
+    U | figure.U | expanded uncertainty k u | U, size=figure.size, u=figure.u
     u_sampling | figure.u_sampling | standard deviation over repeated tests | u_sampling, \
         size=figure.size
-    limit | decision.limit | largest value allowed | limit, size=figure.size, exact
-    verdict | decision.verdict | conforming, not proven or nonconforming | verdict, text
-    before | change.value | earlier test | before, u=change.u_sampling, size=figure.size
-    difference | change.difference | now minus earlier | change, u=change.u_sampling, \
+    limit | figure.limit | largest value allowed | limit, size=figure.size, exact
+    verdict | figure.verdict | conforming, not proven or nonconforming | verdict, text
+    before | figure.before.value | earlier test | before, u=figure.before.u_sampling, \
         size=figure.size
-    differs | change.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | -
+    difference | figure.difference | now minus earlier | change, u=figure.before.u_sampling, \
+        size=figure.size
+    differs | figure.differs | whether the tests differ beyond 2 sqrt(2) u_sampling | -
     - | differs() | | differs, text
+    meaning | meaning(figure.name) | what it is | -
     """,
     scale=_scale,
-    U=lambda row: row.axis.k * row.figure.u,
+    meaning=MEANINGS.get,
     differs=lambda row: (
-        None if row.change is None else {True: "yes", False: "no", None: "-"}[row.change.differs]
+        {True: "yes", False: "no", None: "-"}[row.figure.differs] if row.figure.before else None
     ),
 )
-VDI_ROW = declare("""
-    component | axis.name | name of the component | axis, text, names
-    figure | name | symbol of the figure | figure, text
-    value | | the figure, in the unit | value, sig4, size=axis.test.size
-    unit | axis.test.unit | its unit | unit, text
-    meaning | | what it is | meaning, text
-""")
 TARGETS = [*declare("- | name | | axis, text, names"), *declare(AT_TARGET)]
 PLAN_ROW = declare("""
     number | | number of the target | target, count
@@ -193,81 +182,66 @@ PLAN_ROW = declare("""
 """)
 
 
-def rows_of(result: Iso230Result) -> Iterator[Row]:
-    """Every figure of every axis that exists."""
-    found = {(x.component, x.figure): x for x in result.decisions}
-    for axis in result.axes.values():
-        for name, figure in axis.figures.items():
-            if not math.isnan(figure.value):
-                change = (axis.before or {}).get(name)
-                yield Row(axis, name, figure, found.get((axis.name, name)), change)
-
-
 def document(result: Iso230Result, digits: int = 2) -> Document:
-    """One row a figure; targets below."""
+    """One row a figure of the standard; targets below."""
     if result.plan is not None:
         return _plan_document(result, result.plan, digits)
-    axes, rows = list(result.axes.values()), list(rows_of(result))
+    axes, names = list(result.axes.values()), STANDARDS[result.standard]
+    rows = [Row(axis, axis.figures[name]) for axis in axes for name in names
+            if not math.isnan(axis.figures[name].value)]  # fmt: skip
     footer = "u_sampling: of a repeated test"
     if any(math.isfinite(row.figure.u) for row in rows):
-        footer = f"U = {axes[0].k:g} u by the instrument, of these runs; {footer}"
+        footer = f"U = {rows[0].figure.k:g} u by the instrument, of these runs; {footer}"
     if result.decisions:
         footer += "; limits by ISO 14253-1"
-    two_way = [axis for axis in axes if not math.isnan(axis.figures["E"].value)]
-    shown = [x for x in rows if x.name in MAIN or x.axis not in two_way or x.decision]
-    figures = Table("Positioning, ISO 230-2", ROW, rows, footer, shown=shown)
-    if result.standard != "iso230-2":
-        lines = [
-            SimpleNamespace(axis=axis, name=name, value=value, meaning=VDI[name])
-            for axis in axes
-            for name, value in axis.vdi.items()
-            if not math.isnan(value)
-        ]
-        footer = "six standard deviations: not comparable with the figures of ISO 230-2"
-        figures = Table("Positioning, VDI/DGQ 3441", VDI_ROW, lines, footer)
+    title, main = "Positioning, ISO 230-2", {*MAIN, *VDI}
+    if names is VDI:
+        title = "Positioning, VDI/DGQ 3441"
+        footer = f"six standard deviations: not comparable with ISO 230-2; {footer}"
+    two_way = [axis.name for axis in axes if not math.isnan(axis.figures["E"].value)]
+    shown = [x for x in rows
+             if x.figure.name in main or x.axis.name not in two_way or x.figure.limit]  # fmt: skip
     placed = [row for axis in axes for row in at_target(axis)]
-    of = f"deviations in {listed(dict.fromkeys(axis.test.unit for axis in axes))}"
-    footer = f"{of}; B = mean forward - mean reverse"
-    many = len(axes) > SHOWN_AXES
-    targets = Table("At the targets", TARGETS, placed, footer, detail=many)
-    figure = partial(diagram, result)
-    verdict = _verdict(result, digits)
-    return Document("Positioning", (RESULTS, result), [figures, targets], figure, verdict, digits)
+    of = f"deviations in {listed(dict.fromkeys(axis.unit for axis in axes))}"
+    below = f"{of}; B = mean forward - mean reverse"
+    tables = [
+        Table(title, ROW, rows, footer, shown=shown),
+        Table("At the targets", TARGETS, placed, below, detail=len(axes) > SHOWN_AXES),
+    ]
+    figure, verdict = partial(diagram, result), _verdict(result, digits)
+    return Document("Positioning", (RESULTS, result), tables, figure, verdict, digits)
 
 
 def _verdict(result: Iso230Result, digits: int) -> str:
     """The figures of the first axes, what fails, what changed."""
     axes, texts = list(result.axes.values()), []
     for axis in axes[:SHOWN_AXES]:
-        shown = _stated(axis, digits)
-        if result.standard != "iso230-2":
-            vdi = {name: axis.vdi[name] / axis.test.size for name in ("P", "Pa", "Ps_max", "U_max")}
-            shown = [f"{x} {significant(value, 4)}" for x, value in vdi.items() if value == value]
-        texts.append(f"{axis.name}: {', '.join(shown)} {axis.test.unit}.")
+        stated = ", ".join(_stated(axis, digits, result.standard))
+        texts.append(f"{axis.name}: {stated} {axis.unit}.")
     texts += [f"And {len(axes) - SHOWN_AXES} more axes."] * (len(axes) > SHOWN_AXES)
     for verdict in ("nonconforming", "not proven"):
-        failed = [f"{x.figure} of {x.component}" for x in result.decisions if x.verdict == verdict]
+        failed = [f"{x.name} of {axis.name}" for axis, x in result.decisions
+                  if x.verdict == verdict]  # fmt: skip
         texts += [f"{verdict.capitalize()}: {listed(failed)}."] if failed else []
-    if any(axis.before for axis in axes):
-        pairs = ((axis, name, x) for axis in axes for name, x in (axis.before or {}).items())
-        differ = listed(f"{name} of {axis.name}" for axis, name, x in pairs if x.differs)
+    old = [(axis, x) for axis in axes for name in ISO if (x := axis.figures[name]).before]
+    if old:
+        differ = listed(f"{x.name} of {axis.name}" for axis, x in old if x.differs)
         texts.append(f"Changed since the earlier test: {differ or 'no figure'}.")
     return " ".join(texts)
 
 
-def _stated(axis: Axis, digits: int) -> list[str]:
+def _stated(axis: Axis, digits: int, standard: str = "iso230-2") -> list[str]:
     """The main figures that exist, of one direction its own, with their names."""
-    own = axis.figures
-    names: Sequence[str] = MAIN[:5]
-    if math.isnan(own["E"].value):
-        way = "forward" if axis.count[0].any() else "reverse"
+    names = ["P", "Pa", "Ps_max", "U_max"] if standard == "vdi3441" else [*MAIN[:5]]
+    if standard != "vdi3441" and math.isnan(axis.figures["E"].value):
+        way = "forward" if axis.of_runs[0][0].any() else "reverse"
         names = [f"{name}_{way}" for name in "AER"]
-    size, result = axis.test.size, []
-    for name in names:
-        value, u = own[name].value / size, _scale(own[name]) / size
+    result = []
+    for each in (axis.figures[name] for name in names):
+        value, u = each.value / each.size, _scale(each) / each.size
         if not math.isnan(value):
             text = significant(value, 4) if math.isnan(u) else with_u(value, u, digits)[0]
-            result.append(f"{name} {text}")
+            result.append(f"{each.name} {text}")
     return result
 
 
@@ -299,23 +273,22 @@ def diagram(result: Iso230Result) -> Page:
 
 
 def _panel(panel: Axes, axis: Axis) -> None:
-    test, size = axis.test, axis.test.size
-    ways = (("forward", BLUE, -1, "^"), ("reverse", ORANGE, 1, "v"))
-    shift = 0.006 * test.travel
+    count, means, s = axis.of_runs
+    shift = 0.006 * axis.travel
     panel.axhline(0.0, color=GREY, linewidth=0.8)
-    for i, (name, colour, side, marker) in enumerate(ways):
-        if not axis.count[i].any():
+    for i, (colour, side, marker) in enumerate(((BLUE, -1, "^"), (ORANGE, 1, "v"))):
+        if not count[i].any():
             continue
-        mean, band = axis.mean[i] / size, 2 * np.nan_to_num(axis.s[i]) / size
-        for run in test.readings[i].T / size:
-            panel.plot(test.targets + side * shift, run, ".", color=colour, alpha=0.35, ms=3.5)
+        for run in axis.readings[i].T / axis.size:
+            panel.plot(axis.targets + side * shift, run, ".", color=colour, alpha=0.35, ms=3.5)
         panel.errorbar(
-            test.targets, mean, yerr=band, color=colour, marker=marker, ms=5, capsize=3,
-            elinewidth=1.0, label=f"mean {name}, 2 s",
+            axis.targets, means[i] / axis.size, yerr=2 * np.nan_to_num(s[i]) / axis.size,
+            color=colour, marker=marker, ms=5, capsize=3, elinewidth=1.0,
+            label=f"mean {WAYS[i]}, 2 s",
         )  # fmt: skip
-    both = axis.mean.mean(axis=0) / size
+    both = means.mean(axis=0) / axis.size
     if np.isfinite(both).any():
-        panel.plot(test.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
-    panel.set_title(f"{axis.name}: {', '.join(_stated(axis, 2))} {test.unit}")
-    panel.set_xlabel(f"target, {'deg' if test.rotary else 'mm'}")
-    panel.set_ylabel(f"deviation, {test.unit}")
+        panel.plot(axis.targets, both, color=INK, ls="--", lw=1.0, label="mean of both")
+    panel.set_title(f"{axis.name}: {', '.join(_stated(axis, 2))} {axis.unit}")
+    panel.set_xlabel(f"target, {'deg' if axis.rotary else 'mm'}")
+    panel.set_ylabel(f"deviation, {axis.unit}")

@@ -109,32 +109,26 @@ def orthogonality(result: OrthogonalityResult) -> Figure:
 @figures.styled
 def budget(result: BudgetResult) -> Figure:
     """For every output a bar an input, and beside it the histogram of the trials."""
-    shown, percent, run = result.outputs[:OUTPUTS], f"{100 * result.probability:.4g} %", result.run
+    shown, run = result.outputs[:OUTPUTS], result.run
     height = max(2.4, 0.26 * (1 + min(SHARES, len(result.inputs))) + 1.2)
     page = figures.blank(10.0, 0.9 + len(shown) * height)
     panels = page.subplots(len(shown), 2, squeeze=False)
-    for (left, right), output in zip(panels, shown, strict=True):
-        first, i, unit = output.first, output.index, f" {output.unit}" if output.unit else ""
-        name = cut(first.name, NAME)
-        _shares(left, result, 100.0 * first.share)
-        left.set_title(f"{name}: shares of the variance")
-        text = f"{name} = {with_u(first.value, first.u or None)[0]}{unit}"
-        u, by_trials = significant(first.u), significant(float(run.u[i]))
-        text = f"{text}\nu = {u}, by Monte Carlo {by_trials}{unit}"
-        ends, curve = (float(run.low[i]), float(run.high[i])), (first.value, first.u, first.dof)
-        label, interval = name + unit.replace(" ", ", ", 1), [float(x) for x in output.interval]
-        samples = run.samples[i]
-        histogram(right, Trials(samples, ends, curve, interval, text, label, percent))
+    for (left, right), item, samples in zip(panels, shown, run.samples, strict=False):
+        name, unit = cut(item.name, NAME), f" {item.unit}" if item.unit else ""
+        # The largest shares of the variance; none where there is no first order.
+        shares = np.nan_to_num(100.0 * item.share)
+        order = np.argsort(-np.abs(shares), kind="stable")[:SHARES].tolist()
+        bars = {cut(result.inputs[i].name, NAME): float(shares[i]) for i in order}
+        bars = {input_: share for input_, share in bars.items() if abs(share) >= LEAST}
+        figures.bars(left, list(bars), list(bars.values()), [f"{x:.1f}" for x in bars.values()])
+        left.set(xlabel="share of u², %", title=f"{name}: shares of the variance")
+        text = f"{name} = {with_u(item.value, item.u or None)[0]}{unit}\nu = {significant(item.u)}"
+        text += f", by Monte Carlo {significant(item.of_run('u'))}{unit}"
+        ends, curve = (item.of_run("low"), item.of_run("high")), (item.value, item.u, item.dof)
+        label, percent = name + unit.replace(" ", ", ", 1), f"{100 * run.probability:.4g} %"
+        histogram(right, Trials(samples, ends, curve, item.interval, text, label, percent))
     figures.legend(page)
     return page
-
-
-def _shares(panel: Axes, result: BudgetResult, shares: FloatArray) -> None:
-    """The largest shares of the variance; none where there is no first order."""
-    order = [int(i) for i in np.argsort(-np.abs(shares), kind="stable") if abs(shares[i]) >= LEAST]
-    bars = {cut(result.inputs[i].name, NAME): float(shares[i]) for i in order[:SHARES]}
-    figures.bars(panel, list(bars), list(bars.values()), [f"{x:.1f}" for x in bars.values()])
-    panel.set_xlabel("share of u², %")
 
 
 @figures.styled

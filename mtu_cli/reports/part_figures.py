@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.anova.outliers import FAMILY_RATE
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.reports import figures
 from mtu_cli.reports.figures import Intervals
 from mtu_cli.reports.labels import cut, spread, words
+from mtu_cli.stats.family import FAMILY_RATE
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, UM
 
@@ -111,9 +111,9 @@ def compare(result: CompareResult) -> Figure:
     verdicts: list[str] = []
     values, k, total = [], result.coverage_factor, 0
     for found in filter(None, (result.lengths, result.features)):
-        items = sorted(found.by_interest()[: ITEMS // 2])
+        items = sorted(found.by_interest[: ITEMS // 2])
         names += [words(*found.labels[i]) for i in items]
-        verdicts += [found.stated(i) for i in items]
+        verdicts += [found.outcome[i] for i in items]
         zero, total = found.predicted.mean[items], total + len(found.labels)
         sides = (found.predicted, found.measured)
         values.append([(x.mean[items] - zero, k * np.nan_to_num(x.u[items])) for x in sides])
@@ -148,9 +148,15 @@ def correct(result: CorrectResult) -> Figure:
         if known:
             break
     else:
-        found, at = result.by_feature(), [AXES.index(axis) for axis in result.axes]
-        names = [f"{name} {axis}" for name in found.features for axis in result.axes]
-        before, after = (x[:, at].ravel() / UM for x in (found.before, found.after))
+        points, at = result.points, [AXES.index(axis) for axis in result.axes]
+        seen, code = np.unique(points.feature, return_inverse=True)
+        count, nominal = np.bincount(code)[:, None], points.nominal[:, at]
+        before, after = (
+            np.ravel([np.bincount(code, along) for along in (x[:, at] - nominal).T] / count.T, "F")
+            / UM
+            for x in (points.measured, result.corrected)
+        )
+        names = [f"{points.features[i]} {axis}" for i in seen for axis in result.axes]
         title, half = "Mean errors of the features", np.full(len(names), np.nan)
     rows = spread(len(names), SIZES)
     some = f" ({len(rows)} of {len(names)})" if len(rows) < len(names) else ""

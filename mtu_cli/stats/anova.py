@@ -7,7 +7,8 @@ part is missing from a table.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from mtu_cli.stats.least_squares import BoolArray, FloatArray, IntArray
 from mtu_cli.stats.resolution import hidden
 
 _BLOCK = 1 << 15
+OfTables = TypeVar("OfTables", bound=Any)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +43,8 @@ class OneWay:
 
     `mean` the grand mean sum n_i m_i / N; `ms_between` = V_p(m) = sum n_i (m_i - mean)^2 /
     (a - 1) and `ms_within` = V_p(s) (nan without repeats); `F`, its critical value at 95 %
-    and p; `n0` = (N - sum n_i^2/N)/(a - 1), so that E ms_between = s_repeat^2 + n0 s_part^2.
+    and p; `n0` = (N - sum n_i^2/N)/(a - 1), so that E ms_between = s_repeat^2 + n0 s_part^2;
+    `share` = sum n_i^2/N^2, that of s_part^2 in the variance of the grand mean.
     """
 
     parts: FloatArray
@@ -55,6 +58,13 @@ class OneWay:
     F_critical_95: FloatArray
     p: FloatArray
     n0: FloatArray
+    share: FloatArray
+
+
+def only(of: OfTables, rows: Any) -> OfTables:
+    """The tables at `rows`, indices or a mask, of a dataclass of arrays (tables, ...)."""
+    kept = {field.name: getattr(of, field.name)[rows] for field in fields(of)}
+    return replace(of, **kept)
 
 
 def cells_of(
@@ -112,7 +122,8 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
     df_between, df_within = parts - 1, N - parts
     ms_between = _ratio(ss_between, df_between)
     ms_within = _ratio(cells.within, df_within)
-    n0 = _ratio(N - (n**2).sum(axis=1) / N, df_between)
+    squares = (n**2).sum(axis=1)
+    n0 = _ratio(N - squares / N, df_between)
     noise = ms_within + np.nan_to_num(n0) * hidden(ms_within, rounding)
     F = np.where(ms_within > 0, _ratio(ms_between, noise), np.nan)
     known = np.isfinite(F) & (df_between > 0)
@@ -129,6 +140,7 @@ def one_way(cells: Cells, rounding: FloatArray | float = 0.0) -> OneWay:
         F_critical_95=np.where(known, fdtri(safe_b, safe_w, 0.95), np.nan),
         p=np.where(known, fdtrc(safe_b, safe_w, np.where(known, F, 1.0)), np.nan),
         n0=n0,
+        share=squares / N**2,
     )
 
 

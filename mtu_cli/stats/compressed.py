@@ -5,41 +5,59 @@ residuals of such rows follow each other.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mtu_cli.stats.least_squares import FloatArray, triangle
+from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray, triangle
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Compressed:
-    """n rows Z of k columns, in the order in which they were read.
+    """n rows Z of k columns, the first of them the constant, in the order in which they were read.
 
     `factor` (r, k), r <= k, with factor'factor = Z'Z: a triangular factor by orthogonal
     rotations, so that conditioning is that of Z and not its square (Golub & Van Loan, Matrix
     Computations, 5.2). `lag` (k, k) = sum z_i z_(i+1)' over `pairs` consecutive rows, by which
-    any residual's autocorrelation follows.
+    any residual's autocorrelation follows. `freed`: of how many pieces the mean was taken out.
     """
 
     factor: FloatArray
     n: int
     lag: FloatArray
     pairs: int
+    freed: int = 0
 
-    def columns(self, transform: FloatArray) -> Compressed:
-        """The rows Z transform, transform (k, l)."""
-        return Compressed(
-            factor=self.factor @ transform,
-            n=self.n,
-            lag=transform.T @ self.lag @ transform,
-            pairs=self.pairs,
-        )
+    @property
+    def levels(self) -> int:
+        """Levels that a fit takes of the rows: one, or that of every piece freed of its mean."""
+        return max(self.freed, 1)
+
+    def mean(self, columns: Sequence[int]) -> FloatArray:
+        """Means (l,) of some columns."""
+        return np.asarray(self.factor[0, columns] / self.factor[0, 0])
+
+    def inner(self, columns: Sequence[int]) -> FloatArray:
+        """The factor (r - 1, l) of some columns about their means; 0 where only rounding is."""
+        chosen = self.factor[:, columns]
+        known = np.linalg.norm(chosen[1:], axis=0) > RANK_TOLERANCE * np.linalg.norm(chosen, axis=0)
+        return np.where(known, chosen[1:], 0.0)
+
+    def only(self, columns: Sequence[int]) -> Compressed:
+        """Some of the columns."""
+        lag = self.lag[np.ix_(columns, columns)]
+        return replace(self, factor=self.factor[:, columns], lag=lag)
+
+    def about_mean(self) -> Compressed:
+        """All columns but the constant less their means."""
+        T = np.eye(self.factor.shape[1])
+        T[0, 1:] = -self.factor[0, 1:] / self.factor[0, 0]
+        return replace(self, factor=self.factor @ T, lag=T.T @ self.lag @ T, freed=1)
 
 
 def compress(Z: FloatArray) -> Compressed:
     """Rows Z (n, k) compressed; n may be any number above 0."""
-    return Compressed(factor=triangle(Z), n=len(Z), lag=Z[:-1].T @ Z[1:], pairs=len(Z) - 1)
+    return Compressed(triangle(Z), len(Z), Z[:-1].T @ Z[1:], len(Z) - 1)
 
 
 def together(items: Sequence[Compressed]) -> Compressed:
@@ -49,6 +67,7 @@ def together(items: Sequence[Compressed]) -> Compressed:
         n=sum(item.n for item in items),
         lag=np.sum([item.lag for item in items], axis=0),
         pairs=sum(item.pairs for item in items),
+        freed=sum(item.freed for item in items),
     )
 
 

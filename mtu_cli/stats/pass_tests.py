@@ -28,12 +28,11 @@ FEWEST_PASSES = 3
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FTest:
-    """F with its degrees of freedom and p = P(F' > F)."""
+    """F with its degrees of freedom (2,) and p = P(F' > F)."""
 
     F: float
     p: float
-    df_numerator: int
-    df_denominator: int
+    df: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +54,7 @@ def f_test(numerator: float, denominator: float, df1: int, df2: int) -> FTest | 
     if df1 < 1 or df2 < 1 or denominator <= 0:
         return None
     F = max(numerator, 0.0) / denominator
-    return FTest(F=F, p=float(fdtrc(df1, df2, F)), df_numerator=df1, df_denominator=df2)
+    return FTest(F=F, p=float(fdtrc(df1, df2, F)), df=(df1, df2))
 
 
 def _shift(value: float, u: float, dof: int, rounding: float) -> Shift | None:

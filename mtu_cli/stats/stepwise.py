@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -28,69 +27,46 @@ def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> 
     enter.
     """
     # Steps cost less by a factor of no more rows than columns.
-    rows = replace(rows, factor=shortened(rows.factor))
+    Z = shortened(rows.factor)
+    everything = least_squares(Z[:, :-1], Z[:, -1]).coefficients
+    residuals = replace(rows, factor=Z), np.append(-everything, 1.0)
+    number = effective_number(rows.n, autocorrelation([residuals]))
+    least = _NOTHING_LEFT * float(Z[:, -1] @ Z[:, -1])
+
+    def p(count: int, gain: float, before: float) -> float:
+        """Of the F by which one of `count` columns lowers the sum of squares `before`."""
+        dof, left = number - count - 1, before - gain
+        if dof <= 0 or before <= least:
+            return 1.0
+        return float(fdtrc(1, dof, gain / left * dof)) if left > _NOTHING_LEFT * before else 0.0
+
     chosen: list[int] = []
-    everything = range(1, rows.factor.shape[1] - 1)
-    memory = autocorrelation([(rows, fitted_weights(rows, everything))])
-    number, seen = effective_number(rows.n, memory), set[frozenset[int]]()
+    seen = set[frozenset[int]]()
     # A set of columns that was there before would come back for ever.
     while frozenset(chosen) not in seen:
         seen.add(frozenset(chosen))
-        entering = _best_entry(rows, chosen, number, enter)
-        if entering is None:
+        others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
+        gains, before = _gains(Z, chosen, others)
+        if not others or p(len(chosen) + 1, float(gains.max()), before) >= enter:
             break
-        chosen.append(entering)
-        while (leaving := _worst(rows, chosen, number, remove)) is not None:
-            chosen.remove(leaving)
+        chosen.append(others[int(np.argmax(gains))])
+        while len(chosen) > 1:
+            fit = least_squares(Z[:, [0, *chosen]], Z[:, -1])
+            loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+            weakest = float(loss.min())
+            if p(len(chosen), weakest, fit.rss + weakest) <= remove:
+                break
+            del chosen[int(np.argmin(loss))]
     return tuple(sorted(chosen))
 
 
-def fitted_weights(rows: Compressed, chosen: Sequence[int]) -> FloatArray:
-    """w (k,) such that Z w are the residuals of the target on constant and chosen columns."""
-    used = [0, *chosen]
-    fit = least_squares(rows.factor[:, used], rows.factor[:, -1])
-    weights = np.zeros(rows.factor.shape[1])
-    weights[-1] = 1.0
-    weights[used] = -fit.coefficients
-    return weights
-
-
-def _best_entry(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
-    others = [j for j in range(1, rows.factor.shape[1] - 1) if j not in chosen]
-    if not others:
-        return None
+def _gains(Z: FloatArray, chosen: list[int], others: list[int]) -> tuple[FloatArray, float]:
+    """What each of the others takes off the sum of squares that the chosen leave, and that sum."""
     p = len(chosen) + 1
     # R of constant, chosen, others, target: what the chosen leave of the rest is below them.
-    R = triangle(rows.factor[:, [0, *chosen, *others, -1]])
+    R = triangle(Z[:, [0, *chosen, *others, -1]])
     left, residual = R[p:, p:-1], R[p:, -1]
     squares = np.sum(left**2, axis=0)
     usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
-    gain = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
-    best = int(np.argmax(gain))
-    chance = _partial_p(rows, number - p - 1, float(gain[best]), float(residual @ residual))
-    return others[best] if chance < limit else None
-
-
-def _worst(rows: Compressed, chosen: Sequence[int], number: float, limit: float) -> int | None:
-    """That of the chosen whose loss b_j^2/C_jj is least, where it is not significant."""
-    if len(chosen) < 2:
-        return None
-    fit = least_squares(rows.factor[:, [0, *chosen]], rows.factor[:, -1])
-    loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
-    least = int(np.argmin(loss))
-    gain = float(loss[least])
-    p = _partial_p(rows, number - len(chosen) - 1, gain, fit.rss + gain)
-    return chosen[least] if p > limit else None
-
-
-def _partial_p(rows: Compressed, dof: float, gain: float, before: float) -> float:
-    """p of F = gain / (what is left / its effective degrees of freedom)."""
-    if dof <= 0:
-        return 1.0
-    rss = before - gain
-    total = float(np.sum(rows.factor[:, -1] ** 2))
-    if before <= _NOTHING_LEFT * total:
-        return 1.0
-    if rss <= _NOTHING_LEFT * before:
-        return 0.0
-    return float(fdtrc(1, dof, gain / rss * dof))
+    gains = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    return gains, float(residual @ residual)

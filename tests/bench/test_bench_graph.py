@@ -42,7 +42,7 @@ def test_distance_of_axes(threads: int) -> None:
     ratios = []
     for _ in range(ROUNDS):
         with threadpool_limits(1):
-            reference = seconds_drawing(trials.inputs.k)
+            reference = seconds_drawing(trials.k)
         start = time.perf_counter()
         monte_carlo(trials, seed=1, trials=TRIALS, threads=threads)
         ratios.append((time.perf_counter() - start) / reference)

@@ -129,22 +129,21 @@ def seen(rng: np.random.Generator, kind: Kind) -> Seen:
     given = zeroed(readings) if kind.zeroed else readings
     item = fitted(given).components["d"]
     assert item.held_out is not None
-    own = item.at_positions[0]
     by_name = dict(zip(NAMES, 1e-3 * truth, strict=True))
-    together = {sensor for group in own.inseparable for sensor in group.sensors}
+    together = {sensor for group in item.inseparable for sensor in group.sensors}
     singles = [fitted(given, each).components["d"].held_out for each in METHODS[1:]]
     least = min(each.after for each in singles if each is not None)
     after = item.held_out.after
     return Seen(
         covered=tuple(
-            bool(interval[0] <= by_name[sensor] <= interval[1])
-            for sensor, interval in own.intervals.items()
-            if sensor not in together and interval is not None
+            bool(own.interval[0] <= by_name[own.sensors[0]] <= own.interval[1])
+            for own in item.gradients
+            if own.sensors[0] not in together and own.interval is not None
         ),
-        inseparable=bool(own.inseparable),
+        inseparable=bool(item.inseparable),
         to_unzeroed=after / free.held_out.after if free and free.held_out else float("nan"),
         to_single=after / least,
-        offsets=item.zeroed.offsets,
+        offsets=item.offsets,
     )
 
 

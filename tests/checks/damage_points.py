@@ -75,46 +75,62 @@ def _all(case: Case, draw: Random) -> pd.Series:
 
 
 Rows = Callable[[Case, Random], pd.Series]
+Change = Callable[[Case, Random], Case | None]
+Values = Callable[[Frame, Frame, Random], Frame]
 
 
-def _times(rows: Rows, factors: list[float], *, one_axis: bool = False) -> Callable:
+def _of(rows: Rows, values: Values, *, one_axis: bool = False) -> Change:
+    """Other coordinates of some rows, by what was measured and the nominal ones."""
+
     def change(case: Case, draw: Random) -> None:
         names = [draw.choice(["x_mm", "y_mm"])] if one_axis else _measured(case)
-        own, factor = rows(case, draw), draw.choice(factors)
-        case.points.loc[own, names] = (case.points.loc[own, names] * factor).round(6)
+        own, nominal = rows(case, draw), _nominal(case)[names]
+        case.points.loc[own, names] = values(case.points.loc[own, names], nominal, draw).round(6)
 
     return change
 
 
-def _swapped(rows: Rows) -> Callable:
-    def change(case: Case, draw: Random) -> None:
-        own = rows(case, draw)
-        case.points.loc[own, ["x_mm", "y_mm"]] = case.points.loc[own, ["y_mm", "x_mm"]].to_numpy(
-            copy=True
-        )
-
-    return change
+def _times(rows: Rows, factors: list[float], *, one_axis: bool = False) -> Change:
+    return _of(rows, lambda own, _, draw: own * draw.choice(factors), one_axis=one_axis)
 
 
-def _mirrored(rows: Rows) -> Callable:
+def _swapped(rows: Rows) -> Change:
+    return _of(rows, lambda own, _, draw: own.assign(x_mm=own.y_mm, y_mm=own.x_mm))
+
+
+def _mirrored(rows: Rows) -> Change:
     """Counted from the other end of the part, or from the same origin the other way."""
 
+    def values(own: Frame, nominal: Frame, draw: Random) -> Frame:
+        return draw.choice([0.0, 1.0]) * (nominal.min() + nominal.max()) - own
+
+    return _of(rows, values, one_axis=True)
+
+
+def _moved(rows: Rows) -> Change:
+    def values(own: Frame, _: Frame, draw: Random) -> Frame:
+        by = draw.choice([-1, 1], 2) * draw.uniform(2, 80, 2).round(3)
+        return own.assign(x_mm=own.x_mm + by[0], y_mm=own.y_mm + by[1])
+
+    return _of(rows, values)
+
+
+def _a_cell(rows: Callable[[float, Random], float]) -> Change:
+    """Another value of one cell."""
+
     def change(case: Case, draw: Random) -> None:
-        own, name = rows(case, draw), draw.choice(["x_mm", "y_mm"])
-        ends = _nominal(case)[name]
-        zero = draw.choice([0.0, ends.min() + ends.max()])
-        case.points.loc[own, name] = (zero - case.points.loc[own, name]).round(6)
+        row, name = draw.choice(case.points.index), draw.choice(["x_mm", "y_mm"])
+        case.points.loc[row, name] = rows(case.points.loc[row, name], draw)
 
     return change
 
 
-def _moved(rows: Rows) -> Callable:
-    def change(case: Case, draw: Random) -> None:
-        own = rows(case, draw)
-        for name in _measured(case)[:2]:
-            case.points.loc[own, name] += draw.choice([-1, 1]) * np.round(draw.uniform(2, 80), 3)
-
-    return change
+def _slip(low: float, high: float) -> Change:
+    return _a_cell(
+        lambda value, draw: (
+            value + draw.choice([-1, 1]) * np.exp(draw.uniform(*np.log([low, high]))).round(4)
+        )
+    )
 
 
 def another_order(case: Case, draw: Random) -> None:
@@ -151,44 +167,6 @@ def pasted_twice(case: Case, draw: Random) -> Case:
     return case._replace(points=pd.concat([rows, rows], ignore_index=True))
 
 
-def _a_cell(case: Case, draw: Random) -> tuple[Any, str]:
-    return draw.choice(case.points.index), draw.choice(["x_mm", "y_mm"])
-
-
-def _slip(low: float, high: float) -> Callable:
-    def change(case: Case, draw: Random) -> None:
-        row, name = _a_cell(case, draw)
-        size = np.exp(draw.uniform(np.log(low), np.log(high)))
-        case.points.loc[row, name] += draw.choice([-1, 1]) * np.round(size, 4)
-
-    return change
-
-
-def lost_sign(case: Case, draw: Random) -> None:
-    row, name = _a_cell(case, draw)
-    case.points.loc[row, name] *= -1
-
-
-def decimal_point(case: Case, draw: Random) -> None:
-    row, name = _a_cell(case, draw)
-    case.points.loc[row, name] *= draw.choice([0.1, 10.0, 100.0])
-
-
-def part_of_drawing(case: Case, draw: Random) -> None:
-    own = _a_part(case, draw)
-    case.points.loc[own, _measured(case)] = _nominal(case)[own]
-
-
-def axis_of_drawing(case: Case, draw: Random) -> None:
-    name = draw.choice(_measured(case))
-    case.points[name] = _nominal(case)[name]
-
-
-def errors_for_places(case: Case, draw: Random) -> None:
-    names, factor = _measured(case), draw.choice([1.0, 1e3])
-    case.points[names] = ((case.points[names] - _nominal(case)) * factor).round(4)
-
-
 def another_case(case: Case, draw: Random) -> None:
     """Parts are named p1, p2, ...; one of them is P2 in half of its rows."""
     case.points["part"] = "p" + case.points.part.astype(str)
@@ -220,7 +198,7 @@ def a_place_mistyped(case: Case, draw: Random) -> None:
     place[draw.choice(["x_mm", "y_mm"])] += float(draw.choice([-10, 10, 1, 0.9]))
 
 
-def _coefficients(factor: float) -> Callable:
+def _coefficients(factor: float) -> Change:
     def change(case: Case, draw: Random) -> None:
         names = [name for name in case.machine["components"] if name[0] == "d"]
         own = case.machine["components"][draw.choice(names)]
@@ -264,11 +242,17 @@ DAMAGES = {
     "points pasted twice": Damage(SAME, pasted_twice),
     "a slip of millimetres": Damage(ONE, _slip(1.0, 100.0)),
     "a slip of tenths": Damage(ONE, _slip(0.1, 1.0)),
-    "a lost sign": Damage(r"lost sign", lost_sign),
-    "a decimal point": Damage(r"decimal point", decimal_point),
-    "a part of the drawing": Damage(r"nominal|drawing", part_of_drawing),
-    "an axis of the drawing": Damage(r"nominal|drawing", axis_of_drawing),
-    "errors for coordinates": Damage(r"errors", errors_for_places),
+    "a lost sign": Damage(r"lost sign", _a_cell(lambda value, _: -value)),
+    "a decimal point": Damage(
+        r"decimal point", _a_cell(lambda value, draw: value * draw.choice([0.1, 10.0, 100.0]))
+    ),
+    "a part of the drawing": Damage(r"nominal|drawing", _of(_a_part, lambda _, at, __: at)),
+    "an axis of the drawing": Damage(
+        r"nominal|drawing", _of(_all, lambda _, at, __: at, one_axis=True)
+    ),
+    "errors for coordinates": Damage(
+        r"errors", _of(_all, lambda own, at, draw: (own - at) * draw.choice([1.0, 1e3]))
+    ),
     "a part in other letters": Damage(r"case|blank|alike", another_case),
     "a tolerance in mm": Damage(r"tolerance", tolerance_in_mm, 1),
     "the part in another unit": Damage(r"inch|\bum\b|metre|\bm\b|unit|travel", part_in_unit, 1),

@@ -12,7 +12,6 @@ from measured_examples import PLACES, points, study, with_measured
 
 from checks.damage import NAMELESS
 from mtu_cli import checks
-from mtu_cli.files.machine import load_machine
 from mtu_cli.files.part import load_part
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
@@ -84,17 +83,6 @@ def test_parts_put_down_by_hand_are_no_mistake_where_the_datum_says_so() -> None
     assert "unit-of-points" in codes(inches, "offset")
 
 
-def test_a_slip_has_its_row_and_column() -> None:
-    sound = study(6, 2, 3)
-    measured = sound.measured.copy()
-    measured[7, 0] *= 10
-    finding = only(with_measured(sound, measured))
-    assert (finding.row, finding.column) == (9, "x_mm")
-    assert finding.value == f"{measured[7, 0]:.9g}"
-    place = f"about {sound.nominal[7, 0]:g} is expected"
-    assert finding.facts["looks"] == f"a decimal point out of place; {place}"
-
-
 def test_a_moved_nominal() -> None:
     sound = study(4, 1, 2)
     nominal = sound.nominal.copy()
@@ -149,12 +137,6 @@ def test_a_part_under_two_names_is_a_copy_in_whatever_order() -> None:
     assert found_of(with_measured(sound, measured)) == []
 
 
-def test_perfect_parts_to_a_coarse_digit_are_no_copies() -> None:
-    """Each axis is on its nominal; that parts agree is no more than that."""
-    rows = [(f"P{p}", name, 1, 0.0, 0.0) for p in range(3) for name in PLACES]
-    assert codes(points(rows)) == ["copied-values"] * 2
-
-
 @pytest.mark.parametrize(
     ("digits", "shift", "scatter", "repeats"),
     [(2, 0.0, 3e-3, 5), (2, 3e-3, 2e-4, 1), (3, 1e-3, 1e-4, 1)],
@@ -196,14 +178,3 @@ lengths:
         ("position-beyond-travel", 3, "features.a.x_mm"),
         ("implausible-size", 5, "lengths.0.tolerance_um"),
     ]
-
-
-def test_values_of_a_table_are_no_powers(tmp_path: Path) -> None:
-    path = tmp_path / "machine.yaml"
-    path.write_text("""schema: mtu/machine/1
-name: m
-axes: {x: {travel_mm: [0, 400]}}
-components: {dx: {of: x, unit: um, shape: table, at_mm: [0, 200, 400], coefficients: [0, 5, 2]}}
-equations: {Ex: dx}
-""", "utf-8")  # fmt: skip
-    assert checks.run("machine", checks.DocumentData(load_machine(path))) == []

@@ -44,17 +44,12 @@ def test_options() -> None:
 
 def test_no_single_factor_in_the_settings_where_none_was_used(tmp_path: Path) -> None:
     """Outputs with degrees of freedom of their own have factors of their own; abs at 0 has none."""
-    head = "schema: mtu/budget/1\nname: b\n"
     inputs = "inputs: {x: {value: 0, u: 1, dof: 4}, y: {value: 0, u: 1, dof: 9}}\n"
-    (tmp_path / "b.yaml").write_text(head + "equations: {a: x, b: y}\n" + inputs)
-    document = report("budget", "b.yaml", cwd=tmp_path)
-    assert document["settings"]["coverage_factor"] is None
-    # t of 4 and 9 degrees of freedom for 95 %, JCGM 100:2008, table G.2.
-    factors = [item["k"] for item in document["results"]["outputs"].values()]
-    assert factors == pytest.approx([2.78, 2.26], abs=0.005)
-    (tmp_path / "b.yaml").write_text(head + "equation: abs(x) + y\n" + inputs)
-    document = report("budget", "b.yaml", cwd=tmp_path)
-    assert document["settings"]["coverage_factor"] is document["results"]["k"] is None
-    (tmp_path / "b.yaml").write_text(head + "equations: {a: x, b: x + y}\n" + inputs)
-    document = report("budget", "b.yaml", "--k", "2", cwd=tmp_path)
-    assert document["settings"]["coverage_factor"] == 2.0
+    for equations, call, k in (
+        ("equations: {a: x, b: y}\n", (), None),
+        ("equation: abs(x) + y\n", (), None),
+        ("equations: {a: x, b: x + y}\n", ("--k", "2"), 2.0),
+    ):
+        (tmp_path / "b.yaml").write_text("schema: mtu/budget/1\nname: b\n" + equations + inputs)
+        document = report("budget", "b.yaml", *call, cwd=tmp_path)
+        assert document["settings"]["coverage_factor"] == k

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from circle_examples import Causes, csv_text, made
 from cli_runner import HERE, done, mtu, report
+from made_files import B5R
 
 from mtu_cli.files.reports_read import ComponentsReport, read_report
 
@@ -115,7 +116,7 @@ def test_bad_cells_are_reported_at_once(tmp_path: Path) -> None:
         assert text in said
     for old, new, text in (
         (",150,", ",100,", "one in all traces"),
-        (",XY,", ",YZ,", "the traces of one plane"),
+        (",XY,", ",YZ,", "'XY, YZ'; expected one in all traces"),
         (",2000,", ",0,", "mm/min above 0"),
     ):
         lines = csv_text(made(Causes(), n=60)).splitlines()
@@ -129,40 +130,20 @@ def test_bad_cells_are_reported_at_once(tmp_path: Path) -> None:
     assert "away from the reversals" in done(mtu("circular", file), 2).stderr
 
 
-FEATURES = """<?xml version="1.0"?><BALLBAR><TEST_PLANE>XY</TEST_PLANE>
-<FEATURE NAME="AF_SQUARENESS" DT="UT_SQUARENESS">-12.5</FEATURE>
-<FEATURE NAME="AF_BACKLASH_A_POS" DT="UT_LENGTH_UM">4.1</FEATURE>
-<FEATURE NAME="AF_SERVO_MISMATCH" DT="UT_SERVO_MISMATCH">0.5</FEATURE>
-<FEATURE NAME="AF_CYCLIC_ERROR_A_FWD" DT="UT_LENGTH_UM">0.3</FEATURE>
-<FEATURE NAME="AF_LATERAL_PLAY_A_POS" DT="UT_LENGTH_UM">0.2</FEATURE>
-<FEATURE NAME="AF_CIRCULARITY" DT="UT_LENGTH_MM" VALUE="0.0084"/></BALLBAR>
-"""
-
-
 def test_what_a_ballbar_states_is_shown(tmp_path: Path) -> None:
     """Features in the instrument's own unit and sign."""
     stated = tmp_path / "ball.b5r"
-    stated.write_text(FEATURES, "utf-8")
-    both = report("circular", SHIPPED, stated)["results"]
-    rows = {row["feature"]: row for row in both["instrument"]}
-    assert (rows["AF_CIRCULARITY"]["value"], rows["AF_CIRCULARITY"]["unit"]) == (0.0084, "mm")
-    # Without traces they stand alone.
-    alone = report("circular", stated)
-    assert alone["results"]["plane"] == "XY"
-    assert alone["results"]["diagnosis"] == []
-    assert [x["value"] for x in alone["results"]["instrument"]] == [
-        x["value"] for x in both["instrument"]
-    ]
-    said = done(mtu("circular", stated)).stdout
-    assert "6 features stated by the instrument" in said
+    stated.write_text(B5R, "utf-8")
+    rows = {row["feature"]: row for row in report("circular", stated)["results"]["instrument"]}
+    assert (rows["AF_CIRCULARITY"]["value"], rows["AF_CIRCULARITY"]["unit"]) == (8.4, "um")
+    assert "2 features stated by the instrument (XY)" in done(mtu("circular", stated)).stdout
     refusals = {
         "a trace is missing": ("--write-components", tmp_path / "c.json"),
-        "contradicts": ("--plane", "YZ"),
         "not drawn": ("--plot", tmp_path / "a.png"),
     }
     for text, words in refusals.items():
         assert text in done(mtu("circular", stated, *words), 2).stderr
-    (tmp_path / "cut.b5r").write_text(FEATURES[:90], "utf-8")
+    (tmp_path / "cut.b5r").write_text(B5R[:90], "utf-8")
     assert "FEATURE" in done(mtu("circular", tmp_path / "cut.b5r"), 2).stderr
 
 

@@ -90,27 +90,6 @@ def test_an_effect_outside_the_library_gets_no_lone_name(
     assert found["unexplained"]["rms_um"] > 0
 
 
-@pytest.mark.parametrize(
-    ("every", "words", "named"),
-    [
-        (50, "T_spindle_degC): 31 of 1512 rows left out", True),
-        (10, "T_spindle_degC (152 of 1512 rows, the first cmm.csv, row 2)): no effect", False),
-    ],
-)
-def test_a_covariate_with_gaps(every: int, words: str, named: bool, tmp_path: Path) -> None:
-    args = shop(tmp_path, "B", 5, [("thermal-drift-x", 2.0)])
-    head, *rows = (tmp_path / "cmm.csv").read_text().splitlines()
-    column = head.split(",").index("T_spindle_degC")
-    cells = [row.split(",") for row in rows]
-    for row in cells[::every]:
-        row[column] = ""
-    (tmp_path / "cmm.csv").write_text("\n".join([head, *map(",".join, cells)]) + "\n")
-    result = done(mtu("close-loop", *args, *NO_WAVES, cwd=tmp_path))
-    assert f"cells missing ({words}" in result.stderr
-    assert result.stderr.count("[missing-values]") == 1
-    assert ("thermal-drift-x" in result.stdout) is named
-
-
 @pytest.fixture(scope="module")
 def extended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A shop day whose backlash and scale were found and written into its machine."""

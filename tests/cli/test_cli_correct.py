@@ -115,19 +115,6 @@ def test_the_figures_follow_from_each_other(document: dict[str, Any]) -> None:
         assert abs(error["after"]) < 4 * ring["u_error_um"] < abs(error["before"])
 
 
-def test_without_circles(folder: Path, tmp_path: Path) -> None:
-    (tmp_path / "part.yaml").write_text(PART + LENGTH)
-    files = ("-m", folder / "machine.yaml", "-p", "part.yaml", "--cmm", folder / "cmm.csv")
-    result = done(mtu("correct", *files, *OUTPUTS, cwd=tmp_path))
-    assert result.stderr == ""
-    assert "Lengths before and after" in result.stdout
-    assert "Circles" not in result.stdout
-    found = json.loads((tmp_path / "out.json").read_text())["results"]
-    assert found["circles"] == []
-    assert len(found["points"]) == 36
-    assert (tmp_path / "out.png").stat().st_size > 5000
-
-
 def test_the_temperature_of_the_ring_may_be_given(folder: Path, tmp_path: Path) -> None:
     """--at that only the calibration needs is no covariate too many; the rows' own come first."""
     (tmp_path / "part.yaml").write_text(PART + RING.replace("T_ring_degC", "T_room_degC"))

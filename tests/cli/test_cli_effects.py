@@ -17,15 +17,10 @@ from support import read_components, written_effect
 
 from mtu_cli.analyses.close_loop.result import FoundEffect
 from mtu_cli.cli import close_loop
-from mtu_cli.cli.emit import (
-    Outcome,
-    execute,
-)
 from mtu_cli.cli.load import Inputs
 from mtu_cli.cli.options import Options
 from mtu_cli.files.extend_machine import extended_machine
 from mtu_cli.files.machine import load_machine
-from mtu_cli.findings import InputError
 from mtu_cli.model.settings import Settings
 
 EFFECTS = [
@@ -230,55 +225,3 @@ def test_an_effect_of_a_component_acts_through_its_lever_arms(
         {"Ex": "shift*dir_x"},
     ]
     assert effects[0].found["component"] == "axy"
-
-
-def outcome(**changes: Any) -> Outcome:
-    return Outcome(
-        results=lambda: {"a": 1},
-        tables=lambda detail: [],
-        rows=lambda: (["a"], [[1]]),
-        figure=lambda: None,  # type: ignore[arg-type, return-value]  # never drawn
-        **changes,
-    )
-
-
-def test_files_come_with_the_report_or_not_at_all(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "new.yaml").write_bytes(b"old")
-    values = {"out": Path("r.json"), "csv": Path("r.csv"), "write_machine": Path("new.yaml")}
-    options = Options("close-loop", values)
-    files = {Path("new.yaml"): b"new"}
-
-    def broken() -> tuple[list[str], list[list[object]]]:
-        raise InputError([])
-
-    with pytest.raises(InputError):
-        execute(options, lambda *_: replace(outcome(files=lambda: files), rows=broken))
-    assert [path.name for path in tmp_path.iterdir()] == ["new.yaml"]
-    assert (tmp_path / "new.yaml").read_bytes() == b"old"
-    execute(options, lambda *_: outcome(files=lambda: files))
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.yaml", "r.csv", "r.json"]
-    assert (tmp_path / "new.yaml").read_bytes() == b"new"
-
-
-def test_choices_of_the_study_and_of_the_call(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(prepared(tmp_path / "work"))
-
-    def chosen(**values: Any) -> tuple[Any, ...]:
-        own = Inputs(Options("close-loop", {"study": Path("s.yaml")} | values)).chosen
-        return own.alpha, own.max_effects, own.datum
-
-    study = "schema: mtu/study/1\nsettings: {alpha: 0.01, max_effects: 2, datum: offset}\n"
-    Path("s.yaml").write_text(study)
-    assert chosen() == (0.01, 2, "offset")
-    given: dict[str, Any] = {"alpha": 0.1, "max_effects": 1, "datum": "offset,rotation"}
-    assert chosen(**given) == (0.1, 1, "offset,rotation")
-    with pytest.raises(InputError) as caught:
-        chosen(alpha=1.0, max_effects=0)
-    assert [item.path for item in caught.value.findings] == ["--alpha", "--max-effects"]
-    with pytest.raises(InputError, match="--alpha: out of range"):
-        chosen(alpha=float("nan"))

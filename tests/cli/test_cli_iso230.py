@@ -30,7 +30,7 @@ def test_a_laser_file_alone_gives_the_published_figures(laser: Path, tmp_path: P
     assert found["vdi3441"]["P"] == pytest.approx(27.1707, abs=1e-4)
     pictures = ("--plot", tmp_path / "a.png", "--report", tmp_path / "a.html")
     said = done(mtu("iso230", "--laser", laser, "--standard", "vdi3441", *pictures)).stdout
-    assert said.startswith("dx_x: P 27.17")
+    assert said.startswith("dx_x: P 27.2")
     assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "a.html").read_text("utf-8")
     assert "At the targets\naxis  target" in said

@@ -43,19 +43,3 @@ def test_faults_say_where_their_file_is(study: Path, tmp_path: Path) -> None:
     (study / "bar.csv").unlink()
     gone = mtu("fit-components", str(study), cwd=elsewhere)
     assert gone.stderr.startswith(f"mtu: {study}/mtu.yaml:4: lbb[0]: no such file: 'bar.csv'")
-
-
-def test_warnings_say_it_and_reports_do_not(study: Path, tmp_path: Path) -> None:
-    (study / "mtu.yaml").write_text(STUDY.replace("lbb: [bar.csv]\n", ""), "utf-8")
-    spare = b"components:\n  spare: {unit: um, coefficients: [0], u_future: 1}\n"
-    (study / "machine.yaml").write_bytes(MACHINE.replace(b"components:\n", spare))
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    told = mtu("lengths", str(study), "-o", "report.json", cwd=elsewhere)
-    assert told.returncode == 0, told.stderr
-    line = MACHINE.split(b"components:\n")[0].count(b"\n") + 2
-    own = f"machine.yaml:{line}: components.spare: the component 'spare' is in no equation"
-    assert f"warning: {study}/{own}" in told.stderr
-    report = (elsewhere / "report.json").read_bytes()
-    assert f'"{own}'.encode() in report
-    assert str(tmp_path).encode() not in report

@@ -216,19 +216,6 @@ def test_faulty_simulations(call: list[str], words: str, work: Path) -> None:
     assert words in refused(work, *SIMULATE, *call)
 
 
-def test_a_component_that_no_equation_uses_is_told(tmp_path: Path) -> None:
-    """Nothing of it is simulated, and a fit goes without readings of it."""
-    known = "{of: x, unit: um, coefficients: [1, 0.01], s_repeat: 0.5}"
-    equations = "schema: mtu/machine/1\nname: m\nequations: {Ex: a}\n"
-    (tmp_path / "m.yaml").write_text(equations + f"components:\n  a: {known}\n  b: {known}\n")
-    call = ["-m", "m.yaml", "--passes", "5", "--positions", "0:100:5", "--write-lbb", "l.csv"]
-    result = done(mtu("simulate", *call, cwd=tmp_path))
-    assert result.stderr.startswith(
-        "warning: m.yaml:6: components.b: the component 'b' is in no equation"
-    )
-    assert "b," not in (tmp_path / "l.csv").read_text("utf-8")
-
-
 def test_a_study_has_no_truth_to_simulate_without_readings(work: Path) -> None:
     message = refused(work, *SIMULATE, "-m", TRUTH)
     assert message.startswith("mtu: the part file is missing; expected -p FILE")

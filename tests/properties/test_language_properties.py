@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 
 import numpy as np
 import pytest
@@ -85,40 +84,6 @@ def test_an_equation_is_what_python_makes_of_it_and_so_is_its_text(tree: Node) -
     assert math.isclose(float(evaluate(parse(text), VALUES)), wanted, rel_tol=1e-7, abs_tol=1e-7)
     again = to_text(parse(text))
     assert to_text(parse(again)) == again
-
-
-alphabet = st.sampled_from(
-    ["+", "-", "*", "/", "**", "(", ")", "x", "y", "z", "2", "3.5", ".5", "sin(", "abs(", " "]
-)
-
-
-@settings(STEADY, max_examples=600)
-@given(st.lists(alphabet, min_size=3, max_size=14).map("".join))
-def test_text_means_what_it_means_in_python(text: str) -> None:
-    """Random words of the language: both refuse it, or both give the same value."""
-    try:
-        node = parse(text)
-    except InputError as error:
-        if "finite" not in error.findings[0].code and "//" not in text:
-            assert not python_accepts(text)
-        return
-    assume(set(names(node)) <= set(VALUES) and tame(node))
-    wanted = python(re.sub(r"(?<![\w.])(\d+\.?\d*|\.\d+)", r"F(\1)", text.strip()))
-    assert math.isclose(float(evaluate(node, VALUES)), wanted, rel_tol=1e-7, abs_tol=1e-7)
-
-
-def python_accepts(text: str) -> bool:
-    import ast
-
-    try:
-        tree = ast.parse(text.strip(), mode="eval")
-    except SyntaxError:
-        return False
-    # What Python has and the language refuses: empty brackets, calls of anything.
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    odd = any(not isinstance(c.func, ast.Name) or len(c.args) != 1 for c in calls)
-    odd |= any(isinstance(c.func, ast.Name) and c.func.id not in ("sin", "abs") for c in calls)
-    return not (odd or any(isinstance(node, ast.Tuple | ast.Starred) for node in ast.walk(tree)))
 
 
 factors = st.one_of(leaves, st.builds(lambda item: Call("cos", (item,), 0), leaves))

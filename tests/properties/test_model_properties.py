@@ -20,6 +20,7 @@ from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import predict
 from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.pass_tests import Shift
 
 STEADY = settings(
     derandomize=True,
@@ -78,9 +79,9 @@ def test_directions_may_change_their_names(tmp_path: Path, seed: int) -> None:
     for one, two in zip(figures(known, plain), figures(known, turned), strict=True):
         assert two == pytest.approx(one, rel=1e-9)
     first, second = (fit_machine(known, item).components["dx_x"] for item in (plain, turned))
-    forward, back = first.instruments[0].reversal, second.instruments[0].reversal
-    assert forward is not None
-    assert back is not None
+    forward, back = (x.instruments[0].tests["reversal"] for x in (first, second))
+    assert isinstance(forward, Shift)
+    assert isinstance(back, Shift)
     assert back.value == pytest.approx(-forward.value, rel=1e-9)
     assert back.p == pytest.approx(forward.p, rel=1e-7)
 

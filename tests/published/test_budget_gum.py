@@ -35,12 +35,12 @@ def test_h1_end_gauge_first_order() -> None:
     """H.1.5 to H.1.6: l = 50 000 838 nm, u_c = 32 nm, nu_eff = 16 (truncated), contributions."""
     result = shipped("gum-h1-end-gauge")
     output = single(result)
-    assert output.first.value == pytest.approx(50_000_838, abs=0.5)
-    assert output.first.u == pytest.approx(32, abs=0.5)
-    assert int(output.first.dof) == 16
-    assert output.first.dof == pytest.approx(16.7, abs=0.06)
+    assert output.value == pytest.approx(50_000_838, abs=0.5)
+    assert output.u == pytest.approx(32, abs=0.5)
+    assert int(output.dof) == 16
+    assert output.dof == pytest.approx(16.7, abs=0.06)
     names = [item.name for item in result.inputs]
-    contribution = np.abs(output.first.sensitivity) * [item.u for item in result.inputs]
+    contribution = np.abs(output.sensitivity) * [item.u for item in result.inputs]
     printed = {"ls": 25, "d": 9.7, "dalpha": 2.9, "theta": 0, "alphas": 0, "dtheta": 16.6}
     for name, value in printed.items():
         digit = 0.5 if name == "ls" else 0.05
@@ -56,16 +56,16 @@ def test_h1_expanded_uncertainty() -> None:
     output = single(shipped("gum-h1-end-gauge"))
     assert output.expanded == pytest.approx(91.9, abs=0.1)
     assert coverage_factor(0.99, 16.0) == pytest.approx(2.92, abs=0.005)
-    assert coverage_factor(0.99, np.floor(output.first.dof)) * 32 == pytest.approx(93, abs=0.5)
+    assert coverage_factor(0.99, np.floor(output.dof)) * 32 == pytest.approx(93, abs=0.5)
 
 
 def test_h1_second_order() -> None:
     """H.1.7: with the terms of the second order u_c = 34 nm; they are 11.7 and 1.7 nm."""
     output = single(shipped("gum-h1-end-gauge"))
-    assert output.first.second_u == pytest.approx(34, abs=0.5)
-    added = np.sqrt(output.first.second_u**2 - output.first.u**2)
+    assert output.second_u == pytest.approx(34, abs=0.5)
+    added = np.sqrt(output.second_u**2 - output.u**2)
     assert added == pytest.approx(np.hypot(11.7, 1.7), abs=0.1)
-    assert output.first.second_value == output.first.value
+    assert output.second_value == output.value
 
 
 def test_h1_monte_carlo() -> None:
@@ -106,11 +106,11 @@ def test_h2_impedance() -> None:
     assert [r[0, 1], r[0, 2], r[1, 2]] == pytest.approx([-0.36, 0.86, -0.65], abs=0.005)
     printed = {"R": (127.732, 0.071), "X": (219.847, 0.2956), "Z": (254.260, 0.236)}
     for output in result.outputs:
-        value, u = printed[output.first.name]
-        assert output.first.value == pytest.approx(value, abs=0.0005)
-        assert output.first.u == pytest.approx(u, abs=0.0005)
+        value, u = printed[output.name]
+        assert output.value == pytest.approx(value, abs=0.0005)
+        assert output.u == pytest.approx(u, abs=0.0005)
         # H.2.4, approach 2: the five values of each output have four degrees of freedom.
-        assert output.first.dof == pytest.approx(4.0)
+        assert output.dof == pytest.approx(4.0)
         assert output.k == 2.0
     own = result.correlation
     printed_r = [-0.588, -0.485, 0.993]
@@ -126,7 +126,7 @@ def test_h2_second_approach() -> None:
     sets = np.array([Z * np.cos(phi), Z * np.sin(phi), Z])
     for output, five in zip(result.outputs, sets, strict=True):
         # Both approaches have the same printed digits there.
-        assert output.first.u == pytest.approx(five.std(ddof=1) / np.sqrt(5), abs=0.0005)
+        assert output.u == pytest.approx(five.std(ddof=1) / np.sqrt(5), abs=0.0005)
 
 
 LINE = """
@@ -143,9 +143,9 @@ LINE = """
 def test_h3_calibration_line() -> None:
     """H.3.4, eq. (H.15): b(30 degC) = -0.1494 degC, u_c = 0.0041 degC with nu = 9."""
     output = single(evaluated(LINE))
-    assert output.first.value == pytest.approx(-0.1494, abs=5e-5)
-    assert output.first.u == pytest.approx(0.0041, abs=5e-5)
-    assert output.first.dof == pytest.approx(9.0)
+    assert output.value == pytest.approx(-0.1494, abs=5e-5)
+    assert output.u == pytest.approx(0.0041, abs=5e-5)
+    assert output.dof == pytest.approx(9.0)
 
 
 T = [21.521, 22.012, 22.512, 23.003, 23.507, 23.999, 24.513, 25.002, 25.503, 26.010, 26.511]
@@ -167,12 +167,12 @@ def test_h3_line_from_its_readings() -> None:
         f"\n    equations:\n      y1: {level}\n      y2: {slope}\n    inputs:\n{rows}\n"
     )
     y1, y2 = result.outputs
-    assert y1.first.value == pytest.approx(-0.1712, abs=5e-5)
-    assert y2.first.value == pytest.approx(0.00218, abs=5e-6)
-    assert y1.first.u == pytest.approx(0.0029, abs=5e-5)
-    assert y2.first.u == pytest.approx(0.00067, abs=5e-6)
+    assert y1.value == pytest.approx(-0.1712, abs=5e-5)
+    assert y2.value == pytest.approx(0.00218, abs=5e-6)
+    assert y1.u == pytest.approx(0.0029, abs=5e-5)
+    assert y2.u == pytest.approx(0.00067, abs=5e-6)
     assert result.correlation[0, 1] == pytest.approx(-0.930, abs=5e-4)
-    s = np.sqrt(np.sum((np.array(B) - y1.first.value - y2.first.value * x) ** 2) / 9)
+    s = np.sqrt(np.sum((np.array(B) - y1.value - y2.value * x) ** 2) / 9)
     assert s == pytest.approx(0.0035, abs=5e-5)
 
 
@@ -183,13 +183,13 @@ def test_valdes_table_4_contradicts_itself() -> None:
     U = 0.205 um; 0.104 um is 1.40 times what they combine to, while 2.78 x 0.104 is 0.289.
     """
     output = single(shipped("valdes-x275"))
-    assert output.first.value == -10.79
-    assert output.first.u == pytest.approx(0.0742, abs=5e-5)
-    assert output.first.dof == pytest.approx(4.05, abs=0.006)
+    assert output.value == -10.79
+    assert output.u == pytest.approx(0.0742, abs=5e-5)
+    assert output.dof == pytest.approx(4.05, abs=0.006)
     assert output.k == pytest.approx(2.76, abs=0.005)
     assert coverage_factor(0.95, 4.0) == pytest.approx(2.78, abs=0.005)
     assert output.expanded == pytest.approx(0.205, abs=0.0005)
-    assert 0.104 / output.first.u == pytest.approx(1.40, abs=0.005)
+    assert 0.104 / output.u == pytest.approx(1.40, abs=0.005)
 
 
 def test_ring_gauge_mixes_type_a_and_b() -> None:
@@ -206,5 +206,5 @@ def test_ring_gauge_mixes_type_a_and_b() -> None:
     D = values.mean()
     by_hand = [reading.u * (1 - 11.5e-6 * 0.6), bias.u, resolution.u, D * 0.6 * alpha.u]
     by_hand.append(D * 11.5e-6 * t.u)
-    assert single(result).first.u == pytest.approx(np.sqrt(np.sum(np.square(by_hand))))
+    assert single(result).u == pytest.approx(np.sqrt(np.sum(np.square(by_hand))))
     assert "validation-failed" in codes(result)

@@ -66,7 +66,7 @@ def test_additive_rectangular_of_unequal_widths() -> None:
     result = evaluated(additive(*kinds), digits=3)
     check(result, 10.1, 17.0, 0.05)
     output = single(result)
-    assert output.k * output.first.u == pytest.approx(19.9, abs=0.05)
+    assert output.k * output.u == pytest.approx(19.9, abs=0.05)
     assert output.validation.passed is False
     assert output.validation.d_high == pytest.approx(2.9, abs=0.05)
     # To one digit of 10 the tolerance is 0.5: not valid either.
@@ -79,8 +79,8 @@ def test_additive_t_by_hand() -> None:
     """Four t of 9 degrees of freedom (6.4.9): the variance is 4 x 9/7; Welch-Satterthwaite 36."""
     result = evaluated(additive(*["u: 1, dof: 9"] * 4), digits=3)
     assert result.run.u[0] == pytest.approx(math.sqrt(36 / 7), abs=3 * result.run.se_u[0] + 1e-6)
-    assert single(result).first.dof == pytest.approx(36.0)
-    assert single(result).first.u == 2.0
+    assert single(result).dof == pytest.approx(36.0)
+    assert single(result).u == 2.0
 
 
 MASS = """
@@ -103,12 +103,12 @@ def test_mass_calibration() -> None:
     """
     result = evaluated(MASS, seed=93, digits=2)
     output, run = single(result), result.run
-    assert output.first.value == pytest.approx(1.2340, abs=5e-5)
-    assert output.first.u == pytest.approx(0.0539, abs=5e-5)
-    assert output.first.value - output.k * output.first.u == pytest.approx(1.1285, abs=1e-4)
-    assert output.first.value + output.k * output.first.u == pytest.approx(1.3395, abs=1e-4)
-    assert output.first.second_u == pytest.approx(0.0750, abs=5e-5)
-    assert output.first.second_value == pytest.approx(1.2340, abs=5e-5)
+    assert output.value == pytest.approx(1.2340, abs=5e-5)
+    assert output.u == pytest.approx(0.0539, abs=5e-5)
+    assert output.value - output.k * output.u == pytest.approx(1.1285, abs=1e-4)
+    assert output.value + output.k * output.u == pytest.approx(1.3395, abs=1e-4)
+    assert output.second_u == pytest.approx(0.0750, abs=5e-5)
+    assert output.second_value == pytest.approx(1.2340, abs=5e-5)
     assert run.mean[0] == pytest.approx(1.2341, abs=1e-4 + 3 * run.se_mean[0])
     assert run.u[0] == pytest.approx(0.0754, abs=5e-5 + 3 * run.se_u[0])
     assert run.shortest_low[0] == pytest.approx(1.0834, abs=0.003)
@@ -144,11 +144,11 @@ def test_comparison_loss_uncorrelated(
     """
     result = evaluated(loss(x1, 0.0), seed=94, trials=1_000_000)
     output, run = single(result), result.run
-    assert output.first.value == pytest.approx(first)
-    assert output.first.u == pytest.approx(first_u)
+    assert output.value == pytest.approx(first)
+    assert output.u == pytest.approx(first_u)
     # By hand: E = x1^2 + 2 s^2, V = 4 s^4 + 4 x1^2 s^2 for s = 0.005, exact to second order.
-    assert output.first.second_value == pytest.approx(first + 50)
-    assert output.first.second_u == pytest.approx(1e6 * math.sqrt(4 * 0.005**4 + (0.01 * x1) ** 2))
+    assert output.second_value == pytest.approx(first + 50)
+    assert output.second_u == pytest.approx(1e6 * math.sqrt(4 * 0.005**4 + (0.01 * x1) ** 2))
     assert run.mean[0] == pytest.approx(y, abs=1.0 + 3 * run.se_mean[0])
     assert run.u[0] == pytest.approx(u, abs=0.5 + 3 * run.se_u[0])
     assert run.shortest_low[0] == pytest.approx(low, abs=0.5 + 0.03 * u)
@@ -170,8 +170,8 @@ def test_comparison_loss_correlated(x1: float, printed: int | None) -> None:
     s = 0.005
     exact = 1e6 * math.sqrt(4 * s**4 * (1 + 0.81) + 4 * x1**2 * s**2)
     mean = 1e6 * (x1**2 + 2 * s**2)
-    assert output.first.second_value == pytest.approx(mean)
-    assert output.first.second_u == pytest.approx(exact)
+    assert output.second_value == pytest.approx(mean)
+    assert output.second_u == pytest.approx(exact)
     assert run.mean[0] == pytest.approx(mean, abs=4 * run.se_mean[0])
     assert run.u[0] == pytest.approx(exact, abs=4 * run.se_u[0])
     if printed is not None:
@@ -252,7 +252,7 @@ def test_polar_coordinates(
     assert run.u[0] == pytest.approx(u[0], abs=0.0005 + 3 * run.se_u[0])
     assert run.mean[1] == pytest.approx(mean[1], abs=0.0005 + theirs + 3 * run.se_mean[1])
     assert run.u[1] == pytest.approx(u[1], abs=0.0005 + theirs + 3 * run.se_u[1])
-    y1, y2 = (item.first for item in result.outputs)
+    y1, y2 = result.outputs
     assert (y1.value, y1.u, y2.value, y2.u) == pytest.approx((x1, 0.010, 0.0, 0.010 / x1))
 
 
@@ -270,8 +270,8 @@ def test_polar_coordinates_of_a_small_quantity_by_hand() -> None:
     # Terms of c^2 and beyond, of the order 0.01, are left out.
     assert run.u[1] == pytest.approx(math.sqrt(math.pi**2 / 3 - 2 * c), abs=0.01)
     first = result.outputs
-    assert (first[0].first.value, first[0].first.u) == pytest.approx((0.001, 0.010))
-    assert (first[1].first.value, first[1].first.u) == pytest.approx((0.0, 10.0))
+    assert (first[0].value, first[0].u) == pytest.approx((0.001, 0.010))
+    assert (first[1].value, first[1].u) == pytest.approx((0.0, 10.0))
     assert all(item.validation.passed is False for item in first)
 
 
@@ -282,7 +282,7 @@ def test_polar_coordinates_of_a_large_quantity_by_hand(r: float) -> None:
     """
     result = evaluated(POLAR.replace("X", "0.100").replace("R]", f"{r}]"), trials=200_000)
     y1, y2 = result.outputs
-    assert (y1.first.u, y2.first.u) == pytest.approx((0.010, 0.100))
+    assert (y1.u, y2.u) == pytest.approx((0.010, 0.100))
     assert result.correlation[0, 1] == pytest.approx(r)
     own = result.run.covariance
     sample = own[0, 1] / math.sqrt(own[0, 0] * own[1, 1])

@@ -37,14 +37,14 @@ def test_surface_temperature() -> None:
     result = evaluated(TEMPERATURE, digits=3)
     output = single(result)
     s = math.sqrt((14759.375 - 563**2 / 22) / 21)
-    assert output.first.value == pytest.approx(563 / 22, rel=1e-12)
-    assert output.first.u == pytest.approx(s / math.sqrt(22), rel=1e-9)
-    assert output.first.value == pytest.approx(25.59, abs=0.005)
-    assert output.first.u == pytest.approx(0.872, abs=0.0005)
-    assert output.first.dof == 21.0
+    assert output.value == pytest.approx(563 / 22, rel=1e-12)
+    assert output.u == pytest.approx(s / math.sqrt(22), rel=1e-9)
+    assert output.value == pytest.approx(25.59, abs=0.005)
+    assert output.u == pytest.approx(0.872, abs=0.0005)
+    assert output.dof == 21.0
     assert output.k == pytest.approx(2.08, abs=0.005)
-    assert output.first.value - output.expanded == pytest.approx(23.8, abs=0.05)
-    assert output.first.value + output.expanded == pytest.approx(27.4, abs=0.05)
+    assert output.value - output.expanded == pytest.approx(23.8, abs=0.05)
+    assert output.value + output.expanded == pytest.approx(27.4, abs=0.05)
     # The t of JCGM 101 is that of the first order here: both intervals are the same.
     assert output.validation.passed is True
 
@@ -71,14 +71,14 @@ def test_falling_ball_viscometer() -> None:
     """
     result = evaluated(VISCOMETER, seed=3, trials=1_000_000)
     output, run = single(result), result.run
-    assert output.first.value == pytest.approx(5.69, abs=0.005)
+    assert output.value == pytest.approx(5.69, abs=0.005)
     relative = math.hypot(0.01, 0.1, 0.15, 0.5 / 1037, 0.5 / 1407, 0.5 / 1037 - 0.5 / 1407)
     # The density of the ball stands above and below: its part is the difference, far below 1e-4.
-    assert output.first.u == pytest.approx(output.first.value * relative, rel=1e-4)
+    assert output.u == pytest.approx(output.value * relative, rel=1e-4)
     # By hand: E(1/t_c) of a normal t_c, c = 0.15, 1 + c^2 + 3 c^4 + 15 c^6 + 105 c^8 + 945 c^10.
     c2 = 0.15**2
     inverse = 1 + c2 + 3 * c2**2 + 15 * c2**3 + 105 * c2**4 + 945 * c2**5
-    assert run.mean[0] == pytest.approx(output.first.value * inverse, abs=1e-4 + 4 * run.se_mean[0])
+    assert run.mean[0] == pytest.approx(output.value * inverse, abs=1e-4 + 4 * run.se_mean[0])
     assert run.mean[0] == pytest.approx(5.82, abs=0.005 + 2 * 0.0035)
     assert run.u[0] == pytest.approx(1.11, abs=0.005 + 2 * 0.0025)
     assert run.low[0] == pytest.approx(4.05, abs=0.005 + 2 * 0.005)
@@ -105,13 +105,13 @@ def test_pitot_tube() -> None:
     equation without its factor 2.
     """
     printed = single(evaluated(PITOT.replace("FACTOR", "1")))
-    assert printed.first.value == pytest.approx(40.64, abs=0.005)
-    assert printed.first.u == pytest.approx(0.25, abs=0.005)
+    assert printed.value == pytest.approx(40.64, abs=0.005)
+    assert printed.u == pytest.approx(0.25, abs=0.005)
     output = single(evaluated(PITOT.replace("FACTOR", "2")))
-    assert output.first.value == pytest.approx(57.48, abs=0.005)
+    assert output.value == pytest.approx(57.48, abs=0.005)
     # By hand: relative u is half of the root of the sum of squares.
     relative = 0.5 * math.hypot(12.5 / 1993, 1050 / 101400, 0.055 / 292.8)
-    assert output.first.u == pytest.approx(output.first.value * relative, rel=1e-12)
+    assert output.u == pytest.approx(output.value * relative, rel=1e-12)
 
 
 ATTENUATOR = """
@@ -137,8 +137,8 @@ def test_step_attenuator() -> None:
     """
     result = evaluated(ATTENUATOR.replace("SCALE", "0.0091"), trials=400_000)
     output, run = single(result), result.run
-    assert output.first.value == pytest.approx(30.043, abs=0.0005)
-    assert output.first.u == pytest.approx(0.0224, abs=5e-5)
+    assert output.value == pytest.approx(30.043, abs=0.0005)
+    assert output.u == pytest.approx(0.0224, abs=5e-5)
     assert run.high[0] - run.low[0] > 30.081 - 30.006 + 0.01
     scale = 0.0091 / math.sqrt(3)
     run = evaluated(ATTENUATOR.replace("SCALE", repr(scale)), trials=400_000).run
@@ -175,10 +175,10 @@ def test_thermal_expansion_coefficient() -> None:
     """
     result = evaluated(expansion(1.0), trials=400_000)
     output = single(result)
-    assert output.first.value == pytest.approx(1.7266e-5, abs=5e-10)
-    assert output.first.u == pytest.approx(1.76e-6, abs=5e-9)
+    assert output.value == pytest.approx(1.7266e-5, abs=5e-10)
+    assert output.u == pytest.approx(1.76e-6, abs=5e-9)
     # Nearly linear: the variance of its first-order form is known, whatever its trials.
-    assert result.run.u[0] == pytest.approx(math.sqrt(3) * output.first.u, rel=0.003)
+    assert result.run.u[0] == pytest.approx(math.sqrt(3) * output.u, rel=0.003)
     run = evaluated(expansion(1 / math.sqrt(3)), trials=400_000).run
     assert run.mean[0] == pytest.approx(1.7268e-5, abs=5e-10 + 2 * 1.74e-9)
     assert run.mean[0] == pytest.approx(1.72663e-5, abs=5e-11 + 4 * run.se_mean[0])

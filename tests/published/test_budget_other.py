@@ -31,14 +31,14 @@ def test_cadmium_standard() -> None:
     From the three contributions to V, 0.041, 0.020 and 0.049 mL, unrounded u is 0.835 mg/L.
     """
     output = single(evaluated(CADMIUM))
-    assert output.first.value == pytest.approx(1002.7, abs=0.05)
-    assert output.first.u == pytest.approx(0.9, abs=0.05)
+    assert output.value == pytest.approx(1002.7, abs=0.05)
+    assert output.u == pytest.approx(0.9, abs=0.05)
     volume = (
         "{value: 100.0, half_width: 0.1, distribution: triangular, contributions: [{u: 0.02}, "
         "{half_width: 0.084, distribution: rectangular}], unit: mL}"
     )
     unrounded = single(evaluated(CADMIUM.replace("{value: 100.0, u: 0.07, unit: mL}", volume)))
-    assert unrounded.first.u == pytest.approx(0.835199, abs=5e-7)
+    assert unrounded.u == pytest.approx(0.835199, abs=5e-7)
 
 
 WEIGHT = """
@@ -62,13 +62,13 @@ def test_weight_of_ten_kilograms() -> None:
     """
     printed = single(evaluated(WEIGHT.replace("UD", "u: 0.00895, distribution: rectangular")))
     by_hand = math.sqrt(0.0225**2 + 0.00895**2 + 0.0144**2 + 2 * 0.01**2 / 3)
-    assert printed.first.u == pytest.approx(by_hand, rel=1e-12)
-    assert printed.first.value == pytest.approx(10000.025, abs=5e-4)
-    assert printed.first.u == pytest.approx(0.0293, abs=5e-5)
+    assert printed.u == pytest.approx(by_hand, rel=1e-12)
+    assert printed.value == pytest.approx(10000.025, abs=5e-4)
+    assert printed.u == pytest.approx(0.0293, abs=5e-5)
     assert printed.expanded == pytest.approx(0.059, abs=5e-4)
     own = single(evaluated(WEIGHT.replace("UD", "half_width: 0.015, distribution: rectangular")))
-    assert own.first.u == pytest.approx(0.0292, abs=1e-4)
-    assert own.first.u == pytest.approx(0.02926, abs=5e-5)
+    assert own.u == pytest.approx(0.0292, abs=1e-4)
+    assert own.u == pytest.approx(0.02926, abs=5e-5)
     assert own.expanded == pytest.approx(0.05852, abs=1e-4)
 
 
@@ -89,12 +89,12 @@ RESISTOR = """
 def test_resistor() -> None:
     """EA-4/02, S3: 10 000.178 ohm with u = 8.33 mohm, U = 17 mohm."""
     output = single(evaluated(RESISTOR))
-    assert output.first.value == pytest.approx(10000.178, abs=5e-4)
-    assert output.first.u == pytest.approx(0.00833, abs=5e-6)
+    assert output.value == pytest.approx(10000.178, abs=5e-4)
+    assert output.u == pytest.approx(0.00833, abs=5e-6)
     assert output.expanded == pytest.approx(0.017, abs=5e-4)
     # 0.07e-6 is the rounded s/sqrt(5) of five ratios; they are from memory, but they alone give
     # the GUM Workbench's u to all its digits.
     readings = "{readings: [1.0000104, 1.0000107, 1.0000106, 1.0000103, 1.0000105]}"
     unrounded = single(evaluated(RESISTOR.replace("{value: 1.0000105, u: 0.07e-6}", readings)))
-    assert unrounded.first.value == pytest.approx(10000.1780007665, abs=1e-9)
-    assert unrounded.first.u == pytest.approx(0.00832800405, abs=5e-10)
+    assert unrounded.value == pytest.approx(10000.1780007665, abs=1e-9)
+    assert unrounded.u == pytest.approx(0.00832800405, abs=5e-10)

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from compare_trials import predicted
 
-from mtu_cli.analyses.compare.evidence import (
-    Compared,
-    compared,
-    judged,
-    paper_length_variance,
-    summarised,
-)
+from mtu_cli.analyses.compare import Compared, compared, judged, paper_length_variance
 from mtu_cli.model.measured import MeasuredTables
 from mtu_cli.stats.anova import cells_of
 
@@ -77,7 +71,7 @@ def table_10(kind: str) -> Compared:
     )
     own_mean, own_u = np.array([TABLE_10["predicted"][name][:2] for name in LENGTHS]).T
     known = predicted(own_mean, np.zeros(len(LENGTHS)), own_u**2, own_u**2, (np.inf, np.inf))
-    return compared(tables, known, np.eye(len(LENGTHS)), 2.0)
+    return compared(tables, {"": (known, np.eye(len(LENGTHS)))}, 2.0)
 
 
 @pytest.mark.parametrize("kind", ["drilled", "milled"])
@@ -110,10 +104,11 @@ def test_ratios_of_table_10(
 def test_verdicts_of_table_10() -> None:
     """Against predicted scatter known exactly the drilled lengths scatter beyond it, by 4.6 to
     5.4 times (u of 21 parts is 2.4 % more than their scatter), and the milled ones less so."""
-    drilled, milled = (summarised(judged(table_10(kind), None)[0])[0] for kind in TABLE_8_AND_9)
-    assert (drilled.under_predicted, milled.under_predicted) == (3, 3)
-    assert drilled.ranges["under_factor"][0] == pytest.approx(33.1 / 7.0 / 1.0235, abs=0.05)
-    assert drilled.ranges["under_factor"][1] == pytest.approx(44.7 / 8.1 / 1.0235, abs=0.05)
+    (drilled,), (milled,) = (judged(table_10(kind), None)[0].summaries for kind in TABLE_8_AND_9)
+    assert milled.faults["under-predicted"][0] == 3
+    number, ends = drilled.faults["under-predicted"]
+    assert number == 3
+    assert ends == pytest.approx((33.1 / 7.0 / 1.0235, 44.7 / 8.1 / 1.0235), abs=0.05)
 
 
 def test_ms_between_is_not_the_part_variance() -> None:

@@ -11,7 +11,6 @@ from mtu_cli.analyses.iso230 import (
     figures_of,
     reversal_and_repeatability,
     statistics,
-    vdi_figures,
 )
 
 # Set 1 was evaluated from more digits than it is printed with; of set 2 four are printed.
@@ -36,8 +35,10 @@ def test_iso_230_2_figures_of_public_data(number: int) -> None:
 @pytest.mark.parametrize("number", VDI)
 def test_vdi_3441_figures_of_public_data(number: int) -> None:
     _, mean, s = statistics(published(number)[1])
-    found = {name: float(vdi_figures(mean, s)[name]) for name in VDI[number]}
-    assert found == pytest.approx(VDI[number], abs=WITHIN[number])
+    found = figures_of(mean, s)
+    assert {name: float(found[name]) for name in VDI[number]} == pytest.approx(
+        VDI[number], abs=WITHIN[number]
+    )
 
 
 def test_three_deviations_as_in_1988() -> None:
@@ -53,8 +54,8 @@ def test_mistake_1_directions_are_not_exchanged() -> None:
     """B is forward minus reverse by the labels of the file: of set 1 -7.18 in the mean."""
     targets, readings = published(1)
     axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    assert axis.figures["B_mean"].value / axis.test.size == pytest.approx(-7.1849, abs=2e-3)
-    assert axis.mean[0, 0] < axis.mean[1, 0]
+    assert axis.figures["B_mean"].value / axis.size == pytest.approx(-7.1849, abs=2e-3)
+    assert axis.of_runs[1][0, 0] < axis.of_runs[1][1, 0]
 
 
 def test_mistake_2_means_are_divided_by_runs_not_by_targets() -> None:

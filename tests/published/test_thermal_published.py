@@ -100,8 +100,8 @@ def longley_of_mass() -> tuple[FloatArray, FloatArray]:
 def test_longley_ridge_constants() -> None:
     """HKB = (p - 2) s^2/|b|^2 and LW = (p - 2) s^2 n/|X b|^2 of the standardised columns."""
     X, y = longley_of_mass()
-    path = ridge(np.ones((16, 1)), X, y, 16, np.zeros(1))
-    fitted = X @ path.coefficients[0] + path.intercepts[0]
+    path = ridge(X - X.mean(axis=0), y - y.mean(), 16, np.zeros(1))
+    fitted = y.mean() + (X - X.mean(axis=0)) @ path.coefficients[0]
     s2 = np.sum((y - fitted) ** 2) / (16 - 7)
     b = path.coefficients[0] * X.std(axis=0)
     assert 4 * s2 / (b @ b) == pytest.approx(0.006836982, abs=5.1e-10)
@@ -113,8 +113,8 @@ def test_longley_least_cross_validation() -> None:
     """RSS/(n - tr H)^2 is least at 0.0057 of the grid 0, 0.0001, ..., 0.1."""
     X, y = longley_of_mass()
     grid = np.arange(0, 0.1001, 0.0001)
-    path = ridge(np.ones((16, 1)), X, y, 16, grid / 16)
-    fitted = X @ path.coefficients.T + path.intercepts[:, 0]
+    path = ridge(X - X.mean(axis=0), y - y.mean(), 16, grid / 16)
+    fitted = y.mean() + (X - X.mean(axis=0)) @ path.coefficients.T
     gcv = np.sum((y[:, None] - fitted) ** 2, axis=0) / (16 - path.effective) ** 2
     assert grid[np.argmin(gcv)] == pytest.approx(0.0057, abs=1e-9)
 

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +11,10 @@ import pytest
 from loop_bench import compare, judge, records
 from loop_bench.command import judged, rounded
 from loop_bench.figures import ratio, share
-from loop_bench.records import Record, planned, read
+from loop_bench.records import Record, read
 from loop_bench.rows import ROWS, table
 from loop_bench.sets import KINDS, Kind, drawn
-from shop_day import Rivals, ShopDay, effect, runs, whitened
-from shop_day.oracle import margins_of
 from support import leaves
-
-import mtu_cli
 
 RECORDS = Path(__file__).parents[1] / "loop_bench" / "records.jsonl.gz"
 EACH = ("null-normal", "laser-1", "missing-1", "hidden-scale",
@@ -41,23 +34,6 @@ def test_the_command_takes_each_kind_of_set(name: str, tmp_path: Path) -> None:
     assert report["verdict"] in ("none", "named", "class", "unexplained")
     for ask in report.get("predicted", []):
         assert all(np.isfinite(row[:5]).all() for row in ask["rows"]), ask
-
-
-def test_a_set_is_known_by_kind_base_and_index(tmp_path: Path) -> None:
-    texts: list[str] = []
-    for base, index in ((1, 5), (1, 5), (2, 5), (1, 6)):
-        folder = tmp_path / str(len(texts))
-        folder.mkdir()
-        drawn(kind_of("library-1"), base, index, folder)
-        texts.append((folder / "cmm.csv").read_text())
-    assert texts[0] == texts[1]
-    assert len(set(texts)) == 3
-
-
-def test_a_part_of_a_run_holds_all_kinds() -> None:
-    plan = planned(judging=False)
-    assert len(set(plan)) == len(plan)
-    assert {kind.name for kind, _ in plan[: len(plan) // 10]} == {kind.name for kind in KINDS}
 
 
 def test_the_sets_are_those_of_the_records(tmp_path: Path) -> None:
@@ -90,29 +66,6 @@ def test_a_run_that_was_stopped_goes_on(tmp_path: Path, monkeypatch: pytest.Monk
         with out.open("a") as lines:
             lines.write('{"kind": "rever')
     assert [own["index"] for own in read(out)] == [0, 1, 2]
-
-
-def test_records_of_another_state_are_not_mixed(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out = tmp_path / "out.jsonl"
-    out.write_text(json.dumps({"kind": "null-t4", "base": 1, "index": 0, "state": "other"}) + "\n")
-    monkeypatch.setattr("sys.argv", ["loop_bench", str(out)])
-    with pytest.raises(SystemExit, match="another state"):
-        records.main()
-
-
-def test_what_is_judged_is_installed_and_does_not_lie_beside(tmp_path: Path) -> None:
-    beside = tmp_path / "mtu_cli"
-    beside.mkdir()
-    (beside / "__init__.py").write_text("raise RuntimeError('the wrong one')\n")
-    asked = [sys.executable, "-m", "loop_bench", "out.jsonl", "--only", "reversal", "--most", "1"]
-    environment = os.environ | {"PYTHONPATH": str(RECORDS.parents[1])}
-    run = subprocess.run(asked, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
-    assert f"1 sets to {Path(mtu_cli.__file__).parent}" in run.stderr
-    (line,) = read(tmp_path / "out.jsonl")
-    assert line["state"] == records.state(Path(mtu_cli.__file__).parent)
 
 
 def stated(
@@ -158,15 +111,6 @@ def test_what_is_claimed() -> None:
     assert not judge.flagged(stated("named", X))
 
 
-def test_alarms_and_pairs() -> None:
-    noisy = {"name": "operation-scatter"}
-    assert judge.alarm(stated("named", noisy))
-    assert not judge.alarm(stated("named", noisy, noise="noisy-operation"))
-    pair = ("backlash-x", "backlash-y")
-    assert judge.exact(stated("named", Y, {"name": "offset-x"}, X, true=pair))
-    assert not judge.exact(stated("named", X, true=pair))
-
-
 @pytest.mark.parametrize(("low", "holds"), [(1.0, True), (2.5, False)])
 def test_sizes_are_judged_where_they_mean_the_same(low: float, holds: bool) -> None:
     size = X | {"family": "backlash", "parameters": {"lost_motion": [2.6, 0.1, low, 3.0]}}
@@ -209,42 +153,3 @@ def test_figures_are_those_of_the_counts() -> None:
     covered = [own.low <= 1.5 <= own.high for own in map(ratio, drawn_pairs)]
     assert 0.9 < np.mean(covered) < 0.98
     assert len(list(table([stated("named", X, true=("backlash-x",))]))) < len(ROWS)
-
-
-def test_margins_are_free_beside_products() -> None:
-    day = ShopDay("A", 3)
-    truth = effect(day, "wear-approach-x", np.random.default_rng(1), 1.0)
-    margins = whitened(np.concatenate(margins_of(day, truth)))
-    y = whitened(truth.errors)
-    left = y - margins.T @ np.linalg.lstsq(margins.T, y, rcond=None)[0]
-    signal = Rivals(day, margins=True).signal(truth)
-    assert signal is not None
-    assert signal.z == pytest.approx(float(np.linalg.norm(left)), rel=1e-6)
-    plain = Rivals(day).signal(truth)
-    assert plain is not None
-    assert plain.z == pytest.approx(float(np.linalg.norm(y)))
-
-
-def test_future_readings_are_as_wide_as_is_said() -> None:
-    rng = np.random.default_rng(2)
-    x = np.full(4000, 130.0)
-    for zeroed in (False, True):
-        axis = runs.Axis(targets=np.linspace(0, 400, 11), profile=np.sin, zeroed=zeroed)
-        off = np.abs(axis.future(x, rng) - axis.true(x))
-        assert np.mean(off <= axis.half_width(x)) == pytest.approx(0.95, abs=0.015)
-
-
-@pytest.mark.parametrize(
-    ("ends", "holds"),
-    [
-        ([1.0, 2.0], False),
-        ([None, 2.0], False),
-        ([1.0, None], True),
-        ([[1.0, 2.0], [2.5, None]], True),
-    ],
-)
-def test_a_set_that_is_open_at_an_end_holds_all_beyond(ends: list[object], holds: bool) -> None:
-    effect = {"name": "warm-up-x", "searched": {"tau_min": [2.0, ends]}}
-    truth = {"names": ["warm-up-x"], "searched": {"tau_min": 3.0}}
-    found = judge.searched_hold({"report": {"effects": [effect]}, "truth": truth})
-    assert list(found) == [holds]

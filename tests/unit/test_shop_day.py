@@ -6,7 +6,6 @@ That its draws are those of the stored records is a test of the loop's bench.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -81,28 +80,6 @@ def test_size_and_columns_of_effects(kind: Kind, make: Maker) -> None:
         assert effect(day, "backlash-y", rng_of(1), 1.0).axes == (1,)
 
 
-def test_what_some_effects_are_by_hand() -> None:
-    day = ShopDay("B", 1)
-    wear = effect(day, "wear-approach-y", rng_of(0), 1.0)
-    by_hand = wear.coefficients[0] * day.full("tool_parts") * day.full("dir_y")
-    np.testing.assert_allclose(wear.errors[..., 1] + wear.level[1], by_hand)
-    step = effect(day, "step-x", rng_of(0), 1.0)
-    jump = np.diff(step.errors[:, 0, 0])
-    assert np.flatnonzero(np.abs(jump) > 1e-9).tolist() == [int(step.searched["at"] - 1.5)]
-    assert jump.sum() == pytest.approx(step.coefficients[0])
-    warm = effect(day, "warm-up-x", rng_of(3), 1.0)
-    time, tau = day.full("time_min")[:, 0], warm.searched["tau_min"]
-    lost = warm.coefficients[0] - (warm.errors[:, 0, 0] + warm.level[0])
-    np.testing.assert_allclose(np.log(lost / lost[0]), -time / tau, atol=1e-6)
-    growth = effect(day, "thermal-growth", rng_of(5), 1.0)
-    over = day.full(growth.covariate or "") - 20
-    by_hand = 1e-3 * growth.coefficients[0] * over[..., None] * (day.places[:, :2] - 75)
-    np.testing.assert_allclose(growth.errors + growth.level, by_hand, atol=1e-9)
-    turned = effect(day, "rotation-scatter", rng_of(6), 1.0)
-    outward = np.einsum("pha,ha->ph", turned.errors + turned.level, day.places[:, :2] - 75)
-    np.testing.assert_allclose(outward, 0, atol=1e-9)
-
-
 def test_points_come_back_as_they_were(tmp_path: Path) -> None:
     day, rng = ShopDay("B", 1), rng_of(2)
     repeats = measure_repeats(day, rng, [effect(day, "abbe", rng, 1.0)])
@@ -150,16 +127,6 @@ def test_variances_by_stratum(noise: Noise) -> None:
     assert np.all(np.abs(each.mean(axis=0) - wanted) < 4 * error)
     # The test can tell: the standard errors are small beside what the kinds of noise differ by.
     assert np.all(error < [0.08 * wanted[0], 0.08 * wanted[1], 0.04 * wanted[2]])
-
-
-def test_repeats_scatter_like_the_cmm() -> None:
-    day = ShopDay("B", 0)
-    within = measure_repeats(day, rng_of(8)).var(axis=-1, ddof=1)
-    assert abs(within.mean() - SIG_CMM**2) < 4 * SIG_CMM**2 / np.sqrt(within.size)
-    loud = effect(day, "operation-scatter", rng_of(0), 1.0)
-    spread = measure_repeats(day, rng_of(8), [loud]).var(axis=-1, ddof=1).mean(axis=(0, 2))
-    ratio = spread[day.operation == 1].mean() / spread[day.operation == 0].mean()
-    assert abs(ratio - 3) < 4 * 3 * np.sqrt(2 / (21 * 12 * 2))
 
 
 # What an oracle knows, against dense matrices.
@@ -211,23 +178,6 @@ def test_signal_and_rivals_are_those_of_dense_least_squares(family: str) -> None
     assert signal.d == pytest.approx(signal.z * np.sqrt(1 - found[signal.rival]))
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_librarys_own_columns_hold_its_effects_and_no_others(kind: Kind) -> None:
-    """Own columns explain all, but where a grid or a sensor's noise stands between."""
-    day = ShopDay(kind, 6)
-    rivals = Rivals(day)
-    near = {"warm-up": 0.99, "thermal-drift": 0.97, "cyclic": 0.5}
-    for family in set(FAMILIES) - {"rotation-scatter", "operation-scatter"}:
-        for seed in range(3):
-            truth = effect(day, family, rng_of(seed), 1.0)
-            assert rivals.r2(truth.errors)[truth.name or ""] > near.get(family, 1 - 1e-9)
-    for family in OUTSIDE:
-        assert max(rivals.r2(outside_effect(day, family, rng_of(1), 1.0).errors).values()) < 0.9
-    for family in MISSHAPEN:
-        truth = misshapen_effect(day, family, rng_of(1), 1.0)
-        assert 0.4 < rivals.r2(truth.errors)[truth.name or ""] < 0.999
-
-
 @pytest.mark.parametrize("family", ["cyclic-x", "squareness"])
 def test_held_out_gain_is_that_of_dense_least_squares(family: str) -> None:
     """Level of the training parts and effect are taken out along the effect's axes alone."""
@@ -247,20 +197,3 @@ def test_held_out_gain_is_that_of_dense_least_squares(family: str) -> None:
             after += float(np.sum(rest**2))
     expected = np.mean(errors**2), after / errors.size
     assert oracle_gain(errors, truth, 3) == pytest.approx(expected, rel=1e-9)
-
-
-def test_an_effect_that_the_training_parts_do_not_show_is_left_out() -> None:
-    """A step before the training parts: six parts of the first block stand off by the jump. A
-    warm-up that is over when they begin costs no more than it would gain.
-    """
-    day = ShopDay("A", 0)
-    steps = (effect(day, "step-x", rng_of(seed), 1.0) for seed in range(99))
-    step = next(found for found in steps if found.searched["at"] == 6.5)
-    wanted = 6 * step.coefficients[0] ** 2 / 21 / 2
-    assert oracle_gain(step.errors, step, 3)[1] == pytest.approx(wanted)
-    for seed in range(40):
-        warm = effect(day, "warm-up", rng_of(seed), 1.0)
-        errors = measure(day, rng_of(seed), [warm])
-        level = replace(warm, columns=warm.columns[:0])
-        with_effect, without = (oracle_gain(errors, truth, 3)[1] for truth in (warm, level))
-        assert with_effect < without + SIGMA**2

@@ -2,52 +2,85 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mtu_cli.analyses.anova.capability import (
+from mtu_cli.analyses.anova.parts import (
+    FEWEST_PARTS,
     Capability,
     Trend,
+    UnusualPart,
     capabilities,
     sequences,
     trends,
-)
-from mtu_cli.analyses.anova.outliers import (
-    UnusualPart,
-    parts_table,
     unusual_parts,
 )
-from mtu_cli.analyses.anova.summary import (
-    Total,
-    anova_warnings,
-    missing_entries,
-    set_up_warnings,
-    totals,
-)
-from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Label, Method, analysed
+from mtu_cli.analyses.anova.tables import METHODS, Analysed, Kind, Method, analysed
 from mtu_cli.files.points import Points
 from mtu_cli.files.study import Datum
-from mtu_cli.findings import Finding
+from mtu_cli.findings import Finding, finding
+from mtu_cli.model.features import BELOW_THREE, FEW_DOF
 from mtu_cli.model.measured import (
+    Label,
     MeasuredTables,
     angle_tables,
     feature_tables,
     left_out,
     length_tables,
     length_warnings,
+    missing_entries,
     roundings,
+    some,
 )
 from mtu_cli.model.settings import Settings
-from mtu_cli.model.visits import axes_of, freed, incomplete_datum, only_features, visits_of
-from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.model.visits import (
+    axes_of,
+    basis,
+    freed,
+    incomplete_datum,
+    only_features,
+    visits_of,
+    without,
+)
+from mtu_cli.stats.family import FAMILY_RATE
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
+from mtu_cli.units import UM
 
 if TYPE_CHECKING:
     from mtu_cli.files.part import LoadedPart
 
 __all__ = ["METHODS", "Analysed", "AnovaResult", "Method", "analyse_variance"]
+
+FEWEST_LEFT, MOST = 6, 0.5
+"""With fewer errors left over a rigid motion explains much by chance; the share it may explain."""
+
+
+class Total(NamedTuple):
+    """All features of an operation along an axis; mm and mm^2, nan where undefined.
+
+    `mean` of the features' mean errors, their standard deviation `spread` and the `largest` of
+    them (with its sign), at feature `worst`. Mean variances `part` and `repeat` by the chosen
+    method, `both` where they are not separable. Of `tested` features `differ` from part to part
+    with the error rate held over all features. `rounding` is the uncertainty by which the means
+    are worth printing.
+    """
+
+    operation: str
+    axis: str
+    features: int
+    mean: float
+    spread: float
+    largest: float
+    worst: str
+    part: float
+    repeat: float
+    both: float
+    differ: int
+    tested: int
+    rounding: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,23 +126,36 @@ def analyse_variance(
     Raises InputError for a feature that stands twice in one repeat of one part, and a row or
     column that is off its axis.
     """
-    measured, warnings = _measured(points, part, datum)
+    loose, complete = freed(points, axes_of(points), datum)
+    tables: dict[Kind, MeasuredTables] = {"feature": feature_tables(loose, roundings(points))}
+    warnings = [*left_out(points), *([] if complete else [incomplete_datum()])]
+    if part is not None:
+        lengths, angles = part.part.lengths, part.part.orthogonality
+        names = [name for item in lengths for name in (item.from_, item.to)]
+        names += [name for item in angles for name in (*item.row, *item.column)]
+        if len(needed := only_features(points, names)):
+            visits = visits_of(needed)
+            if (found := length_tables(needed, visits, part)) is not None:
+                tables["length"] = found
+            if (found := angle_tables(needed, visits, part)) is not None:
+                tables["angle"] = found
+        labels = {kind: found.labels for kind, found in tables.items()}
+        warnings += missing_entries("length", lengths, labels.get("length", ()))
+        warnings += missing_entries("right angle", angles, labels.get("angle", ()))
+        warnings += length_warnings(points, part)
     k = settings.coverage_factor
-    kinds = [analysed(kind, tables, method, k) for kind, tables in measured.items()]
-    unusual = unusual_parts(parts_table(kinds), settings.seed)
-    names: dict[Label, tuple[str, ...]] = {}
+    kinds = [analysed(kind, found, method, k) for kind, found in tables.items()]
+    unusual = unusual_parts(kinds, settings.seed)
+    outliers: dict[Label, tuple[str, ...]] = {}
     for item in unusual or ():
         for label in item.singles:
-            names[label] = (*names.get(label, ()), item.part)
-    kinds = [replace(x, unusual=tuple(names.get(label, ()) for label in x.labels)) for x in kinds]
-    features = kinds[0]
-    places = np.full((len(points.features), 3), np.nan)
-    places[points.feature] = points.nominal
-    where = dict(zip(points.features, places, strict=True))
-    labels, sequence = features.labels, sequences(points)
-    rounding = float(features.tables.rounding.mean())
-    with_parts = [labels[i] for i, parts in enumerate(features.unusual) if parts]
-    interesting = [*with_parts, *(labels[i] for i in features.order)]
+            outliers[label] = (*outliers.get(label, ()), item.part)
+    kinds = [replace(x, unusual=tuple(outliers.get(each, ()) for each in x.labels)) for x in kinds]
+    features, sequence = kinds[0], sequences(points)
+    with_parts = [label for label in features.labels if label in outliers]
+    interesting = [*with_parts, *(features.labels[i] for i in features.order)]
+    if datum == "none":
+        warnings += _set_up_warnings(features, points)
     return AnovaResult(
         method=method,
         datum=datum,
@@ -118,38 +164,126 @@ def analyse_variance(
         sequence=sequence,
         trends=trends(kinds, sequence),
         capabilities=capabilities(kinds, part, sequence),
-        totals=totals(features),
+        totals=_totals(features),
         shown=tuple(dict.fromkeys(label[:2] for label in interesting)),
-        warnings=(
-            *warnings,
-            *(set_up_warnings(features, where, rounding) if datum == "none" else ()),
-            *anova_warnings(kinds, method),
-        ),
+        warnings=(*warnings, *_warnings(kinds, method)),
     )
 
 
-def _measured(
-    points: Points, part: LoadedPart | None, datum: Datum
-) -> tuple[dict[Kind, MeasuredTables], list[Finding]]:
-    """The tables of all kinds that there are, features first, and what is odd about the data."""
-    loose, complete = freed(points, axes_of(points), datum)
-    features = feature_tables(loose, roundings(points))
-    warnings = left_out(points)
-    if not complete:
-        warnings.append(incomplete_datum())
-    found: dict[Kind, MeasuredTables | None] = {"feature": features}
-    if part is not None:
-        lengths, angles = part.part.lengths, part.part.orthogonality
-        names = [name for item in lengths for name in (item.from_, item.to)]
-        names += [name for item in angles for name in (*item.row, *item.column)]
-        if len(needed := only_features(points, names)):
-            visits = visits_of(needed)
-            found["length"] = length_tables(needed, visits, part)
-            found["angle"] = angle_tables(needed, visits, part)
-    measured = {kind: tables for kind, tables in found.items() if tables is not None}
-    if part is not None:
-        labels = {kind: tables.labels for kind, tables in measured.items()}
-        warnings += missing_entries("length", part.part.lengths, labels.get("length", ()))
-        warnings += missing_entries("right angle", part.part.orthogonality, labels.get("angle", ()))
-        warnings += length_warnings(points, part)
-    return measured, warnings
+def _totals(found: Analysed) -> tuple[Total, ...]:
+    """One an operation and axis, operation by operation."""
+    operations = list(dict.fromkeys(label[0] for label in found.labels))
+    keys = dict.fromkeys((label[0], label[2]) for label in found.labels)
+    result = []
+    for operation, axis in sorted(keys, key=lambda key: operations.index(key[0])):
+        rows = [i for i, label in enumerate(found.labels) if label[::2] == (operation, axis)]
+        mean = found.one_way.mean[rows]
+        spread = float(mean.std(ddof=1)) if len(mean) > 1 else np.nan
+        variances = found.components.part, found.components.repeat, found.both
+        known = [each[rows][np.isfinite(each[rows])] for each in variances]
+        part, repeat, both = (float(x.mean()) if len(x) else np.nan for x in known)
+        scatter = np.array([np.sqrt(part), np.sqrt(repeat), np.sqrt(both), spread])
+        worst = int(np.argmax(np.abs(mean)))
+        total = Total(
+            operation=operation,
+            axis=axis,
+            features=len(rows),
+            mean=float(mean.mean()),
+            spread=spread,
+            largest=float(mean[worst]),
+            worst=found.labels[rows[worst]][1],
+            part=part,
+            repeat=repeat,
+            both=both,
+            differ=int((found.p_parts[rows] <= FAMILY_RATE).sum()),
+            tested=int(np.isfinite(found.one_way.F[rows]).sum()),
+            rounding=float(np.fmax.reduce(scatter) / np.sqrt(len(found.tables.parts))),
+        )
+        result.append(total)
+    return tuple(result)
+
+
+def _set_up_warnings(found: Analysed, points: Points) -> list[Finding]:
+    """Mean errors in the plane most of which one offset and rotation of all features explain.
+
+    By mean squares before and after: the motion's own freedoms count. Errors that the last digit
+    makes are none.
+    """
+    places = np.zeros((len(points.features), 3))
+    places[points.feature, :2] = points.nominal[:, :2]
+    where = dict(zip(points.features, places, strict=True))
+    means = dict(zip(found.labels, found.one_way.mean.tolist(), strict=True))
+    planes: dict[str, list[str]] = {}
+    for operation, name, axis in found.labels:
+        if axis == "x" and (operation, name, "y") in means:
+            planes.setdefault(operation, []).append(name)
+    warned = []
+    for operation, names in planes.items():
+        errors = np.array([[means[operation, name, axis] for axis in "xy"] for name in names])
+        Q = basis(np.array([where[name] for name in names]), (0, 1), "offset,rotation")
+        square, left = float((errors**2).mean()), errors.size - Q.shape[1]
+        if left < FEWEST_LEFT or not square > 3 * float(found.tables.rounding.mean()):
+            continue
+        explained = 1 - float((without(Q, errors.reshape(-1, 1)) ** 2).sum()) / left / square
+        if explained >= MOST:
+            x, y = errors.mean(axis=0) / UM
+            of = f" of {operation} features" if operation else ""
+            facts = {"percent": min(int(100 * explained), 99), "operation": of}
+            warned.append(finding("set-up-dominates", x_um=x, y_um=y, **facts))
+    return warned
+
+
+KINDS = {"feature": "features and axes", "length": "lengths", "angle": "right angles"}
+UNKNOWN = "no scatter from part to part, nor of a future part, can be known"
+CONDITIONS: dict[str, tuple[Callable[[Analysed], BoolArray], dict[str, Any]]] = {
+    "few-parts": (lambda x: x.one_way.df_between < 1, {"parts": 1, "consequence": UNKNOWN}),
+    "no-repeats": (
+        lambda x: x.one_way.df_within < 1,
+        {"consequence": "the scatter from part to part contains that of the CMM"},
+    ),
+    "not-estimable": (
+        lambda x: (x.one_way.df_within > 0) & (x.one_way.ms_within == 0),
+        {"quantity": "F and p", "reason": "all repeats are equal"},
+    ),
+    "negative-variance": (
+        lambda x: (x.components.part_estimate < 0) & (x.method == "anova"),
+        {"what": "part-to-part", "consequence": "0 is used for uncertainties"},
+    ),
+    "few-degrees-of-freedom": (lambda x: x.dof_future < FEW_DOF, {"how": BELOW_THREE}),
+}
+
+
+def _warnings(kinds: Sequence[Analysed], method: Method) -> list[Finding]:
+    """Every figure that is missing has its reason here, for each kind of table by name, features
+    first; and parts that were not measured everywhere.
+    """
+    result = []
+    for code, (condition, facts) in CONDITIONS.items():
+        met = [(KINDS[kind.kind], condition(kind)) for kind in kinds]
+        items = [some(rows, name) for name, rows in met if rows.any()]
+        names = [f"u of a future part ({each})" for each in items]
+        if all(rows.all() for _, rows in met):
+            items, names = ["all"], ["u of a future part"]
+        result += [
+            finding(code, items=each, names=[name], **facts)
+            for each, name in zip(items, names, strict=True)
+        ]
+    if method == "paper":
+        result.append(finding("paper-method"))
+    parts = kinds[0].tables.parts
+    for kind in kinds:
+        if (empty := ~kind.tables.cells.present).any():
+            table, part = np.argwhere(empty)[0].tolist()
+            label = " ".join(filter(None, kind.tables.labels[table]))
+            what = "measurements" if kind.kind == "feature" else KINDS[kind.kind]
+            facts = {
+                "what": f"{int(empty.sum())} of {empty.size} {what} by part",
+                "names": [f"first: part {parts[part]!r} at {label}"],
+                "consequence": "the rest is analysed with unequal counts",
+            }
+            result.append(finding("missing-values", part=parts[part], label=label, **facts))
+    if 2 <= len(parts) < FEWEST_PARTS:
+        consequence = f"{FEWEST_PARTS} are needed to find outliers among them"
+        facts = {"parts": len(parts), "items": "all", "consequence": consequence}
+        result.append(finding("few-parts", **facts))
+    return result

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from mtu_cli.model.measured import MeasuredTables
+from mtu_cli.model.measured import Label, MeasuredTables
 from mtu_cli.model.settings import PROBABILITY
-from mtu_cli.stats.anova import Cells, Components, OneWay, moments, one_way, paper, part_interval
+from mtu_cli.stats.anova import Components, OneWay, moments, one_way, paper, part_interval
 from mtu_cli.stats.family import holm
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.reml import reml
@@ -18,8 +18,7 @@ from mtu_cli.stats.resolution import hidden
 Method = Literal["paper", "anova", "reml"]
 METHODS: tuple[Method, ...] = ("paper", "anova", "reml")
 Kind = Literal["feature", "length", "angle"]
-Label = tuple[str, str, str]
-"""Operation, name, axis."""
+TAIL = (1 - PROBABILITY) / 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,12 +30,17 @@ class Analysed:
     from the readings (`stats.resolution`). `components` by the chosen method, `reml` those that
     scale the part means; `interval` (tables, 2) for the part variance, nan by the paper's method,
     which has none. `both` is MS_between, and `both_interval` (tables, 2) its interval, where
-    without repeats it holds the part's and the CMM's variance together, else nan. `u_mean` of the
-    grand mean, in which every reading counts alike, and `u_future` of a future part, with
-    `dof_mean` and `dof_future`; `interval_future` (tables, 2): see `_half_width`. `p_parts` of F
-    and `p_mean` of a mean of zero (t test) are adjusted for all tables of the kind (Holm). `order`
-    of the tables is that of |mean| + k u_future, the largest first; `unusual` are the outlying
-    parts of each table by itself.
+    without repeats it holds the part's and the CMM's variance together, else nan.
+
+    With w = sum n_i^2/N^2, in which a part counts by its repeats, u^2 = w s_part^2 + s_repeat^2/N
+    of the grand mean (`u_mean`) and s_part^2 more of a future part (`u_future`). Without repeats
+    MS_between stands for both components. By the paper's method eqs. (32)-(33), of the repeat
+    scatter alone. `rounding` is added to all. `dof_mean` and `dof_future` are effective degrees of
+    freedom (JCGM 100, G.4.1), `interval_future` (tables, 2) the mean -+ t u_future.
+
+    `p_parts` of F and `p_mean` of a mean of zero (t test) are adjusted for all tables of the kind
+    (Holm). `order` of the tables is that of |mean| + k u_future, the largest first; `unusual` are
+    the outlying parts of each table by itself.
     """
 
     kind: Kind
@@ -79,21 +83,38 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
     table, by_reml = one_way(tables.cells, tables.rounding), reml(tables.cells)
     methods = {"paper": paper, "anova": moments}
     components = methods[method](table) if method in methods else by_reml
+    separable = np.isfinite(by_reml.part)
     # Without repeats MS_between is the scatter of the readings.
-    scatter = np.where(np.isfinite(by_reml.part), by_reml.part + by_reml.repeat, table.ms_between)
+    scatter = np.where(separable, by_reml.part + by_reml.repeat, table.ms_between)
     rounding = hidden(scatter, tables.rounding)
-    (u_mean, dof_mean), (u_future, dof_future) = _uncertainties(
-        table, tables.cells, rounding, components, method
+    interval = part_interval(tables.cells, table)
+    share, part, repeat = table.share, components.part, components.repeat
+    if method == "paper":
+        share, part, repeat = 1 / table.N, table.ms_within, 0.0 * table.N
+        interval, separable = np.full_like(interval, np.nan), np.zeros_like(separable)
+    else:
+        part = np.where(separable, part, table.ms_between)
+        repeat = np.where(separable, repeat, 0.0)
+    df = table.df_within if method == "paper" else table.df_between
+    (u_mean, dof_mean), (u_future, dof_future) = (
+        (np.sqrt(u2 + rounding), np.where(separable, _satterthwaite(table, weight, u2), df))
+        for weight, u2 in ((w, w * part + repeat / table.N) for w in (share, 1 + share))
     )
-    tail = (1 - PROBABILITY) / 2
-    half = _half_width(table, tables.cells, rounding, u_future, dof_future, method)
+    dof_mean, dof_future = (np.where(dof > 0, dof, np.nan) for dof in (dof_mean, dof_future))
+    half = _t(dof_future) * u_future
+    if method != "paper":
+        # s_part^2 is a difference of mean squares, of which Satterthwaite leaves fewer degrees of
+        # freedom than the parts have. There MS_between/n0 with theirs bounds it: the CMM's scatter
+        # included it is too large, but its t is not (3 parts measured twice: half the width, and
+        # 95 % or more still covered).
+        between = (1 + share) * table.ms_between / table.n0
+        bound = _t(table.df_between) * np.sqrt(between + rounding)
+        half = np.where(dof_future < table.df_between, np.fmin(half, bound), half)
     known = (u_mean > 0) & np.isfinite(dof_mean)
     t = np.divide(np.abs(table.mean), u_mean, out=np.zeros_like(u_mean), where=known)
     p_zero = np.where(known, 2 * stdtr(np.where(known, dof_mean, 1.0), -t), np.nan)
     both = np.where((table.df_within < 1) & (table.df_between > 0), table.ms_between, np.nan)
     df = np.maximum(table.df_between, 1.0)
-    ends = [both * df / chdtri(df, tail), both * df / chdtri(df, 1 - tail)]
-    interval = part_interval(tables.cells, table)
     size = np.abs(table.mean) + np.nan_to_num(k * u_future)
     return Analysed(
         kind=kind,
@@ -105,9 +126,9 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
         one_way=table,
         components=components,
         reml=by_reml,
-        interval=np.full_like(interval, np.nan) if method == "paper" else interval,
+        interval=interval,
         both=both,
-        both_interval=np.column_stack(ends),
+        both_interval=np.column_stack([both * df / chdtri(df, p) for p in (TAIL, 1 - TAIL)]),
         u_mean=u_mean,
         u_future=u_future,
         dof_mean=dof_mean,
@@ -119,68 +140,12 @@ def analysed(kind: Kind, tables: MeasuredTables, method: Method, k: float) -> An
     )
 
 
-def _half_width(
-    table: OneWay,
-    cells: Cells,
-    rounding: FloatArray,
-    u_future: FloatArray,
-    dof_future: FloatArray,
-    method: Method,
-) -> FloatArray:
-    """Half (tables,) of the 95 % interval of a future part, t u_future.
-
-    s_part^2 is a difference of mean squares, of which Satterthwaite leaves fewer degrees of freedom
-    than the parts have. There sqrt((1 + sum n_i^2/N^2) MS_between/n0) with theirs bounds it: the
-    CMM's scatter included it is too large, but its t is not (3 parts measured twice: half the
-    width, and 95 % or more still covered).
-    """
+def _t(dof: FloatArray) -> FloatArray:
+    """Quantiles of Student's t for the interval; nan without degrees of freedom."""
     from scipy.special import stdtrit
 
-    def t(dof: FloatArray) -> FloatArray:
-        known = np.isfinite(dof) & (dof > 0)
-        quantile = stdtrit(np.where(known, dof, 1.0), (1 + PROBABILITY) / 2)
-        return np.where(known, quantile, np.nan)
-
-    share = (cells.n**2).sum(axis=1) / table.N**2
-    between = (1 + share) * table.ms_between / table.n0
-    bound = t(table.df_between) * np.sqrt(between + rounding)
-    half = t(dof_future) * u_future
-    # The paper's method has no variance of parts to bound.
-    few = (dof_future < table.df_between) & (method != "paper")
-    return np.where(few, np.fmin(half, bound), half)
-
-
-WithDof = tuple[FloatArray, FloatArray]
-
-
-def _uncertainties(
-    table: OneWay,
-    cells: Cells,
-    rounding: FloatArray,
-    components: Components,
-    method: Method,
-) -> tuple[WithDof, WithDof]:
-    """(u, degrees of freedom) of the grand mean and of a future part, (tables,) each.
-
-    u^2(mean) = s_part^2 sum n_i^2/N^2 + s_repeat^2/N: that of the mean of all readings, in which
-    a part counts by its repeats. A future part adds s_part^2. Without repeats MS_between, the
-    sum of both components, serves for both. By the paper's method eqs. (32)-(33), which have
-    the repeat scatter alone. What the last digit hides (`rounding`) is added to both.
-    """
-    if method == "paper":
-        s2, dof = table.ms_within, np.where(table.df_within > 0, table.df_within, np.nan)
-        of_mean, of_one = (s2 * share + rounding for share in (1 / table.N, 1 + 1 / table.N))
-        return (np.sqrt(of_mean), dof), (np.sqrt(of_one), dof)
-    df_both = np.where(table.df_between > 0, table.df_between, np.nan)
-    both = np.where(table.df_between > 0, table.ms_between, np.nan)
-    separable = np.isfinite(components.part)
-    share = (cells.n**2).sum(axis=1) / table.N**2
-    result = []
-    for weight, of_both in ((share, 1 / table.N), (1 + share, 1 + 1 / table.N)):
-        u2 = components.part * weight + components.repeat / table.N
-        u = np.sqrt(np.where(separable, u2, both * of_both) + rounding)
-        result.append((u, np.where(separable, _satterthwaite(table, weight, u2), df_both)))
-    return result[0], result[1]
+    known = np.isfinite(dof) & (dof > 0)
+    return np.where(known, stdtrit(np.where(known, dof, 1.0), 1 - TAIL), np.nan)
 
 
 def _satterthwaite(table: OneWay, weight: FloatArray, u2: FloatArray) -> FloatArray:

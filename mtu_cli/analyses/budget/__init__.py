@@ -3,38 +3,173 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
 
-from mtu_cli.analyses.budget.inputs import inputs_of
+from mtu_cli.analyses.budget.inputs import InputQuantity, Inputs, inputs_of
 from mtu_cli.analyses.budget.propagation import BudgetTrials, FirstOrder, first_order
-from mtu_cli.analyses.budget.result import BudgetResult, OutputBudget
 from mtu_cli.files.budget import LoadedBudget
-from mtu_cli.findings import InputError
-from mtu_cli.model.settings import PROBABILITY, Settings
-from mtu_cli.stats.blocks import is_one_block
+from mtu_cli.findings import Finding, InputError, finding
+from mtu_cli.model.settings import MOST_TRIALS, PROBABILITY, Settings, validation_warnings
+from mtu_cli.stats.covariance import correlation_of
 from mtu_cli.stats.coverage import coverage_factor as quantile_factor
-from mtu_cli.stats.coverage import numerical_tolerance
-from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult, monte_carlo
-from mtu_cli.stats.validation import CONVERGED_TO, Validation, clause8
+from mtu_cli.stats.least_squares import FloatArray
+from mtu_cli.stats.monte_carlo import LARGEST_PROBABILITY, MonteCarloResult
+from mtu_cli.stats.validation import Validation, validated
 
 __all__ = ["BudgetResult", "evaluate_budget"]
 
 DRAWN = 2**17
 """Trials kept for the histogram."""
+SHORTEST = 1.05
+"""More than its own scatter may make the shortest interval longer than the symmetric one."""
+ROUNDING = 1e-9
+"""Share of a value below which ends of an interval agree."""
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutputBudget(FirstOrder):
+    """One output: first order, its expanded uncertainty U = k u, and clause 8's verdict on it by
+    the trials, row `index` of a `run`.
+
+    `k_probability`: the factor for the coverage probability at the output's effective degrees
+    of freedom; k itself is that, unless a factor is given.
+    """
+
+    unit: str
+    k: float
+    k_probability: float
+    validation: Validation
+    inputs: tuple[InputQuantity, ...]
+    run: MonteCarloResult
+    index: int
+
+    @property
+    def expanded(self) -> float:
+        """U = k u."""
+        return self.k * self.u
+
+    @property
+    def interval(self) -> Interval:
+        """First-order interval y -+ k u for the coverage probability."""
+        half = self.k_probability * self.u
+        return self.value - half, self.value + half
+
+    def of_run(self, name: str) -> float:
+        """A statistic of the trials, such as "mean" or "se_u"."""
+        return float(getattr(self.run, name)[self.index])
+
+    @property
+    def mean(self) -> float:
+        """Of the trials; nan without a variance: the mean does not settle then."""
+        return self.of_run("mean") if math.isfinite(self.of_run("u")) else math.nan
+
+    @property
+    def symmetric(self) -> Interval:
+        """Of the trials, with equal chances beyond either end; one value where none varies."""
+        if self.of_run("u") == 0.0:
+            # Weights of ordered values leave their rounding on equal ones.
+            return self.of_run("mean"), self.of_run("mean")
+        return self.of_run("low"), self.of_run("high")
+
+    @property
+    def shortest(self) -> Interval:
+        """Of the trials; the symmetric one where a few of them far out leave none that is shorter
+        than that.
+        """
+        low, high = self.of_run("shortest_low"), self.of_run("shortest_high")
+        longest = SHORTEST * (self.symmetric[1] - self.symmetric[0])
+        return (low, high) if 0.0 <= high - low <= longest else self.symmetric
+
+    def findings(self, u: FloatArray) -> Iterator[Finding]:
+        """What first and second order and clause 8 show; `u` (n,) of the inputs."""
+        verdict, drawn = self.validation, self.of_run("u")
+        shift, apart = abs(self.second_value - self.value), abs(self.second_u - self.u)
+        if self.faults:
+            reason = f"{self.faults[0].text} (column {self.faults[0].column} of its equation)"
+            yield finding("not-differentiable", output=self.name, reason=reason)
+        elif np.all(u == 0.0):
+            yield finding("no-uncertainty", names=[f"the inputs of {self.name}"])
+        elif max(shift, apart) > verdict.tolerance > 0.0 or (self.u == 0.0 and drawn > 0.0):
+            known = math.isfinite(self.second_u)
+            second = "the variance below 0, so that u is undefined"
+            second = f"u {self.second_u:.4g}" if known else second
+            reason = "the equation is not linear over the uncertainties of its inputs"
+            text = f"the value is {self.second_value:.10g} and {second}"
+            facts = {"output": self.name, "reason": reason, "second": text, "u": second}
+            yield finding("second-order", **facts)
+        if math.isnan(self.u):
+            return
+        unit = "" if self.unit == "1" else self.unit
+        largest = max(verdict.d_low, verdict.d_high)
+        if verdict.passed is False and self.u == 0.0 and largest <= ROUNDING * abs(self.value):
+            # A step: the ends of its interval agree.
+            difference = f"u 0 against {drawn:.2g} {unit}".rstrip()
+            yield finding("validation-failed", names=[self.name], difference=difference)
+        else:
+            yield from validation_warnings([self.name], [verdict], unit, 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BudgetResult:
+    """A budget: what is `given`, its inputs with their sources, and its `outputs`.
+
+    `run`: one Monte Carlo for all outputs, of intervals for `probability`: where a factor k is
+    given, that of a normal distribution at k. `of_file`: the warnings of the file.
+    """
+
+    name: str
+    single: bool
+    given: Inputs
+    outputs: tuple[OutputBudget, ...]
+    run: MonteCarloResult
+    of_file: tuple[Finding, ...] = ()
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of the outputs (outputs, outputs), to first order: C V C' (JCGM 102:2011, 6.2)."""
+        C = np.array([item.sensitivity for item in self.outputs])
+        with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+            joint: FloatArray = C @ self.given.covariance @ C.T
+            # Without the rounding that cancelling leaves.
+            np.fill_diagonal(joint, np.square([item.u for item in self.outputs]))
+        return joint
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Of the outputs, to first order."""
+        return correlation_of(self.covariance)
+
+    @property
+    def inputs(self) -> tuple[InputQuantity, ...]:
+        """The inputs in the order of the file."""
+        return self.given.quantities
+
+    @property
+    def input_correlation(self) -> FloatArray:
+        """Their correlation coefficients (n, n), 0 of exact ones."""
+        return np.nan_to_num(correlation_of(self.given.covariance))
+
+    @property
+    def warnings(self) -> tuple[Finding, ...]:
+        """All warnings, those of the file first."""
+        result = [*self.of_file, *self.given.findings()]
+        for item in self.outputs:
+            result += item.findings(self.given.u)
+        if not self.run.converged:
+            goal = "the digits of u asked for (JCGM 101, 7.9.4)"
+            result.append(finding("not-converged", trials=self.run.trials, goal=goal))
+        return tuple(dict.fromkeys(result))
 
 
 def evaluate_budget(
     loaded: LoadedBudget, settings: Settings, coverage_factor: float | None = None
 ) -> BudgetResult:
     """Evaluates a budget; `coverage_factor` wins over the file's coverage.
-
-    The Monte Carlo goes on until the digits asked for are sure (JCGM 101:2008, 7.9.4) and, where
-    clause 8 is not settled by that, to a fifth of its tolerance (8.2): an equation that first order
-    plainly fails needs no more trials to say so.
 
     Raises InputError for correlations that no inputs can have, an equation without a finite
     value at the estimates or in some trials, a factor so small that it covers nothing.
@@ -47,30 +182,36 @@ def evaluate_budget(
     if k is not None:
         # Of a normal distribution; what a short t covers at k is another matter.
         probability = min(math.erf(k / math.sqrt(2.0)), LARGEST_PROBABILITY)
-    controlled = not is_one_block(settings.trials, probability)
-    trials = BudgetTrials(loaded.trees, inputs, first, controlled)
+    trials = BudgetTrials(loaded.trees, inputs, first)
     factors = [
         math.nan if math.isnan(x.dof) else quantile_factor(probability, x.dof) for x in first
     ]
-    run = _run(loaded, trials, settings, probability, 1.0)
-    reached = run.converged
-    verdicts = _judged(first, factors, run, settings.digits)
-    unsettled = any(not v.settled and x.u > 0.0 for v, x in zip(verdicts, first, strict=True))
-    if settings.trials is None and reached and unsettled:
-        # The engine takes its tolerance from its own u, which may need a digit more: 0.105 beside
-        # 0.074. The least of the tolerances of clause 8 over those of the engine.
-        both = [(x.u, float(u)) for x, u in zip(first, run.u, strict=True) if x.u > 0.0 and u > 0.0]
-        digits = settings.digits
-        ratios = [numerical_tolerance(u, digits) / numerical_tolerance(v, digits) for u, v in both]
-        fraction = CONVERGED_TO * min([1.0, *(ratio for ratio in ratios if math.isfinite(ratio))])
-        run = _run(loaded, trials, settings, probability, fraction)
-        verdicts = _judged(first, factors, run, settings.digits)
+
+    def run_to(fraction: float) -> MonteCarloResult:
+        # Trials too far apart to be squared leave inf or nan, which a warning of ours reports.
+        with catch_warnings():
+            simplefilter("ignore", RuntimeWarning)
+            return settings.run(
+                trials, keep=DRAWN, fraction=fraction, most=MOST_TRIALS, probability=probability
+            )
+
+    estimates = [(x.value, x.u, k_p) for x, k_p in zip(first, factors, strict=True)]
+    try:
+        run, verdicts = validated(run_to, estimates, settings.digits, settings.trials is None)
+    except InputError as fault:
+        # The engine knows no file: the equation's place makes its message one of the file's.
+        named = [(problem, problem.facts.get("output")) for problem in fault.findings]
+        raise InputError(
+            problem.at(**loaded.where(name)) if name in loaded.trees else problem
+            for problem, name in named
+        ) from None
     # Nothing but a standard error can say that a statistic has converged.
     errors = np.where(trials.u_exists, run.u + run.se_mean + run.se_u, 0.0)
-    converged = reached and bool(np.all(np.isfinite(errors + run.se_low + run.se_high)))
-    outputs = [
+    finite = np.all(np.isfinite(errors + run.se_low + run.se_high))
+    run = replace(run, converged=run.converged and bool(finite))
+    outputs = tuple(
         OutputBudget(
-            first=item,
+            **vars(item),
             unit=loaded.units[item.name],
             k=factors[i] if k is None else k,
             k_probability=factors[i],
@@ -78,64 +219,14 @@ def evaluate_budget(
             inputs=inputs.quantities,
             run=run,
             index=i,
-            converged=converged,
         )
         for i, item in enumerate(first)
-    ]
+    )
     return BudgetResult(
         name=loaded.budget.name,
         single=loaded.single,
         given=inputs,
-        outputs=tuple(outputs),
+        outputs=outputs,
         run=run,
-        converged=converged,
         of_file=loaded.warnings,
     )
-
-
-def _run(
-    loaded: LoadedBudget,
-    trials: BudgetTrials,
-    settings: Settings,
-    probability: float,
-    fraction: float,
-) -> MonteCarloResult:
-    """The Monte Carlo, where the count adapts to this fraction of the tolerance."""
-    try:
-        # Trials too far apart to be squared leave inf or nan, which a warning of ours reports.
-        with catch_warnings():
-            simplefilter("ignore", RuntimeWarning)
-            return monte_carlo(
-                trials,
-                seed=settings.seed,
-                trials=settings.trials,
-                probability=probability,
-                digits=settings.digits,
-                tolerance_fraction=fraction,
-                threads=settings.threads,
-                keep=DRAWN,
-                progress=settings.progress,
-            )
-    except InputError as fault:
-        # The engine knows no file: the equation's place makes its message one of the file's.
-        outputs = [(problem, problem.facts.get("output")) for problem in fault.findings]
-        raise InputError(
-            problem.at(**loaded.where(name)) if name in loaded.trees else problem
-            for problem, name in outputs
-        ) from None
-
-
-def _judged(
-    first: Sequence[FirstOrder], factors: Sequence[float], run: MonteCarloResult, digits: int
-) -> list[Validation]:
-    """Clause 8 of every output; undecided where there is no first order."""
-    result = []
-    for i, item in enumerate(first):
-        verdict = Validation(passed=None, d_low=math.nan, d_high=math.nan, tolerance=math.nan)
-        if not math.isnan(item.u):
-            verdict = clause8(item.value, item.u, factors[i], run, digits, i)
-            # The ends of a step's interval may agree: no u is still wrong where there is one.
-            if item.u == 0.0 and run.u[i] > 0.0:
-                verdict = replace(verdict, passed=False)
-        result.append(verdict)
-    return result

@@ -40,17 +40,13 @@ NOTHING = 1e-150
 SHOWN_PAIRS = 6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Part:
-    """One contribution to an input: type A from readings, else type B; independent of others.
-
-    `group`: the simultaneous readings it stems from, by their number in the file.
-    """
+    """One contribution to an input: type A from readings, else type B; independent of others."""
 
     distribution: Distribution
-    type_a: bool = False
-    group: int | None = None
     says: str = ""
+    type_a: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,7 +88,7 @@ class InputQuantity:
         return "+".join(sorted({"A" if part.type_a else "B" for part in self.parts}))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Source:
     """Deviations of the inputs `rows` that are drawn together, with `covariance`.
 
@@ -112,9 +108,14 @@ class Source:
         return len({item.dof for item in self.members}) == 1
 
     @property
+    def bounded(self) -> bool:
+        """Whether it holds a bounded distribution."""
+        return any(item.bounded for item in self.members)
+
+    @property
     def is_t(self) -> bool:
         """Whether its deviations are jointly t: every sum of them is a t."""
-        return self.common_dof and not any(item.bounded for item in self.members)
+        return self.common_dof and not self.bounded
 
     def variance(self, gradient: FloatArray) -> float:
         """g' V g (first order) of the source for a gradient over all inputs."""
@@ -129,13 +130,13 @@ class Source:
         return min((item.dof for row, item in pairs if gradient[row] != 0.0), default=math.inf)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Inputs:
     """All inputs in the order of the file, `covariance` (n, n) of their estimates, `sources`."""
 
     quantities: tuple[InputQuantity, ...]
     covariance: FloatArray
-    sources: tuple[Source, ...]
+    sources: list[Source]
 
     @property
     def u(self) -> FloatArray:
@@ -147,32 +148,72 @@ class Inputs:
         if short := [item.name for item in self.quantities if item.without_u]:
             yield finding("few-degrees-of-freedom", names=short, how=NO_U)
         for source in self.sources:
-            names, more = [self.quantities[row].name for row in source.rows], ""
+            names, weaker = [self.quantities[row].name for row in source.rows], ""
             if not source.is_t and any(math.isfinite(item.dof) for item in source.members):
-                more = "; the scale of each makes the coefficients of the trials smaller"
-            if source.factor is not None and any(item.bounded for item in source.members):
+                weaker = "; the scale of each makes the coefficients of the trials smaller"
+            if source.factor is not None and source.bounded:
                 what = {"how": "all normal", "assumed": "the Monte Carlo takes a Gaussian copula"}
-                yield finding("correlated-inputs", names=names, weaker=more, **what)
+                yield finding("correlated-inputs", names=names, weaker=weaker, **what)
             if not source.common_dof:
                 assumed = "Welch-Satterthwaite takes the smallest for all of them"
                 what = {"how": "of the same degrees of freedom", "assumed": assumed}
-                yield finding("correlated-inputs", names=names, weaker=more, **what)
+                yield finding("correlated-inputs", names=names, weaker=weaker, **what)
 
 
 def inputs_of(loaded: LoadedBudget) -> Inputs:
     """The inputs of a budget.
 
+    A stated coefficient belongs to the whole of both inputs; readings taken together give that of
+    their type A parts alone, GUM eq. (17).
+
     Raises InputError for correlations that no inputs can have.
     """
+    from scipy.sparse.csgraph import connected_components
+
     file = loaded.budget
-    groups = {name: index for index, group in enumerate(file.simultaneous) for name in group}
-    known = tuple(_quantity(name, item, groups.get(name)) for name, item in file.inputs.items())
-    covariance = _covariance(loaded, known)
-    sources = _sources(loaded, known, covariance)
-    return Inputs(quantities=known, covariance=covariance, sources=sources)
+    known = tuple(_quantity(name, item) for name, item in file.inputs.items())
+    place = {item.name: i for i, item in enumerate(known)}
+    u = np.array([item.u for item in known])
+    covariance, linked = np.diag(u**2), np.zeros((len(u), len(u)))
+    for first, second, r in file.correlations:
+        i, j = place[first], place[second]
+        covariance[i, j] = covariance[j, i] = r * u[i] * u[j]
+        linked[i, j] = r
+    _, label = connected_components(linked, directed=False)
+    several = np.bincount(label) > 1
+    sources: list[Source] = []
+    problems: list[Finding] = []
+    for number in np.flatnonzero(several):
+        rows = np.flatnonzero(label == number).tolist()
+        try:
+            sources.append(_correlated(rows, [known[i] for i in rows], covariance))
+        except InputError as fault:
+            at = {"file": loaded.source.shown, "line": loaded.line_of("correlations")}
+            problems += [each.at(path="correlations", **at) for each in fault.findings]
+    if problems:
+        raise InputError(problems)
+    alone = [(i, x) for i, item in enumerate(known) if not several[label[i]] for x in item.parts]
+    for group in file.simultaneous:
+        # Type B contributions stand apart: only the scatter of the readings is shared.
+        shared = {i: x for i, x in alone if x.type_a and known[i].name in group}
+        if not shared:
+            continue
+        alone = [(i, x) for i, x in alone if shared.get(i) is not x]
+        rows, members = list(shared), [part.distribution for part in shared.values()]
+        readings = np.array([file.inputs[known[i].name].readings for i in rows])
+        away = readings - readings.mean(axis=1, keepdims=True)
+        n = readings.shape[1]
+        joint = away @ away.T / (n * (n - 1))
+        np.fill_diagonal(joint, [item.u**2 for item in members])
+        sources.append(Source(rows, members, joint, factor_of(joint)))
+        off = ~np.eye(len(rows), dtype=bool)
+        covariance[np.ix_(rows, rows)] = np.where(off, joint, covariance[np.ix_(rows, rows)])
+    for i, part in alone:
+        sources.append(Source([i], [part.distribution], np.array([[part.distribution.u**2]])))
+    return Inputs(known, covariance, sources)
 
 
-def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
+def _quantity(name: str, item: Input) -> InputQuantity:
     parts: list[Part] = []
     value = item.middle if item.value is None else item.value
     if item.readings is not None:
@@ -183,11 +224,12 @@ def _quantity(name: str, item: Input, group: int | None) -> InputQuantity:
         value = item.readings[0] if alike else math.fsum(item.readings) / n
         s = float(np.std(readings - value, ddof=1))
         scatter = Distribution(kind="t", u=s / math.sqrt(n), dof=n - 1.0)
-        parts.append(Part(distribution=scatter, type_a=True, group=group, says="readings"))
-    for stated in (item, *item.contributions):
-        if (shape := _distribution(stated)) is not None:
-            says = "" if stated is item else stated.says or ""
-            parts.append(Part(distribution=shape, says=says))
+        parts.append(Part(scatter, "readings", type_a=True))
+    stated = [
+        (_distribution(item), ""),
+        *((_distribution(x), x.says or "") for x in item.contributions),
+    ]
+    parts += [Part(shape, says) for shape, says in stated if shape is not None]
     parts = [part for part in parts if part.distribution.u > NOTHING]
     known = [part.distribution for part in parts]
     squares = np.array([each.u**2 for each in known])
@@ -212,101 +254,28 @@ def _distribution(item: Contribution) -> Distribution | None:
     dof = math.inf if item.dof is None else item.dof
     kind: Kind = item.distribution or "normal"
     u, half, top, inexact = item.standard, item.half, item.top or 0.0, item.inexact
-    if u is None and (half is None or kind in ("normal", "t")):
-        return None
     if kind in ("normal", "t"):
-        return Distribution(kind=kind, u=u or 0.0, dof=dof)
-    inexact_u = inexact_of(dof)
+        return None if u is None else Distribution(kind=kind, u=u, dof=dof)
+    if u is None and half is None:
+        return None
+    curved, inexact_u = kind == "curvilinear-trapezoidal", inexact_of(dof)
     if half is None:
         # JCGM 101:2008, 6.4.3 and 6.4.4, turned about.
         square = (u or 0.0) ** 2
         if kind == "trapezoidal":
             square = 6.0 * square - top**2
-        elif kind == "curvilinear-trapezoidal" and inexact is not None:
+        elif curved and inexact is not None:
             square = 3.0 * (square - inexact**2 / 9.0)
-        elif kind == "curvilinear-trapezoidal":
-            square *= 3.0 / (1.0 + inexact_u**2 / 3.0)
         else:
-            square /= shape_moments(kind)[0]
+            more = 1.0 + inexact_u**2 / 3.0 if curved else 1.0
+            square /= shape_moments(kind)[0] * more
         half = math.sqrt(max(square, 0.0))
     share = inexact_u if inexact is None else (inexact / half if half > 0.0 else 0.0)
     if u is None:
         second = shape_moments(kind, top / half if half > 0.0 else 0.0)[0]
-        own = kind == "curvilinear-trapezoidal"
-        u = half * math.sqrt(second * (1.0 + share**2 / 3.0 if own else 1.0))
+        u = half * math.sqrt(second * (1.0 + share**2 / 3.0 if curved else 1.0))
     dof = dof if inexact is None else dof_of_inexact(share)
     return Distribution(kind=kind, u=u, dof=dof, half_width=half, top=top, inexact=share)
-
-
-def _covariance(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> FloatArray:
-    """V (n, n) of the inputs' estimates: a stated coefficient belongs to the whole of both inputs,
-    readings taken together give that of their type A parts alone, GUM eq. (17).
-    """
-    place = {item.name: i for i, item in enumerate(inputs)}
-    u = np.array([item.u for item in inputs])
-    covariance = np.diag(u**2)
-    for group in loaded.budget.simultaneous:
-        rows = [place[name] for name in group]
-        readings = np.array([loaded.budget.inputs[name].readings for name in group])
-        apart = readings - readings.mean(axis=1, keepdims=True)
-        n = readings.shape[1]
-        joint = apart @ apart.T / (n * (n - 1))
-        np.fill_diagonal(joint, u[rows] ** 2)
-        covariance[np.ix_(rows, rows)] = joint
-    for first, second, r in loaded.budget.correlations:
-        i, j = place[first], place[second]
-        covariance[i, j] = covariance[j, i] = r * u[i] * u[j]
-    return covariance
-
-
-def _clusters(loaded: LoadedBudget, inputs: Sequence[InputQuantity]) -> list[list[int]]:
-    """Connected sets of correlated inputs; simultaneous readings of one of them join in."""
-    from scipy.sparse.csgraph import connected_components
-
-    place = {item.name: i for i, item in enumerate(inputs)}
-    stated = [pair[:2] for pair in loaded.budget.correlations if pair[2] != 0.0]
-    named = {name for pair in stated for name in pair}
-    groups = [*stated, *(each for each in loaded.budget.simultaneous if named & set(each))]
-    joined = np.zeros((len(inputs), len(inputs)))
-    for group in groups:
-        rows = [place[name] for name in group]
-        joined[np.ix_(rows, rows)] = 1.0
-    count, label = connected_components(joined, directed=False)
-    sets = (np.flatnonzero(label == i).tolist() for i in range(count))
-    return [each for each in sets if len(each) > 1 and any(inputs[i].u > 0.0 for i in each)]
-
-
-def _sources(
-    loaded: LoadedBudget, inputs: Sequence[InputQuantity], covariance: FloatArray
-) -> tuple[Source, ...]:
-    """All sources of uncertainty; raises InputError for correlations that no inputs can have."""
-    clusters = _clusters(loaded, inputs)
-    place = {"file": loaded.source.shown, "line": loaded.line_of("correlations")}
-    sources: list[Source] = []
-    problems: list[Finding] = []
-    for rows in clusters:
-        try:
-            sources.append(_correlated(rows, [inputs[i] for i in rows], covariance))
-        except InputError as fault:
-            problems += [each.at(path="correlations", **place) for each in fault.findings]
-    if problems:
-        raise InputError(problems)
-    joined = {i for rows in clusters for i in rows}
-    apart = [(i, x) for i, item in enumerate(inputs) if i not in joined for x in item.parts]
-    for number in range(len(loaded.budget.simultaneous)):
-        # Type B contributions stand apart: only the scatter of the readings is shared.
-        shared = {i: part.distribution for i, part in apart if part.group == number}
-        if shared:
-            rows, members = list(shared), list(shared.values())
-            joint = covariance[np.ix_(rows, rows)].copy()
-            np.fill_diagonal(joint, [item.u**2 for item in members])
-            factor = factor_of(joint)
-            sources.append(Source(rows=rows, members=members, covariance=joint, factor=factor))
-    for i, part in apart:
-        if part.group is None:
-            square = np.array([[part.distribution.u**2]])
-            sources.append(Source(rows=[i], members=[part.distribution], covariance=square))
-    return tuple(sources)
 
 
 def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: FloatArray) -> Source:
@@ -316,6 +285,11 @@ def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: Flo
         reason = f"{listed(named, SHOWN_PAIRS)} cannot be correlated like this: {why}"
         return finding("wrong-correlation", reason=reason, expected=expected, **value)
 
+    def least_eigenvalue(r: FloatArray) -> float | None:
+        """Where it is below 0 by more than rounding."""
+        least = float(np.linalg.eigvalsh(r)[0])
+        return least if least < -NOT_DEFINITE * len(rows) else None
+
     names = [item.name for item in known]
     expected = "two inputs, their sum in the equation, and the correlation of one of them"
     problems = [
@@ -324,8 +298,8 @@ def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: Flo
         if not item.normal and len(item.parts) > 1
     ]
     joint = covariance[np.ix_(rows, rows)]
-    r, limit = np.nan_to_num(correlation_of(joint)), -NOT_DEFINITE * len(rows)
-    if (least := float(np.linalg.eigvalsh(r)[0])) < limit:
+    r = np.nan_to_num(correlation_of(joint))
+    if (least := least_eigenvalue(r)) is not None:
         pairs = [f"{names[a]}-{names[b]} {r[a, b]:.6g}" for a, b in np.argwhere(np.triu(r, 1))]
         why = f"the smallest eigenvalue of the correlation matrix is {least:.4g}"
         problems.append(impossible(pairs, why, "a matrix without negative eigenvalues"))
@@ -336,26 +310,24 @@ def _correlated(rows: list[int], known: Sequence[InputQuantity], covariance: Flo
         for x in known
     ]
     if not any(item.bounded for item in members):
-        return Source(rows=rows, members=members, covariance=joint, factor=factor_of(joint))
+        return Source(rows, members, joint, factor_of(joint))
     # The correlation matrix of the normals behind inputs that are not all normal.
     rho = np.eye(len(rows))
     for a, b in np.argwhere(np.tril(joint, -1)).tolist():
         wanted, of = float(joint[a, b]), (members[a], members[b])
         if (coefficient := normal_correlation(*of, wanted)) is None:
             unit = math.sqrt(joint[a, a] * joint[b, b])
-            # Rounded towards 0, so that what it says can be had.
+            # Rounded towards 0, so that what it says is possible.
             most = math.floor(1e6 * largest_covariance(*of) / unit) / 1e6
             why, value = "their distributions allow no coefficient so large", f"{wanted / unit:.9g}"
             ends = f"-{most:g} to {most:g}"
             problems.append(impossible((names[b], names[a]), why, ends, value=value))
         else:
             rho[a, b] = rho[b, a] = coefficient
-    if not problems and (least := float(np.linalg.eigvalsh(rho)[0])) < limit:
+    if not problems and (least := least_eigenvalue(rho)) is not None:
         why = f"the smallest eigenvalue of their Gaussian copula is {least:.4g}"
-        expected = "smaller coefficients, or normal distributions"
-        problems.append(impossible(names, why, expected))
+        problems.append(impossible(names, why, "smaller coefficients, or normal distributions"))
     if problems:
         raise InputError(problems)
     scale = np.array([1.0 if item.bounded else item.u for item in members])
-    factor = scale[:, None] * factor_of(rho)
-    return Source(rows=rows, members=members, covariance=joint, factor=factor)
+    return Source(rows, members, joint, scale[:, None] * factor_of(rho))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mtu_cli.analyses.budget.inputs import ROUNDING, Inputs, Source
+from mtu_cli.analyses.budget.inputs import ROUNDING, Inputs
 from mtu_cli.files.budget import LoadedBudget
 from mtu_cli.findings import Finding, InputError, finding
 from mtu_cli.language import Node, evaluate, names
@@ -22,7 +22,7 @@ from mtu_cli.stats.linear_distribution import Quantile, sum_quantile
 from mtu_cli.stats.workspace import Workspace
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class FirstOrder:
     """One output: `value` y, `sensitivity` c (n,), `contribution` |c| u (n,), `u`, effective
     degrees of freedom `dof`.
@@ -135,17 +135,10 @@ class BudgetTrials:
     The control variate is the first-order form, of which the engine knows the mean and, where all
     sources are independent, the variance exactly: of an equation that is linear, u is then free of
     chance. Where its distribution is known too (see `sum_quantile`) so are its quantiles, which
-    serve the ends of the interval. Where it is not `controlled`, as a single block cannot be, the
-    form is left out.
+    serve the ends of the interval.
     """
 
-    def __init__(
-        self,
-        trees: dict[str, Node],
-        inputs: Inputs,
-        first: Sequence[FirstOrder],
-        controlled: bool = True,
-    ) -> None:
+    def __init__(self, trees: dict[str, Node], inputs: Inputs, first: Sequence[FirstOrder]) -> None:
         self.names = tuple(trees)
         self.trees, self.inputs, self.work = trees, inputs, Workspace()
         self.value = np.array([item.value for item in inputs.quantities])[:, None]
@@ -154,18 +147,16 @@ class BudgetTrials:
         # A form that does not exist is a constant, which controls nothing.
         slopes = np.array([item.sensitivity for item in first])
         self.gradient = np.nan_to_num(slopes, posinf=0.0, neginf=0.0)
-        self.offset = np.array([item.value for item in first])
-        self.linear_mean: FloatArray | None = self.offset if controlled else None
+        self.linear_mean = np.array([item.value for item in first])
         # What cancels leaves a scatter that is none and would never converge.
-        self.rounding = ROUNDING * (np.abs(self.gradient) @ inputs.u)
-        still = ROUNDING * (np.abs(self.gradient) @ np.abs(self.value[:, 0]) + np.abs(self.offset))
-        self.rounding = np.maximum(self.rounding, np.where([x.u == 0.0 for x in first], still, 0.0))
-        if controlled:
-            # Where the variance overflows the trials do, too, which stops them.
-            with np.errstate(over="ignore", invalid="ignore"):
-                known = [self._control(g) for g in self.gradient]
-            self.linear_variance = np.array([variance for variance, _ in known])
-            self._quantiles = [quantile for _, quantile in known]
+        size = np.abs(self.gradient) @ np.abs(self.value[:, 0]) + np.abs(self.linear_mean)
+        size[[item.u != 0.0 for item in first]] = 0.0
+        self.rounding = ROUNDING * np.maximum(np.abs(self.gradient) @ inputs.u, size)
+        # Where the variance overflows the trials do, too, which stops them.
+        with np.errstate(over="ignore", invalid="ignore"):
+            known = [self._control(g) for g in self.gradient]
+        self.linear_variance = np.array([variance for variance, _ in known])
+        self._quantiles = [quantile for _, quantile in known]
 
     def _control(self, g: FloatArray) -> tuple[float, Quantile | None]:
         """Variance and quantiles of a first-order form with gradient `g`; nan and None where inputs
@@ -173,15 +164,14 @@ class BudgetTrials:
         """
         terms = []
         for source in self.inputs.sources:
-            own, dof = source.variance(g), source.members[0].dof
+            own, item = source.variance(g), source.members[0]
             if source.factor is not None and not source.is_t and np.any(g[source.rows]):
                 return math.nan, None
             if own > 0.0 and source.factor is None:
-                terms.append((float(g[source.rows[0]]), source.members[0]))
+                terms.append((float(g[source.rows[0]]), item))
             elif own > 0.0:
-                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(own), dof=dof)))
-        variance = math.fsum(c * c * item.drawn_variance for c, item in terms)
-        return variance, sum_quantile(terms)
+                terms.append((1.0, Distribution(kind="normal", u=math.sqrt(own), dof=item.dof)))
+        return math.fsum(c * c * item.drawn_variance for c, item in terms), sum_quantile(terms)
 
     def linear_quantiles(self, probability: FloatArray) -> FloatArray:
         """Those (outputs, n) of the first-order forms less their mean, nan where unknown."""
@@ -189,39 +179,32 @@ class BudgetTrials:
         return np.array([unknown if q is None else q(probability) for q in self._quantiles])
 
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
-        """Values and, where it controls, first-order values (outputs, m)."""
+        """Values and first-order values (outputs, m)."""
         deviation = self.work.array("deviation", (len(self.value), m))
         deviation[:] = 0.0
+        drawn = self.work.array("drawn", (m,))
         for source in self.inputs.sources:
-            self._add(source, rng, deviation)
+            if source.factor is None:
+                source.members[0].draw(rng, drawn, self.work)
+                deviation[source.rows[0]] += drawn
+                continue
+            joint = source.factor @ rng.standard_normal((source.factor.shape[1], m))
+            if not source.is_t:
+                for row, item in zip(joint, source.members, strict=True):
+                    _marginal(item, row, rng, drawn)
+            elif source.members[0].dof < NORMAL_DOF:
+                joint *= t_scales(source.members[0].dof, rng, drawn)
+            deviation[source.rows] += joint
         x = np.add(deviation, self.value, out=self.work.array("x", deviation.shape))
-        drawn = {item.name: x[i] for i, item in enumerate(self.inputs.quantities)}
+        of_name = {item.name: x[i] for i, item in enumerate(self.inputs.quantities)}
         values = self.work.array("values", (len(self.names), m))
         for k, tree in enumerate(self.trees.values()):
-            values[k] = evaluate(tree, drawn)
-            if np.all(np.abs(values[k] - self.offset[k]) <= self.rounding[k]):
-                values[k] = self.offset[k]
-        if self.linear_mean is None:
-            return Draws(values=values)
+            values[k] = evaluate(tree, of_name)
+            if np.all(np.abs(values[k] - self.linear_mean[k]) <= self.rounding[k]):
+                values[k] = self.linear_mean[k]
         linear = np.matmul(self.gradient, deviation, out=self.work.array("linear", values.shape))
-        linear += self.offset[:, None]
+        linear += self.linear_mean[:, None]
         return Draws(values=values, linear=linear)
-
-    def _add(self, source: Source, rng: np.random.Generator, deviation: FloatArray) -> None:
-        """Draws a source and adds it to the `deviation` (n, m) of its inputs."""
-        drawn = self.work.array("drawn", deviation.shape[1:])
-        if source.factor is None:
-            source.members[0].draw(rng, drawn, self.work)
-            deviation[source.rows[0]] += drawn
-            return
-        joint = source.factor @ rng.standard_normal((source.factor.shape[1], len(drawn)))
-        if source.is_t:
-            if source.members[0].dof < NORMAL_DOF:
-                joint *= t_scales(source.members[0].dof, rng, drawn)
-        else:
-            for row, item in zip(joint, source.members, strict=True):
-                _marginal(item, row, rng, drawn)
-        deviation[source.rows] += joint
 
 
 def _marginal(

@@ -12,18 +12,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
-from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import Estimates, estimated
-from mtu_cli.analyses.close_loop.forms import NOTHING_LEFT, candidates_of
-from mtu_cli.analyses.close_loop.held_out import averaged, corrected, held_out, of_written
+from mtu_cli.analyses.close_loop.experiment import minimum_detectable
+from mtu_cli.analyses.close_loop.held_out import averaged, contribution, corrected, held_out
 from mtu_cli.analyses.close_loop.posed import steps_of
 from mtu_cli.analyses.close_loop.result import (
     WORST,
@@ -34,6 +33,7 @@ from mtu_cli.analyses.close_loop.result import (
 )
 from mtu_cli.analyses.close_loop.strata import INTERACTION
 from mtu_cli.files.effects import EffectLibrary
+from mtu_cli.model.effect_library import NOTHING_LEFT, candidates_of
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.monte_carlo import Progress
@@ -61,18 +61,19 @@ def close_loop(
     """
 
     def one_table(number: int, table: ResidualTable) -> TableResult:
+        rate = alpha / len(tables)
+
         def done(part: int, parts: int) -> None:
             if progress is not None:
                 progress(number * parts + part, len(tables) * parts)
 
-        def diagnose(some: ResidualTable) -> Diagnosis:
+        def diagnose(some: ResidualTable, step: Callable[[], None] = lambda: None) -> Diagnosis:
             candidates = candidates_of(some, library, exclude)
-            rate = alpha / len(tables)
-            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed)
+            return diagnosed(some, candidates, alpha=rate, most=max_effects, seed=seed, step=step)
 
-        result = diagnose(table)
+        result = diagnose(table, lambda: done(0, 1))
         held = held_out(table, diagnose, lambda fold, folds: done(1 + fold, 1 + folds))
-        return _result(result, held, table, rate=alpha / len(tables), tables=len(tables))
+        return _result(result, held, table, rate=rate, tables=len(tables))
 
     with one_blas_thread():  # The order of sums depends on the number of threads; bytes must not.
         results = tuple(one_table(number, table) for number, table in enumerate(tables))
@@ -97,12 +98,9 @@ def _result(
     effects = described(found, sizes, compare=True)
     effects = tuple(replace(e, p_familywise=min(1.0, e.p_familywise * tables)) for e in effects)
     seen = table.there & ~found.outliers.any(axis=2)
-    after, mean = (
-        corrected(table, predicted, seen)
-        for predicted in (of_written(effects, table), averaged(found, effects, table))
-    )
-    variance = _entry_variance(found, sizes)
-    covariance = sizes.covariance * found.design.scale**2
+    after = corrected(table, contribution(effects, table, written=True), seen)
+    mean = corrected(table, averaged(found, effects, table), seen)
+    variance, floor = _variances(found, sizes)
     by, errors = (None, (table.errors, after, mean)) if held is None else held
 
     def score(errors: FloatArray) -> Scores:
@@ -127,35 +125,28 @@ def _result(
         in_sample_before=score(table.errors),
         in_sample_after=score(after),
         held_out_by=by,
-        floor=_repeatability(found, sizes),
-        crossings=crossings(effects, covariance, table),
-        covariance=covariance,
+        floor=floor,
+        crossings=crossings(effects, sizes.covariance, table),
+        covariance=sizes.covariance,
         stopped=found.models.stopped,
     )
 
 
-def _repeatability(found: Diagnosis, sizes: Estimates) -> float | None:
-    """Standard deviation of single entries about the means of parts and of features, at least that
-    of rounding; None where there are no such.
+def _variances(found: Diagnosis, sizes: Estimates) -> tuple[FloatArray, float | None]:
+    """The variance (A,) of a single entry by those of its strata, mm^2; and the standard deviation
+    of single entries about the means of parts and of features, at least that of rounding (None
+    where there are no such), mm.
     """
     design, fit = found.design, sizes.fit
-    variances, steps = [], steps_of(design.table) / design.scale
-    for s in design.strata.of(INTERACTION):
-        rest = fit.residual[design.strata.slices[s]]
-        rounding = steps[design.strata.axis[s]] ** 2 / 12
-        variances.append(max(float(rest @ rest / fit.dof[s]), float(rounding)))
-    return design.scale * float(np.sqrt(np.mean(variances))) if variances else None
-
-
-def _entry_variance(found: Diagnosis, sizes: Estimates) -> FloatArray:
-    """The variance (A,) of a single entry by the variances of its strata, mm^2."""
-    strata = found.design.strata
+    strata, axis = design.strata, np.array(design.strata.axis)
     P, H, A = strata.shape
-    total = np.zeros(A)
-    for s, n in enumerate(strata.sizes):
-        if sizes.fit.weights[s] > 0:
-            total[strata.axis[s]] += n / sizes.fit.weights[s]
-    return np.asarray(total / (P * H) * found.design.scale**2)
+    known = fit.weights > 0
+    total = np.bincount(axis[known], strata.sizes[known] / fit.weights[known], minlength=A)
+    inner, steps = np.array(strata.of(INTERACTION), int), steps_of(design.table) / design.scale
+    squares = np.array([np.sum(fit.residual[part] ** 2) for part in strata.slices])
+    own = np.maximum(squares[inner] / fit.dof[inner], steps[axis[inner]] ** 2 / 12)
+    floor = design.scale * float(np.sqrt(own.mean())) if len(own) else None
+    return np.asarray(total / (P * H) * design.scale**2), floor
 
 
 def scores(errors: FloatArray, axes: Sequence[str], variance: FloatArray) -> Scores:
@@ -191,6 +182,7 @@ def _judged(found: Diagnosis, rate: float, tables: int) -> tuple[Judged, ...]:
                 log_bayes_factor=float(total[i]) if finite else None,
                 posterior=float(shares[i]) if finite else None,
                 unavailable=None if tested else candidate.unavailable or NOTHING_LEFT,
+                notes=candidate.notes,
                 minimum_detectable=smallest.get(name) if tested else None,
             )
         )

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design, Member
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, Offset
 from mtu_cli.analyses.close_loop.estimate import Estimate, Estimates, Parameter
-from mtu_cli.analyses.close_loop.experiment import Experiment, Rival, experiment
-from mtu_cli.analyses.close_loop.forms import Candidate
+from mtu_cli.analyses.close_loop.experiment import experiment
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.model_set import Entry
-from mtu_cli.analyses.close_loop.result import FoundEffect
+from mtu_cli.analyses.close_loop.result import FoundEffect, component_of
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect, smooth_effect
 from mtu_cli.files.extend_machine import free_name
 from mtu_cli.language import evaluate, linear_form, parse
 from mtu_cli.language.tree import filled_text, names
+from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
@@ -40,18 +41,16 @@ def described(
     levels = {key for effect in offsets for key in effect.equations}
     effects = []
     for entry in found.entries:
-        if entry.item < 0:
-            effects.append(_with_levels(found, sizes, _smooth(found, entry), levels))
-            continue
-        estimate = estimates[entry.item]
-        effect = _as_table(_mean_effect(found, sizes, entry, estimate), found.design.table)
+        estimate = estimates.get(entry.item)
+        effect = _smooth(found, entry) if estimate is None else _mean(found, sizes, entry, estimate)
         effect = _with_levels(found, sizes, effect, levels)
-        if compare:
+        if compare and estimate is not None:
+            member, weights = estimate.member, sizes.fit.weights
             effect = replace(
                 effect,
-                explained_share=_explained(found.likelihood, sizes, estimate.member),
-                aliases=aliases(found.design, sizes.fit.weights, estimate.member),
-                experiment=_experiment(found, sizes, entry),
+                explained_share=_explained(found.likelihood, sizes, member),
+                aliases=aliases(found.design, weights, member),
+                experiment=experiment(found, entry, weights),
             )
         effects.append(effect)
     effects += [_scatter(found, *one) for one in found.scatter]
@@ -62,19 +61,18 @@ def _with_levels(
     found: Diagnosis, sizes: Estimates, effect: FoundEffect, levels: set[str]
 ) -> FoundEffect:
     """An effect with the level of each axis that is not yet in `levels`."""
-    scale, table = found.design.scale, found.design.table
+    table = found.design.table
     if table.fitted_degree >= 0 or table.datum != "none" or effect.candidate.over in OUTLYING:
         return effect
     for key in [key for key in effect.equations if key not in levels]:
         levels.add(key)
-        a = table.axes.index(key[1:])
-        level, text = _parameter(sizes.levels[a], scale), effect.equations[key]
+        a, text = table.axes.index(key[1:]), effect.equations[key]
         taken = {p.name for p in effect.parameters} | names(parse(text)).keys()
-        level = replace(level, name=free_name(level.name, taken, "_"))
+        level = replace(sizes.levels[a], name=free_name(sizes.levels[a].name, taken, "_"))
         rows = (*effect.rows, len(sizes.covariance) - len(table.axes) + a)
         covariance = np.pad(effect.covariance, (0, 1))
         if len(rows) == len(covariance):
-            covariance = sizes.covariance[np.ix_(rows, rows)] * scale**2
+            covariance = sizes.covariance[np.ix_(rows, rows)]
         else:  # A smooth effect has no size among those; it is independent of its mean.
             covariance[-1, -1] = level.u**2
         effect = replace(
@@ -120,39 +118,39 @@ def _candidate(found: Diagnosis, name: str) -> Candidate:
     return next(c for c in found.design.candidates if c.name == name)
 
 
-def _parameter(size: Parameter, scale: float) -> Parameter:
-    """A size in units of the scale, in mm or rad."""
-    return replace(size, value=size.value * scale, u=size.u * scale)
+def _judged(entry: Entry) -> dict[str, Any]:
+    """What the models say of an effect."""
+    return {
+        "p_familywise": entry.p,
+        "log_bayes_factor": entry.gain,
+        "posterior": entry.posterior,
+        "classes": tuple((name, p) for name, _, p in entry.credible),
+    }
 
 
-def _mean_effect(
-    found: Diagnosis, sizes: Estimates, entry: Entry, estimate: Estimate
-) -> FoundEffect:
-    scale, form, rows = found.design.scale, estimate.member.form, estimate.rows
-    return FoundEffect(
+def _mean(found: Diagnosis, sizes: Estimates, entry: Entry, estimate: Estimate) -> FoundEffect:
+    form, rows = estimate.member.form, estimate.rows
+    effect = FoundEffect(
         candidate=_candidate(found, entry.name),
         covariate=form.covariate,
-        parameters=tuple(_parameter(size, scale) for size in estimate.sizes),
-        covariance=sizes.covariance[np.ix_(rows, rows)] * scale**2,
+        parameters=estimate.sizes,
+        covariance=sizes.covariance[np.ix_(rows, rows)],
         rows=rows,
         equations=_equations(estimate),
         chosen=None if form.chosen is None else form.chosen[estimate.member.chosen or 0],
         searched=estimate.searched,
-        p_familywise=entry.p,
-        log_bayes_factor=entry.gain,
-        posterior=entry.posterior,
-        classes=tuple((name, p) for name, _, p in entry.credible),
+        **_judged(entry),
     )
+    return _as_table(effect, found.design.table)
 
 
 def _equations(estimate: Estimate) -> dict[str, str]:
     """The equations of an effect with its margins, and the change of what was searched: by its
     logarithm, the sizes in proportion.
     """
-    member = estimate.member
-    bound, value = member.form, member.value
+    bound, value = estimate.member.form, estimate.member.value
     terms: dict[str, list[str]] = {}
-    for each in (bound, *member.form.margins):
+    for each in (bound, *bound.margins):
         for key, text in each.texts(value).items():
             terms.setdefault(key, []).append(text)
     # Two effects that have the same change have it once.
@@ -201,34 +199,14 @@ def aliases(design: Design, weights: FloatArray, member: Member) -> tuple[str, .
     return tuple(dict.fromkeys(design.candidates[m.candidate].name for m in alike))
 
 
-def _experiment(found: Diagnosis, sizes: Estimates, entry: Entry) -> Experiment | None:
-    design, rivals = found.design, []
-    for _, item, posterior in entry.credible:
-        if item < 0:
-            continue
-        member = design.members[item]
-        fit = found.likelihood.fit(found.likelihood.closure((item,)))
-        estimates = [
-            fit.beta[fit.columns.index(i)] / f if i >= 0 else 0.0
-            for i, f in zip(member.indices, member.factors, strict=True)
-        ]
-        own = np.array(estimates[: len(member.form.parameters)])
-        rivals.append(Rival(member=member, sizes=own, posterior=posterior))
-    return experiment(found.design.table, rivals, design.strata, sizes.fit.weights)
-
-
 def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
-    design = found.design
+    design, like = found.design, found.likelihood
     kernel = design.kernels[-1 - entry.item]
     rest = tuple(item for item in found.model if item != entry.item)
-    effect = smooth_effect(
-        found.likelihood, found.likelihood.fit(found.models.columns(rest)), kernel
-    )
-    J = effect.values / max(effect.rms, 1e-300) / len(effect.values)
-    u = float(np.sqrt(max(float(J @ effect.covariance @ J), 0.0))) * design.scale
-    size = Parameter(
-        name="rms", unit=design.table.unit, value=effect.rms * design.scale, u=u, dof=effect.dof
-    )
+    table = smooth_effect(like, like.fit(found.models.columns(rest)), kernel)
+    J = table.values / max(table.rms, 1e-300) / len(table.values)
+    u2 = max(float(J @ table.covariance @ J), 0.0)
+    rms = {"name": "rms", "unit": design.table.unit, "value": table.rms, "u": u2**0.5}
     candidate = Candidate(
         name=entry.name,
         family=kernel.family,
@@ -237,24 +215,15 @@ def _smooth(found: Diagnosis, entry: Entry) -> FoundEffect:
         says=f"a smooth error of {(kernel.axis or '')[:1]} along {kernel.along}",
         sentence=f"{{A}} has a smooth error along {kernel.along}, {{value}} rms",
     )
-    smooth = FoundEffect(
-        candidate=candidate,
-        parameters=(size,),
-        covariance=np.array([[u**2]]),
-        equations={},
-        table=replace(
-            effect,
-            values=effect.values * design.scale,
-            covariance=effect.covariance * design.scale**2,
-            roughness=effect.roughness * design.scale**2,
-        ),
-        p_familywise=entry.p,
-        log_bayes_factor=entry.gain,
-        posterior=entry.posterior,
-        classes=tuple((name, p) for name, _, p in entry.credible),
-    )
     axis = design.table.axes[design.strata.axis[kernel.strata[0]]]
-    return replace(smooth, equations={f"E{axis}": smooth.component})
+    return FoundEffect(
+        candidate=candidate,
+        parameters=(Parameter(**rms, dof=table.dof),),
+        covariance=np.array([[u2]]),
+        equations={f"E{axis}": component_of(entry.name)},
+        table=table,
+        **_judged(entry),
+    )
 
 
 def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect:
@@ -271,7 +240,7 @@ def _scatter(found: Diagnosis, name: str, p: float, ratio: float) -> FoundEffect
 def _offset(found: Diagnosis, sizes: Estimates, offset: Offset) -> FoundEffect:
     axes, candidate = found.design.table.axes, _candidate(found, offset.name)
     a = axes.index(candidate.axis or axes[0])
-    level = _parameter(sizes.levels[a], found.design.scale)
+    level = sizes.levels[a]
     return FoundEffect(
         candidate=candidate,
         parameters=(replace(level, name="shift", role="own"),),

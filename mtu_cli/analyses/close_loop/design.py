@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.columns import Columns
-from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.missing import BoolArray, Missing
 from mtu_cli.analyses.close_loop.strata import (
     FEATURE,
@@ -19,7 +18,7 @@ from mtu_cli.analyses.close_loop.strata import (
     Levers,
     Strata,
 )
-from mtu_cli.model.effect_library import BoundTemplate
+from mtu_cli.model.effect_library import BoundTemplate, Candidate
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -387,8 +386,11 @@ def design_of(
     candidates: Sequence[Candidate],
     scale: float,
     gaps: Missing,
+    step: Callable[[], None],
 ) -> Design:
-    """The columns of all candidates that a table can test; errors are in units of `scale` (mm)."""
+    """The columns of all candidates that a table can test; errors are in units of `scale` (mm).
+    `step` is called for each.
+    """
     columns = Columns(strata)
     common, deviations = list[int](), dict[int, float]()
     for power in fitted_powers(table).T:
@@ -419,6 +421,7 @@ def design_of(
         mean_variance=(table.common.mean(axis=(0, 1)) ** 2).sum(axis=-1) / scale**2,
     )
     for c, candidate in enumerate(candidates):
+        step()
         if candidate.kind in ("scatter", "offset"):
             continue
         distinct = _distinct(

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mtu_cli.analyses.close_loop.design import Design
 from mtu_cli.analyses.close_loop.estimate import without_aliases
-from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.gate import CHECKS, Gate, level_of
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import BoolArray, outliers
 from mtu_cli.analyses.close_loop.model_set import SHARE, WINDOW, Entry, Model, ModelSet
 from mtu_cli.analyses.close_loop.posed import free_lines, posed, steps_of, variance_of
 from mtu_cli.analyses.close_loop.strata import FEATURE
+from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
 
 LEAST_MEAN = 1e-9
@@ -71,8 +71,11 @@ def diagnosed(
     alpha: float,
     most: int,
     seed: int,
+    step: Callable[[], None] = lambda: None,
 ) -> Diagnosis:
-    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most."""
+    """The diagnosis of a table at the family-wise rate `alpha`, with `most` effects at most; `step`
+    is called now and then.
+    """
     there = np.isfinite(table.errors).all(axis=2) & table.there
     hit = outliers(table.errors, there, free_lines(table), steps_of(table))
     if hit.any():
@@ -81,8 +84,8 @@ def diagnosed(
     moving: list[tuple[str, float, float]] = []
     of_features = None
     while True:
-        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features)
-        gate = Gate(likelihood, np.random.default_rng(seed))
+        likelihood = posed(table, candidates, [name for name, _, _ in moving], of_features, step)
+        gate = Gate(likelihood, np.random.default_rng(seed), step)
         models = ModelSet(likelihood, gate, alpha=alpha, most=most)
         model, entries = models.entries(without_aliases(models, models.search()))
         scatter = moving + models.scatter(model, [name for name, _, _ in moving])

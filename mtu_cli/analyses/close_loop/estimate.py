@@ -20,7 +20,7 @@ from mtu_cli.analyses.close_loop.design import (
     neighbours,
 )
 from mtu_cli.analyses.close_loop.gate import mean_of
-from mtu_cli.analyses.close_loop.likelihood import Columns, Fit, Likelihood
+from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
 from mtu_cli.analyses.close_loop.model_set import Model, ModelSet
 from mtu_cli.analyses.close_loop.strata import NONE
 from mtu_cli.model.effect_library import TableData
@@ -89,7 +89,7 @@ class Estimate:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimates:
     """All mean effects of a model; `covariance` (k, k) of their sizes, then of the levels of all
-    axes, internal units; `levels` (A,) are what is left of the mean beside the effects.
+    axes; `levels` (A,) are what is left of the mean beside the effects. In mm or rad.
     """
 
     effects: tuple[Estimate, ...]
@@ -181,17 +181,10 @@ def _inverse(K: FloatArray) -> FloatArray:
 
 def _intervals(values: FloatArray, near: FloatArray) -> tuple[Interval, ...]:
     """Runs of values in a set; a gap of one value is bridged, as the grid may miss a peak."""
-    inside = np.flatnonzero(near)
+    inside, ends = np.flatnonzero(near), np.pad(values, 1, mode="edge")
+    edges = (ends[1:] + ends[:-1]) / 2
     groups = np.split(inside, np.flatnonzero(np.diff(inside) > 2) + 1)
-    last = len(values) - 1
-    return tuple(
-        (
-            float((values[max(group[0] - 1, 0)] + values[group[0]]) / 2),
-            float((values[min(group[-1] + 1, last)] + values[group[-1]]) / 2),
-        )
-        for group in groups
-        if len(group)
-    )
+    return tuple((float(edges[own[0]]), float(edges[own[-1] + 1])) for own in groups)
 
 
 def polished(models: ModelSet, model: Model, item: int) -> tuple[int, Tangent | None]:
@@ -255,53 +248,57 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
     searched, if wanted.
     """
     design, like = models.design, models.likelihood
-    found, tangents = [], []
+    found = []
     for item in models.members(model):
         searched = searched_set(models, model, item) if sets else None
         best, tangent = polished(models, model, item)
-        if searched is not None and design.members[best].value is not None:
-            searched = replace(searched, value=float(design.members[best].value or 0.0))
+        if searched is not None and (value := design.members[best].value) is not None:
+            searched = replace(searched, value=value)
         found.append((best, tangent, searched))
-        tangents += [] if tangent is None else [tangent.index]
     smooth = (item for item in model if item < 0)
     closure = models.columns((*(best for best, _, _ in found), *smooth))
-    columns: Columns = tuple(dict.fromkeys((*closure, *tangents)))
-    fit = like.fit(columns)
-    axes, unit = design.table.axes, design.table.unit
+    tangents = [tangent.index for _, tangent, _ in found if tangent is not None]
+    fit = like.fit(tuple(dict.fromkeys((*closure, *tangents))))
+    axes, unit, k = design.table.axes, design.table.unit, len(fit.beta)
     # Columns alike but for their mean are one: that of the effect counts.
-    means = design.columns.means[list(fit.columns)].reshape(len(fit.beta), len(axes)).copy()
-    rows: list[FloatArray] = []
-    labels: list[tuple[str, str, str]] = []
+    means = design.columns.means[list(fit.columns)].reshape(k, len(axes)).copy()
+    rows, labels = list[FloatArray](), list[tuple[str, str, str]]()
     starts, used = [0], set[int]()
     for best, tangent, _ in found:
         member = design.members[best]
-        labels += _parameters(member)
+        form = member.form
+        labels += [(name, its, "own") for name, its in form.parameters.items()]
+        labels += [(n, its, "margin") for low in form.margins for n, its in low.parameters.items()]
         for index, factor, mean in zip(member.indices, member.factors, member.means, strict=True):
-            rows.append(np.zeros(len(fit.beta)))
+            rows.append(np.zeros(k))
             if index >= 0 and index not in used:
                 at = fit.columns.index(index)
                 rows[-1][at], means[at] = 1 / factor, mean / factor
                 used.add(index)
         if tangent is not None and tangent.index not in used:
-            rows.append(np.zeros(len(fit.beta)))
+            rows.append(np.zeros(k))
             norm = float(np.linalg.norm(tangent.sizes))
             rows[-1][fit.columns.index(tangent.index)] = norm / tangent.norm
-            name = f"{member.form.searched}_change"
-            labels.append((name, member.form.change_unit(), "searched"))
+            labels.append((f"{form.searched}_change", form.change_unit(), "searched"))
         starts.append(len(rows))
-    whole = np.concatenate([np.reshape(rows, (len(rows), len(fit.beta))), -means.T])
+    n = len(rows)
+    whole = np.concatenate([np.reshape(rows, (n, k)), -means.T])
     labels += [(f"level_{axis}", unit, "level") for axis in axes]
     covariance, values = whole @ fit.covariance @ whole.T, whole @ fit.beta
-    dof = np.array([_dof(fit, row) for row in whole])
-    grand = np.array([mean_of(like, fit.weights, fit.dof, a) for a in range(len(axes))])
-    values[len(rows) :] += grand[:, 0]
-    covariance[len(rows) :, len(rows) :] += np.diag(np.nan_to_num(grand[:, 1]))
-    dof[len(rows) :] = np.nan_to_num(grand[:, 2], nan=np.inf)
+    # Degrees of freedom of a sum of sizes are those of the largest part in it.
+    parts = np.abs(whole) * np.sqrt(np.diag(fit.covariance))
+    dof = [fit.effective_dof(int(np.argmax(p))) if p.any() else np.inf for p in parts]
+    for a in range(len(axes)):
+        mean, variance, nu = mean_of(like, fit.weights, fit.dof, a)
+        values[n + a] += mean
+        covariance[n + a, n + a] += np.nan_to_num(variance)
+        dof[n + a] = float(np.nan_to_num(nu, nan=np.inf))
+    values, covariance = values * design.scale, covariance * design.scale**2
     u = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     sizes = tuple(
-        Parameter(name=name, unit=unit, value=value, u=own_u, dof=own_dof, role=role)
-        for (name, unit, role), value, own_u, own_dof in zip(
-            labels, values.tolist(), u.tolist(), dof.tolist(), strict=True
+        Parameter(name=name, unit=unit, role=role, value=value, u=own, dof=nu)
+        for (name, unit, role), value, own, nu in zip(
+            labels, values.tolist(), u.tolist(), dof, strict=True
         )
     )
     estimates = tuple(
@@ -314,26 +311,7 @@ def estimated(models: ModelSet, model: Model, *, sets: bool = True) -> Estimates
         )
         for (best, tangent, searched), (first, end) in zip(found, pairwise(starts), strict=True)
     )
-    return Estimates(effects=estimates, levels=sizes[len(rows) :], covariance=covariance, fit=fit)
-
-
-def _dof(fit: Fit, row: FloatArray) -> float:
-    """Degrees of freedom of a sum of sizes: of the largest part in it."""
-    if not row.any():
-        return np.inf
-    i = int(np.argmax(np.abs(row) * np.sqrt(np.diag(fit.covariance))))
-    return fit.effective_dof(i)
-
-
-def _parameters(member: Member) -> list[tuple[str, str, str]]:
-    """(name, unit, role) of each parameter, its own and then those of the margins."""
-    own = [(name, unit, "own") for name, unit in member.form.parameters.items()]
-    lower = [
-        (name, unit, "margin")
-        for item in member.form.margins
-        for name, unit in item.parameters.items()
-    ]
-    return own + lower
+    return Estimates(effects=estimates, levels=sizes[n:], covariance=covariance, fit=fit)
 
 
 def levers_on(member: Member, data: TableData) -> list[dict[int, FloatArray]]:

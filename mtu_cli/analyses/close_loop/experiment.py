@@ -1,4 +1,4 @@
-"""The experiment that would separate a class: the follow-up with the largest separation.
+"""What a table would show: the smallest effects, and the experiment that would separate a class.
 
 Further parts (or passes) are added to the table as they would be made; the separation of two
 rivals is the distance, in standard deviations, of what one of them makes from all that the other
@@ -8,14 +8,19 @@ could (T-optimality, Atkinson & Fedorov 1975).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from mtu_cli.analyses.close_loop.design import Member
+from mtu_cli.analyses.close_loop.diagnosis import Diagnosis
 from mtu_cli.analyses.close_loop.estimate import levers_on
-from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, Strata, strata_of
+from mtu_cli.analyses.close_loop.gate import partial_out
+from mtu_cli.analyses.close_loop.model_set import Entry
+from mtu_cli.analyses.close_loop.strata import FEATURE, INTERACTION, strata_of
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.model.effect_library import TableData
 from mtu_cli.model.machine_model import AXES
@@ -31,104 +36,100 @@ ENOUGH = 1.25
 """Times the separation that more of the same gives, from which another experiment is worth it."""
 COUNTING = ("sequence", "tool_parts", "time_min")
 """Columns that go on from part to part."""
+POWER_DEVIATE = 0.8416212335729143
+"""Normal deviate of a power of 80 %."""
+LEAST = 1e-9
+"""Share of a column that its margins and the coefficients must leave."""
+
+Change = Callable[[FloatArray], FloatArray]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Experiment:
+class Experiment(NamedTuple):
     """What to do, and the separation of the rivals in standard deviations after it."""
 
     do: str
     predicted_d: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Rival:
-    """An effect of a class: its member, what it explains of the table's columns, its posterior."""
-
-    member: Member
-    sizes: FloatArray
-    posterior: float
-
-
-def experiment(
-    table: ResidualTable, rivals: Sequence[Rival], strata: Strata, weights: FloatArray
-) -> Experiment | None:
-    """The best follow-up for a class, the first rival the effect that is reported; None for one
-    rival alone. Of follow-ups that do as well, the one that is less work stands first.
+def experiment(found: Diagnosis, entry: Entry, weights: FloatArray) -> Experiment | None:
+    """The best follow-up for the class of an entry; None for an effect that is alone in it. Of
+    follow-ups that do as well, the one that is less work stands first; `weights` (S,) of strata.
     """
+    design, like = found.design, found.likelihood
+    rivals = [(design.members[m], p) for _, m, p in entry.credible if m >= 0]
     if len(rivals) < 2:
         return None
-    by_kind: dict[tuple[str, int], list[float]] = {}
-    for s, kind in enumerate(strata.kinds):
-        if weights[s] > 0:
-            by_kind.setdefault((kind, strata.axis[s]), []).append(1 / weights[s])
+    member, _ = rivals[0]
+    fit = like.fit(like.closure([next(m for _, m, _ in entry.credible if m >= 0)]))
+    sizes = np.array([
+        fit.beta[fit.columns.index(i)] / f if i >= 0 else 0.0
+        for i, f in zip(member.indices, member.factors, strict=True)
+    ][: len(member.form.parameters)])  # fmt: skip
+    strata, by_kind = design.strata, dict[tuple[str, int], list[float]]()
+    for s in np.flatnonzero(weights > 0).tolist():
+        by_kind.setdefault((strata.kinds[s], strata.axis[s]), []).append(1 / weights[s])
     variance = {key: float(np.mean(values)) for key, values in by_kind.items()}
-    best: tuple[float, str] | None = None
-    for do, further in follow_ups(table, rivals):
-        d = separation(further, rivals, variance)
-        if best is None or d > ENOUGH * best[0]:
-            best = (d, do)
-    return None if best is None else Experiment(do=best[1], predicted_d=best[0])
+    best = Experiment("", 0.0)
+    for do, further in follow_ups(design.table, [rival for rival, _ in rivals]):
+        d = separation(further, rivals, sizes, variance)
+        if not best.do or d > ENOUGH * best.predicted_d:
+            best = Experiment(do, d)
+    return best
 
 
 def separation(
-    table: ResidualTable, rivals: Sequence[Rival], variance: Mapping[tuple[str, int], float]
+    table: ResidualTable,
+    rivals: Sequence[tuple[Member, float]],
+    sizes: FloatArray,
+    variance: Mapping[tuple[str, int], float],
 ) -> float:
-    """The separation of the first rival from the others, weighted by their posterior, on a table
-    with the `variance` of each kind of stratum and axis.
+    """The separation of the first of the rivals, of these sizes, from the others, weighted by their
+    posteriors, on a table with the `variance` of each kind of stratum and axis.
     """
     P, H, A = table.errors.shape
-    lines = [np.zeros((H, 0))] * A
-    features = (FEATURE, 0) in variance
-    strata = strata_of(P, A, lines, H=H, features_scatter=features)
-    w = np.array(
-        [
-            1 / variance.get((kind, a), variance.get((INTERACTION, a), 1.0))
-            for kind, a in zip(strata.kinds, strata.axis, strict=True)
-        ]
-    )
-    root = np.sqrt(w)[strata.labels()]
-    data = TableData.of(table)
-    columns = []
-    for rival in rivals:
-        levers = [{a: v[None] for a, v in own.items()} for own in levers_on(rival.member, data)]
+    strata = strata_of(P, [np.zeros((H, 0))] * A, features_scatter=(FEATURE, 0) in variance)
+    keys = zip(strata.kinds, strata.axis, strict=True)
+    of_strata = [variance.get((k, a), variance.get((INTERACTION, a), 1.0)) for k, a in keys]
+    root = 1 / np.sqrt(of_strata)[strata.labels()]
+    columns, data = [], TableData.of(table)
+    for member, _ in rivals:
+        levers = [{a: v[None] for a, v in own.items()} for own in levers_on(member, data)]
         at, X = strata.of_levers(levers, 1)
         columns.append(np.zeros((len(levers), len(root))))
-        columns[-1][:, at] = X[0]
-    signal = (rivals[0].sizes @ columns[0][: len(rivals[0].sizes)]) * root
-    total, weight = 0.0, 0.0
-    for rival, X in zip(rivals[1:], columns[1:], strict=True):
-        Q, R = np.linalg.qr((X * root).T)
+        columns[-1][:, at] = X[0] * root[at]
+    signal, distances = sizes @ columns[0][: len(sizes)], []
+    for X in columns[1:]:
+        Q, R = np.linalg.qr(X.T)
         Q = Q[:, np.abs(np.diag(R)) > 1e-9 * max(np.abs(np.diag(R)).max(), 1e-300)]
-        rest = signal - Q @ (Q.T @ signal)
-        total += rival.posterior * float(np.linalg.norm(rest))
-        weight += rival.posterior
-    return total / weight if weight > 0 else 0.0
+        distances.append(float(np.linalg.norm(signal - Q @ (Q.T @ signal))))
+    return float(np.average(distances, weights=[max(p, 1e-300) for _, p in rivals[1:]]))
 
 
 def follow_ups(
-    table: ResidualTable, rivals: Sequence[Rival]
+    table: ResidualTable, rivals: Sequence[Member]
 ) -> Iterator[tuple[str, ResidualTable]]:
     """Further parts as before, then made otherwise in what the rivals depend on."""
     readings = table.component is not None
     noun, make = ("passes", "run") if readings else ("parts", "make and measure")
-    forms = [rival.member.form for rival in rivals]
+    forms = [rival.form for rival in rivals]
     used = {name for form in forms for name in form.used}
     used |= {axis for axis in AXES if any(axis in t for f in forms for t in f.texts().values())}
     yield f"{make} {MORE} more {noun} as before", extended(table)
     names = [name for name in table.covariates if name in used]
-    reverse = {n: np.negative for n in names if n.startswith("dir_")}
+    reverse: dict[str, Change] = {n: np.negative for n in names if n.startswith("dir_")}
     if reverse and not readings:
         yield "run the program in the reverse direction", extended(table, reverse)
-    again = {n: partial(_first, table.covariates[n]) for n in COUNTING if n in table.covariates}
+    counts = [name for name in COUNTING if name in table.covariates]
+    again: dict[str, Change] = {n: partial(_first, table.covariates[n]) for n in counts}
     if again.keys() & used and again.keys() - {"sequence"}:
         again.pop("sequence", None)
         rest = "after a cold start" if "time_min" in used else "with a new tool"
         yield f"{make} {MORE} more {noun} {rest}", extended(table, again)
-    warmer = {n: partial(np.add, OTHER_DAY_K) for n in names if is_temperature(n)}
+    hot = [name for name in names if is_temperature(name)]
+    warmer: dict[str, Change] = dict.fromkeys(hot, partial(np.add, OTHER_DAY_K))
     if warmer:
         yield f"{make} {MORE} more {noun} at {OTHER_DAY_K:g} K more", extended(table, warmer)
-    pitch = next((r.member.value for r in rivals if r.member.form.scale == "frequency"), None)
+    pitch = next((rival.value for rival in rivals if rival.form.scale == "frequency"), None)
     for i, axis in enumerate(AXES):
         known = table.places[..., i][np.isfinite(table.places[..., i])]
         span = float(np.ptp(known)) if len(known) else 0.0
@@ -138,14 +139,14 @@ def follow_ups(
             yield f"shift {what} by {shift:.3g} mm along {axis}", extended(table, shift={i: shift})
 
 
-def _first(values: FloatArray, _: FloatArray) -> FloatArray:
+def _first(values: FloatArray, further: FloatArray) -> FloatArray:
     """As the first parts were."""
-    return np.resize(values, (MORE, values.shape[1]))
+    return np.resize(values, (MORE, further.shape[1]))
 
 
 def extended(
     table: ResidualTable,
-    changes: Mapping[str, Callable[[FloatArray], FloatArray]] | None = None,
+    changes: Mapping[str, Change] | None = None,
     shift: Mapping[int, float] | None = None,
 ) -> ResidualTable:
     """The table with further parts, which repeat the last ones but for `changes` of columns and a
@@ -162,8 +163,7 @@ def extended(
                 step = np.diff(known, axis=0)
                 rise = float(np.median(step[step > 0])) if (step > 0).any() else 1.0
                 further = known[-1:] + rise * np.arange(1, MORE + 1)[:, None]
-            change = changes.get(name, np.asarray)
-            covariates[name] = np.concatenate([known, change(further)])
+            covariates[name] = np.concatenate([known, changes.get(name, np.asarray)(further)])
     places = np.concatenate([table.places, table.places[again]])
     for i, by in (shift or {}).items():
         places[P:, :, i] += by
@@ -175,3 +175,44 @@ def extended(
         places=places,
         covariates=covariates,
     )
+
+
+def minimum_detectable(found: Diagnosis, alpha: float) -> dict[str, float]:
+    """Root mean square, mm or rad, over the cells of the smallest effect of each candidate that
+    passes the gate four times in five; the median over its members. The effects that were found are
+    in the model.
+
+    The deviance of k columns among v degrees of freedom passes its limit D where the statistic t of
+    noncentral Student distribution is above c = sqrt(v (exp(D / v) - 1)). By (t (1 - 1/4v) - z) /
+    sqrt(1 + t^2/2v) ~ N(0, 1) (Abramowitz & Stegun 1972, 26.7.10) that has a probability of 80 % at
+    a signal-to-noise z = c (1 - 1/4v) + 0.84 sqrt(1 + c^2/2v). D is Sidak's over all candidates
+    and the members of each.
+    """
+    design, strata = found.design, found.design.strata
+    fit = found.likelihood.fit(found.models.columns(found.model))
+    P, H, _ = strata.shape
+    of = design.of[: design.tested]
+    counts = np.bincount(of)
+    tests = int((counts > 0).sum())
+    sizes = np.full(design.tested, np.nan)
+    for (low, k), group in design.groups():
+        left = partial_out(found.likelihood, group, (), low, fit.weights)
+        # The coefficients are uncertain as far as is known beforehand.
+        prior = np.sum(left.own_base**2 * found.likelihood.ridge(left.base), axis=(1, 2))
+        signal = (np.einsum("smkk->m", left.information) + prior) / k
+        crossed = design.columns.cross(left.own, left.own).sum(axis=-1)
+        shares = fit.weights[:, None] * crossed
+        v = np.maximum(fit.dof @ shares / shares.sum(axis=0) - k, 1.0)
+        p = (1 - (1 - alpha) ** (1 / tests)) / counts[of[group]]
+        c2 = v * np.expm1(np.minimum(chdtri(k, p) / v, 50.0))
+        z = np.sqrt(c2) * (1 - 0.25 / v) + POWER_DEVIATE * np.sqrt(1 + c2 / (2 * v))
+        axes = [np.bincount(strata.axis, own) > 0 for own in shares.T]
+        cells = P * H * np.sum(axes, axis=1)
+        seen = signal * k > LEAST * left.alone.sum(axis=1)
+        sizes[group] = np.where(seen, z / np.sqrt(np.where(seen, signal, 1.0) * cells), np.nan)
+    known = {c: sizes[(of == c) & np.isfinite(sizes)] for c in np.unique(of)}
+    return {
+        design.candidates[c].name: float(np.median(own)) * found.design.scale
+        for c, own in known.items()
+        if len(own)
+    }

@@ -52,7 +52,7 @@ def held_out(
         cells = np.broadcast_to(out[:, None] if by == "parts" else out, (P, H))
         found = diagnose(only(table, ~out, by))
         effects = described(found, estimated(found.models, found.model))
-        predicted = (np.zeros(table.errors.shape), of_written(effects, table))
+        predicted = (np.zeros(table.errors.shape), contribution(effects, table, written=True))
         for i, values in enumerate((*predicted, averaged(found, effects, table))):
             errors[i][cells] = corrected(table, values, ~cells)[cells]
 
@@ -79,43 +79,35 @@ def corrected(table: ResidualTable, predicted: FloatArray, seen: BoolArray) -> F
 
 def only(table: ResidualTable, kept: BoolArray, by: str) -> ResidualTable:
     """The table of some of its parts, or of its columns."""
-    parts = by == "parts"
-    axis = 0 if parts else 1
+    axis, names = (0, "parts") if by == "parts" else (1, "features")
 
     def cut(values: FloatArray) -> FloatArray:
-        if values.shape[axis] != len(kept) or len(kept) == 1:
-            return values
-        return np.compress(kept, values, axis=axis)
+        alike = values.shape[axis] != len(kept) or len(kept) == 1
+        return values if alike else np.compress(kept, values, axis=axis)
 
-    names = tuple(compress(table.parts if parts else table.features, kept))
+    arrays = {name: cut(getattr(table, name)) for name in ("errors", "places", "common", "of_part")}
+    own: dict[str, Any] = {names: tuple(compress(getattr(table, names), kept)), **arrays}
     return replace(
         table,
-        parts=names if parts else table.parts,
-        features=table.features if parts else names,
-        errors=cut(table.errors),
         repeats=np.compress(kept, table.repeats, axis=axis),
-        places=cut(table.places),
-        operation=table.operation if parts else table.operation[kept],
+        operation=table.operation if axis == 0 else table.operation[kept],
         covariates={name: cut(values) for name, values in table.covariates.items()},
-        common=cut(table.common),
-        of_part=cut(table.of_part),
+        **own,
     )
 
 
-def of_written(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:
-    """The contribution (P, H, A) of effects as a machine is written with them; what is off by
-    itself, a feature or an operation, is known as well.
+def contribution(
+    effects: Sequence[FoundEffect], table: ResidualTable, *, written: bool = False
+) -> FloatArray:
+    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees; only
+    of those that are `written`, or off by themselves: a feature or an operation is known as well.
     """
-    kept = [effect for effect in effects if effect.table is not None or not effect.ambiguous]
-    return contribution(kept, table)
-
-
-def contribution(effects: Sequence[FoundEffect], table: ResidualTable) -> FloatArray:
-    """What the equations of effects make of a table (P, H, A), mm, less what its datum frees."""
     total = np.zeros(table.errors.shape)
     columns: dict[str, Any] = dict(zip(AXES, np.moveaxis(table.places, 2, 0), strict=True))
     columns |= table.covariates
     for effect in effects:
+        if written and effect.ambiguous and effect.table is None:
+            continue
         known = columns | {p.name: p.value for p in effect.parameters}
         if (over := effect.candidate.over) is not None:
             known[CHOSEN] = choices(table, over).get(effect.chosen or "", 0.0)

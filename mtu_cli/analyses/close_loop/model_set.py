@@ -101,13 +101,14 @@ class ModelSet:
         model = tuple(sorted(model))
         columns = self.likelihood.closure(self.members(model))
         base = float(self.likelihood.evidence([columns])[0]) if columns else 0.0
-        kernels = [-1 - item for item in model if item < 0]
-        if kernels:
-            fit = self.likelihood.fit(columns)
-            base += sum(
-                self.likelihood.kernel_gain(fit, self.design.kernels[k])[0] for k in kernels
-            )
-        return base
+        return base + sum(self._gains(columns, [-1 - item for item in model if item < 0]))
+
+    def _gains(self, columns: Columns, kernels: Sequence[int]) -> list[float]:
+        """Log Bayes factors of random functions beside a model of these columns."""
+        if not kernels:
+            return []
+        like, fit = self.likelihood, self.likelihood.fit(columns)
+        return [like.kernel_gain(fit, self.design.kernels[k])[0] for k in kernels]
 
     # Additions.
 
@@ -126,10 +127,10 @@ class ModelSet:
         design, like = self.design, self.likelihood
         members, tested = self.members(model), range(design.tested)
         smooth = self.columns(model)[len(like.closure(members)) :]
-        base = self.value(model) - float(like.evidence([like.closure(members)], smooth)[0])
+        value = self.value(model)
+        base = value - float(like.evidence([like.closure(members)], smooth)[0])
         models = [like.closure((*members, m)) for m in tested]
-        logs = like.evidence(models, smooth) + base
-        weighed = logs + np.log(design.prior[: design.tested])
+        weighed = like.evidence(models, smooth) + base + np.log(design.prior[: design.tested])
         of = design.of[: design.tested]
         total = np.full(len(self.names), -np.inf)
         best: list[Item] = [0] * len(self.names)
@@ -147,30 +148,28 @@ class ModelSet:
                 others = weighed[(of == c) & (np.arange(design.tested) != m)]
                 total[c] = logsumexp(np.concatenate([others, finer]))
                 best[c] = fine[int(np.argmax(finer))]
-        fit = like.fit(like.closure(members))
-        base = self.value(model)
-        for i, k in enumerate(self.named):
-            j = len(design.candidates) + i
-            total[j] = base + like.kernel_gain(fit, design.kernels[k])[0]
-            best[j] = -1 - k
+        first = len(design.candidates)
+        total[first:] = value + np.array(self._gains(like.closure(members), self.named))
+        best[first:] = [-1 - k for k in self.named]
         return total, best
 
     def without_name(self, model: Model) -> FloatArray:
         """Log marginal likelihood, with their odds, of nameless random functions beside a model."""
-        fit = self.likelihood.fit(self.likelihood.closure(self.members(model)))
-        base = self.value(model)
-        gains = [self.likelihood.kernel_gain(fit, self.design.kernels[k])[0] for k in self.nameless]
-        result: FloatArray = base + np.array(gains) + np.log(ODDS)
-        return result
+        gains = self._gains(self.likelihood.closure(self.members(model)), self.nameless)
+        return self.value(model) + np.array(gains) + np.log(ODDS)
+
+    def _others(self, model: Model) -> tuple[FloatArray, list[Item]]:
+        """The additions to a model that are not in it yet."""
+        total, best = self.additions(model)
+        total[[self.place(item) for item in model]] = -np.inf
+        return total, best
 
     def _passing(self, model: Model) -> list[Item]:
         """Items that pass the gate beside a model, the likeliest first; beside others only those
         that make the model likelier, their prior counted: each of them is one more test.
         """
         p = self.gate(self.columns(model))
-        total, best = self.additions(model)
-        for item in model:
-            total[self.place(item)] = -np.inf
+        total, best = self._others(model)
         least = self.value(model) + np.log(len(self.names)) if model else -np.inf
         order = [
             i
@@ -221,11 +220,8 @@ class ModelSet:
         """The model with the likeliest that passes in the place of one item, or nothing."""
         rest = tuple(x for x in model if x != item)
         p = self.gate(self.columns(rest))
-        total, best = self.additions(rest)
-        passes = np.array([p.get(name, 1.0) <= self.alpha for name in self.names])
-        total[~passes] = -np.inf
-        for x in rest:
-            total[self.place(x)] = -np.inf
+        total, best = self._others(rest)
+        total[[p.get(name, 1.0) > self.alpha for name in self.names]] = -np.inf
         c = int(np.argmax(total))
         if not np.isfinite(total[c]):
             return rest
@@ -252,9 +248,7 @@ class ModelSet:
 
     def _entry(self, model: Model, item: Item) -> Entry:
         rest = tuple(x for x in model if x != item)
-        total, best = self.additions(rest)
-        for x in rest:
-            total[self.place(x)] = -np.inf
+        total, best = self._others(rest)
         smooth = self.without_name(rest) if self.nameless else np.zeros(0)
         without = self.value(rest)
         # What is less likely than nothing explains nothing.
@@ -272,20 +266,14 @@ class ModelSet:
         order = np.argsort(-posterior, kind="stable")
         count = 1 + int(np.searchsorted(np.cumsum(posterior[order]), SHARE))
         credible = [int(i) for i in order[:count]]
-        if c not in credible:
-            credible.insert(0, c)
-        named = [i for i in credible if i < len(self.names)]
-        named.sort(key=lambda i: (i != c, -posterior[i]))
-        items = [item if i == c else best[i] for i in named]
+        best[c], others = item, [i for i in credible if i < len(self.names) and i != c]
         return Entry(
             item=item,
             name=self.names[c],
             p=passing.get(self.names[c], 1.0),
             gain=float(total[c] - without),
             posterior=float(posterior[c]),
-            credible=tuple(
-                (self.names[i], x, float(posterior[i])) for i, x in zip(named, items, strict=True)
-            ),
+            credible=tuple((self.names[i], best[i], float(posterior[i])) for i in (c, *others)),
             nameless=float(posterior[len(self.names) :].sum()),
             overtaken=bool(len(smooth) and smooth.max() > total[c]),
         )

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.close_loop.design import (
-    Design,
-    design_of,
-    smooth_covariance,
-)
-from mtu_cli.analyses.close_loop.forms import Candidate
+from mtu_cli.analyses.close_loop.design import Design, design_of, smooth_covariance
 from mtu_cli.analyses.close_loop.likelihood import Fit, Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.strata import INTERACTION, LINE, PART, Strata, strata_of
+from mtu_cli.model.effect_library import Candidate
+from mtu_cli.model.machine_model import AXES
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -33,6 +30,7 @@ def posed(
     candidates: Sequence[Candidate],
     scatter: Sequence[str] = (),
     of_features: FloatArray | None = None,
+    step: Callable[[], None] = lambda: None,
 ) -> Likelihood:
     """The likelihood of a table's errors in its strata with the columns of its candidates, beside
     motions of whole parts that `scatter`, which are lines of their own, the last of each axis;
@@ -46,7 +44,7 @@ def posed(
     strata = _strata(table, errors, scatter)
     if of_features is not None:
         strata = _with_moved_means(strata, errors, len(scatter), of_features / scale**2)
-    design = design_of(table, strata, candidates, scale, gaps)
+    design = design_of(table, strata, candidates, scale, gaps, step)
     n = _dof(design)
     design.kernels = tuple(k for k in design.kernels if all(n[s] > 0 for s in k.strata))
     y = np.where(n[strata.labels()] > 0, strata.coordinates(errors), 0.0)
@@ -137,37 +135,25 @@ def free_lines(table: ResidualTable) -> FloatArray:
 
 def _scale(errors: FloatArray, steps: FloatArray, lines: FloatArray) -> float:
     """A size of the errors: their interaction's standard deviation, else their own."""
-    A = errors.shape[2]
-    inner = [float(np.std(interaction(errors[..., a], lines))) for a in range(A)]
-    for size in (
-        max(inner),
-        float(np.std(errors)),
-        float(steps.max()),
-        float(np.abs(errors).max()),
-    ):
-        if size > 1e-12 * max(float(np.abs(errors).max()), 1e-300):
-            return size
-    return 1.0
+    inner = [float(np.std(interaction(own, lines))) for own in np.moveaxis(errors, 2, 0)]
+    largest = float(np.abs(errors).max())
+    sizes = (max(inner), float(np.std(errors)), float(steps.max()), largest)
+    return next((size for size in sizes if size > 1e-12 * max(largest, 1e-300)), 1.0)
 
 
 def _strata(table: ResidualTable, errors: FloatArray, moving: Sequence[str]) -> Strata:
-    P, H, A = errors.shape
-    readings = table.component is not None
-    lines = _lines(table, readings)
+    P, readings = len(errors), table.component is not None
+    lines = _lines(table)
     for lever in (lever_of(name, table.axes, table.mean_places) for name in moving):
         if lever is not None:
             lines = [_with_line(own, lever[:, a]) for a, own in enumerate(lines)]
     along = _along(table) if readings and P >= FEWEST_FOR_BENDS else None
     rough = None if along is None else smooth_covariance(along)
-
-    def made(bends: float) -> Strata:
-        return strata_of(
-            P, A, lines, H=H, features_scatter=not readings, roughness=rough, bends=bends
-        )  # fmt: skip
-
-    result = made(0.0)
+    result = strata_of(P, lines, features_scatter=not readings, roughness=rough)
     bends = 0.0 if rough is None else own_bends(result, errors)
-    return made(bends) if bends > 0 else result
+    if not bends:
+        return result
+    return strata_of(P, lines, features_scatter=not readings, roughness=rough, bends=bends)
 
 
 def _with_moved_means(
@@ -196,22 +182,16 @@ def _along(table: ResidualTable) -> FloatArray | None:
     return places[:, i] if spans[i] > 0 and len(np.unique(places[:, i])) > 3 else None
 
 
-def _lines(table: ResidualTable, readings: bool) -> list[FloatArray]:
+def _lines(table: ResidualTable) -> list[FloatArray]:
     """Orthonormal directions (H, k) by axis along which whole parts move beside their level."""
     _, H, A = table.errors.shape
-    if readings:
+    if table.component is not None:
         return [_reading_lines(table)] * A
-    if not table.of_part.shape[3]:
-        return [np.zeros((H, 0))] * A
-    F = table.of_part.mean(axis=0)
     result = []
-    for a in range(A):
-        own = F[:, a] - F[:, a].mean(axis=0)
-        size = np.sum(own**2)
-        whole = np.sum(F[:, a].mean(axis=0) ** 2) * H
-        U, s, _ = np.linalg.svd(own, full_matrices=False)
-        kept = s**2 > NOTABLE * max(whole, 1e-300) if size > 0 else np.zeros(len(s), bool)
-        result.append(U[:, kept][:, :2])
+    for F in np.moveaxis(table.of_part.mean(axis=0), 1, 0):
+        whole = max(float(np.sum(F.mean(axis=0) ** 2)) * H, 1e-300)
+        U, s, _ = np.linalg.svd(F - F.mean(axis=0), full_matrices=False)
+        result.append(U[:, s**2 > NOTABLE * whole][:, :2])
     return result
 
 
@@ -225,40 +205,29 @@ def _with_line(lines: FloatArray, direction: FloatArray) -> FloatArray:
 
 def lever_of(name: str, axes: tuple[str, ...], places: FloatArray) -> FloatArray | None:
     """The unit pattern (H, A) of a small turn or growth of a whole part."""
-    own = ["xyz".index(axis) for axis in axes if axis in "xyz"]
-    if len(own) < len(axes):
+    if not {*axes} <= {*AXES} or ("rotation" in name and not {"x", "y"} <= {*axes}):
         return None
-    q = places[:, own] - places[:, own].mean(axis=0)
+    q = places[:, [AXES.index(axis) for axis in axes]]
+    q = q - q.mean(axis=0)
     if "rotation" in name:
-        if not {"x", "y"} <= set(axes):
-            return None
-        found = np.zeros_like(q)
-        i, j = axes.index("x"), axes.index("y")
-        found[:, i], found[:, j] = -q[:, j], q[:, i]
-        q = found
+        turned, (i, j) = np.zeros_like(q), map(axes.index, "xy")
+        turned[:, i], turned[:, j] = -q[:, j], q[:, i]
+        q = turned
     size = np.linalg.norm(q)
     return q / size if size > 0 else None
 
 
 def _reading_lines(table: ResidualTable) -> FloatArray:
     """Orthonormal directions (H, k) of passes beside their level: slope, direction, and both."""
-    columns = [np.ones(len(table.features))]
-    along = _along(table)
-    if along is not None:
-        columns.append(along)
+    columns, along = [np.ones(len(table.features))], _along(table)
+    columns += [] if along is None else [along]
     sign = next((v for k, v in table.covariates.items() if k.startswith("dir_")), None)
     if sign is not None and sign.shape == (1, len(table.features)):
         columns.append(np.asarray(sign[0], float))
-        if along is not None:
-            columns.append(sign[0] * (along - along.mean()))
-    return _orthonormal(np.column_stack(columns))
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    """Columns made orthonormal to the first, which is left out, and to each other."""
-    size = np.linalg.norm(columns, axis=0)
-    left = np.abs(np.diag(np.linalg.qr(columns, mode="r")))
-    Q, R = np.linalg.qr(columns[:, left > 1e-8 * size])
+        columns += [] if along is None else [sign[0] * (along - along.mean())]
+    X = np.column_stack(columns)
+    left = np.abs(np.diag(np.linalg.qr(X, mode="r")))
+    Q, R = np.linalg.qr(X[:, left > 1e-8 * np.linalg.norm(X, axis=0)])
     return np.asarray((Q * np.sign(np.diag(R)))[:, 1:])
 
 
@@ -270,16 +239,9 @@ def own_bends(strata: Strata, errors: FloatArray) -> float:
     y = strata.coordinates(errors)
     _axis, i, j = np.unravel_index(strata.place, (A, P, H))
     inner = np.isin(strata.labels(), strata.of(INTERACTION)) & (i > 0)
-    squares = np.asarray(np.bincount(j[inner], y[inner] ** 2, minlength=H), float)
-    count = np.bincount(j[inner], minlength=H).astype(float)
-    there = count > 0
-    return _bends(squares[there], count[there], strata.bends[there])
-
-
-def _bends(squares: FloatArray, count: FloatArray, shape: FloatArray) -> float:
+    squares, count = (np.bincount(j[inner], w, H) for w in (y[inner] ** 2, np.ones(inner.sum())))
     grid = np.concatenate([[0.0], np.geomspace(0.01, 1000, 40)])
-    spread = 1 + grid[:, None] * shape
-    n = count.sum()
+    spread = 1 + grid[:, None] * strata.bends
     left = np.maximum((squares / spread).sum(axis=1), 1e-300)
-    deviance = (count * np.log(spread)).sum(axis=1) + n * np.log(left)
+    deviance = (count * np.log(spread)).sum(axis=1) + count.sum() * np.log(left)
     return float(grid[int(np.argmin(deviance))])

@@ -8,15 +8,20 @@ from typing import Literal
 
 from mtu_cli.analyses.close_loop.estimate import Parameter, Searched
 from mtu_cli.analyses.close_loop.experiment import Experiment
-from mtu_cli.analyses.close_loop.forms import Candidate
 from mtu_cli.analyses.close_loop.smooth import SmoothEffect
 from mtu_cli.findings import Finding
 from mtu_cli.language import names, parse
+from mtu_cli.model.effect_library import Candidate
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.least_squares import FloatArray
 
 Verdict = Literal["none", "named", "class", "unexplained"]
 WORST: tuple[Verdict, ...] = ("unexplained", "class", "named", "none")
+
+
+def component_of(effect: str) -> str:
+    """What a smooth effect is called in equations."""
+    return effect.replace("-", "_")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +68,7 @@ class FoundEffect:
     @property
     def component(self) -> str:
         """What a smooth effect is called in equations."""
-        return self.name.replace("-", "_")
+        return component_of(self.name)
 
     def of_role(self, *roles: str) -> tuple[Parameter, ...]:
         """Its parameters of some roles."""
@@ -94,7 +99,8 @@ class FoundEffect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
-    """A candidate added to the known model alone; `unavailable` says why it could not be tested.
+    """A candidate added to the known model alone; `unavailable` says why it could not be tested,
+    `notes` why some of its forms could not.
 
     `minimum_detectable` is the root mean square, over the cells, of an effect that would be found
     four times in five.
@@ -106,6 +112,7 @@ class Judged:
     log_bayes_factor: float | None
     posterior: float | None
     unavailable: str | None
+    notes: str = ""
     minimum_detectable: float | None = None
 
 

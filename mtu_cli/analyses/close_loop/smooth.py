@@ -20,7 +20,7 @@ SAME = 1e-9
 class SmoothEffect:
     """Values (T,) at `knots` (T,) mm along axis `along`, about their line and the features' mean,
     with the covariance (T, T); `roughness` is the variance of the integrated Wiener process per
-    mm^3, `between` a variance off the knots. In units of the scale.
+    mm^3, `between` a variance off the knots. In mm or rad.
     """
 
     along: str
@@ -70,15 +70,14 @@ def smooth_effect(likelihood: Likelihood, fit: Fit, kernel: Kernel) -> SmoothEff
     if nu < 2 or rest <= 0:
         rest, nu = float(fit.dof[s] / fit.weights[s]), round(fit.dof[s])
     values, covariance, amplitude2 = averaged(G, z, B / np.sqrt(scale), rest, nu)
-    s2 = rest / nu
+    variance = rest / nu * design.scale**2
     # The level is estimated with those of all other effects: of the features none is left here.
     about = np.eye(len(knots)) - np.bincount(at) / len(at)
-    values, covariance = about @ values, about @ covariance @ about.T
     return SmoothEffect(
         along=along,
         knots=knots,
-        values=values,
-        covariance=covariance * s2,
-        roughness=amplitude2 * s2 / scale,
+        values=about @ values * design.scale,
+        covariance=about @ covariance @ about.T * variance,
+        roughness=amplitude2 * variance / scale,
         dof=float(nu),
     )

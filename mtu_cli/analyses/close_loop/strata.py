@@ -8,7 +8,6 @@ coordinates C' Y B are independent, and have one variance in each stratum (Nelde
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -40,49 +39,12 @@ def to_contrasts(tables: FloatArray) -> FloatArray:
     return result
 
 
-@dataclass(frozen=True, slots=True)
-class Reflections:
-    """An orthonormal basis (n, n) as few reflections, diag(`signs`) - V W, V (n, k), W (k, n): rows
-    are turned by it in a time that grows as k n (Schreiber & Van Loan 1989).
-    """
-
-    signs: FloatArray
-    V: FloatArray
-    W: FloatArray
-
-    @classmethod
-    def beginning_with(cls, first: FloatArray) -> Reflections:
-        """The basis that begins with orthonormal columns `first` (n, k).
-
-        >>> first = np.full((4, 1), 0.5)
-        >>> basis = Reflections.beginning_with(first).turned(np.eye(4))
-        >>> bool(np.allclose(basis.T @ basis, np.eye(4)) and np.allclose(basis[:, :1], first))
-        True
-        """
-        n, k = first.shape
-        raw, scales = np.linalg.qr(first, mode="raw")
-        V = np.tril(raw.T, -1) + np.eye(n, k)
-        T = np.zeros((k, k))
-        for j, scale in enumerate(scales):
-            T[:j, j] = -scale * T[:j, :j] @ (V[:, :j].T @ V[:, j])
-            T[j, j] = scale
-        # A factorisation is free in the signs of its columns; coordinates must keep those of first.
-        signs = np.ones(n)
-        signs[:k] = np.sign(np.diag(raw.T))
-        return cls(signs, V, T @ V.T * signs)
-
-    def turned(self, rows: FloatArray) -> FloatArray:
-        """Rows (..., n) in the basis."""
-        return np.asarray(rows * self.signs - (rows @ self.V) @ self.W)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Strata:
     """Coordinates of tables (P, H, A), ordered by stratum.
 
-    `of_parts` (P, P), `of_features` (A, H, H) orthonormal, by axis `reflected` if they are no more
-    than reflections; `place` (N,) are the flat indices of the
-    coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
+    `of_parts` (P, P), `of_features` (A, H, H) are orthonormal; `place` (N,) are the flat indices of
+    the coordinates in (A, P, H), and `at` (A, P, H) the coordinate of each; stratum s is the slice
     `slices[s]`, along the axis `axis[s]`, and its kind is `kinds[s]`. `spread` (N,) are standard
     deviations relative to the stratum's; `bends` (H,) the variance of bends that parts have of
     their own, by direction of the features (mean 1).
@@ -90,7 +52,6 @@ class Strata:
 
     of_parts: FloatArray
     of_features: FloatArray
-    reflected: tuple[Reflections | None, ...]
     place: IntArray
     at: IntArray
     slices: tuple[slice, ...]
@@ -129,12 +90,7 @@ class Strata:
         """
         P, H, _ = self.shape
         p, h = values.shape[-2:]
-        if h < H:
-            turned = values * np.sqrt(H)
-        elif (basis := self.reflected[a]) is not None:
-            turned = basis.turned(values)
-        else:
-            turned = values @ self.of_features[a]
+        turned = values @ self.of_features[a] if h == H else values * np.sqrt(H)
         return to_contrasts(turned) if p == P else turned * np.sqrt(P)
 
     def of_levers(self, columns: Sequence[Levers], G: int) -> tuple[IntArray, FloatArray]:
@@ -169,52 +125,40 @@ class Strata:
 
 def strata_of(
     P: int,
-    axes: int,
     lines: Sequence[FloatArray],
     *,
-    H: int,
     features_scatter: bool,
     roughness: FloatArray | None = None,
     bends: float = 0.0,
 ) -> Strata:
-    """The strata of P parts with H features along some axes.
+    """The strata of P parts with H features.
 
     `lines` (H, k) by axis are orthonormal and orthogonal to the level, each with a variance of its
-    own over the parts. `features_scatter`: the features' means have one;
-    where not, they belong to the strata of the parts (V = I_P x S). The mean of all is in none:
-    every effect has an offset beside it. `roughness` (H, H) is the covariance of the bends that
-    every part has of its own, `bends` their variance over the interaction's.
+    own over the parts. `features_scatter`: the features' means have one; where not, they belong to
+    the strata of the parts (V = I_P x S). The mean of all is in none: every effect has an offset
+    beside it. `roughness` (H, H) is the covariance of the bends that every part has of its own,
+    `bends` their variance over the interaction's.
     """
-    level = np.full((H, 1), 1 / np.sqrt(H))
-    bases, spreads = [], []
-    reflected: list[Reflections | None] = []
-    shape = np.zeros(H)
-    for a in range(axes):
-        simple = Reflections.beginning_with(np.column_stack([level, lines[a]]))
-        basis = simple.turned(np.eye(H))
-        k = 1 + lines[a].shape[1]
-        spread = np.ones(H)
-        reflected.append(simple if roughness is None else None)
+    A, H = len(lines), len(lines[0])
+    bases, spreads, shape = np.zeros((A, H, H)), np.ones((A, 1, H)), np.zeros(H)
+    label, kinds, axis = np.full((A, P, H), NONE), list[str](), list[int]()
+    first = 1 if features_scatter else 0
+    for a, own in enumerate(lines):
+        begin = np.column_stack([np.full(H, 1 / np.sqrt(H)), own])
+        k = begin.shape[1]
+        basis, R = np.linalg.qr(begin, mode="complete")
+        # A factorisation is free in the signs of its columns.
+        basis[:, :k] *= np.sign(np.diag(R))
         if roughness is not None and k < H:
-            inner = basis[:, k:].T @ roughness @ basis[:, k:]
-            values, turn = np.linalg.eigh(inner)
-            basis = np.column_stack([basis[:, :k], basis[:, k:] @ turn[:, ::-1]])
-            relative = np.maximum(values[::-1], 0.0) / values.mean()
-            shape[k:] = relative
-            spread[k:] = np.sqrt(1 + bends * relative)
-        bases.append(basis)
-        spreads.append(spread)
-    label = np.full((axes, P, H), NONE)
-    kinds: list[str] = []
-    axis: list[int] = []
-    for a in range(axes):
-        k = 1 + lines[a].shape[1]
-        first = 1 if features_scatter else 0
+            values, turn = np.linalg.eigh(basis[:, k:].T @ roughness @ basis[:, k:])
+            basis[:, k:] = basis[:, k:] @ turn[:, ::-1]
+            shape[k:] = np.maximum(values[::-1], 0.0) / values.mean()
+            spreads[a, 0, k:] = np.sqrt(1 + bends * shape[k:])
+        bases[a] = basis
         groups: list[tuple[str, tuple[slice, slice]]] = [(PART, (slice(1, None), slice(0, 1)))]
         groups += [(LINE, (slice(first, None), slice(j, j + 1))) for j in range(1, k)]
-        if features_scatter:
-            groups.append((FEATURE, (slice(0, 1), slice(1, None))))
-        groups.append((INTERACTION, (slice(first, None), slice(k, None))))
+        groups += [(FEATURE, (slice(0, 1), slice(1, None)))] if features_scatter else []
+        groups += [(INTERACTION, (slice(first, None), slice(k, None)))]
         for kind, where in groups:
             if label[a][where].size:
                 label[a][where] = len(kinds)
@@ -222,19 +166,17 @@ def strata_of(
                 axis.append(a)
     flat = label.ravel()
     place = np.argsort(flat, kind="stable")[np.sum(flat == NONE) :]
-    ends = np.concatenate([[0], np.cumsum([np.sum(flat == s) for s in range(len(kinds))])])
-    spread = np.broadcast_to(np.array(spreads)[:, None, :], (axes, P, H)).ravel()[place]
-    at = np.full(axes * P * H, NONE)
+    ends = np.searchsorted(flat[place], np.arange(len(kinds) + 1)).tolist()
+    at = np.full(flat.shape, NONE)
     at[place] = np.arange(len(place))
     return Strata(
         of_parts=to_contrasts(np.eye(P)).T,
-        of_features=np.array(bases),
-        reflected=tuple(reflected),
+        of_features=bases,
         place=place,
-        at=at.reshape(axes, P, H),
-        slices=tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends)),
+        at=at.reshape(label.shape),
+        slices=tuple(map(slice, ends[:-1], ends[1:])),
         kinds=tuple(kinds),
         axis=tuple(axis),
-        spread=spread,
+        spread=np.broadcast_to(spreads, label.shape).ravel()[place],
         bends=shape,
     )

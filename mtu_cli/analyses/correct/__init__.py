@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import NamedTuple
 
 import numpy as np
 
@@ -15,19 +14,15 @@ from mtu_cli.analyses.correct.scatter import (
     FormLeft,
     Kind,
     PointScatter,
-    Ring,
     forms_left,
     point_scatter,
-    unexplained,
 )
 from mtu_cli.analyses.correct.sizes import (
     Sides,
     Size,
-    mean_size,
-    sizes_of,
-    tasks_of,
+    mean_sizes,
+    measured_sizes,
     wanted_of,
-    with_scatter,
 )
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.part import LoadedPart
@@ -38,19 +33,12 @@ from mtu_cli.model.effect_ranges import guess_warnings
 from mtu_cli.model.features import dof_warnings, outside_warnings
 from mtu_cli.model.machine_model import AXES, MachineModel
 from mtu_cli.model.measured import no_shared_axis, roundings
-from mtu_cli.model.settings import Settings
+from mtu_cli.model.settings import PROBABILITY, Settings
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
-
-class FeatureErrors(NamedTuple):
-    """Measured features with the means (m, 3) mm over all their points of measured minus nominal
-    before and after the correction; nan where a point lacks a coordinate.
-    """
-
-    features: tuple[str, ...]
-    before: FloatArray
-    after: FloatArray
+FAR_K = 1.0
+"""A machine this far from its reference temperature errs by 10 um in each metre and more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +49,7 @@ class CorrectResult:
     with standard uncertainty `u` and effective degrees of freedom `dof` (n, 3), mm; nan along axes
     that have no equation or were not measured. `corrected` (n, 3) = measured - error, along such
     axes measured as it is; its `u_corrected` has the `scatter` of the measured points, too.
-    `axes` are those that were corrected, `forms` the rings whose form could be tested; `notes` are
-    warnings of the input.
+    `axes` are those that were corrected, `forms` the rings whose form could be tested.
     """
 
     points: Points
@@ -81,26 +68,7 @@ class CorrectResult:
     sizes: tuple[Size, ...]
     forms: tuple[FormLeft, ...]
     independent: bool
-    notes: tuple[Finding, ...]
-
-    @property
-    def warnings(self) -> tuple[Finding, ...]:
-        """Of the input, and of what the correction leaves."""
-        warned = list(self.notes)
-        if names := [f"{item.id} of {item.part}" for item in self.sizes if item.error[0] == 0]:
-            given = {"names": names, "reason": "no error before the correction"}
-            warned.append(finding("not-estimable", quantity="reduction_percent", **given))
-        if forms := unexplained(self.forms):
-            most = max(forms, key=lambda form: form.F)
-            left = finding(
-                "form-left",
-                names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in forms)),
-                worst=f"{most.operation} {most.id}".strip(),
-                rms_um=most.rms / UM,
-                explained_um=most.explained / UM,
-            )
-            warned.append(left)
-        return tuple(warned)
+    warnings: tuple[Finding, ...]
 
     @property
     def correction(self) -> FloatArray:
@@ -124,30 +92,8 @@ class CorrectResult:
         before, after = np.sqrt(np.mean(np.square(errors), axis=0)).tolist()
         return before, after
 
-    def by_feature(self) -> FeatureErrors:
-        """Mean errors of the features before and after."""
-        nominal = self.points.nominal
-        seen, code = np.unique(self.points.feature, return_inverse=True)
-        count = np.bincount(code)
-        before, after = (
-            np.column_stack([np.bincount(code, along) / count for along in values.T])
-            for values in (self.points.measured - nominal, self.corrected - nominal)
-        )
-        return FeatureErrors(tuple(self.points.features[i] for i in seen), before, after)
 
-    @property
-    def largest(self) -> tuple[float, str]:
-        """The largest correction, mm, and its axis."""
-        along = np.nan_to_num(np.abs(self.error)).max(axis=0)
-        i = int(along.argmax())
-        return float(along[i]), AXES[i]
-
-
-__all__ = ["CorrectResult", "Size", "correct", "mean_size", "unused_warmth"]
-
-SLACK_DEGC = 1e-9
-FAR_K = 1.0
-"""A machine this far from its reference temperature errs by 10 um in each metre and more."""
+__all__ = ["CorrectResult", "Size", "correct", "unused_warmth"]
 
 
 def correct(
@@ -179,22 +125,31 @@ def correct(
         covariates=needed.values,
         independent=settings.independent,
     )
-    guesses = guess_warnings(model, rows.places, needed.values)
-    noted = [*needed.warnings, *guesses, *_axis_warnings(model, points)]
+    warnings = [*needed.warnings, *guess_warnings(model, rows.places, needed.values)]
+    warnings += _axis_warnings(model, points)
     error, u, dof = rows.errors()
     corrected = places - np.nan_to_num(error)
-    by_machine, rings, warned = _sizes(part, rows, corrected, at)
+    wanted, absent = ([], []) if part is None else wanted_of(part, points, at)
+    visits, rings, partial = measured_sizes(wanted, rows, corrected)
     scatter = point_scatter(points, corrected, rings)
-    sizes = [replace(with_scatter(x, scatter), k=settings.coverage_factor) for x in by_machine]
+    sizes = mean_sizes(wanted, visits, scatter, settings.coverage_factor)
     u_corrected, dof_corrected = (u, dof) if scatter is None else scatter.added(u, dof)
+    forms = forms_left(rings, scatter, float(roundings(points).max()))
     outside = replace(rows.predicted(np.arange(1)), outside=tuple(rows.outside.values()))
+    warnings += [*outside_warnings(outside), *absent, *partial]
+    for order, item in enumerate(wanted):
+        own = [x.temperature for key, of in visits.items() if key[0] == order for x in of]
+        warnings += item.warnings(own) if own and item.kind != "length" else []
     names = [f"{size.id} of {size.part}" for size in sizes]
-    warned += dof_warnings(names, np.array([size.dof for size in sizes]))
+    warnings += dof_warnings(names, np.array([size.dof for size in sizes]))
     if scatter is None:
         consequence = "u holds the machine model only; that takes repeats of "
         consequence += f"{FEWEST} degrees of freedom, or a circle of 4 points"
         facts = {"what": "probing", "names": ["the points"], "consequence": consequence}
-        warned.append(finding("no-scatter-known", **facts))
+        warnings.append(finding("no-scatter-known", **facts))
+    if exact := [name for name, size in zip(names, sizes, strict=True) if size.error[0] == 0]:
+        given = {"names": exact, "reason": "no error before the correction"}
+        warnings.append(finding("not-estimable", quantity="reduction_percent", **given))
     return CorrectResult(
         points=points,
         part=[points.parts[i] for i in points.part],
@@ -210,40 +165,30 @@ def correct(
         dof_corrected=dof_corrected,
         scatter=scatter,
         sizes=tuple(sizes),
-        forms=forms_left(rings, scatter, float(roundings(points).max())),
+        forms=forms,
         independent=settings.independent,
-        notes=(*noted, *outside_warnings(outside), *warned),
+        warnings=(*warnings, *form_warnings(forms)),
     )
 
 
-def _sizes(
-    part: LoadedPart | None, rows: RowErrors, corrected: FloatArray, at: Mapping[str, float]
-) -> tuple[list[Size], list[Ring], list[Finding]]:
-    """Diameters and lengths of the part file by the machine's u alone, its rings in every visit,
-    and their warnings.
+def form_warnings(forms: Collection[FormLeft]) -> list[Finding]:
+    """Of calibrated rings whose form is more than is explained, at 95 % of all together
+    (Bonferroni): a ring of no calibration may have the form that it was made with.
     """
-    if part is None:
-        return [], [], []
-    wanted, warned = wanted_of(part, rows.points, at)
-    tasks, partial = tasks_of(wanted, rows.points)
-    sizes, rings = sizes_of(tasks, rows, corrected)
-    warned += partial
-    for item in wanted:
-        own = [size for size in sizes if (size.kind, size.id) == (item.kind, item.id)]
-        if not own or item.kind == "length":
-            continue
-        if not len(item.calibrated):
-            facts = {"quantity": "errors and their reduction", "reason": "no calibrated_mm"}
-            warned.append(finding("not-estimable", names=[item.name], **facts))
-            continue
-        low, high = item.calibrated[[0, -1], 0].tolist()
-        T = [size.temperature for size in own if np.isfinite(size.temperature)]
-        off = [max(low - degrees, degrees - high) for degrees in T]
-        if item.ranged and max(off, default=0.0) > SLACK_DEGC:
-            what, names = f"{T[int(np.argmax(off))]:.4g} degC", [f"the calibration of {item.name}"]
-            ends = {"low": low, "high": high, "unit": "degC"}
-            warned.append(finding("outside-measured-range", what=what, names=names, **ends))
-    return sizes, rings, warned
+    calibrated = [form for form in forms if form.calibrated]
+    left = [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]
+    if not left:
+        return []
+    most = max(left, key=lambda form: form.F)
+    return [
+        finding(
+            "form-left",
+            names=list(dict.fromkeys(f"{form.operation} {form.id}".strip() for form in left)),
+            worst=f"{most.operation} {most.id}".strip(),
+            rms_um=most.rms / UM,
+            explained_um=most.explained / UM,
+        )
+    ]
 
 
 def _axis_warnings(model: MachineModel, points: Points) -> Iterator[Finding]:
@@ -263,15 +208,14 @@ def unused_warmth(model: MachineModel, points: Points, reference: float) -> list
     """
     if any(is_temperature(name) for name in model.covariates()):
         return []
-    far: dict[str, float] = {}
-    for name, column in points.covariates.items():
-        if is_temperature(name) and column.dtype != object and np.isfinite(column).any():
-            value = float(column[np.nanargmax(np.abs(column - reference))])
-            far |= {name: value} if abs(value - reference) > FAR_K else {}
-    if not far:
+    readings = {
+        name: float(column[np.nanargmax(np.abs(column - reference))])
+        for name, column in points.covariates.items()
+        if is_temperature(name) and column.dtype != object and np.isfinite(column).any()
+    }
+    name = max(readings, key=lambda key: abs(readings[key] - reference), default="")
+    if not name or abs(readings[name] - reference) <= FAR_K:
         return []
-    name = max(far, key=lambda key: abs(far[key] - reference))
-    others = f"; {len(far) - 1} more sensors" if len(far) > 1 else ""
-    facts = {"reference": reference, "sensor": name, "reading": far[name], "others": others}
+    facts = {"reference": reference, "sensor": name, "reading": readings[name]}
     expected = "--drift FILE, or -c with a report of thermal-fit"
     return [finding("no-thermal-component", **facts, expected=expected)]

@@ -28,7 +28,6 @@ from scipy.special import fdtrc
 from mtu_cli.files.points import Points
 from mtu_cli.model.geometry import DIMENSIONS
 from mtu_cli.model.measured import roundings
-from mtu_cli.model.settings import PROBABILITY
 from mtu_cli.model.visits import operations_of
 from mtu_cli.stats.coverage import welch_satterthwaite
 from mtu_cli.stats.family import ENDLESS
@@ -42,14 +41,6 @@ FEWEST = 3
 ITERATIONS = 200
 NOTHING_MM = 1e-9
 """A scatter below a picometre is rounding."""
-
-
-class Squares(NamedTuple):
-    """Sums of squares (j,) mm^2 with degrees of freedom (j,) and modelled variances (j,)."""
-
-    sums: FloatArray
-    dof: FloatArray
-    modelled: FloatArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,31 +61,33 @@ class PointScatter:
         return float(np.sqrt(self.variance + self.rounding))
 
     def added(
-        self, u: FloatArray, dof: FloatArray, sensitivity: float = 1.0, repeats: int = 1
+        self,
+        u: FloatArray | float,
+        dof: FloatArray | float,
+        sensitivity: float = 1.0,
+        repeats: int = 1,
     ) -> tuple[FloatArray, FloatArray]:
-        """u and effective dof (n,; JCGM 100, eq. (G.2b), never fewer than the least of both) with
+        """u and effective dof (JCGM 100, eq. (G.2b), never fewer than the least of both) with
         `sensitivity` (s^2/`repeats` + rounding) added to u^2: the sum of the squared gradients in
         the coordinates.
         """
         share = sensitivity / repeats
-        total = u**2 + share * self.variance + sensitivity * self.rounding
+        total = np.asarray(u**2 + share * self.variance + sensitivity * self.rounding)
         if self.variance == 0:
-            return np.sqrt(total), dof
-        spread = u**4 / dof + share**2 * self.spread
+            return np.sqrt(total), np.asarray(dof)
+        spread = np.asarray(u) ** 4 / dof + share**2 * self.spread
         return np.sqrt(total), np.maximum(total**2 / spread, np.minimum(dof, self.dof))
 
 
 class Ring(NamedTuple):
-    """A circle or sphere in one visit after the correction.
+    """A circle or sphere in one visit after the correction, the figure `of` (kind, id, operation).
 
     `residuals` (n,) mm, unit vectors `away` (n, 3) from the centre, in the plane of a circle, and
     the modelled covariance `K` (n, n) of the points along them, mm^2, with degrees of freedom
     `dof`.
     """
 
-    kind: Kind
-    id: str
-    operation: str
+    of: tuple[Kind, str, str]
     calibrated: bool
     residuals: FloatArray
     away: FloatArray
@@ -121,53 +114,48 @@ class FormLeft(NamedTuple):
 def point_scatter(
     points: Points, corrected: FloatArray, rings: Sequence[Ring]
 ) -> PointScatter | None:
-    """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`."""
+    """The scatter from repeats, where these have `FEWEST` degrees of freedom, else from `rings`:
+    of each in the space that the fit leaves, one square a direction of K.
+    """
     r = float(roundings(points).max())
-    repeats = repeat_squares(points, corrected)
-    if repeats.dof.sum() >= FEWEST:
-        return _estimate(repeats, "repeats", r)
-    # Of each ring in the space that the fit leaves, one square a direction of K.
-    squares = []
-    for ring in rings:
-        if (Q := ring_space(ring.away, ring.kind)) is not None:
-            values, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
-            sums = (vectors.T @ Q.T @ ring.residuals) ** 2
-            squares.append((sums, np.ones(len(values)), np.clip(values, 0.0, None)))
-    pooled = [np.concatenate(each) for each in zip(*squares, strict=True)]
-    return _estimate(Squares(*pooled), "form", r) if pooled else None
-
-
-def repeat_squares(points: Points, corrected: FloatArray) -> Squares:
-    """Squares about the mean of every feature of every part and operation, along each axis."""
     _, operation = operations_of(points)
     cell = (operation.astype(np.int64) * len(points.parts) + points.part) * len(points.features)
-    _, code = np.unique(cell + points.feature, return_inverse=True)
-    result = []
-    for axis in range(3):
-        known = np.isfinite(corrected[:, axis])
-        group, value = code.reshape(-1)[known], corrected[known, axis]
+    code = np.unique(cell + points.feature, return_inverse=True)[1].reshape(-1)
+    squares = []
+    for values in corrected.T:
+        known = np.isfinite(values)
+        group, value = code[known], values[known]
         count = np.bincount(group)
-        divisor, kept = np.maximum(count, 1), count > 1
-        away = value - (np.bincount(group, value) / divisor)[group]
-        squares = np.bincount(group, away**2)[kept]
-        result.append((squares, count[kept] - 1.0, np.zeros(len(squares))))
-    return Squares(*(np.concatenate(each) for each in zip(*result, strict=True)))
+        away = value - (np.bincount(group, value) / np.maximum(count, 1))[group]
+        kept = count > 1
+        sums = np.bincount(group, away**2)[kept]
+        squares.append(np.array([sums, count[kept] - 1.0, np.zeros(len(sums))]))
+    repeats = np.concatenate(squares, axis=1)
+    if repeats[1].sum() >= FEWEST:
+        return estimate(repeats, "repeats", r)
+    squares = [np.zeros((3, 0))]
+    for ring in rings:
+        Q = ring_space(ring.away, ring.of[0])
+        modelled, vectors = np.linalg.eigh(Q.T @ ring.K @ Q)
+        each: FloatArray = (vectors.T @ Q.T @ ring.residuals) ** 2
+        squares.append(np.array([each, np.ones(len(each)), np.clip(modelled, 0.0, None)]))
+    form = np.concatenate(squares, axis=1)
+    return estimate(form, "form", r) if form.size else None
 
 
-def ring_space(away: FloatArray, kind: Kind) -> FloatArray | None:
+def ring_space(away: FloatArray, kind: Kind) -> FloatArray:
     """Orthonormal (n, n - d - 1): the directions of n residuals that centre and radius of a circle
-    (d = 2) or sphere (3) leave; None where they leave none. `away` (n, 3): see `Ring`.
+    (d = 2) or sphere (3) leave; `away` (n, 3): see `Ring`.
     """
-    n, d = len(away), DIMENSIONS[kind]
-    if n <= d + 1:
-        return None
     # Vectors of a circle lie in its plane: two of the four columns and the ones have rank 3.
-    Q: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(n)]))[0][:, d + 1 :]
-    return Q
+    U: FloatArray = np.linalg.svd(np.column_stack([away, np.ones(len(away))]))[0]
+    return U[:, DIMENSIONS[kind] + 1 :]
 
 
-def _estimate(squares: Squares, origin: Origin, r: float = 0.0) -> PointScatter:
-    """`r` is the variance of a coordinate by its last digit."""
+def estimate(squares: FloatArray, origin: Origin, r: float = 0.0) -> PointScatter:
+    """s^2 of `squares` (3, j): sums of squares mm^2, their degrees of freedom and modelled
+    variances; `r` is the variance of a coordinate by its last digit.
+    """
     sums, dof, modelled = squares
     least, excess = NOTHING_MM**2, sums - dof * modelled
     variance = max(float(excess.sum() / dof.sum()), 0.0)
@@ -177,14 +165,12 @@ def _estimate(squares: Squares, origin: Origin, r: float = 0.0) -> PointScatter:
         if abs(variance - last) <= 1e-10 * max(variance, least):
             break
     variance = variance if variance > least else 0.0
-    spread = 1.0 / float(np.maximum(modelled + variance, least) ** -2 @ dof)
-    rounding = float(hidden(variance, r)) if r > least else 0.0
     return PointScatter(
         variance=variance,
-        spread=spread,
+        spread=1.0 / float(np.maximum(modelled + variance, least) ** -2 @ dof),
         dof=float(dof.sum()),
         origin=origin,
-        rounding=rounding,
+        rounding=float(hidden(variance, r)) if r > least else 0.0,
     )
 
 
@@ -200,22 +186,20 @@ def forms_left(
     scatter of the repeats or else of the visits about their mean, so that the form itself takes no
     part in it; a ring of one visit without either is not tested.
     """
-    visited: dict[tuple[Kind, str, str], list[Ring]] = {}
-    for ring in rings:
-        visited.setdefault((ring.kind, ring.id, ring.operation), []).append(ring)
     result = []
-    for key, visits in visited.items():
-        n, repeated = len(visits), scatter is not None and scatter.origin == "repeats"
-        Q = ring_space(np.mean([ring.away for ring in visits], axis=0), key[0])
-        if Q is None or not (repeated or n > 1):
-            continue
-        k = Q.shape[1]
+    for of in dict.fromkeys(ring.of for ring in rings):
+        visits = [ring for ring in rings if ring.of == of]
+        Q = ring_space(np.mean([ring.away for ring in visits], axis=0), of[0])
+        n, k = len(visits), Q.shape[1]
         e = np.array([ring.residuals for ring in visits]) @ Q
-        mean, dof = e.mean(axis=0), (n - 1.0) * k
-        if scatter is not None and repeated:
+        mean = e.mean(axis=0)
+        if scatter is not None and scatter.origin == "repeats":
             s2, dof = scatter.variance, scatter.dof
         else:
-            s2 = float(((e - mean) ** 2).sum()) / dof
+            dof = (n - 1.0) * k
+            s2 = float(((e - mean) ** 2).sum()) / max(dof, 1.0)
+        if not k * dof:
+            continue
         noise = max(s2 / n + float(hidden(s2, r)), NOTHING_MM**2)
         V = Q.T @ np.mean([ring.K for ring in visits], axis=0) @ Q + noise * np.eye(k)
         total = float(np.trace(V))
@@ -226,13 +210,5 @@ def forms_left(
         p = float(fdtrc(ours, min(max(theirs, 1.0), ENDLESS), F))
         sizes = float(np.sqrt(mean @ mean / k)), float(np.sqrt(total / k))
         calibrated = any(ring.calibrated for ring in visits)
-        result.append(FormLeft(*key, calibrated, n, *sizes, F, p))
+        result.append(FormLeft(*of, calibrated, n, *sizes, F, p))
     return tuple(result)
-
-
-def unexplained(forms: Sequence[FormLeft]) -> list[FormLeft]:
-    """Calibrated rings whose form is more than that, at 95 % of all together (Bonferroni): a ring
-    of no calibration may have the form that it was made with.
-    """
-    calibrated = [form for form in forms if form.calibrated]
-    return [form for form in calibrated if form.p * len(calibrated) < 1 - PROBABILITY]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from itertools import groupby
-from math import hypot, inf, nan, sqrt
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field
+from math import hypot, inf, nan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,15 +22,17 @@ from mtu_cli.stats.coverage import coverage_factor, welch_satterthwaite
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
+SLACK_DEGC = 1e-9
+Sides = tuple[float, float]
+"""(before, after) the correction."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
     """A size of the part file. Of circles and spheres `calibrated` (k, 2): diameters, mm, by
     ascending temperature, degC, with the expanded uncertainty `U_reference` (k = 2, nan: not
-    given).
-
-    `temperature` (n,) of every point, nan where it is not known; `ranged` whether the diameter was
-    stated with a temperature.
+    given); `temperature` (n,) of every point, nan where it is not known; `ranged` whether the
+    diameter was stated with a temperature.
     """
 
     kind: Kind
@@ -58,18 +59,18 @@ class Wanted:
         at, diameters = self.calibrated.T
         return float(make_interp_spline(at, diameters, k=1)(temperature))
 
-
-class Task(NamedTuple):
-    """A size, the `order`-th of the part file, in one visit: `rows` of its features, in their
-    order, among the points.
-    """
-
-    wanted: Wanted
-    order: int
-    part: str
-    operation: str
-    visit: int
-    rows: IntArray
+    def warnings(self, temperatures: Sequence[float]) -> list[Finding]:
+        """Of a circle or sphere without calibration, or measured at `temperatures` outside it."""
+        if not len(self.calibrated):
+            facts = {"quantity": "errors and their reduction", "reason": "no calibrated_mm"}
+            return [finding("not-estimable", names=[self.name], **facts)]
+        low, high = self.calibrated[[0, -1], 0].tolist()
+        off = {max(low - T, T - high): T for T in temperatures if np.isfinite(T)}
+        if not self.ranged or max(off, default=0.0) <= SLACK_DEGC:
+            return []
+        facts = {"what": f"{off[max(off)]:.4g} degC", "low": low, "high": high, "unit": "degC"}
+        names = [f"the calibration of {self.name}"]
+        return [finding("outside-measured-range", names=names, **facts)]
 
 
 def wanted_of(
@@ -80,13 +81,25 @@ def wanted_of(
     Raises InputError for a temperature that a calibration needs and is not known everywhere.
     """
     wanted, absent = list[Wanted](), list[str]()
-    rounds: dict[Kind, Sequence[Any]] = {"circle": part.part.circles, "sphere": part.part.spheres}
+    rounds: dict[Kind, Sequence[Circle | Sphere]] = {
+        "circle": part.part.circles,
+        "sphere": part.part.spheres,
+    }
     for kind, items in rounds.items():
         for index, item in enumerate(items):
             if set(item.features).isdisjoint(points.features):
                 absent.append(f"{kind} {item.id!r}")
-            else:
-                wanted.append(_calibrated(part, kind, index, item, points, at))
+                continue
+            own = Wanted(
+                kind=kind,
+                id=item.id,
+                features=tuple(item.features),
+                U_reference=nan if item.U_um is None else item.U_um * UM,
+                calibrated=np.array(sorted((item.calibrated_mm or {}).items())).reshape(-1, 2),
+                temperature=_temperature(part, (f"{kind}s", index), item, points, at),
+                ranged=isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
+            )
+            wanted.append(own)
     for length in part.part.lengths:
         ends = (length.from_, length.to)
         if set(ends).isdisjoint(points.features):
@@ -97,84 +110,36 @@ def wanted_of(
     return wanted, [finding("not-measured", names=absent, reason=reason)] if absent else []
 
 
-def _calibrated(
+def _temperature(
     part: LoadedPart,
-    kind: Kind,
-    index: int,
+    path: tuple[str, int],
     item: Circle | Sphere,
     points: Points,
     at: Mapping[str, float],
-) -> Wanted:
-    """The circle or sphere at `index` of its list in the part file, with its calibration."""
-    table = sorted((item.calibrated_mm or {}).items())
+) -> FloatArray:
+    """That of every point (n,) by the covariate that the circle or sphere at `path` names."""
     columns, name = point_columns(points), item.temperature or ""
-    known, temperature = [*columns, *at], np.full(len(points), nan)
     if name in columns:
         codes = [i for i, feature in enumerate(points.features) if feature in item.features]
         problems: list[Finding] = []
         rows = np.flatnonzero(np.isin(points.feature, codes))
-        temperature = numbers_of(points, name, columns[name], problems, rows)
+        result = numbers_of(points, name, columns[name], problems, rows)
         if problems:
             raise InputError(problems)
-    elif name in at:
-        temperature[:] = at[name]
-    elif name and table:
-        near = nearest(name, known)
+        return result
+    if name and name not in at and item.calibrated_mm:
+        near = nearest(name, [*columns, *at])
         there = f" (there is {' or '.join(map(repr, near))})" if near else ""
         raise error(
             "unknown-name",
             what="temperature",
             file=part.source.shown,
-            line=part.line_of(f"{kind}s", index, "temperature"),
-            path=f"{kind}s[{index}].temperature",
+            line=part.line_of(*path, "temperature"),
+            path=f"{path[0]}[{path[1]}].temperature",
             value=name,
             expected=f"a column of this name{there}, or --at {name}=VALUE",
         )
-    return Wanted(
-        kind=kind,
-        id=item.id,
-        features=tuple(item.features),
-        U_reference=nan if item.U_um is None else item.U_um * UM,
-        calibrated=np.array(table, np.float64).reshape(-1, 2),
-        temperature=temperature,
-        ranged=isinstance(part.document.at(f"{kind}s", index, "calibrated_mm"), dict),
-    )
-
-
-def tasks_of(wanted: Sequence[Wanted], points: Points) -> tuple[list[Task], list[Finding]]:
-    """Every size in every visit that measured all its features, visit by visit.
-
-    Raises InputError for a feature that stands twice in one repeat of one part.
-    """
-    used = only_features(points, [name for item in wanted for name in item.features])
-    if not len(used):
-        return [], []
-    visits, (operations, _) = visits_of(used), operations_of(used)
-    # The last column stands for features that nobody measured.
-    row = np.full((len(visits.part), len(used.features) + 1), -1)
-    codes = [points.features.index(name) for name in used.features]
-    row[visits.of_point, used.feature] = np.flatnonzero(np.isin(points.feature, codes))
-    columns = {name: i for i, name in enumerate(used.features)}
-    places = [[columns.get(name, -1) for name in item.features] for item in wanted]
-    tasks, partial = [], dict[str, list[str]]()
-    for visit, (code, operation) in enumerate(zip(visits.part, visits.operation, strict=True)):
-        for order, item in enumerate(wanted):
-            rows, part = row[visit, places[order]], used.parts[code]
-            if (rows >= 0).all():
-                tasks.append(Task(item, order, part, operations[operation], visit, rows))
-            elif (rows >= 0).any():
-                partial.setdefault(item.name, []).append(part)
-    warned = []
-    for name, visited in partial.items():
-        # Repeats are no parts of their own.
-        count = counted(len(set(visited)), "part")
-        reason = f"not all its features were measured on {count} ({visited[0]!r})"
-        warned.append(finding("not-measured", names=[name], reason=reason))
-    return tasks, warned
-
-
-Sides = tuple[float, float]
-"""(before, after) the correction."""
+    return np.full(len(points), at.get(name, nan))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,11 +164,11 @@ class Size:
     u: float
     dof: float
     sensitivity: float
-    temperature: float = nan
-    form: Sides = (nan, nan)
-    n_repeats: int = 1
-    s_repeats: float = nan
-    k: float = 2.0
+    temperature: float
+    form: Sides
+    n_repeats: int
+    s_repeats: float
+    k: float
 
     @property
     def error(self) -> Sides:
@@ -245,154 +210,157 @@ class Size:
         return 100 * (1 - abs(after) / abs(before)) if before else nan
 
 
-def mean_size(repeats: Sequence[Size]) -> Size:
-    """The mean over the repeats of one part.
-
-    Its uncertainty by the machine is the mean of theirs: what the machine did to a part is in every
-    repeated measurement of it. Where the machine itself repeated the measurement this is an upper
-    bound.
-    """
-    names = ("temperature", "reference", "u", "sensitivity")
-    means: dict[str, Any] = {
-        name: float(np.mean([getattr(x, name) for x in repeats])) for name in names
-    }
-    size, form = (np.array([getattr(x, name) for x in repeats]) for name in ("size", "form"))
-    (before, after), (was, left) = size.mean(axis=0).tolist(), form.mean(axis=0).tolist()
-    return replace(
-        repeats[0],
-        **means,
-        size=(before, after),
-        form=(was, left),
-        dof=min(item.dof for item in repeats),
-        s_repeats=float(size[:, 1].std(ddof=1)) if len(size) > 1 else nan,
-        n_repeats=len(repeats),
-    )
-
-
-def with_scatter(size: Size, scatter: PointScatter | None) -> Size:
-    """The size with the scatter of its points, which repeats that show it average out; the form
-    of a ring is the same in every repeat.
-    """
-    if scatter is None:
-        return size
-    n = size.n_repeats if scatter.origin == "repeats" else 1
-    u, dof = scatter.added(np.array([size.u]), np.array([size.dof]), size.sensitivity, n)
-    return replace(size, u=float(u[0]), dof=float(dof[0]))
-
-
 class Measure(NamedTuple):
-    """Figures of a `Size`, and its gradient (m, 3) in the corrected points. Of circles and spheres
-    the `residuals` (m,) after, mm, and the unit vectors `away` (m, 3) from the centre, in the plane
-    of a circle.
+    """A size in one visit, mm: before and after with the `form` of each, its reference and
+    temperature, its `gradient` (m, 3) in the corrected points, and its u and dof by the machine
+    alone. Of circles and spheres `residuals` (m,) after and unit vectors `away` (m, 3) from the
+    centre, in the plane of a circle.
     """
 
-    figures: dict[str, Any]
+    size: Sides
+    reference: float
     gradient: FloatArray
-    residuals: FloatArray | None = None
-    away: FloatArray | None = None
+    form: Sides = (nan, nan)
+    temperature: float = nan
+    residuals: FloatArray = np.zeros(0)
+    away: FloatArray = np.zeros((0, 3))
+    u: float = nan
+    dof: float = inf
 
 
-def sizes_of(
-    tasks: Sequence[Task], rows: RowErrors, corrected: FloatArray
-) -> tuple[list[Size], list[Ring]]:
-    """The sizes of every part by the machine's u alone: means over its repeats, in the order of
-    the part file; and its circles and spheres in every visit. The variance of a size is that of
-    gradient' E over the points of its visit.
+Visits = dict[tuple[int, str, str], list[Measure]]
+"""Of every size, by its number in the part file, operation and part: its visits."""
 
-    Raises InputError for points that do not determine a circle or sphere, with their row.
+
+def measured_sizes(
+    wanted: Sequence[Wanted], rows: RowErrors, corrected: FloatArray
+) -> tuple[Visits, list[Ring], list[Finding]]:
+    """The sizes in every visit that measured all their features, their circles and spheres, and
+    what was measured in part.
+
+    Raises InputError for a feature that stands twice in one repeat of one part, and for points that
+    do not determine a size, with their row.
     """
-    groups: dict[tuple[int, str, str], list[Size]] = {}
-    rings: list[Ring] = []
-    problems: list[Finding] = []
-    for _, visit in groupby(tasks, lambda task: task.visit):
-        measured: list[tuple[Task, Measure]] = []
-        for task in visit:
+    points, result, rings = rows.points, Visits(), list[Ring]()
+    used = only_features(points, [name for item in wanted for name in item.features])
+    if not len(used):
+        return result, rings, []
+    visits, (operations, _) = visits_of(used), operations_of(used)
+    # The last column stands for features that nobody measured.
+    row = np.full((len(visits.part), len(used.features) + 1), -1)
+    codes = [points.features.index(name) for name in used.features]
+    row[visits.of_point, used.feature] = np.flatnonzero(np.isin(points.feature, codes))
+    columns = {name: i for i, name in enumerate(used.features)}
+    places = [[columns.get(name, -1) for name in item.features] for item in wanted]
+    partial, problems = dict[str, list[str]](), list[Finding]()
+    for visit, (code, which) in enumerate(zip(visits.part, visits.operation, strict=True)):
+        part, operation = used.parts[code], operations[which]
+        found: list[tuple[int, IntArray, Measure]] = []
+        for order, item in enumerate(wanted):
+            own = row[visit, places[order]]
+            if (own < 0).all():
+                continue
+            if (own < 0).any():
+                partial.setdefault(item.name, []).append(part)
+                continue
             try:
-                measure = _length if task.wanted.kind == "length" else _round
-                found = measure(task, rows.points.measured, corrected, rows.points.nominal)
-                measured.append((task, found))
+                measure = _length if item.kind == "length" else _round
+                found.append((order, own, measure(item, own, points, corrected)))
             except GeometryError as fault:
-                points, row, item = rows.points, int(task.rows[0]), task.wanted
-                of = f"the points of {item.id!r}, part {task.part!r}: {fault}"
+                of = f"the points of {item.id!r}, part {part!r}: {fault}"
                 around = "points of its features all around it"
                 problem = finding(
                     "too-little-data",
                     what=f"no {item.kind} goes through {of}",
-                    file=points.sources[points.file_index[row]].shown,
-                    row=int(points.row[row]),
+                    file=points.sources[points.file_index[own[0]]].shown,
+                    row=int(points.row[own[0]]),
                     expected="two ends apart" if item.kind == "length" else around,
                 )
                 problems.append(problem)
-        if problems:
-            continue
-        chosen = np.unique(np.concatenate([task.rows for task, _ in measured]))
-        prediction = rows.predicted(chosen)
-        A = np.zeros((len(measured), len(chosen), len(rows.columns)))
-        for line, (task, found) in enumerate(measured):
-            where = np.searchsorted(chosen, task.rows)
-            A[line, where] = found.gradient[:, rows.columns]
-            if found.residuals is None or found.away is None:
-                continue
-            m, worst, item = len(found.away), inf, task.wanted
-            along = np.zeros((m, len(prediction.points), len(rows.columns)))
-            along[np.arange(m), where] = found.away[:, rows.columns]
-            radial = along.reshape(m, -1)
-            if (Q := ring_space(found.away, item.kind)) is not None:
-                # Those of the form's direction whose variance is known worst.
-                squares, nu = rows.variances(prediction, Q.T @ radial)
-                worst = float(nu[np.argmax(squares**2 / nu)])
-            K, known = (
-                rows.covariance(prediction, radial),
-                bool(np.isfinite(found.figures["reference"])),
-            )
-            named = (item.kind, item.id, task.operation, known)
-            rings.append(Ring(*named, found.residuals, found.away, K, worst))
-        variance, dof = rows.variances(prediction, A.reshape(len(measured), -1))
-        for (task, found), v, nu in zip(measured, variance.tolist(), dof.tolist(), strict=True):
-            size = Size(
-                kind=task.wanted.kind,
-                id=task.wanted.id,
-                part=task.part,
-                operation=task.operation,
-                U_reference=task.wanted.U_reference,
-                u=sqrt(max(v, 0.0)),
-                dof=nu,
-                sensitivity=float((found.gradient**2).sum()),
-                **found.figures,
-            )
-            groups.setdefault((task.order, task.operation, task.part), []).append(size)
+        if found and not problems:
+            measures, round_ = _by_machine(wanted, operation, found, rows)
+            rings += round_
+            for (order, _, _), each in zip(found, measures, strict=True):
+                result.setdefault((order, operation, part), []).append(each)
     if problems:
         raise InputError(problems)
-    return [mean_size(groups[key]) for key in sorted(groups, key=lambda key: key[0])], rings
+    warned = []
+    for name, visited in partial.items():
+        # Repeats are no parts of their own.
+        count = counted(len(set(visited)), "part")
+        reason = f"not all its features were measured on {count} ({visited[0]!r})"
+        warned.append(finding("not-measured", names=[name], reason=reason))
+    return result, rings, warned
 
 
-def _round(task: Task, measured: FloatArray, corrected: FloatArray, _: FloatArray) -> Measure:
+def _by_machine(
+    wanted: Sequence[Wanted],
+    operation: str,
+    found: Sequence[tuple[int, IntArray, Measure]],
+    rows: RowErrors,
+) -> tuple[list[Measure], list[Ring]]:
+    """The sizes `found` in one visit, each with its number and rows, with u: the variance of
+    gradient' E over all points of the visit; and its circles and spheres.
+    """
+    chosen = np.unique(np.concatenate([own for _, own, _ in found]))
+    prediction = rows.predicted(chosen)
+
+    def measurands(own: IntArray, vectors: FloatArray) -> FloatArray:
+        """A of the `vectors` (k, m, 3) in the points `own` (m,)."""
+        A = np.zeros((len(vectors), len(chosen), len(rows.columns)))
+        A[:, np.searchsorted(chosen, own)] = vectors[:, :, rows.columns]
+        return A.reshape(len(vectors), -1)
+
+    A = np.concatenate([measurands(own, each.gradient[None]) for _, own, each in found])
+    variance, dof = rows.variances(prediction, A)
+    u = np.sqrt(np.maximum(variance, 0.0))
+    sizes = [
+        each._replace(u=s, dof=nu)
+        for (_, _, each), s, nu in zip(found, u.tolist(), dof.tolist(), strict=True)
+    ]
+    rings = []
+    for order, own, each in found:
+        item = wanted[order]
+        if item.kind == "length":
+            continue
+        radial = measurands(own, np.eye(len(own))[:, :, None] * each.away)
+        Q, worst = ring_space(each.away, item.kind), inf
+        if Q.size:
+            # Those of the form's direction whose variance is known worst.
+            squares, nu = rows.variances(prediction, Q.T @ radial)
+            worst = float(nu[np.argmax(squares**2 / nu)])
+        K, known = rows.covariance(prediction, radial), bool(np.isfinite(each.reference))
+        of = item.kind, item.id, operation
+        rings.append(Ring(of, known, each.residuals, each.away, K, worst))
+    return sizes, rings
+
+
+def _round(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
     """A circle, in the plane of x and y where z is not known, or a sphere."""
-    before, after = measured[task.rows], corrected[task.rows]
-    flat, sphere = np.isnan(before[:, 2]).any(), task.wanted.kind == "sphere"
+    before, after = points.measured[rows], corrected[rows]
+    flat, sphere = np.isnan(before[:, 2]).any(), item.kind == "sphere"
     if sphere and flat:
         raise GeometryError("its points have no z_mm")
     fit, d = fit_sphere if sphere else fit_circle, 2 if flat else 3
     first, last = fit(before[:, :d]), fit(after[:, :d])
     gradient, away = np.zeros((2, len(after), 3))
     gradient[:, :d], away[:, :d] = 2 * last.radius_gradient, last.away
-    T = float(task.wanted.temperature[task.rows].mean())
-    figures = {
-        "size": (2 * first.radius, 2 * last.radius),
-        "form": (first.form, last.form),
-        "temperature": T,
-        "reference": task.wanted.reference(T),
-    }
-    return Measure(figures, gradient, last.residuals, away)
+    T = float(item.temperature[rows].mean())
+    return Measure(
+        size=(2 * first.radius, 2 * last.radius),
+        reference=item.reference(T),
+        gradient=gradient,
+        form=(first.form, last.form),
+        temperature=T,
+        residuals=last.residuals,
+        away=away,
+    )
 
 
-def _length(
-    task: Task, measured: FloatArray, corrected: FloatArray, nominal: FloatArray
-) -> Measure:
+def _length(item: Wanted, rows: IntArray, points: Points, corrected: FloatArray) -> Measure:
     """End minus start; along z nothing is off where only the nominal z is known."""
-    drawn = nominal[task.rows]
-    ends = [drawn, measured[task.rows], corrected[task.rows]]
-    ends = [np.where(np.isnan(each), drawn, each) for each in ends]
+    drawn, measured = points.nominal[rows], points.measured[rows]
+    ends = [np.where(np.isnan(each), drawn, each) for each in (drawn, measured, corrected[rows])]
     for each in ends:
         # A z that only one end has counts for neither.
         each[:, 2] = 0.0 if np.isnan(each[:, 2]).any() else each[:, 2]
@@ -401,5 +369,47 @@ def _length(
     if after == 0:
         raise GeometryError("its ends stand at the same place")
     unit = deltas[2] / after
-    gradient = np.where(np.isfinite(measured[task.rows]), [-unit, unit], 0.0)
-    return Measure({"size": (before, after), "reference": reference}, gradient)
+    gradient = np.where(np.isfinite(measured), [-unit, unit], 0.0)
+    return Measure(size=(before, after), reference=reference, gradient=gradient)
+
+
+def mean_sizes(
+    wanted: Sequence[Wanted], visits: Visits, scatter: PointScatter | None, k: float
+) -> list[Size]:
+    """The mean of every size over the repeats of each part, in the order of the part file, with
+    the `scatter` of its points, which repeats that show it average out.
+
+    Its uncertainty by the machine is the mean of theirs: what the machine did to a part is in every
+    repeated measurement of it. Where the machine itself repeated the measurement this is an upper
+    bound. The form of a ring is the same in every repeat.
+    """
+    result = []
+    for (order, operation, part), repeats in sorted(visits.items(), key=lambda item: item[0][0]):
+        item, n = wanted[order], len(repeats)
+        after = np.array([x.size[1] for x in repeats])
+        mean = np.mean([[*x.size, *x.form, x.temperature, x.reference, x.u] for x in repeats], 0)
+        before, last, was, left, temperature, reference, u = mean.tolist()
+        sensitivity = float(np.mean([(x.gradient**2).sum() for x in repeats]))
+        dof = min(x.dof for x in repeats)
+        if scatter is not None:
+            averaged = n if scatter.origin == "repeats" else 1
+            u, dof = (float(x) for x in scatter.added(u, dof, sensitivity, averaged))
+        size = Size(
+            kind=item.kind,
+            id=item.id,
+            part=part,
+            operation=operation,
+            size=(before, last),
+            reference=reference,
+            U_reference=item.U_reference,
+            u=u,
+            dof=dof,
+            sensitivity=sensitivity,
+            temperature=temperature,
+            form=(was, left),
+            n_repeats=n,
+            s_repeats=float(after.std(ddof=1)) if n > 1 else nan,
+            k=k,
+        )
+        result.append(size)
+    return result

@@ -7,27 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out, position_test
-from mtu_cli.analyses.thermal_fit.models import Fitted, Library, Spec, centred, fit, library
-from mtu_cli.analyses.thermal_fit.result import (
-    ComponentDrift,
-    Curve,
-    PositionTest,
-    Residuals,
-    ThermalFit,
+from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out
+from mtu_cli.analyses.thermal_fit.design import Design, about_means, designs, sensors_of
+from mtu_cli.analyses.thermal_fit.models import Fitted, fit
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
+from mtu_cli.analyses.thermal_fit.uncertainty import (
+    estimate,
+    gradients,
+    noise_share,
+    sensor_noise,
 )
-from mtu_cli.analyses.thermal_fit.series import Series, about_means, read_series, sensors_of
-from mtu_cli.analyses.thermal_fit.uncertainty import estimate, gradients, noise_share, sensor_noise
 from mtu_cli.files.covariates import is_temperature
 from mtu_cli.files.readings import Readings
 from mtu_cli.findings import Finding, InputError, counted, error, finding
 from mtu_cli.stats.compressed import effective_number
-from mtu_cli.stats.residuals import (
-    FEWEST_FOR_NORMALITY,
-    condition_number,
-    normality_p,
-    variance_inflation,
-)
+from mtu_cli.stats.residuals import condition_number, normality_p, variance_inflation
 from mtu_cli.units import LENGTH, UNITS
 
 METHODS = ("auto", "stepwise", "ridge", "lagged")
@@ -51,23 +45,22 @@ def thermal_fit(
     `method` one of METHODS; `zeroed` auto (the first readings or a test decide), cycle or never.
     Valdes et al., eqs. (4)-(8), (13), and beyond: whole cycles are held out.
 
-    Raises InputError without sensors, where a temperature is not given, or where the readings
-    of a component are not more than what is fitted to them.
+    Raises InputError without sensors, or where the readings of a component are not more than what
+    is fitted to them.
     """
     sensors = sensors_of(readings)
     share, warnings = 1.0, list[Finding]()
     result: dict[str, ComponentDrift] = {}
-    for series in read_series(readings, sensors):
-        of, unit = None, "um" if series.dimension == LENGTH else "arcsec"
+    lagged = method in ("auto", "lagged")
+    for design in designs(readings, sensors, reference, lagged=lagged, zeroed=zeroed):
+        of, unit = None, "um" if design.dimension == LENGTH else "arcsec"
         if components is not None:
-            of, unit = components[series.name]
-        lagged = method in ("auto", "lagged")
-        lib = library(series, sensors, reference, lagged=lagged, zeroed=zeroed)
-        fitted, test = _chosen(lib, method)
-        drift = _component(fitted, test, method, of, unit)
-        result[series.name] = drift
-        share = min(share, noise_share(fitted, sensor_noise(series)))
-        warnings += _warnings(lib, drift, method)
+            of, unit = components[design.name]
+        fitted = _fitted(design, method)
+        own = noise_share(fitted, sensor_noise(design))
+        result[design.name] = drift = _component(fitted, method, own, of, unit)
+        share = min(share, own)
+        warnings += _warnings(design, drift)
     numbers = [name for name, values in readings.covariates.items() if values.dtype != object]
     if odd := [name for name in numbers if not is_temperature(name)]:
         reason = "a sensor is T_<sensor>_degC, of letters a to z, digits and _"
@@ -85,107 +78,98 @@ def thermal_fit(
     )
 
 
-def _chosen(lib: Library, method: str) -> tuple[Fitted, PositionTest | None]:
-    """The model that all cycles choose; with one cycle, the test decides on its powers.
+def _fitted(design: Design, method: str) -> Fitted:
+    """The model that all cycles choose.
 
     Raises InputError for fewer readings than any model needs, or where it goes through all of them.
     """
-    series, rows = lib.series, lib.all_rows
-    if rows.n < rows.levels + 2:
-        where = "position and cycle" if lib.zeroed.offsets else "position"
-        levels = rows.levels
+    n, rows = len(design.y), design.rows(design.every_cycle)
+    levels = sum(item.levels for item in rows.values())
+    if n < levels + 2:
+        where = "position and cycle" if design.offsets else "position"
         what = "a level" if levels == 1 else f"a level at each {where} ({levels})"
-        raise _too_few(series, f"{what} and the gradient of one sensor", f"at least {levels + 2}")
-    spec = choose(lib, lib.blocks, method)
-    test = position_test(lib, spec)
-    if len(series.cycles) < 2 and test is not None and test.p < 0.05:
-        spec = Spec(kind=spec.kind, degree=lib.most_degree, lags=spec.lags)
-    result = fit(lib, rows, spec)
-    if rows.n - result.parameters < 1 - _ROUNDING_OF_COUNT:
-        count = result.coefficients.size
+        raise _too_few(design, f"{what} and the gradient of one sensor", f"at least {levels + 2}")
+    result = fit(design, design.every_cycle, choose(design, design.blocks, method))
+    if n - result.parameters < 1 - _ROUNDING_OF_COUNT:
+        kind, count = result.spec.kind, result.coefficients.size
         # Sensors that depend on each other need fewer.
-        enough = f"{len(series.positions) + count + 1} (these are always enough)"
-        enough += "" if spec.kind == "stepwise" else ", or --model stepwise"
-        raise _too_few(series, f"the {spec.kind} model of {count} gradients", enough)
-    return result, test
+        enough = f"{len(design.positions) + count + 1} (these are always enough)"
+        enough += "" if kind == "stepwise" else ", or --model stepwise"
+        raise _too_few(design, f"the {kind} model of {count} gradients", enough)
+    return result
 
 
-def _too_few(series: Series, what: str, enough: str) -> InputError:
+def _too_few(design: Design, what: str, enough: str) -> InputError:
     return error(
         "too-little-data",
-        what=f"{counted(len(series.y), 'reading')} of {series.name} for {what}",
-        file=series.files[0] if len(series.files) == 1 else None,
+        what=f"{counted(len(design.y), 'reading')} of {design.name} for {what}",
+        file=design.file,
         expected=f"{enough}: one more than is fitted gives the uncertainty",
     )
 
 
 def _component(
-    found: Fitted, test: PositionTest | None, method: str, of: str | None, unit: str
+    found: Fitted, method: str, share: float, of: str | None, unit: str
 ) -> ComponentDrift:
-    lib, spec, series, rows = found.lib, found.spec, found.lib.series, found.lib.all_rows
-    G = np.array([found.gradient(p) for p in range(len(series.positions))])
-    modelled = np.sum(lib.Z[:, found.columns[1:-1]] * G[series.place], axis=1)
-    starts = series.piece_starts if lib.zeroed.offsets else series.place_starts
-    residual, _ = about_means(series.y - modelled, starts)
-    drift, _ = about_means(series.y, starts)
+    """The model with its evidence; the residuals leave room for a `share` of the sensors' noise."""
+    design, spec, y = found.design, found.spec, found.design.y
+    modelled, drift, residual = (np.empty_like(y) for _ in range(3))
+    for (p, _), rows in design.runs.items():
+        modelled[rows] = design.Z[rows][:, found.columns[1:-1]] @ found.gradients[p]
+    places = [*design.runs.values()] if design.offsets else design.places
+    residual, drift = about_means(y - modelled, places), about_means(y, places)
     before, after = float(np.mean(drift**2)), float(np.mean(residual**2))
-    lag1 = found.autocorrelation(rows)
-    number = effective_number(rows.n, lag1)
-    condition, vif = _collinearity(found)
-    squares = found.group_shares(rows)
-    sensor_u, curves = sensor_noise(series), []
-    for (p, c), run in series.runs.items():
+    lag1 = found.autocorrelation
+    sensor_u, curves = sensor_noise(design), []
+    for (p, c), run in design.runs.items():
         shown = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))
-        time = series.time[shown]
+        time, measured = design.time[shown], y[shown]
         time = np.arange(len(time), dtype=float) if np.isnan(time).any() else time
-        y, left = series.y[shown], residual[shown]
-        curves.append(Curve(series.positions[p], series.cycles[c], time, y, y - left))
+        own = measured - residual[shown]
+        curves.append(Curve(design.positions[p], design.cycles[c], time, measured, own))
+    columns = [found.columns[1 + j] for j in found.used.tolist()]
+    items = design.rows(design.every_cycle).values()
+    inner = np.vstack([item.inner(columns) for item in items])
+    factors = variance_inflation(inner).tolist() if len(columns) else []
+    squares = found.group_shares(design.every_cycle)
+    single, several = gradients(found, sensor_u * share)
     return ComponentDrift(
-        name=series.name,
+        name=design.name,
         unit=UNITS[unit],
         model="lagged" if any(spec.lags) else spec.kind,
         estimate=estimate(found, residual, of, UNITS[unit], sensor_u),
-        positions=tuple(p for p in series.positions if p is not None),
-        n=rows.n,
-        cycles=series.cycles,
-        groups=tuple(group for group in lib.groups if len(group) > 1),
-        r2_fit=float("nan") if series.still else 1 - after / before,
+        positions=tuple(p for p in design.positions if p is not None),
+        n=len(y),
+        cycles=design.cycles,
+        groups=tuple(group for group in design.groups if len(group) > 1),
+        r2_fit=float("nan") if design.still else 1 - after / before,
         rms_before=float(np.sqrt(before)),
         rms_after=float(np.sqrt(after)),
-        held_out=held_out(lib, method),
-        position_test=test,
-        condition=condition,
-        vif=vif,
-        residuals=Residuals(normality_p(residual, number), lag1, number),
+        held_out=held_out(design, method),
+        condition=condition_number(inner) if len(columns) else 1.0,
+        vif={
+            sensor: factor if np.isfinite(factor) else None
+            for factor, j in zip(factors, found.used, strict=True)
+            for sensor in design.groups[j]
+        },
+        normality_p=normality_p(residual, effective_number(len(y), lag1)),
+        lag1=lag1,
         shares={
-            lib.groups[j][0]: float(np.sqrt(squares[j]))
+            design.groups[j][0]: float(np.sqrt(squares[j]))
             for j in np.argsort(-squares, kind="stable")
             if squares[j] > 0
         },
-        at_positions=gradients(found, sensor_u),
-        zeroed=lib.zeroed,
+        gradients=tuple(single),
+        inseparable=tuple(several),
         curves=tuple(curves),
+        offsets=design.offsets,
+        by=design.by,
     )
 
 
-def _collinearity(found: Fitted) -> tuple[float, dict[str, float | None]]:
-    """Condition number and VIF of the groups in the model, about the means of the positions."""
-    columns = np.asarray(found.columns[1:-1], int)[found.used]
-    if not len(columns):
-        return 1.0, {}
-    rows = found.lib.all_rows.by_position.values()
-    stacked = np.vstack([centred(item, columns) for item in rows])
-    factors = variance_inflation(stacked).tolist()
-    return condition_number(stacked), {
-        sensor: factor if np.isfinite(factor) else None
-        for factor, j in zip(factors, found.used, strict=True)
-        for sensor in found.lib.groups[j]
-    }
-
-
-def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Finding]:
-    """Of one component's model: held-out evidence, sensors, cycles, lags, readings."""
-    name, series, held = drift.name, lib.series, drift.held_out
+def _warnings(design: Design, drift: ComponentDrift) -> Iterator[Finding]:
+    """Of one component's model: held-out evidence, sensors, cycles, readings."""
+    name, held = drift.name, drift.held_out
     if (count := len(drift.cycles)) < FEWEST_NESTED:
         cycles = "the readings have no cycles" if count < 2 else "there are two cycles"
         expected = "three cycles or more, column 'cycle'"
@@ -193,7 +177,8 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
     if held is not None and held.after > held.before:
         yield finding("no-better", component=name, effect="increase the rms")
     # Sensors whose gradients are reliable together only, of the position with the most.
-    for group in max((at.inseparable for at in drift.at_positions), key=len, default=()):
+    by_place = [[x for x in drift.inseparable if x.position == p] for p in design.positions]
+    for group in max(by_place, key=len):
         first, *others = group.sensors
         value, u = (each / drift.unit.to_internal for each in (group.value, group.u or 0.0))
         shown = f"{value:.4g} ± {u:.2g}" if u > 0 else f"{value:.4g}"
@@ -201,30 +186,23 @@ def _warnings(lib: Library, drift: ComponentDrift, method: str) -> Iterator[Find
         text = f"reliable together only, {shown} {drift.unit.name} per degC of {first}{where}"
         facts = {"what": f"{name}: {first}", "others": others, "consequence": text}
         yield finding("not-separable", component=name, **facts)
-    if lib.zeroed.offsets and lib.zeroed.by != "setting":
-        p = lib.zeroed.p
-        why = "the first reading of each is 0" if p is None else f"p = {p:.1g}"
+    if drift.offsets and drift.by != "setting":
+        why = "offsets explain most of what is left without them"
+        why = "the first reading of each is 0" if drift.by == "first readings" else why
         reason = f"the probe was zeroed in every cycle ({why}): each has an offset of its own"
         yield finding("order-of-cycles", component=name, reason=reason)
-    timed = len(lib.time_constants) > 1
-    if (method == "auto" and not timed) or (method == "lagged" and drift.model != "lagged"):
-        reason = "no time constant lowers the error of held-out cycles enough"
-        reason = reason if timed else "no times are given that run on within the cycles"
-        yield finding("no-effect-of-temperature", component=name, what="lags", reason=reason)
     if not drift.estimate.sensors:
         reason = "none explains the drift"
-        reason += " (the readings do not differ, so that r2 is undefined)" if series.still else ""
-        yield finding("no-effect-of-temperature", component=name, what="sensor", reason=reason)
-    if drift.residuals.normality_p is None:
-        number = drift.residuals.effective
-        few = f"{number:.3g} of them count as independent"
-        reason = few if number < FEWEST_FOR_NORMALITY else "they are 0"
+        reason += " (the readings do not differ, so that r2 is undefined)" if design.still else ""
+        yield finding("no-effect-of-temperature", component=name, reason=reason)
+    if drift.normality_p is None:
+        reason = "they are 0, or too few of them count as independent"
         what = "the normality of the residuals"
         yield finding("not-tested", what=what, items=name, component=name, reason=reason)
-    if series.every > 1:
-        reason = f"of {series.total} readings every {series.every}th of a cycle is fitted"
+    if design.every > 1:
+        reason = f"of {design.read} readings every {design.every}th of a cycle is fitted"
         yield finding("not-used", what="readings", names=[name], reason=reason)
-    for sensor, (low, high) in zip(lib.sensors, series.range.tolist(), strict=True):
+    for sensor, (low, high) in zip(design.sensors, design.span.tolist(), strict=True):
         if low == high:
             where = f" at {low:g} degC"
             yield finding("sensor-still", sensor=sensor, where=where, consequence="left out")

@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple
 
-from mtu_cli.analyses.thermal_fit.models import Zeroed
 from mtu_cli.findings import Finding
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import ARCSEC, LENGTH, UM, Unit
 
-NOT_ZEROED = Zeroed(offsets=False, by="setting")
 Interval = tuple[float, float]
-
-
-class Residuals(NamedTuple):
-    """Of the fitted readings: `normality_p` (D'Agostino & Pearson's K^2 on the effective
-    number), `lag1` autocorrelation, `effective` number of independent residuals.
-    """
-
-    normality_p: float | None
-    lag1: float
-    effective: float
 
 
 class Curve(NamedTuple):
@@ -39,21 +26,19 @@ class Curve(NamedTuple):
     modelled: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HeldOut:
-    """Root mean squares over readings of cycles that took no part in fit or choice.
-
-    `before` without temperature, `after` with the model, `ordinary` with ordinary least squares
-    on all sensors; `r2` = 1 - after^2/before^2. The `cycles` (name, before, after) were held out
-    in so many `blocks`.
+class HeldOut(NamedTuple):
+    """Root mean squares over readings of cycles that took no part in fit or choice: `before`
+    without temperature, `after` with the model, `ordinary` with least squares on all sensors.
     """
 
     before: float
     after: float
     ordinary: float
-    r2: float
-    cycles: tuple[tuple[str, float, float], ...]
-    blocks: int
+
+    @property
+    def r2(self) -> float:
+        """1 - after^2/before^2; nan where the readings do not differ."""
+        return 1.0 - (self.after / self.before) ** 2 if self.before > 0 else float("nan")
 
     @property
     def reduction(self) -> float:
@@ -61,16 +46,11 @@ class HeldOut:
         return 1.0 - self.after / self.before if self.before > 0 else float("nan")
 
 
-class PositionTest(NamedTuple):
-    """Whether the drift depends on position: F and its p."""
-
-    F: float
-    p: float
-
-
-class Inseparable(NamedTuple):
-    """Sensors at a position that only have a gradient together: the drift per degC of the first,
-    the others moving with it as they did in the readings.
+class Gradient(NamedTuple):
+    """What sensors do at a position: the model's `value`, mm or rad per degC of the first, with its
+    `u` and 95 % `interval` (None where the readings do not determine it), u `by` "cycles" (their
+    scatter) or "model" (of the errors). Several `sensors` are not separable: they only have one
+    together, the others moving with the first as they did in the readings.
     """
 
     position: float | None
@@ -78,30 +58,20 @@ class Inseparable(NamedTuple):
     value: float
     u: float | None
     interval: Interval | None
-
-
-@dataclass(frozen=True, slots=True)
-class Gradients:
-    """The model at an observed position by sensor, mm or rad per degC: `u` and 95 % `intervals`
-    (None where the readings do not determine it), u `by` "cycles" (their scatter) or "model" (of
-    the errors); and the sensors that are not separable.
-    """
-
-    position: float | None
-    gradients: dict[str, float]
-    u: dict[str, float | None] = field(default_factory=dict)
-    intervals: dict[str, Interval | None] = field(default_factory=dict)
-    by: dict[str, str] = field(default_factory=dict)
-    inseparable: tuple[Inseparable, ...] = ()
+    by: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ComponentDrift:
     """The thermal model of one component and the evidence for it.
 
-    `groups` are sensors that move alike (|r| >= 0.999), the first of each standing
-    for all; `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of
-    the model; `shares` (by sensor) the root mean square of its part of the modelled drift.
+    `groups` are sensors that move alike (|r| >= 0.999), the first of each standing for all;
+    `gradients` of every sensor of the model at every position, `inseparable` ones of several;
+    `condition` and `vif` (by sensor, None: infinite) of the standardised sensors of the model;
+    `shares` (by sensor) the root mean square of its part of the modelled drift. Cycles have
+    `offsets` of their own where the probe was zeroed in each (`by`: setting, first readings or
+    test). `normality_p` (D'Agostino & Pearson's K^2 on the effective number) and `lag1`
+    autocorrelation are of the residuals.
     """
 
     name: str
@@ -116,18 +86,20 @@ class ComponentDrift:
     rms_before: float
     rms_after: float
     held_out: HeldOut | None
-    position_test: PositionTest | None
     condition: float
     vif: dict[str, float | None]
-    residuals: Residuals
+    normality_p: float | None
+    lag1: float
     shares: dict[str, float]
-    at_positions: tuple[Gradients, ...]
+    gradients: tuple[Gradient, ...]
+    inseparable: tuple[Gradient, ...]
     curves: tuple[Curve, ...]
-    zeroed: Zeroed = NOT_ZEROED
+    offsets: bool
+    by: str
 
     @property
     def size2(self) -> float:
-        """Its square."""
+        """Its unit's square."""
         return self.unit.to_internal**2
 
     @property
@@ -139,41 +111,6 @@ class ComponentDrift:
     def rms_size(self) -> float:
         """mm or rad in one of it."""
         return UM if self.unit.dimension == LENGTH else ARCSEC
-
-    @property
-    def by_share(self) -> list[str]:
-        """The sensors of the model, the one with the largest part of the drift first."""
-        return sorted(self.estimate.sensors, key=lambda name: -self.shares.get(name, 0.0))
-
-    def twins(self, sensor: str) -> tuple[str, ...]:
-        """The other sensors that `sensor` stands for."""
-        return next((group[1:] for group in self.groups if group[:1] == (sensor,)), ())
-
-    @property
-    def gradients(self) -> Iterator[dict[str, Any]]:
-        """What every sensor does at every position; one without a sensor where the model has none.
-        `value` per degC with its `u` (`by` the scatter of cycles or the model of errors).
-        """
-        model, span = self.estimate, self.estimate.temperature_range
-        if not model.sensors:
-            yield {"drift": self}
-        for at in self.at_positions:
-            for i, sensor in enumerate(model.sensors):
-                yield {
-                    "drift": self,
-                    "position": at.position,
-                    "sensor": sensor,
-                    "stands_for": self.twins(sensor),
-                    "value": at.gradients.get(sensor),
-                    "u": at.u.get(sensor),
-                    "interval": at.intervals.get(sensor),
-                    "by": at.by.get(sensor),
-                    "separable": not any(sensor in group.sensors for group in at.inseparable),
-                    "share": self.shares.get(sensor),
-                    "lag": float(model.time_constants[i]),
-                    "vif": self.vif.get(sensor),
-                    "temperatures": None if span is None else span[i],
-                }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

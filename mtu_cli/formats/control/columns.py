@@ -16,11 +16,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from mtu_cli.files.csv_table import number
-from mtu_cli.findings import error
+from mtu_cli.findings import InputError, error
 from mtu_cli.formats.control.errors import (
     Controller,
     ErrorTable,
@@ -28,25 +28,23 @@ from mtu_cli.formats.control.errors import (
     always,
     choice,
     decimals,
+    lines_of,
     never,
     number_parameter,
     numeric,
     parameter,
     real,
     refuse,
-    rising,
     rows_of,
-    whole,
 )
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.units import UM
 
 MOST_ROWS, LONGEST_LINE, INCH = 256, 255, 25.4
 """LinuxCNC: EMCMOT_COMP_SIZE, the characters of a line, and mm of an inch."""
-PLACES, QUANTUM, MOST_OLD = 4, 1e-4, 256
-"""Heidenhain: decimal places, mm; entries of an old table."""
-NEW_HEAD = re.compile(r"BEGIN +AXIS_(\w+)\.COM +MM")
-OLD_HEAD = re.compile(r"BEGIN +AXIS-(\w+)\.COM +DATUM: *(\S+) +DISTANCE: *(\S+)")
+QUANTUM, MOST_OLD = 1e-4, 256
+"""Heidenhain: mm; entries of an old table."""
+HEAD = re.compile(r"BEGIN +AXIS[_-]\w+\.COM +(?:MM|DATUM: *(\S+) +DISTANCE: *(\S+))")
 ANGLES = ("A", "B", "C")
 ISO_NAME = re.compile(r"E[XYZABC][XYZABC]")
 HAND = "FOR HAND ENTRY, no file to load."
@@ -73,19 +71,18 @@ def _read_linuxcnc(text: str, parameters: Parameters) -> ErrorTable:
     trims, unit = choice(parameters, "type", ("0", "1")) == "1", _inch(parameters)
     lines = [*enumerate(text.removesuffix("\n").split("\n"), 1)]
     for i, line in lines:
-        values = [number(cell) for cell in line.split()]
-        if len(values) != 3 or not all(x is not None and np.isfinite(x) for x in values):
+        try:
+            rows_of([(i, line)], 3)
+        except InputError:
             reason = (
                 f"LinuxCNC stops reading here, without a message: {line[:40]!r} is not three "
                 f"numbers, and {i - 1} rows above it are all that it would use"
             )
             refuse(reason, i, "three numbers, no comment, no heading, no blank line")
-        if len(line) > LONGEST_LINE:
-            refuse(f"a line of {len(line)} characters", i, f"at most {LONGEST_LINE}")
-    if len(lines) > MOST_ROWS:
-        refuse(f"{len(lines)} rows", expected=f"at most {MOST_ROWS}")
+    if len(lines) > MOST_ROWS or max(len(line) for _, line in lines) > LONGEST_LINE:
+        refuse(f"{len(lines)} rows", expected=f"at most {MOST_ROWS}, of {LONGEST_LINE} characters")
     at, *both = rows_of(lines, 3).T * unit
-    return ErrorTable.of(rising(at), *(-x if trims else x - at for x in both))
+    return ErrorTable.of(at, *(-x if trims else x - at for x in both))
 
 
 def _is_old(parameters: Parameters) -> bool:
@@ -93,49 +90,44 @@ def _is_old(parameters: Parameters) -> bool:
 
 
 def _write_heidenhain(table: ErrorTable, parameters: Parameters) -> str:
-    axis, columns = parameter(parameters, "axis"), [table.reverse, table.forward]
-    lines = [f"BEGIN AXIS_{axis}.COM MM", f"{'NR':<6}{'AXISPOS':>14}{'BACKLASH':>12}{axis:>12}"]
+    axis, step = parameter(parameters, "axis"), table.step or 0.0
     if _is_old(parameters):
-        step = table.step or 0.0
         power = math.log2(step / QUANTUM)
         if abs(power - round(power)) > 1e-6 or len(table.at) > MOST_OLD:
+            near = f"--step {QUANTUM * 2.0 ** round(power):g}, and at most {MOST_OLD} points"
             reason = f"a distance of {step:g} mm in {len(table.at)} points"
-            near = QUANTUM * 2.0 ** round(power)
-            expected = (
-                f"2^n times 0.0001 mm, such as --step {near:g}, and at most {MOST_OLD} points"
-            )
+            expected = f"2^n times 0.0001 mm, such as {near}"
             raise error("not-applicable", reason=reason, expected=expected)
         lines = [f"BEGIN AXIS-{axis}.COM  DATUM:{table.at[0]:+.4f} DISTANCE:{step:+.4f}",
                  f"{'NR':<6}{'':>14}{axis:>12}"]  # fmt: skip
-        columns = [table.forward]
-    for k, (at, *values) in enumerate(zip(table.at, *columns, strict=True)):
-        cells = "".join(f"{round(e, PLACES) + 0.0:>+12.4f}" for e in values)
+        columns = table.errors[:1]
+    else:
+        lines = [f"BEGIN AXIS_{axis}.COM MM", f"{'NR':<6}{'AXISPOS':>14}{'BACKLASH':>12}{axis:>12}"]
+        columns = table.errors[::-1]
+    for k, (at, values) in enumerate(zip(table.at, columns.T, strict=True)):
+        cells = "".join(f"{e:>+12.4f}" for e in np.round(values, 4) + 0.0)
         lines.append(f"{k:<6}{at:>+14.4f}{cells}")
     return "\n".join([*lines, "[END]", ""])
 
 
 def _read_heidenhain(text: str, parameters: Parameters) -> ErrorTable:
-    lines = text.rstrip().split("\n")
-    new, old = NEW_HEAD.fullmatch(lines[0].strip()), OLD_HEAD.fullmatch(lines[0].strip())
-    if not (new or old):
-        refuse(f"{lines[0][:60]!r} begins no table", 1, "BEGIN AXIS_X.COM MM")
-    if lines[-1].strip() != "[END]":
-        refuse("it does not end with [END]", len(lines))
-    names = lines[1].split()
-    if names[:1] != ["NR"] or (new and names[1:3] != ["AXISPOS", "BACKLASH"]):
+    (_, first), *lines = [*lines_of(text), (1, "")]
+    head, names = HEAD.fullmatch(first), lines[0][1].split()
+    if not head or names[:1] != ["NR"]:
+        refuse(f"{first[:60]!r} and {' '.join(names)[:60]!r} begin no table", 1,
+               "BEGIN AXIS_X.COM MM, and below it NR AXISPOS BACKLASH X")  # fmt: skip
+    if lines[-2][1] != "[END]":
+        refuse("it does not end with [END]")
+    if not head[1] and names[1:3] != ["AXISPOS", "BACKLASH"]:
         refuse("the line of the columns is missing", 2, "NR AXISPOS BACKLASH X")
-    count = 4 if new else 3
-    rows = rows_of(enumerate(lines[2:-1], 3), count, f"{count}: a table of one axis")
-    if rows[:, 0].tolist() != list(range(len(rows))):
+    number, at, *errors = rows_of(lines[1:-2], 3 if head[1] else 4).T
+    if number.tolist() != [*range(len(at))]:
         refuse("the numbers do not run from 0", 3)
-    at = rising(rows[:, 1])
-    if new:
-        return ErrorTable.of(at, rows[:, 3], rows[:, 2])
-    assert old is not None
-    due = numeric(old[2], 1) + numeric(old[3], 1) * np.arange(len(at))
-    if np.abs(at - due).max() > QUANTUM:
-        refuse("the positions are not those of DATUM and DISTANCE", 1)
-    return ErrorTable.of(at, rows[:, 2])
+    if head[1]:
+        due = numeric(head[1], 1) + numeric(head[2], 1) * number
+        if np.abs(at - due).max() > QUANTUM:
+            refuse("the positions are not those of DATUM and DISTANCE", 1)
+    return ErrorTable.of(at, *errors[::-1])
 
 
 def _error_name(parameters: Parameters, table: ErrorTable) -> str:
@@ -151,10 +143,9 @@ def _model_rows(table: ErrorTable) -> list[str]:
     return [f"{real(at)} {real(e, places)}" for at, e in zip(table.at, table.forward, strict=True)]
 
 
-def _model_table(rows: FloatArray, name: str) -> ErrorTable:
+def _model_table(lines: list[tuple[int, str]], name: str) -> ErrorTable:
     """Of the error model: an angle by its name."""
-    at, e = rows.T
-    return ErrorTable(at=rising(at), forward=e, reverse=e, angle=name[1] in ANGLES)
+    return ErrorTable.of(*rows_of(lines, 2).T, angle=name[1] in ANGLES)
 
 
 def _write_csv(table: ErrorTable, parameters: Parameters) -> str:
@@ -163,13 +154,11 @@ def _write_csv(table: ErrorTable, parameters: Parameters) -> str:
 
 
 def _read_csv(text: str, parameters: Parameters) -> ErrorTable:
-    plain = [(i, line.split("//")[0]) for i, line in enumerate(text.split("\n"), 1)]
-    lines = [(i, line) for i, line in plain if line.strip()]
-    heading = lines[0][1].split() if lines else []
-    if len(heading) != 2 or not ISO_NAME.fullmatch(heading[1]):
-        at = lines[0][0] if lines else 1
-        refuse(f"{' '.join(heading)!r} is no heading of one axis", at, "such as X EXX")
-    return _model_table(rows_of(lines[1:], 2), heading[1])
+    (at, heading), *lines = lines_of(text, "//") or [(1, "")]
+    names = heading.split()
+    if len(names) != 2 or not ISO_NAME.fullmatch(names[1]):
+        refuse(f"{heading!r} is no heading of one axis", at, "such as X EXX")
+    return _model_table(lines, names[1])
 
 
 def _write_etalon(table: ErrorTable, parameters: Parameters) -> str:
@@ -180,7 +169,7 @@ def _write_etalon(table: ErrorTable, parameters: Parameters) -> str:
 def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:
     sections: dict[str, list[tuple[int, str]]] = {}
     name, inside = "", False
-    for i, line in enumerate(map(str.strip, text.split("\n")), 1):
+    for i, line in lines_of(text):
         if match := re.fullmatch(r"\[(\w+)\]", line):
             name = match[1]
         elif re.fullmatch(r"Gridpoints *= *\{", line) or line == "}":
@@ -190,10 +179,10 @@ def _read_etalon(text: str, parameters: Parameters) -> ErrorTable:
     if inside:
         refuse("the brace of Gridpoints is not closed")
     wanted = parameters["error"] or f"E{parameters['axis']}{parameters['axis']}"
-    own = wanted if wanted in sections else next(iter(sections), "")
-    if not ISO_NAME.fullmatch(own) or (wanted not in sections and len(sections) > 1):
+    own = next(iter(sections), "") if len(sections) == 1 else wanted
+    if own not in sections or not ISO_NAME.fullmatch(own):
         refuse(f"no Gridpoints of {wanted}", expected="--set error=EXX")
-    return _model_table(rows_of(sections[own], 2, "a position and a value"), own)
+    return _model_table(sections[own], own)
 
 
 def _output_unit(parameters: Parameters) -> float:
@@ -204,21 +193,22 @@ def _output_unit(parameters: Parameters) -> float:
 def _write_mitsubishi(table: ErrorTable, parameters: Parameters) -> str:
     # Rounded where it adds up, so that errors of rounding do not.
     steps = np.diff(np.rint(-table.errors / _output_unit(parameters)), axis=1)
+    if steps.min() < -128 or steps.max() > 127:
+        reason = f"increments of {steps.min():.0f} to {steps.max():.0f}; mitsubishi holds -128 to "
+        raise error("not-applicable", reason=f"{reason}127")
     lines = [f"# zero at {decimals(table.at[0])} mm", INCREMENTS]
-    for k, (low, high) in enumerate(zip(table.at, table.at[1:], strict=False)):
-        plus, minus = (whole(float(x), "mitsubishi", -128, 127) for x in steps[:, k])
-        lines.append(f"{k + 1},{decimals(low)},{decimals(high)},{plus},{minus}")
+    for k, (plus, minus) in enumerate(steps.T):
+        ends = f"{decimals(table.at[k])},{decimals(table.at[k + 1])}"
+        lines.append(f"{k + 1},{ends},{plus:.0f},{minus:.0f}")
     return "\n".join([*lines, ""])
 
 
 def _listed(text: str, heading: str) -> FloatArray:
     """The numbers below a heading; lines that begin with # are comments."""
-    lines = [(i, line) for i, line in enumerate(text.split("\n"), 1)
-             if line.strip() and not line.startswith("#")]  # fmt: skip
-    if not lines or lines[0][1].strip() != heading:
-        at, line = lines[0] if lines else (1, "")
+    (at, line), *lines = lines_of(text, "#") or [(1, "")]
+    if line != heading:
         refuse(f"the heading is {line[:60]!r}", at, heading)
-    return rows_of(lines[1:], heading.count(",") + 1, separator=",")
+    return rows_of(lines, heading.count(",") + 1, separator=",")
 
 
 def _read_mitsubishi(text: str, parameters: Parameters) -> ErrorTable:
@@ -226,7 +216,7 @@ def _read_mitsubishi(text: str, parameters: Parameters) -> ErrorTable:
     if not np.array_equal(rows[1:, 1], rows[:-1, 2]):
         refuse("its intervals do not follow one another")
     sums = np.cumsum(np.vstack([np.zeros(2), rows[:, 3:5]]), axis=0)
-    return ErrorTable.of(rising([*rows[:, 1], rows[-1, 2]]), *(-half * sums.T))
+    return ErrorTable.of([*rows[:, 1], rows[-1, 2]], *(-half * sums.T))
 
 
 def _write_table(table: ErrorTable, parameters: Parameters) -> str:
@@ -244,9 +234,9 @@ def _read_table(text: str, parameters: Parameters) -> ErrorTable:
     rows = _listed(text, LISTED.format("deg" if rotary else "mm"))
     if np.abs(rows[:, 2:4] + rows[:, 4:6]).max() > 0.002:
         refuse("its corrections are not the errors with the other sign")
-    forward, reverse = rows[:, 2:4].T * (1e-6 if angle else UM)
-    return ErrorTable(at=rising(rows[:, 1]), forward=forward, reverse=reverse, angle=angle,
-                      both=not np.array_equal(forward, reverse), rotary=rotary)  # fmt: skip
+    errors = rows[:, 2:4].T * (1e-6 if angle else UM)
+    table = ErrorTable.of(rows[:, 1], *errors, angle=angle)
+    return replace(table, rotary=rotary, both=not np.array_equal(*errors))
 
 
 MODEL: Mapping[str, str] = {"axis": "X", "error": ""}

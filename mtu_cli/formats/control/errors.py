@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mtu_cli.files.csv_table import number
-from mtu_cli.findings import Finding, InputError, error, finding, suggestion
+from mtu_cli.findings import InputError, error, finding, suggestion
 from mtu_cli.stats.least_squares import FloatArray
 
 Parameters = Mapping[str, str]
@@ -30,39 +30,31 @@ EQUAL_STEP = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ErrorTable:
-    """Errors (n,) in mm or rad, forward and reverse, at rising machine positions `at` (n,), mm.
+    """Errors (2, n) forward and reverse, mm or rad, at rising machine positions `at` (n,), mm.
 
-    `both`: the two directions differ by intention; else reverse is forward. `angle`: in rad;
-    `rotary`: at positions in deg.
+    `both`: the two directions differ by intention. `angle`: in rad; `rotary`: at positions in deg.
     """
 
     at: FloatArray
-    forward: FloatArray
-    reverse: FloatArray
+    errors: FloatArray
     both: bool = False
     angle: bool = False
     rotary: bool = False
 
     @classmethod
-    def of(cls, at: ArrayLike, forward: ArrayLike, reverse: ArrayLike | None = None) -> ErrorTable:
+    def of(cls, at: ArrayLike, *errors: ArrayLike, angle: bool = False) -> ErrorTable:
         """A table of one direction, or of two."""
-        at, forward = np.asarray(at, float), np.asarray(forward, float)
-        if reverse is None:
-            return cls(at=at, forward=forward, reverse=forward)
-        return cls(at=at, forward=forward, reverse=np.asarray(reverse, float), both=True)
+        columns = np.array([errors[0], errors[-1]], float)
+        return cls(at=np.asarray(at, float), errors=columns, both=len(errors) > 1, angle=angle)
 
     @property
-    def errors(self) -> FloatArray:
-        """Forward and reverse errors (2, n)."""
-        return np.stack([self.forward, self.reverse])
+    def forward(self) -> FloatArray:
+        """Errors (n,) forward; of a table of one direction those of both."""
+        return np.asarray(self.errors[0])
 
     def at_places(self, places: FloatArray) -> FloatArray:
         """Errors (2, m) at other positions: linear between points, held beyond the ends."""
         return np.stack([np.interp(places, self.at, each) for each in self.errors])
-
-    def shifted(self, forward: float, reverse: float) -> ErrorTable:
-        """The table less one value for each direction."""
-        return replace(self, forward=self.forward - forward, reverse=self.reverse - reverse)
 
     @property
     def step(self) -> float | None:
@@ -91,8 +83,8 @@ class Controller:
     `says` the convention in a sentence, written as a comment that begins with `comment`, or, where
     the format has none, into a file beside it. `two`: it has a column for each direction.
     `zeroed`: "" as they are; "forward": less the forward value at the reference; "each": less each
-    direction's own. `parameters` with their defaults ("": has to be given where it is needed).
-    `most`: points that the control holds. `angles`: it holds errors that are angles,
+    direction's own at the first point. `parameters` with their defaults ("": has to be given where
+    it is needed). `most`: points that the control holds. `angles`: it holds errors that are angles,
     `rotary`: those of a rotary axis. `listing`: for hand entry.
     """
 
@@ -127,24 +119,15 @@ class Controller:
         place = self.zero_at(table, reference)
         if place is None:
             return table
-        forward, reverse = table.at_places(np.array([place]))[:, 0].tolist()
-        return table.shifted(forward, reverse if self.zeroed == "each" else forward)
+        off = table.at_places(np.array([place]))
+        return replace(table, errors=table.errors - (off if self.zeroed == "each" else off[0]))
 
     def text(self, table: ErrorTable, parameters: Parameters, note: str = "") -> str:
         """The file, with its sign convention and a `note` where comments are allowed.
 
-        Raises InputError for a table that the format cannot hold.
+        Raises InputError with all that the format cannot hold of a table.
         """
-        self.check(table, parameters)
-        written = self.write(table, parameters)
-        if self.comment:
-            notes = [f"{self.comment} {each}\n" for each in (self.says, note) if each]
-            written = "".join(notes) + written
-        return written.replace("\n", self.newline)
-
-    def check(self, table: ErrorTable, parameters: Parameters) -> None:
-        """Raises InputError with all that the format cannot hold of a table."""
-        faults: list[Finding] = []
+        faults = []
         if table.angle and not (self.angles or (self.rotary and table.rotary)):
             reason = f"{self.name} holds lengths, the component is an angle"
             faults.append(finding("not-applicable", reason=reason))
@@ -157,13 +140,20 @@ class Controller:
             faults.append(finding("not-applicable", reason=reason, expected="a larger --step"))
         if faults:
             raise InputError(faults)
+        notes = [f"{self.comment} {each}\n" for each in (self.says, note) if each and self.comment]
+        return "".join([*notes, self.write(table, parameters)]).replace("\n", self.newline)
 
     def read_back(self, text: str, parameters: Parameters) -> ErrorTable:
         """What a file says; raises InputError for one that the control would not read so.
 
         Lines end as on Windows or Unix.
         """
-        return self.read(text.replace("\r\n", "\n"), parameters)
+        table = self.read(text.replace("\r\n", "\n"), parameters)
+        if len(table.at) < 2:
+            refuse(f"{len(table.at)} point(s)", expected="two points or more")
+        if (np.diff(table.at) <= 0).any():
+            refuse("the positions do not rise", expected="rising positions")
+        return table
 
 
 def decimals(value: float, places: int = 6) -> str:
@@ -180,15 +170,6 @@ def real(value: float, places: int = 6) -> str:
     """The same with a decimal point, as controls write real numbers."""
     text = decimals(value, places)
     return text if "." in text else f"{text}.0"
-
-
-def whole(value: float, name: str, low: float = -np.inf, high: float = np.inf) -> int:
-    """A rounded count; raises InputError beyond what the control holds."""
-    result = round(value)
-    if not low <= result <= high:
-        reason = f"a value of {result}; {name} holds {low:g} to {high:g}"
-        raise error("not-applicable", reason=reason)
-    return result
 
 
 def parameter(parameters: Parameters, name: str, form: str = "VALUE") -> str:
@@ -229,36 +210,34 @@ def numeric(text: str, line: int | None = None) -> float:
     return value
 
 
+def lines_of(text: str, *comments: str) -> list[tuple[int, str]]:
+    """The stripped lines of a text with their numbers, without comments and blank lines."""
+    result = []
+    for i, line in enumerate(text.split("\n"), 1):
+        for sign in comments:
+            line = line.partition(sign)[0]
+        if line.strip():
+            result.append((i, line.strip()))
+    return result
+
+
 def rows_of(
-    lines: Iterable[tuple[int, str]], count: int, expected: str = "", separator: str | None = None
+    lines: Iterable[tuple[int, str]], count: int, separator: str | None = None
 ) -> FloatArray:
     """Numbers (n, count) of numbered lines; raises InputError for a line of others, or for none."""
     rows = []
     for line, text in lines:
         cells = text.split(separator)
         if len(cells) != count:
-            refuse(f"{len(cells)} values", line, expected or f"{count}")
+            refuse(f"{len(cells)} values", line, f"{count}")
         rows.append([numeric(cell, line) for cell in cells])
     if not rows:
-        refuse("it has no rows of numbers", expected=expected or None)
+        refuse("it has no rows of numbers")
     return np.array(rows)
 
 
-def in_order(values: Mapping[int, float], what: str, count: int | None = None) -> FloatArray:
-    """Values by their numbers; raises InputError where these do not run from 0, or are fewer than
-    two, or not `count`.
-    """
-    count = max(len(values), 2) if count is None else count
+def in_order(values: Mapping[int, float], what: str, count: int) -> FloatArray:
+    """Values by their numbers; raises InputError where these do not run from 0 to count - 1."""
     if sorted(values) != list(range(count)):
         refuse(f"the numbers of {what} do not run from 0 to {count - 1}")
     return np.array([values[k] for k in range(count)])
-
-
-def rising(at: ArrayLike, line: int | None = None) -> FloatArray:
-    """Positions; raises InputError where there are fewer than two or they do not rise."""
-    result = np.asarray(at, float)
-    if len(result) < 2:
-        refuse(f"{len(result)} point(s)", line, "two points or more")
-    if (np.diff(result) <= 0).any():
-        refuse("the positions do not rise", line, "rising positions")
-    return result

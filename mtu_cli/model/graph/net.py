@@ -29,7 +29,6 @@ from mtu_cli.model.graph.transitions import (
     TRANSITIONS,
     Step,
     Unit,
-    Use,
     Values,
     described,
     matches,
@@ -191,27 +190,25 @@ def cycle_of(before: Mapping[str, Sequence[str]]) -> list[str]:
 
 class _Net:
     """The checks of one file, of the sound part of its contract; `known` are the names of all
-    places, faulty ones included, `unclear` how many names are no places: each may be meant for one
-    that seems unused; of transitions that cannot be read nobody knows what they name.
+    places, faulty ones included; of transitions that cannot be read nobody knows what they name.
     """
 
     def __init__(self, graph: Graph, faults: Faults) -> None:
-        self.graph, self.faults, self.places = graph, faults, graph.places or {}
+        self.faults, self.places = faults, graph.places or {}
         self.known = dict.fromkeys(faults.keys("places"))
         misread = {path[1] for path in faults.unknown_keys if path[:1] == ("transitions",)}
         items = present(graph.transitions)
         self.transitions = {index: item for index, item in items if index not in misread}
         self.report = present(graph.report)
-        named = [*(name for _, name in self.report)]
         self.makers: dict[str, list[int]] = {}
         for index, item in self.transitions.items():
-            named += [*item.in_, *item.out]
             for name in dict.fromkeys(item.out):
                 self.makers.setdefault(name, []).append(index)
-        unread = any(not (own.path or "").startswith("places.") for own in faults.findings)
-        self.unclear = math.inf if unread else sum(name not in self.known for name in named)
+        self.unread = any(not (own.path or "").startswith("places.") for own in faults.findings)
         self.nominal: Values = {}
-        self.units: dict[str, Unit] = {}
+        self.units: dict[str, Unit] = {
+            n: p.unit if p.kind == "constant" else "mm" for n, p in self.places.items()
+        }
         self.rounds: Rounds = ()
 
     def check(self) -> None:
@@ -223,9 +220,6 @@ class _Net:
             self.check_place(name, place)
         self.check_names()
         self.nominal.update({name: start_value(self.places[name]) for name in marked})
-        self.units.update(
-            {n: p.unit if p.kind == "constant" else "mm" for n, p in self.places.items()}
-        )
         for step in chain.from_iterable(self.rounds):
             self.check_value(step)
             self.check_unit(step)
@@ -234,24 +228,40 @@ class _Net:
         """A transition against its signature; None with its faults, and where it makes a place a
         second time: what follows from that is not its fault.
         """
-        path, before = ("transitions", index), len(self.faults.findings)
+        path, faults, before = ("transitions", index), self.faults, len(self.faults.findings)
         for key, owner in ONLY.items():
             if getattr(item, key) is not None and item.do != owner:
-                self.faults.add((*path, key), "misplaced", key=key, where=owner)
-        for side, listed_names in (("in", item.in_), ("out", item.out)):
-            self.check_known((*path, side), enumerate(listed_names))
-        self.faults.once((*path, "out"), enumerate(item.out), "the output")
+                faults.add((*path, key), "misplaced", key=key, where=owner)
+        self.check_known((*path, "in"), enumerate(item.in_))
+        self.check_known((*path, "out"), enumerate(item.out))
+        faults.once((*path, "out"), enumerate(item.out), "the output")
         if not all(name in self.places for name in (*item.in_, *item.out)):
             return None
         formula = self.formula(item, path) if item.do == "compute" else None
-        use = self.use_of(item, path)
-        again = any(self.makers[name][0] != index for name in item.out)
-        if use is None or again or len(self.faults.findings) > before:
-            return None
-        inputs, outputs = tuple(item.in_), tuple(item.out)
-        return Step(
-            index=index, do=item.do, use=use, inputs=inputs, outputs=outputs, formula=formula
+        takes, makes = (
+            [described(self.places[name].kind, self.places[name].axis) for name in own]
+            for own in (item.in_, item.out)
         )
+        uses = TRANSITIONS[item.do]
+        taking = [use for use in uses if matches(use.takes, takes)]
+        making = [use for use in taking if matches(use.makes, makes)]
+        if not making:
+            known = [use.makes for use in taking] or [use.takes or "nothing" for use in uses]
+            side, verb, found = ("out", "make", makes) if taking else ("in", "take", takes)
+            given = {"do": item.do, "expected": "; or ".join(dict.fromkeys(known)), "verb": verb}
+            places = ", ".join(found) or "nothing"
+            faults.add((*path, side), "wrong-connection", places=places, **given)
+        elif item.do == "meas" and makes == ["a point"] and item.along is None:
+            faults.lacks(path, "along", "x, -x, ... or [i, j, k]")
+        elif item.do == "meas" and makes != ["a point"] and item.along is not None:
+            faults.add((*path, "along"), "misplaced", key="along", where="a point")
+        again = any(self.makers[name][0] != index for name in item.out)
+        if again or len(faults.findings) > before:
+            return None
+        return Step(
+            index=index, do=item.do, use=making[0], inputs=tuple(item.in_), outputs=tuple(item.out),
+            formula=formula,
+        )  # fmt: skip
 
     def check_known(self, path: YamlPath, items: Iterable[tuple[int, str]]) -> None:
         for at, name in items:
@@ -280,59 +290,37 @@ class _Net:
             return node
         return None
 
-    def use_of(self, item: Transition, path: YamlPath) -> Use | None:
-        """The use that takes these inputs and gives these outputs, or None with its fault."""
-        sides = [
-            [described(self.places[name].kind, self.places[name].axis) for name in own]
-            for own in (item.in_, item.out)
-        ]
-        uses = TRANSITIONS[item.do]
-        taking = [use for use in uses if matches(use.takes, sides[0])]
-        making = [use for use in taking if matches(use.makes, sides[1])]
-        if not making:
-            at = int(bool(taking))
-            known = [(use.takes, use.makes)[at] or "nothing" for use in taking or uses]
-            given = {"do": item.do, "expected": "; or ".join(dict.fromkeys(known))}
-            given |= {"verb": ("take", "make")[at], "places": ", ".join(sides[at]) or "nothing"}
-            self.faults.add((*path, ("in", "out")[at]), "wrong-connection", **given)
-            return None
-        if item.do == "meas" and (sides[1] == ["a point"]) != (item.along is not None):
-            if item.along is None:
-                self.faults.lacks(path, "along", "x, -x, ... or [i, j, k]")
-            else:
-                self.faults.add((*path, "along"), "misplaced", key="along", where="a point")
-        return making[0]
-
     def check_place(self, name: str, place: Place) -> None:
         """That a place has the keys of its kind, and what a transition makes states nothing
         against it.
         """
-        path: YamlPath = ("places", name)
+        path, faults = ("places", name), self.faults
         if "." in name:
             given = {"kind": "a name that formulas can use", "expected": name.replace(".", "_")}
-            self.faults.add(path, "wrong-type", value=name, **given)
+            faults.add(path, "wrong-type", value=name, **given)
         makers = self.makers.get(name, [])
         maker = self.transitions[makers[0]].do if makers else ""
         for key, kinds in KEYS.items():
-            if key in place.stated and place.kind not in kinds:
+            if key not in place.stated:
+                continue
+            if place.kind not in kinds:
                 where = "a " + " or a ".join(kinds)
-                self.faults.add((*path, key), "misplaced", key=key, where=where)
-            elif key in place.stated and makers and key in STARTS and (key, maker) != MEASURED:
+                faults.add((*path, key), "misplaced", key=key, where=where)
+            elif makers and key in STARTS and (key, maker) != MEASURED:
                 other = self.made_by(makers[0])
-                self.faults.add((*path, key), "contradicts", other=other, expected="one of the two")
+                faults.add((*path, key), "contradicts", other=other, expected="one of the two")
         if place.kind == "coordinate" and place.axis is None:
-            self.faults.lacks(path, "axis", "x, y or z")
+            faults.lacks(path, "axis", "x, y or z")
         count, expected = NOMINAL.get(place.kind, (0, ""))
         nominal = place.nominal_mm
         if nominal is not None and count and len(nominal) != count:
             own = (*path, "nominal_mm")
-            self.faults.add(own, "wrong-value", value=list(nominal), expected=expected)
-        if place.u is not None and place.value is None and not self.faults.misspelt(path, STARTS):
-            self.faults.add((*path, "u"), "incomplete", what="`u`", other="`value`")
-        if count and not nominal and maker == "meas":
-            self.faults.lacks(path, "nominal_mm", "where it is measured")
-        elif not makers and place.known and not nominal and place.kind == "point":
-            self.faults.lacks(path, "nominal_mm", "where the point is")
+            faults.add(own, "wrong-value", value=list(nominal), expected=expected)
+        if place.u is not None and place.value is None and not faults.misspelt(path, STARTS):
+            faults.add((*path, "u"), "incomplete", what="`u`", other="`value`")
+        measured = (maker == "meas" and count) or (place.known and not makers)
+        if measured and not nominal and place.kind in NOMINAL:
+            faults.lacks(path, "nominal_mm", "where it is measured" if makers else "where it is")
 
     def made_by(self, index: int) -> str:
         line = self.faults.document.line_of("transitions", index)
@@ -341,14 +329,14 @@ class _Net:
     def check_names(self) -> None:
         """That no place is made twice or depends on itself; that every place has its value from one
         transition or from the start, and leads to those reported, or to those that end the graph.
-        Places that nothing makes or uses are reported if they are more than the `unclear` names.
         """
+        faults = self.faults
         for name, (first, *others) in self.makers.items():
             for index in others:
                 path: YamlPath = ("transitions", index, "out")
-                self.faults.add(path, "contradicts", other=self.made_by(first), value=name)
+                faults.add(path, "contradicts", other=self.made_by(first), value=name)
         self.check_known(("report",), self.report)
-        self.faults.once(("report",), self.report, "the place")
+        faults.once(("report",), self.report, "the place")
         before: dict[str, list[str]] = {}
         for item in self.transitions.values():
             for name in item.out:
@@ -356,26 +344,29 @@ class _Net:
         uncut: dict[str, list[str]] = before
         while cycle := cycle_of(uncut):
             index = self.makers[cycle[1]][0]
-            self.faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
-            rest = {name: own for name, own in uncut.items() if name not in cycle}
-            uncut = {name: [i for i in own if i not in cycle] for name, own in rest.items()}
-        unmade, idle = [], []
+            faults.add(("transitions", index), "graph-cycle", places=" -> ".join(cycle))
+            uncut = {
+                name: [i for i in own if i not in cycle]
+                for name, own in uncut.items()
+                if name not in cycle
+            }
+        if self.unread:
+            return
         computed = {n for n, by in self.makers.items() if self.transitions[by[0]].do != "meas"}
         ends = {*chain.from_iterable(before.values())}
         ends |= {name for _, name in self.report} or computed
         for name, place in self.places.items():
-            spelt = not self.faults.misspelt(("places", name), STARTS)
-            if not (name in self.makers or place.marked or place.known) and spelt:
+            path = ("places", name)
+            made = name in self.makers or place.marked or place.known
+            if not made and not faults.misspelt(path, STARTS):
                 own = "`value:`, or " if place.kind == "constant" else ""
                 reason = f"no transition makes this {place.kind}"
-                unmade.append((name, reason, f"{own}a transition with `out: {name}`"))
+                wanted = f"{own}a transition with `out: {name}`"
+                faults.add(path, "unused-place", reason=reason, expected=wanted)
             if name not in ends:
-                expected = "an input of a transition, or listed under `report:`"
-                idle.append((name, "the place leads nowhere", expected))
-        for found in (unmade, idle):
-            for name, reason, wanted in found if len(found) > self.unclear else ():
-                path = ("places", name)
-                self.faults.add(path, "unused-place", reason=reason, expected=wanted)
+                wanted = "an input of a transition, or listed under `report:`"
+                reason = "the place leads nowhere"
+                faults.add(path, "unused-place", reason=reason, expected=wanted)
 
     def check_value(self, step: Step) -> None:
         """The values at nominal: constructions that are degenerate there, formulas without one;

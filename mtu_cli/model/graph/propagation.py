@@ -7,9 +7,8 @@ place is an array of trials of it.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +18,9 @@ from mtu_cli.model.graph.constructions import rotation
 from mtu_cli.model.graph.net import MeasurementGraph, Output, start_value
 from mtu_cli.model.graph.transitions import Values
 from mtu_cli.stats.blocks import Draws, Quantiles
+from mtu_cli.stats.covariance import covariance_root
 from mtu_cli.stats.coverage import t_quantile
-from mtu_cli.stats.distributions import Distribution, shape_moments
+from mtu_cli.stats.distributions import Distribution, Kind, shape_moments
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.workspace import Workspace
 from mtu_cli.units import UM
@@ -34,33 +34,14 @@ STILL = 1e-13
 KEPT_BYTES = 16 << 20
 PROBING = ("u1_axis", "u2_probe", "u3_perpendicular")
 """Sources of the scatter of a probing, in the terms of Stryczek."""
-SHAPES = {
-    "rectangular": Distribution(
-        kind="rectangular", u=1.0, half_width=shape_moments("rectangular")[0] ** -0.5
-    ),
-    "triangular": Distribution(
-        kind="triangular", u=1.0, half_width=shape_moments("triangular")[0] ** -0.5
-    ),
-}
-"""Of variance 1 (JCGM 101:2008, 6.4)."""
 
 
-@dataclass(frozen=True, slots=True)
-class Noise:
-    """One independent group of c inputs: a probed place, or a constant.
-
-    `covariances` (c, c) by source.
-    """
+class Noise(NamedTuple):
+    """A probed place or a constant: c inputs with their `covariances` (c, c) by source."""
 
     place: str
     covariances: dict[str, FloatArray]
-    distribution: str = "normal"
-
-    @property
-    def factor(self) -> FloatArray:
-        """The symmetric root F (c, c) of their sum: F F' = C."""
-        values, vectors = np.linalg.eigh(sum(self.covariances.values()))
-        return vectors * np.sqrt(np.clip(values, 0.0, None)) @ vectors.T
+    kind: Kind = "normal"
 
 
 def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
@@ -87,75 +68,52 @@ def noises(graph: Graph, wanted: Collection[str]) -> list[Noise]:
         if name in wanted and place.u:
             groups.append(Noise(name, {name: np.array([[place.u**2]])}, place.distribution))
     groups = [item for item in groups if any(map(np.any, item.covariances.values()))]
-    return sorted(groups, key=lambda item: item.distribution != "normal")
-
-
-class Inputs:
-    """All random inputs of the places `wanted` as one vector: `mean` (k,), `u` (k,) the standard
-    uncertainty of each, `factor` F (k, k), `rows` where each group stands, `normal` whether all
-    are.
-    """
-
-    def __init__(self, graph: Graph, wanted: Collection[str]) -> None:
-        self.noises = noises(graph, wanted)
-        factors = [item.factor for item in self.noises]
-        ends = np.cumsum([0, *map(len, factors)])
-        self.rows = [slice(int(a), int(b)) for a, b in itertools.pairwise(ends)]
-        self.k = int(ends[-1])
-        self.normal = all(item.distribution == "normal" for item in self.noises)
-        self.mean, self.factor = np.zeros(self.k), np.zeros((self.k, self.k))
-        self._at: dict[str, int | slice] = {}
-        for item, F, rows in zip(self.noises, factors, self.rows, strict=True):
-            self.mean[rows] = start_value(graph.places[item.place]).ravel()
-            self.factor[rows, rows] = F
-            self._at[item.place] = rows.start if len(F) == 1 else rows
-        self.u = np.sqrt(np.sum(self.factor**2, axis=1))
-        self._fixed = {
-            name: start_value(graph.places[name]) for name in wanted if name not in self._at
-        }
-
-    def values(self, X: FloatArray) -> Values:
-        """The start places, from X (k, m); what is not random stands still."""
-        values: Values = {name: X[at] for name, at in self._at.items()}
-        for name, value in self._fixed.items():
-            values[name] = np.broadcast_to(value, (*value.shape[:-1], X.shape[1]))
-        return values
-
-    def draw(self, rng: np.random.Generator, m: int, work: Workspace) -> FloatArray:
-        """z (k, m): independent, of mean 0 and variance 1."""
-        z = work.array("z", (self.k, m))
-        others = [item.distribution for item in self.noises if item.distribution != "normal"]
-        rng.standard_normal(out=z[: self.k - len(others)])
-        for row, shape in zip(z[self.k - len(others) :], others, strict=True):
-            SHAPES[shape].draw(rng, row, work)
-        return z
+    return sorted(groups, key=lambda item: item.kind != "normal")
 
 
 class GraphTrials:
-    """n `outputs` of a graph, and what stands behind them, as a function of the random inputs. To
-    first order: `nominal` (n,), `gradient` (n, k) with respect to the inputs, `u` (n,). As a Monte
-    Carlo model: m simulation cycles a block, every place of a cycle from one draw of the inputs.
-    The first-order form is drawn along and serves as control variate: of the whole distribution
-    where all inputs are normal, of the mean and u where some are not.
+    """n `outputs` of a graph, and what stands behind them, as a function of its k random inputs, of
+    `mean` (k,), `input_u` (k,) and `factor` F (k, k). To first order: `nominal` (n,), `gradient`
+    (n, k) with respect to the inputs, `u` (n,). As a Monte Carlo model: m simulation cycles a
+    block, every place of a cycle from one draw of the inputs. The first-order form is drawn along
+    and serves as control variate: of the whole distribution where all inputs are normal, of the
+    mean and u where some are not.
     """
 
     def __init__(self, graph: MeasurementGraph, outputs: Iterable[Output]) -> None:
         self.graph, self.outputs = graph, tuple(outputs)
         self.names = tuple(map(str, self.outputs))
         start, self.steps = graph.needed(self.outputs)
-        self.inputs = Inputs(graph.graph, start)
+        places, self._rows = graph.graph.places, dict[str, slice]()
+        self.noises = noises(graph.graph, start)
+        factors = [covariance_root(np.sum([*x.covariances.values()], axis=0)) for x in self.noises]
+        self.k = sum(map(len, factors))
+        self.mean, self.factor, at = np.zeros(self.k), np.zeros((self.k, self.k)), 0
+        for item, F in zip(self.noises, factors, strict=True):
+            rows = self._rows[item.place] = slice(at, at := at + len(F))
+            self.mean[rows] = start_value(places[item.place]).ravel()
+            # The symmetric root: F F' = C.
+            self.factor[rows, rows] = F
+        self._fixed = {n: start_value(places[n]) for n in start if n not in self._rows}
+        # Of variance 1 (JCGM 101:2008, 6.4).
+        self._shapes = [
+            Distribution(kind=x.kind, u=1.0, half_width=shape_moments(x.kind)[0] ** -0.5)
+            for x in self.noises
+            if x.kind != "normal"
+        ]
+        self.input_u = np.sqrt(np.sum(self.factor**2, axis=1))
         # What rounding is a share of: the part's largest coordinate for a length, 1 for a ratio.
-        part = float(np.max(np.abs(self.inputs.mean), initial=1.0))
+        part = float(np.max(np.abs(self.mean), initial=1.0))
         self.sizes = np.array([1.0 if x.unit in ("1", "rad") else part for x in self.outputs])
         self.nominal, self.gradient = self._derivatives()
+        self._linear = self.gradient @ self.factor
         with np.errstate(over="ignore", invalid="ignore"):
-            self.u = np.sqrt(np.sum((self.gradient @ self.inputs.factor) ** 2, axis=1))
+            self.u = np.sqrt(np.sum(self._linear**2, axis=1))
         u = self.u[:, None]
         self.linear_mean, self.linear_variance = self.nominal, self.u**2
         self.linear_quantiles: Quantiles | None = None
-        if self.inputs.normal:
+        if not self._shapes:
             self.linear_quantiles = lambda p: u * t_quantile(p, np.inf)
-        self._linear = self.gradient @ self.inputs.factor
         self._work = Workspace()
         # glibc gives memory back to the system beyond twice the largest block that it has seen
         # freed (mallopt(3), M_MMAP_THRESHOLD), and every page of it costs a fault when it is asked
@@ -168,10 +126,10 @@ class GraphTrials:
         uncertainty of each input, all in one batch (JCGM 100:2008, 5.1.3, note 2). Where one of
         both has no finite value it is 0, and the trials tell whether the output has one.
         """
-        inputs, k = self.inputs, self.inputs.k
-        X = np.repeat(inputs.mean[:, None], 2 * k + 1, axis=1)
-        X[np.arange(k), 1 + np.arange(k)] += inputs.u
-        X[np.arange(k), 1 + k + np.arange(k)] -= inputs.u
+        k, u = self.k, self.input_u
+        X = np.repeat(self.mean[:, None], 2 * k + 1, axis=1)
+        X[:, 1 : k + 1] += np.diag(u)
+        X[:, k + 1 :] -= np.diag(u)
         with np.errstate(all="ignore"):
             values = self.run(X)
             half = 0.5 * (values[:, 1 : k + 1] - values[:, k + 1 :])
@@ -179,7 +137,7 @@ class GraphTrials:
         nominal[np.abs(nominal) <= ROUNDING * self.sizes] = 0.0
         floor = ROUNDING * np.maximum(np.abs(nominal), self.sizes)
         change[np.abs(change) <= floor[:, None]] = 0.0
-        return nominal, np.divide(change, inputs.u, out=np.zeros_like(change), where=inputs.u > 0)
+        return nominal, np.divide(change, u, out=np.zeros_like(change), where=u > 0)
 
     def shares(self, *, by_place: bool = False) -> dict[str, FloatArray]:
         """Shares (n,) of the first-order variance by source: c C_s c' of the covariance C_s that
@@ -187,19 +145,28 @@ class GraphTrials:
         place where they come in.
         """
         result: dict[str, FloatArray] = {}
-        for item, rows in zip(self.inputs.noises, self.inputs.rows, strict=True):
-            c = self.gradient[:, rows]
+        total = np.where(self.u > 0, self.u, np.nan) ** 2
+        for item in self.noises:
+            c = self.gradient[:, self._rows[item.place]]
             for source, covariance in item.covariances.items():
                 name = item.place if by_place else source
                 with np.errstate(over="ignore", invalid="ignore"):
-                    total = np.where(self.u > 0, self.u**2, np.nan)
                     part = np.einsum("ni,ij,nj->n", c, covariance, c) / total
                 result[name] = result.get(name, 0.0) + part
         return result
 
+    def start(self, X: FloatArray) -> Values:
+        """The start places of inputs X (k, m); what is not random stands still."""
+        values: Values = {}
+        for name, rows in self._rows.items():
+            values[name] = X[rows] if rows.stop - rows.start > 1 else X[rows.start]
+        for name, value in self._fixed.items():
+            values[name] = np.broadcast_to(value, (*value.shape[:-1], X.shape[1]))
+        return values
+
     def run(self, X: FloatArray, into: FloatArray | None = None) -> FloatArray:
         """Outputs (n, m) for inputs X (k, m); frames are compared with their nominal."""
-        values, m = self.inputs.values(X), X.shape[1]
+        values, m = self.start(X), X.shape[1]
         for step in self.steps:
             step.run(values)
         rows = np.empty((len(self.outputs), m)) if into is None else into
@@ -214,17 +181,25 @@ class GraphTrials:
                 row[:] = value.reshape(-1, m)[item.index]
         return rows
 
+    def inputs(self, rng: np.random.Generator, m: int) -> tuple[FloatArray, FloatArray]:
+        """z (k, m), independent, of mean 0 and variance 1, and the inputs X = mean + F z."""
+        z, normal = self._work.array("z", (self.k, m)), self.k - len(self._shapes)
+        rng.standard_normal(out=z[:normal])
+        for row, shape in zip(z[normal:], self._shapes, strict=True):
+            shape.draw(rng, row, self._work)
+        X = np.matmul(self.factor, z, out=self._work.array("X", z.shape))
+        X += self.mean[:, None]
+        return z, X
+
     def draw(self, rng: np.random.Generator, m: int) -> Draws:
         """Values and first-order values (outputs, m).
 
         Raises InputError for the first transition behind them that has no finite value.
         """
         n = len(self.names)
-        z = self.inputs.draw(rng, m, self._work)
+        z, X = self.inputs(rng, m)
         linear = np.matmul(self._linear, z, out=self._work.array("linear", (n, m)))
         linear += self.linear_mean[:, None]
-        X = np.matmul(self.inputs.factor, z, out=self._work.array("X", z.shape))
-        X += self.inputs.mean[:, None]
         with np.errstate(all="ignore"):
             values = self.run(X, self._work.array("values", (n, m)))
         # What is not a number compares as neither.
@@ -237,7 +212,7 @@ class GraphTrials:
 
     def _raise_not_finite(self, X: FloatArray) -> None:
         """Raises InputError for the first transition that has no finite value at all inputs X."""
-        values, m = self.inputs.values(X), X.shape[1]
+        values, m = self.start(X), X.shape[1]
         for step in self.steps:
             with np.errstate(all="ignore"):
                 step.run(values)

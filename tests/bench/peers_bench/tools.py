@@ -85,10 +85,10 @@ def mtu_draw(_: Any, trials: int | None, seed: int, threads: int | None) -> tupl
 
 
 def mtu_propagate(_: Any) -> tuple[float, float]:
-    from mtu_cli.analyses.orthogonality import plain_angle_trials
+    from mtu_cli.analyses.orthogonality import angle_trials
 
     prediction, row, column = _predicted()
-    model = plain_angle_trials("angle", row, column, prediction, independent=True)
+    model = angle_trials("angle", row, column, prediction, independent=True)
     return float(model.linear_mean[0]), float(model.linear_u[0, 0])
 
 

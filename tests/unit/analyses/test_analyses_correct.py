@@ -1,4 +1,6 @@
-"""Corrected points, diameters and lengths of rings whose true size is known."""
+"""Corrected points, diameters and lengths of rings whose true size is known; the scatter of points
+and the form left; covariates and drifts that lag.
+"""
 
 from __future__ import annotations
 
@@ -25,21 +27,27 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import binom
 
-from mtu_cli.analyses.correct import CorrectResult, correct
+from mtu_cli.analyses.correct import correct, form_warnings, unused_warmth
+from mtu_cli.analyses.correct.rows import REACH
 from mtu_cli.analyses.correct.scatter import (
     FormLeft,
+    Kind,
     PointScatter,
     Ring,
-    Squares,
-    _estimate,
+    estimate,
     forms_left,
-    unexplained,
 )
 from mtu_cli.files.points import Points
+from mtu_cli.findings import InputError
+from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.model.geometry import fit_circle
+from mtu_cli.model.machine_model import MachineModel, drift_terms
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.settings import Settings
+from mtu_cli.model.visits import only_rows
 from mtu_cli.stats.coverage import coverage_factor
+from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.units import UNITS
 
 Floats = NDArray[np.float64]
 SETTINGS = Settings()
@@ -80,8 +88,6 @@ def test_many_points_are_corrected_as_one_by_one(tmp_path: Path) -> None:
 
 def test_u_of_a_diameter_is_that_of_its_points_with_their_covariance(tmp_path: Path) -> None:
     """Slowly: differences for the gradient, the covariance matrix of all errors of the part."""
-    from mtu_cli.model.geometry import fit_circle
-
     _, measured, temperature = rings(2)
     points = ring_points(measured, ["a", "b"], None, {"T_scale_degC": temperature})
     model = machine(tmp_path)
@@ -230,6 +236,7 @@ def test_lengths_and_a_sphere(tmp_path: Path) -> None:
 
 
 NOISE = 1e-3
+RING: tuple[Kind, str, str] = "circle", "a", ""
 
 
 def ring(points: Floats, K: Floats | None = None, dof: float = np.inf) -> Ring:
@@ -237,14 +244,7 @@ def ring(points: Floats, K: Floats | None = None, dof: float = np.inf) -> Ring:
     fit, n = fit_circle(points), len(points)
     away = np.column_stack([fit.away, np.zeros(n)])
     covariance = np.zeros((n, n)) if K is None else K
-    return Ring(
-        kind="circle", id="a", operation="", calibrated=True, residuals=fit.residuals, away=away,
-        K=covariance, dof=dof,
-    )  # fmt: skip
-
-
-def estimate(squares: Squares) -> PointScatter:
-    return _estimate(squares, "form")
+    return Ring(of=RING, calibrated=True, residuals=fit.residuals, away=away, K=covariance, dof=dof)
 
 
 def test_unlike_squares_give_the_largest_likelihood() -> None:
@@ -257,7 +257,7 @@ def test_unlike_squares_give_the_largest_likelihood() -> None:
         return float(np.sum(dof * np.log(each) + sums / each))
 
     best = minimize_scalar(plain, bounds=(0, 20), method="bounded", options={"xatol": 1e-10})
-    found = estimate(Squares(sums=sums * 1e-6, dof=dof, modelled=modelled * 1e-6))
+    found = estimate(np.array([sums * 1e-6, dof, modelled * 1e-6]), "form")
     # A minimum is flat: its place is found to some roots of the rounding of its value.
     place = 10 * np.sqrt(np.finfo(float).eps)
     assert found.variance == pytest.approx(best.x * 1e-6, rel=place)
@@ -289,7 +289,7 @@ def test_the_scatter_of_rings_is_found(tmp_path: Path, repeats: int) -> None:
     assert scatter.s == pytest.approx(2e-3, rel=4 / np.sqrt(2 * scatter.dof))
     more = result.u_corrected[:, :2] ** 2 - result.u[:, :2] ** 2
     assert more == pytest.approx(np.full((11 * n, 2), scatter.variance), rel=ROUNDING)
-    assert [item.code for item in result.warnings] == []
+    assert codes(result) == []
 
 
 def noisy(rng: np.random.Generator, visits: int, K: Floats | None = None) -> list[Ring]:
@@ -337,14 +337,12 @@ def test_a_form_is_tested_where_its_scatter_is_known_by_something_else() -> None
 
 
 def test_rings_are_judged_together_where_they_are_calibrated() -> None:
-    def form(id: str, p: float, *, calibrated: bool = True) -> FormLeft:
-        return FormLeft(
-            kind="circle", id=id, operation="", calibrated=calibrated, visits=2, rms=1.0,
-            explained=1.0, F=1.0, p=p,
-        )  # fmt: skip
-
-    known = [form("a", 0.02), form("b", 0.03), form("made", 1e-9, calibrated=False)]
-    assert [item.id for item in unexplained(known)] == ["a"]
+    known = [
+        FormLeft("circle", id, "", calibrated, 2, 1.0, 1.0, 1.0, p)
+        for id, p, calibrated in (("a", 0.02, True), ("b", 0.03, True), ("made", 1e-9, False))
+    ]
+    (warning,) = form_warnings(known)
+    assert warning.facts["names"] == ["a"]
 
 
 @pytest.mark.parametrize("angle", [0.0, 50e-6])
@@ -360,12 +358,132 @@ def test_a_squareness_that_the_model_lacks_is_left_as_form(tmp_path: Path, angle
     result = correct(machine(tmp_path), ring_part(tmp_path), points, Settings())
     (form,) = result.forms
     assert (form.id, form.visits) == ("ring", 4)
-    assert codes_of(result) == (["form-left"] if angle else [])
+    assert codes(result) == (["form-left"] if angle else [])
     # Residuals of (r angle/2) sin 2 phi; what the model and probing explain is below 1 um.
     expected = DIAMETER / 4 * angle * np.sqrt(11 / 8 / 2)
     assert form.rms == pytest.approx(expected, abs=0.5e-3)
     assert form.explained < 1e-3
 
 
-def codes_of(result: CorrectResult) -> list[str]:
-    return [item.code for item in result.warnings]
+# Covariates, and drifts that lag behind temperatures.
+
+
+def refused(model: MachineModel, part: object, points: object, **at: float) -> list[str]:
+    with pytest.raises(InputError) as caught:
+        correct(model, part, points, SETTINGS, at)  # type: ignore[arg-type]  # as given
+    return [str(problem) for problem in caught.value.findings]
+
+
+def test_covariates_come_from_the_rows_else_from_the_call(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    bare = ring_points(measured, ["a"])
+    (message,) = refused(model, part, bare)
+    assert "cmm.csv, column 'T_scale_degC': a value of T_scale_degC for the machine 'm'" in message
+    assert "--at T_scale_degC=VALUE" in message
+    given = correct(model, part, bare, SETTINGS, {"T_scale_degC": 20.0})
+    assert given.error[:, :2] == pytest.approx(error_at(measured, np.full(11, 20.0))[:, :2])
+    own = ring_points(measured, ["a"], None, {"T_scale_degC": temperature})
+    both = correct(model, part, own, SETTINGS, {"T_scale_degC": 35.0})
+    assert both.error[:, :2] == pytest.approx(error_at(measured, temperature)[:, :2])
+    assert codes(both) == ["not-used"]
+
+
+def test_cells_without_a_number_are_told_with_their_rows(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    model, part = machine(tmp_path), ring_part(tmp_path)
+    holes = temperature.copy()
+    holes[[3, 7]] = np.nan
+    found = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": holes}))
+    assert [text.split(":")[0] for text in found] == [
+        "cmm.csv, row 5, column 'T_scale_degC'",
+        "cmm.csv, row 9, column 'T_scale_degC'",
+    ]
+    texts = np.array([*(f"{value:.2f}" for value in temperature[:10]), "warm"], object)
+    (message,) = refused(model, part, ring_points(measured, ["a"], None, {"T_scale_degC": texts}))
+    assert "row 12, column 'T_scale_degC': not a number: 'warm'" in message
+
+
+def test_what_was_not_measured_or_calibrated_is_said(tmp_path: Path) -> None:
+    _, measured, temperature = rings(1)
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {"T_scale_degC": temperature}
+    points = ring_points(measured, ["a"], None, own)
+    model = machine(tmp_path)
+    bare = correct(model, ring_part(tmp_path, calibrated_mm=""), points, SETTINGS)
+    assert codes(bare) == ["not-estimable"]
+    assert np.isnan(bare.sizes[0].error).all()
+    assert bare.sizes[0].size[1] == pytest.approx(DIAMETER, abs=ROUNDING_MM)
+    kept = np.arange(11) != 4
+    found = correct(model, ring_part(tmp_path), only_rows(points, kept), SETTINGS)
+    assert codes(found) == ["not-measured", "no-scatter-known"]
+    assert found.sizes == ()
+    other = part_of(tmp_path, "features: {q: {x_mm: 0, y_mm: 0}, w: {x_mm: 9, y_mm: 0}}\n"
+                    "lengths: [{from: q, to: w}]\n")  # fmt: skip
+    assert codes(correct(model, other, points, SETTINGS)) == ["not-measured", "no-scatter-known"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [
+        ({"T_a_degC": 20.9, "T_b_degC": 19.1, "load": 90.0}, None),
+        ({"T_a_degC": 17.5, "T_b_degC": 22.0, "T_c_degC": np.nan}, "(T_a_degC reads 17.5 degC)"),
+    ],
+)
+def test_temperatures_that_nothing_in_the_model_goes_by_are_told(
+    tmp_path: Path, columns: dict[str, float], told: str | None
+) -> None:
+    cold = stated(tmp_path, "components: {px: {unit: um, coefficients: [2], u_future: 1}}\n"
+                            "equations: {Ex: px}\n")  # fmt: skip
+    measured = rings(1)[1]
+    own = {name: np.append(np.full(10, 20.0), value) for name, value in columns.items()}
+    points = ring_points(measured, ["a"], None, dict(own))
+    found = unused_warmth(cold, points, 20.0)
+    assert [item.code for item in found] == ([] if told is None else ["no-thermal-component"])
+    assert told is None or told in found[0].message
+    assert unused_warmth(machine(tmp_path), points, 20.0) == []
+
+
+def lagging(model: MachineModel, taus: tuple[float, float]) -> MachineModel:
+    """The model with drifts of px and py that follow one sensor with a lag each."""
+    terms = list(model.terms)
+    for name, tau in zip(("px", "py"), taus, strict=True):
+        (term,) = [item for item in model.terms if item.estimate.name == name]
+        drift = ThermalEstimate(
+            component=name, of=None, unit=UNITS["um"], sensors=("T_a_degC",), reference=20.0,
+            coefficients=np.array([[2e-3]]), covariance=np.zeros((1, 1)), coefficient_dof=np.inf,
+            leftover=np.zeros((1, 1)), leftover_dof=np.inf, time_constants=np.array([tau]),
+            sensor_u=np.zeros(1), temperature_range=np.array([[20.0, 26.0]]),
+        )  # fmt: skip
+        terms.append(drift_terms(drift, term.levers)[0])
+    return replace(model, terms=tuple(terms))
+
+
+def test_a_drift_that_lags_sees_the_history_of_all_parts(tmp_path: Path) -> None:
+    count, taus = 20, (40.0, 15.0)
+    time = 2.0 * np.arange(11.0 * count)
+    sensor = 20 + 6 * (1 - np.exp(-time / 50))
+    place = np.tile(ring_places(), (count, 1))
+    own: dict[str, NDArray[np.float64] | NDArray[np.object_]] = {
+        "T_scale_degC": np.full(len(time), 20.0),
+        "T_a_degC": sensor,
+    }
+    parts = [f"p{i}" for i in range(count)]
+    model = lagging(machine(tmp_path), taus)
+    order = np.random.default_rng(1).permutation(len(time))
+    # The rows of a file need not be in the order of time.
+    shuffled = [column[order] for column in (time, sensor)]
+    points = ring_points(place, parts, None, own | {"T_a_degC": shuffled[1]}, time=shuffled[0])
+    result = correct(model, None, points, SETTINGS)
+    settled = error_at(place, np.full(len(time), 20.0))
+    lagged = first_order_lag(sensor[:, None], time, np.array(taus))[:, order, 0]
+    for axis in (0, 1):
+        drift = result.error[:, axis] - settled[:, axis]
+        # What is more than REACH time constants ago is forgotten, of 6 degC at most.
+        forgotten = 2e-3 * 6 * np.exp(-REACH)
+        assert drift == pytest.approx(2e-3 * (lagged[axis] - 20), abs=forgotten)
+    # It matters: a drift that began anew with every part would be off by the whole lag.
+    assert np.abs(2e-3 * (shuffled[1] - lagged[0])).max() > 1e3 * forgotten
+    still = ring_points(place, parts, None, own)
+    assert "settled-temperatures" in codes(correct(model, None, still, SETTINGS))
+    hot = ring_points(place, parts, None, own | {"T_a_degC": sensor + 2}, time=time)
+    assert "outside-measured-range" in codes(correct(model, None, hot, SETTINGS))

@@ -1,32 +1,142 @@
-"""Evidence of thermal models: nested held-out errors, tests of position, lags that are found."""
+"""Evidence of thermal models: choice and held-out errors once more by plain nested fits of raw
+rows, nothing compressed, merged or reused; lags that are found.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from plain_thermal import Table, held_out_errors
-from synthetic_drift import REFERENCE, ROUNDING, UM, Plan, Run, one, readings, rises
+from scipy.stats import f as f_distribution
+from synthetic_drift import ROUNDING, UM, Plan, fitted, one, rises
 
-from mtu_cli.analyses.thermal_fit import models, thermal_fit
+from mtu_cli.analyses.thermal_fit import design
 from mtu_cli.files.readings import Readings
-from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.least_squares import FloatArray
 
 PLACES = (0.0, 120.0, 200.0)
+PENALTIES = (0.0, *(10.0**k for k in np.arange(-8.0, 0.6, 0.5)))
+WORTH = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Raw rows: `u` (n, s) rises, `y` (n,), `place` (n,) index, `cycle` (n,); `scaled` places."""
+
+    u: FloatArray
+    y: FloatArray
+    place: np.ndarray
+    cycle: np.ndarray
+    scaled: FloatArray
+
+    def only(self, here: np.ndarray) -> Table:
+        rows = {name: getattr(self, name)[here] for name in ("u", "y", "place", "cycle")}
+        return replace(self, **rows)
+
+    def loss(self, gradients: FloatArray, levels: FloatArray) -> float:
+        modelled = levels[self.place] + np.sum(self.u * gradients[self.place], axis=1)
+        return float(np.sum((self.y - modelled) ** 2))
+
+
+def solved(X: FloatArray, y: FloatArray) -> FloatArray:
+    return np.asarray(np.linalg.lstsq(X, y, rcond=None)[0], float)
+
+
+def ridge_model(rows: Table, degree: int, penalty: float) -> tuple[FloatArray, FloatArray]:
+    """Gradients (places, s) and levels (places,) by augmented rows; every column is scaled by its
+    standard deviation about the means.
+    """
+    places, s, n = len(rows.scaled), rows.u.shape[1], len(rows.y)
+    powers = rows.scaled[:, None] ** np.arange(degree + 1)
+    X = (powers[rows.place][:, :, None] * rows.u[:, None, :]).reshape(n, -1)
+    free = (rows.place[:, None] == np.arange(places)).astype(float)
+    deviation = np.sqrt(np.mean((X - free @ solved(free, X)) ** 2, axis=0))
+    below = np.hstack([np.zeros((X.shape[1], places)), np.diag(np.sqrt(n * penalty) * deviation)])
+    b = solved(np.vstack([np.hstack([free, X]), below]), np.append(rows.y, np.zeros(X.shape[1])))
+    return powers @ b[places:].reshape(degree + 1, s), b[:places]
+
+
+def squares(rows: Table, chosen: Sequence[int]) -> tuple[float, FloatArray, FloatArray]:
+    X = np.column_stack([np.ones(len(rows.y)), rows.u[:, list(chosen)]])
+    b = solved(X, rows.y)
+    e = rows.y - X @ b
+    return float(e @ e), b, e
+
+
+def selected(rows: Table) -> list[int]:
+    """Forward 0.05, backward 0.10, with the effective number of the residuals on all sensors."""
+    s = rows.u.shape[1]
+    e = squares(rows, range(s))[2]
+    products = (e[:-1] * e[1:])[np.diff(rows.cycle) == 0]
+    r = max(float(np.mean(products) / np.mean(e**2)), 0.0)
+    number = max(len(e) * (1 - r) / (1 + r), 1.0)
+
+    def p(less: list[int], more: list[int]) -> float:
+        left, dof = squares(rows, more)[0], number - len(more) - 1
+        F = (squares(rows, less)[0] - left) / left * dof
+        return float(f_distribution.sf(F, 1, dof)) if dof > 0 else 1.0
+
+    chosen: list[int] = []
+    while others := [j for j in range(s) if j not in chosen]:
+        best = min(others, key=lambda j: squares(rows, [*chosen, j])[0])
+        if p(chosen, [*chosen, best]) >= 0.05:
+            break
+        chosen.append(best)
+        while True:
+            exits = {j: p([i for i in chosen if i != j], chosen) for j in chosen}
+            worst = max(exits, key=lambda j: exits[j])
+            if exits[worst] <= 0.10:
+                break
+            chosen.remove(worst)
+    return chosen
+
+
+def stepwise_model(rows: Table, degree: int, penalty: float) -> tuple[FloatArray, FloatArray]:
+    """Selection at each place, a polynomial through the places, the levels after that."""
+    gradients = np.zeros((len(rows.scaled), rows.u.shape[1]))
+    parts = [rows.only(rows.place == k) for k in range(len(rows.scaled))]
+    for k, part in enumerate(parts):
+        chosen = selected(part)
+        gradients[k, chosen] = squares(part, chosen)[1][1:]
+    powers = rows.scaled[:, None] ** np.arange(degree + 1)
+    smooth = powers @ solved(powers, gradients)
+    return smooth, np.array([np.mean(x.y - x.u @ smooth[k]) for k, x in enumerate(parts)])
+
+
+MODELS = {"stepwise": (stepwise_model, (0.0,)), "ridge": (ridge_model, PENALTIES)}
+KINDS = {"auto": ("stepwise", "ridge"), "ridge": ("ridge",), "stepwise": ("stepwise",)}
+
+
+def held_out_error(rows: Table, method: str) -> float:
+    """Root mean square over cycles that took no part in fit or choice."""
+    total = 0.0
+    for held in np.unique(rows.cycle):
+        others = rows.only(rows.cycle != held)
+        tried = []
+        for kind in KINDS[method]:
+            maker, penalties = MODELS[kind]
+            for degree in range(len(rows.scaled)):
+                losses = np.zeros(len(penalties))
+                for inner in np.unique(others.cycle):
+                    known, left = (others.only((others.cycle == inner) == x) for x in (False, True))
+                    losses += [left.loss(*maker(known, degree, each)) for each in penalties]
+                i = int(np.argmin(losses))
+                tried.append((losses[i], degree, penalties[i], kind))
+        least, *_, best = min(tried)
+        alike = [x for x in tried if x[3] == best and x[0] <= least * (1 + WORTH)]
+        _, degree, penalty, kind = min(alike, key=lambda x: x[1])
+        total += rows.only(rows.cycle == held).loss(*MODELS[kind][0](others, degree, penalty))
+    return float(np.sqrt(total / len(rows.y)))
 
 
 def table(found: Readings) -> Table:
     places = np.unique(found.position_mm)
     middle, half = (places.max() + places.min()) / 2, np.ptp(places) / 2
-    return Table(
-        u=rises(found, 3),
-        y=found.error / UM,
-        place=np.searchsorted(places, found.position_mm),
-        cycle=found.cycle,
-        scaled=(places - middle) / half,
-    )
+    return Table(u=rises(found, 3), y=found.error / UM, cycle=found.cycle,
+                 place=np.searchsorted(places, found.position_mm),
+                 scaled=(places - middle) / half)  # fmt: skip
 
 
 PLANS = {
@@ -41,122 +151,43 @@ PLANS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["ridge", "stepwise"])
+@pytest.mark.parametrize("method", KINDS)
 @pytest.mark.parametrize("name", PLANS)
-def test_held_out_errors_are_those_of_plain_nested_fits(name: str, kind: str) -> None:
+def test_held_out_errors_are_those_of_plain_nested_fits(name: str, method: str) -> None:
+    """And without temperature those about the means of the others, at each place."""
     found = PLANS[name].read(np.random.default_rng(31))
-    drift = one(found, kind)
-    total, by_cycle = held_out_errors(table(found), kind)
-    assert drift.held_out is not None
-    assert drift.held_out.after / UM == pytest.approx(total, rel=ROUNDING)
-    assert [after / UM for _, _, after in drift.held_out.cycles] == pytest.approx(
-        by_cycle, rel=ROUNDING
-    )
+    found = replace(found, time_min=np.full(len(found), np.nan))
+    held, rows = one(found, method).held_out, table(found)
+    assert held is not None
+    assert held.after / UM == pytest.approx(held_out_error(rows, method), rel=ROUNDING)
+    assert held.r2 == pytest.approx(1 - (held.after / held.before) ** 2, rel=ROUNDING)
+    before = least = 0.0
+    for cycle in np.unique(rows.cycle):
+        others, left = rows.only(rows.cycle != cycle), rows.only(rows.cycle == cycle)
+        means = np.array([others.y[others.place == k].mean() for k in range(3)])
+        before += left.loss(np.zeros((3, 3)), means)
+        least += left.loss(*ridge_model(others, 2, 0.0))
+    expected = np.sqrt(np.array([before, least]) / len(found))
+    assert np.array([held.before, held.ordinary]) / UM == pytest.approx(expected, rel=ROUNDING)
 
 
 def test_many_cycles_are_held_out_in_blocks_of_those_that_follow(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(models, "MOST_BLOCKS", 4)
+    monkeypatch.setattr(design, "MOST_BLOCKS", 4)
     found = replace(PLANS["clear"], cycles=10, n=4).read(np.random.default_rng(34))
-    sizes = [2, 3, 2, 3]
-    blocks = replace(table(found), cycle=np.repeat(np.arange(4), sizes)[found.cycle])
-    total, by_block = held_out_errors(blocks, "ridge")
-    drift = one(found, "ridge")
-    assert drift.held_out is not None
-    assert drift.held_out.blocks == 4
-    assert drift.held_out.after / UM == pytest.approx(total, rel=ROUNDING)
-    squares = np.array([after / UM for _, _, after in drift.held_out.cycles]) ** 2
-    means = [part.mean() for part in np.split(squares, np.cumsum(sizes)[:-1])]
-    assert np.sqrt(means) == pytest.approx(np.array(by_block), rel=ROUNDING)
-
-
-def test_errors_without_temperature_and_of_ordinary_least_squares() -> None:
-    found = PLANS["weak"].read(np.random.default_rng(32))
-    rows = table(found)
-    before = least = 0.0
-    for held in range(3):
-        others, left = rows.of([c for c in range(3) if c != held]), rows.of([held])
-        for k in range(3):
-            a, b = others.place == k, left.place == k
-            before += np.sum((left.y[b] - others.y[a].mean()) ** 2)
-            X = np.column_stack([np.ones(a.sum()), others.u[a]])
-            fit = np.linalg.lstsq(X, others.y[a], rcond=None)[0]
-            least += np.sum((left.y[b] - fit[0] - left.u[b] @ fit[1:]) ** 2)
-    held_out = one(found, "ridge").held_out
-    assert held_out is not None
-    assert held_out.before / UM == pytest.approx(np.sqrt(before / len(found)), rel=ROUNDING)
-    assert held_out.ordinary / UM == pytest.approx(np.sqrt(least / len(found)), rel=ROUNDING)
-    assert held_out.r2 == pytest.approx(1 - (held_out.after / held_out.before) ** 2, rel=ROUNDING)
-
-
-@pytest.mark.parametrize("method", ["auto", "stepwise", "ridge", "lagged"])
-def test_a_held_out_cycle_takes_no_part_in_its_own_model(method: str) -> None:
-    """An error added to one cycle alone is what that cycle then shows, to the last digit.
-
-    A constant on the readings of one cycle moves what is held out by exactly that constant;
-    had the cycle's readings had any say in fit or choice, they would show less of it.
-    """
-    plan = PLANS["clear"]
-    found = plan.read(np.random.default_rng(33))
-    inside = found.cycle == 1
-    shifts = (0.0, 1000.0, -1000.0)
-    seen = []
-    for shift in shifts:
-        moved = replace(found, error=found.error + np.where(inside, shift * UM, 0.0))
-        fit = thermal_fit(moved, {"p": ("y", "um")}, reference=20.0, method=method, zeroed="never")
-        held_out = fit.components["p"].held_out
-        assert held_out is not None
-        seen.append(next(after / UM for cycle, _, after in held_out.cycles if cycle == "c1") ** 2)
-    # Mean squares at 0, +a and -a: the second difference is 2 a^2 if the residuals move by a.
-    assert seen[1] + seen[2] - 2 * seen[0] == pytest.approx(2 * 1000.0**2, rel=ROUNDING)
+    blocks = replace(table(found), cycle=np.repeat(np.arange(4), [2, 3, 2, 3])[found.cycle])
+    held = one(found, "ridge").held_out
+    assert held is not None
+    assert held.after / UM == pytest.approx(held_out_error(blocks, "ridge"), rel=ROUNDING)
 
 
 def test_noise_alone_is_no_better_held_out() -> None:
     plan = Plan(gradients=np.zeros((1, 4)), n=40, noise=1.0)
-    found = [one(plan.read(np.random.default_rng(seed)), "ridge").held_out for seed in range(30)]
+    found = [one(plan.read(np.random.default_rng(seed))).held_out for seed in range(30)]
     r2 = np.array([item.r2 for item in found if item is not None])
     assert len(r2) == 30
     assert r2.mean() < 3 * r2.std() / np.sqrt(30)
-
-
-def false_alarms(draws: int, **changes: object) -> float:
-    """Share of data sets without any dependence on position whose test says p < 0.05."""
-    plan = replace(
-        Plan(gradients=np.tile([2.0, -1.0, 0.5], (3, 1)), positions=PLACES, cycles=1, n=150),
-        **changes,  # type: ignore[arg-type]  # the fields of a plan by name
-    )
-    alarms = 0
-    for seed in range(draws):
-        test = one(plan.read(np.random.default_rng(seed)), "ridge").position_test
-        assert test is not None
-        alarms += test.p < 0.05
-    return alarms / draws
-
-
-def test_false_alarms_of_the_test_of_position() -> None:
-    """Where readings follow each other their autocorrelation is estimated from the residuals, a
-    little too low: near 5 %, not 50 %.
-    """
-    assert abs(false_alarms(200) - 0.05) < 4 * np.sqrt(0.05 * 0.95 / 200)
-    rate = false_alarms(120, noise_memory=0.8, n=300)
-    assert rate < 0.10 + 4 * np.sqrt(0.1 * 0.9 / 120)
-
-
-def lagged_plan(constants: Sequence[float], seed: int, cycles: int = 4) -> Readings:
-    """Drift of lagged temperatures, 96 readings two minutes apart in each of the cycles."""
-    rng = np.random.default_rng(seed)
-    count = len(constants)
-    gradients = np.array([2.0, -1.5, 1.0])[:count]
-    plan = Plan(gradients=gradients[None], n=96, cycles=cycles)
-    runs = []
-    for c, T in enumerate(plan.temperatures(rng)):
-        time = plan.time(c)
-        lagged = first_order_lag(T, time, np.array(constants))
-        own = lagged[np.arange(count), :, np.arange(count)].T
-        error = (own - REFERENCE) @ gradients + 0.1 * rng.normal(size=96)
-        runs.append(Run(position=0.0, cycle=f"c{c}", time=time, temperature=T, error=error * UM))
-    return readings(runs)
 
 
 @pytest.mark.parametrize("method", ["lagged", "auto"])
@@ -165,27 +196,33 @@ def lagged_plan(constants: Sequence[float], seed: int, cycles: int = 4) -> Readi
 )
 def test_time_constants_on_the_grid_are_found(method: str, constants: tuple[float, ...]) -> None:
     """The grid is 4, 8, ... 128 min: powers of two from twice the step."""
-    drift = one(lagged_plan(constants, 34), method)
+    planted = np.array([2.0, -1.5, 1.0])[: len(constants)]
+    plan = Plan(gradients=planted[None], n=96, noise=0.1, lags=constants)
+    drift = one(plan.read(np.random.default_rng(34)), method)
     assert drift.model == "lagged"
     assert drift.estimate.time_constants == pytest.approx(constants, rel=ROUNDING)
     u = np.sqrt(np.diag(drift.estimate.covariance))
-    planted = np.array([2.0, -1.5, 1.0])[: len(constants)] * UM
-    assert (np.abs(drift.estimate.coefficients[0] - planted) < 5 * u).all()
+    assert (np.abs(drift.estimate.coefficients[0] - planted * UM) < 5 * u).all()
     # 0.1 um is the noise of the 384 readings, whose rms has the standard error 0.1/sqrt(2*384).
     assert drift.rms_after / UM == pytest.approx(0.1, rel=5 / np.sqrt(2 * 384))
     residual = np.concatenate([curve.measured - curve.modelled for curve in drift.curves])
     assert np.sqrt(np.mean(residual**2)) == pytest.approx(drift.rms_after, rel=ROUNDING)
 
 
-def test_no_lag_is_found_where_there_is_none() -> None:
-    drift = one(lagged_plan((0.0, 0.0, 0.0), 35), "lagged")
-    assert (drift.estimate.time_constants == 0).all()
-    assert drift.model == "ridge"
+def test_the_degree_in_position_of_a_drift_that_lags() -> None:
+    """Without its lag a line in position is worth nothing: the lag must be found first."""
+    gradients = 2 * (1 + np.array([[0.0], [1.0], [2.0]]))
+    plan = Plan(gradients=gradients, positions=(0.0, 100.0, 200.0), n=60, noise=0.1, lags=(32.0,))
+    drift = one(plan.read(np.random.default_rng(29)), "lagged")
+    assert (drift.model, drift.estimate.degree) == ("lagged", 1)
+    assert drift.estimate.time_constants == pytest.approx([32.0], rel=ROUNDING)
 
 
-def test_lags_need_times() -> None:
-    found = lagged_plan((32.0,), 37)
-    untimed = replace(found, time_min=np.full(len(found), np.nan))
-    result = thermal_fit(untimed, {"p": ("x", "um")}, reference=REFERENCE, method="auto")
-    assert "no-effect-of-temperature" in [warned.code for warned in result.warnings]
-    assert (result.components["p"].estimate.time_constants == 0).all()
+def test_no_lag_is_found_where_there_is_none_or_no_time() -> None:
+    plan = Plan(gradients=np.array([[2.0, -1.5, 1.0]]), n=96, noise=0.1)
+    drift = one(plan.read(np.random.default_rng(35)), "lagged")
+    lagged = replace(plan, lags=(32.0, 0.0, 0.0)).read(np.random.default_rng(37))
+    untimed = replace(lagged, time_min=np.full(len(lagged), np.nan))
+    for item in (drift, fitted(untimed, "lagged").components["p"]):
+        assert (item.estimate.time_constants == 0).all()
+        assert item.model == "ridge"

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from synthetic_drift import REFERENCE, UM, Plan
+from synthetic_drift import REFERENCE, UM, Plan, one
 
-from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.least_squares import FloatArray
 
@@ -14,16 +13,12 @@ STRONG = np.array([[3.0, 2.0, 4.0], [5.0, 1.5, 2.0]])
 PLACES = (50.0, 250.0)
 
 
-def drawn(plan: Plan, draws: int, method: str) -> list[ThermalEstimate]:
+def drawn(plan: Plan, draws: int, method: str = "ridge") -> list[ThermalEstimate]:
     """Fits of data sets that differ in their noise alone."""
     T = plan.temperatures(np.random.default_rng(41))
     return [
-        thermal_fit(
-            plan.read(np.random.default_rng(1000 + k), T),
-            {"p": ("x", "um")}, reference=REFERENCE, method=method,
-        ).components["p"].estimate
-        for k in range(draws)
-    ]  # fmt: skip
+        one(plan.read(np.random.default_rng(1000 + k), T), method).estimate for k in range(draws)
+    ]
 
 
 def moments(found: list[ThermalEstimate]) -> tuple[FloatArray, FloatArray]:
@@ -58,7 +53,7 @@ def test_more_cycles_never_claim_more_than_there_is(method: str) -> None:
     sqrt(2/draws).
     """
     draws = 50
-    plan = Plan(gradients=STRONG[:1], positions=(None,), cycles=4, n=40, noise=0.3)
+    plan = Plan(gradients=STRONG[:1], cycles=4, n=40, noise=0.3)
     seen, reported = moments(drawn(plan, draws, method))
     ratio = np.diag(reported) / np.diag(seen)
     assert (ratio > 1 - 4 * np.sqrt(2 / draws)).all()
@@ -71,7 +66,7 @@ def test_intervals_of_a_drift_cover_it() -> None:
     inside = []
     x = np.kron([1.0, 150.0], [3.0, 2.0, 2.5])
     truth = STRONG.mean(axis=0) @ [3.0, 2.0, 2.5]
-    for item in drawn(plan, 100, "ridge"):
+    for item in drawn(plan, 100):
         u = np.sqrt(x @ item.covariance @ x) / UM
         inside.append(abs(x @ item.coefficients.ravel() / UM - truth) < 1.96 * u)
     assert np.mean(inside) > 0.95 - 4 * np.sqrt(0.05 * 0.95 / 100)
@@ -85,7 +80,7 @@ def test_a_slow_misfit_is_the_leftover() -> None:
     draws, memory = 60, 0.8
     slow = (0.5, 0.004)
     plan = Plan(gradients=STRONG, positions=PLACES, cycles=1, n=1500, slow=slow, memory=memory)
-    found = [item.leftover / UM**2 for item in drawn(plan, draws, "ridge")]
+    found = [item.leftover / UM**2 for item in drawn(plan, draws)]
     planted = np.diag(np.square(slow)) * memory
     taken = 2 * 5 / (1500 * (1 - memory) / (1 + memory))
     mean, error = np.mean(found, axis=0), np.std(found, axis=0) / np.sqrt(draws)
@@ -96,41 +91,24 @@ def test_noise_of_readings_is_no_leftover() -> None:
     """White noise of variance s^2 = 0.09 um^2: what is left of it is its own scatter, cut at 0. The
     autocovariance of n has the standard error s^2/sqrt(n) (Bartlett 1946).
     """
-    plan = Plan(gradients=STRONG[:1], positions=(None,), cycles=1, n=400, noise=0.3)
-    found = np.array([item.leftover[0, 0] / UM**2 for item in drawn(plan, 60, "ridge")])
+    plan = Plan(gradients=STRONG[:1], cycles=1, n=400, noise=0.3)
+    found = np.array([item.leftover[0, 0] / UM**2 for item in drawn(plan, 60)])
     assert (found >= 0).all()
     assert np.median(found) < 0.09 / np.sqrt(400)
     assert found.max() < 4 * 0.09 / np.sqrt(400)
 
 
-def test_sensor_noise_within_its_standard_error() -> None:
-    """From second differences: the median of n of them is good to 1.17/sqrt(n_effective)."""
-    for noise in (0.01, 0.05):
-        plan = Plan(gradients=STRONG[:1], cycles=4, n=400, step=0.5, sensor_noise=noise)
-        # Temperatures without draughts: their own second differences are nothing.
-        t = np.linspace(0.0, 5.0, 400)[:, None]
-        T = [REFERENCE + 6 * (1 - np.exp(-t / [1.0, 2.0, 4.0])) for _ in range(4)]
-        u = np.array(
-            [
-                thermal_fit(plan.read(np.random.default_rng(k), T), {"p": (None, "um")},
-                            reference=REFERENCE, method="ridge").components["p"].estimate.sensor_u
-                for k in range(20)
-            ]
-        )  # fmt: skip
-        error = u.std(axis=0) / np.sqrt(20)
-        # A second difference of the temperature itself adds its square to the noise's, 6 u^2.
-        curved = np.abs(np.diff(T[0], 2, axis=0)).max(axis=0) ** 2 / (2 * 6 * noise**2)
-        assert (np.abs(u.mean(axis=0) - noise) < 4 * error + curved * noise).all()
-        # Alone within a few of 1.17/sqrt(n): neighbours share readings, which costs half.
-        assert np.abs(u - noise).max() < 5 * 1.17 * noise / np.sqrt(1600 / 2)
-
-
-def test_a_heater_that_switches_is_no_noise() -> None:
-    plan = Plan(gradients=STRONG[:1], cycles=2, n=200, sensor_noise=0.02)
-    t = np.linspace(0.0, 5.0, 200)[:, None]
-    T = [REFERENCE + (np.floor(t * 4) % 2) * 3 + t * [1.0, 0.9, 0.8] for _ in range(2)]
-    runs = plan.read(np.random.default_rng(43), T)
-    found = thermal_fit(runs, {"p": (None, "um")}, reference=REFERENCE, method="ridge")
-    # Medians of 400 second differences, as above.
-    tolerance = 5 * 1.17 / np.sqrt(400 / 2)
-    assert found.components["p"].estimate.sensor_u == pytest.approx(np.full(3, 0.02), rel=tolerance)
+@pytest.mark.parametrize("noise", [0.01, 0.05])
+def test_sensor_noise_within_its_standard_error(noise: float) -> None:
+    """From second differences: the median of n of them is good to 1.17/sqrt(n_effective), and half
+    of n counts, as neighbours share readings. A heater that switches is no noise.
+    """
+    plan = Plan(gradients=STRONG[:1], cycles=4, n=400, step=0.5, sensor_noise=noise)
+    # Temperatures without draughts: their own second differences are nothing.
+    t = np.linspace(0.0, 5.0, 400)[:, None]
+    smooth = 6 * (1 - np.exp(-t / [1.0, 2.0, 4.0]))
+    switched = (np.floor(t * 4) % 2) * 3 + t * [1.0, 0.9, 0.8]
+    tolerance = 5 * 1.17 / np.sqrt(1600 / 2)
+    for T in (smooth, switched):
+        found = plan.read(np.random.default_rng(43), REFERENCE + np.tile(T, (4, 1, 1)))
+        assert one(found).estimate.sensor_u == pytest.approx(np.full(3, noise), rel=tolerance)

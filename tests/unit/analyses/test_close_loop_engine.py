@@ -7,25 +7,22 @@ from itertools import cycle, islice, pairwise
 
 import numpy as np
 import pytest
-from effect_tables import FloatArray, readings_table, shop_covariates, table
+from effect_tables import FloatArray, shop_covariates, table
 from loop_examples import SMOOTH, effect, parameter
 from scipy.integrate import quad
 from scipy.stats import binom, invgamma, norm
 
 from mtu_cli.analyses.close_loop.crossings import crossings
 from mtu_cli.analyses.close_loop.describe import described
-from mtu_cli.analyses.close_loop.detectable import minimum_detectable
 from mtu_cli.analyses.close_loop.diagnosis import Diagnosis, diagnosed
 from mtu_cli.analyses.close_loop.estimate import estimated
-from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
+from mtu_cli.analyses.close_loop.experiment import minimum_detectable
 from mtu_cli.analyses.close_loop.gate import Gate
 from mtu_cli.analyses.close_loop.likelihood import Likelihood
 from mtu_cli.analyses.close_loop.missing import interaction, missing
 from mtu_cli.analyses.close_loop.posed import posed
 from mtu_cli.analyses.close_loop.result import FoundEffect
-from mtu_cli.analyses.close_loop.smooth import smooth_effect
-from mtu_cli.analyses.close_loop.strata import Strata, strata_of
-from mtu_cli.model.effect_library import effect_library
+from mtu_cli.model.effect_library import Candidate, candidates_of, effect_library
 from mtu_cli.model.residuals import ResidualTable
 from mtu_cli.stats.coverage import coverage_factor, fieller
 
@@ -127,9 +124,9 @@ def test_sizes_are_those_of_dense_generalised_least_squares(seed: int) -> None:
     beta = covariance @ X.T @ np.linalg.solve(V, own.errors[..., 0].ravel())
     (effect,) = sizes.effects
     size = effect.sizes[0]
-    assert size.value * scale == pytest.approx(beta[0], rel=1e-6)
-    assert size.u * scale == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
-    assert sizes.levels[0].value * scale == pytest.approx(beta[1], rel=1e-6)
+    assert size.value == pytest.approx(beta[0], rel=1e-6)
+    assert size.u == pytest.approx(np.sqrt(covariance[0, 0]), rel=1e-3)
+    assert sizes.levels[0].value == pytest.approx(beta[1], rel=1e-6)
 
 
 def test_the_gate_alarms_rarely_on_pure_noise() -> None:
@@ -197,21 +194,6 @@ def test_what_the_coefficients_leave_open_must_be_larger_to_be_found() -> None:
     assert sizes[1] / sizes[0] == pytest.approx(np.sqrt(1 + S * (u / design.scale) ** 2), rel=0.2)
 
 
-@pytest.mark.parametrize(("jump_um", "widest"), [(20.0, 1.0), (2.5, 8.0)])
-def test_the_place_of_a_step_is_as_sure_as_the_step_is_high(jump_um: float, widest: float) -> None:
-    own = noise(4)
-    after: FloatArray = (own.covariates["sequence"] > 7).astype(float)
-    own.errors[..., 1] += jump_um * 1e-3 * after
-    found = diagnosis(own, "step")
-    assert found.names == ["step-y"]
-    (effect,) = estimated(found.models, found.model).effects
-    assert effect.searched is not None
-    low, high = effect.searched.intervals[0][0], effect.searched.intervals[-1][1]
-    assert low <= 7.5 <= high
-    assert high - low <= widest
-    assert (high - low > 1) == (widest > 1)
-
-
 def test_the_level_is_that_of_the_effect_though_another_has_its_column() -> None:
     """At two heights a bow is a tilt but for its mean, and missing cells shift the centre."""
     own = noise(3)
@@ -240,17 +222,6 @@ def turning(
     return replace(own, errors=own.errors + turned), x, y
 
 
-def test_parts_that_turn_at_random_hide_no_effect_and_make_none() -> None:
-    own, x, y = turning(noise(4), 4, 4 * NOISE_MM)
-    found = diagnosis(own)
-    (effect,) = described(found, estimated(found.models, found.model))
-    assert effect.name == "rotation-scatter"
-    assert effect.ratio is not None
-    # Of the unit pattern a turn has the size |q|, of a largest 4 times that of the noise.
-    wanted = 4 * np.sqrt(np.sum(x[0] ** 2 + y[0] ** 2)) / np.hypot(x, y).max()
-    assert effect.ratio == pytest.approx(np.hypot(wanted, 1), rel=0.4)
-
-
 def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:
     """Their mean turns by 1/sqrt(P) of what each does: no more false names than alpha allows."""
     sets, wrong = 40, 0
@@ -260,21 +231,6 @@ def test_the_mean_of_parts_that_turn_at_random_is_no_rotation_of_all() -> None:
         assert "rotation-scatter" in names
         wrong += "rotation-z" in names
     assert wrong <= binom.ppf(0.999, sets, 0.05)
-
-
-def test_a_profile_of_readings_is_that_of_their_means_about_a_line() -> None:
-    """Nearly without noise nothing is drawn to a line, and no direction of it is lost."""
-    own = readings_table()
-    x = own.places[0, :, 0]
-    bend = 1e-2 * np.sin(x / 40.0)
-    rng = np.random.default_rng(8)
-    own = replace(own, errors=(bend + 1e-5 * rng.standard_normal(own.there.shape))[..., None])
-    like = posed(own, ())
-    (kernel,) = (k for k in like.design.kernels if k.named)
-    found = smooth_effect(like, like.fit(()), kernel)
-    line = np.polynomial.Polynomial.fit(x[::2], bend[::2], 1)(x[::2])
-    assert found.knots == pytest.approx(x[::2])
-    assert found.values * like.design.scale == pytest.approx(bend[::2] - line, abs=5e-5)
 
 
 def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured() -> None:
@@ -302,37 +258,6 @@ def test_a_wave_of_several_pitches_is_written_as_the_places_that_were_measured()
     (level,) = effect.of_role("level")
     assert effect.table.values + level.value == pytest.approx(wave, abs=5 * NOISE_MM / np.sqrt(P))
     assert effect.table.between == pytest.approx(amplitude**2, rel=0.2)
-
-
-# Coordinates of the error strata.
-
-
-PARTS, HOLES = 4, 5
-
-
-def strata() -> Strata:
-    line = np.arange(HOLES) - (HOLES - 1) / 2
-    lines = [(line / np.linalg.norm(line))[:, None]] * 2
-    return strata_of(PARTS, 2, lines, H=HOLES, features_scatter=True)
-
-
-@pytest.mark.parametrize("shape", [(PARTS, 1), (1, HOLES), (PARTS, HOLES), (1, 1)])
-def test_columns_in_compact_shapes_are_those_of_whole_tables(shape: tuple[int, int]) -> None:
-    """A lever of parts alone has the sign that the errors have."""
-    values = np.random.default_rng(1).normal(size=shape)
-    whole = np.zeros((PARTS, HOLES, 2))
-    whole[..., 1] = values
-    of_errors = strata().coordinates(whole)
-    at, compact = strata().of_levers([{1: values[None]}], 1)
-    found = np.zeros(len(of_errors))
-    found[at] = compact[0, 0]
-    assert found == pytest.approx(of_errors)
-
-
-def test_a_table_comes_back_but_for_its_mean() -> None:
-    errors = np.random.default_rng(2).normal(size=(3, PARTS, HOLES, 2))
-    back = strata().table(strata().coordinates(errors))
-    assert back == pytest.approx(errors - errors.mean(axis=(1, 2), keepdims=True))
 
 
 # Where effects cancel: of sizes that are known to the last digit.

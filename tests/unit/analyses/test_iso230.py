@@ -10,13 +10,14 @@ import pytest
 from positioning_examples import positioning, published
 
 from mtu_cli.analyses.iso230 import (
+    ISO,
     Iso230Result,
-    changes,
+    compared,
     corrected,
-    decisions,
     evaluate,
     figures_of,
     instrument_u,
+    limited,
     outlying_runs,
     plan,
     sampling_u,
@@ -133,7 +134,7 @@ def test_one_direction_has_one_way_figures_alone() -> None:
     targets, readings = published(3)
     readings[1] = np.nan
     axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    there = {name for name, x in axis.figures.items() if not math.isnan(x.value)}
+    there = {name for name in ISO if not math.isnan(axis.figures[name].value)}
     assert there == {"A_forward", "E_forward", "R_forward"}
     assert axis.figures["A_forward"].value / UM == pytest.approx(19.0975, abs=1e-4)
     assert axis.figures["A_forward"].u_sampling > 0
@@ -145,7 +146,7 @@ def test_one_approach_each_way_has_E_B_and_M() -> None:
     """As on axes beyond 2 m: A and R need scatter."""
     targets, readings = np.arange(0.0, 3001.0, 250.0), stream(9).normal(0, 3, (2, 13, 1))
     axis = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
-    there = {name for name, x in axis.figures.items() if not math.isnan(x.value)}
+    there = {name for name in ISO if not math.isnan(axis.figures[name].value)}
     assert there == {"E", "E_forward", "E_reverse", "M", "B", "B_mean"}
     assert all(math.isnan(x.u_sampling) for x in axis.figures.values())
     assert [x.code for x in warnings_of(axis)] == ["not-estimable"]
@@ -157,7 +158,7 @@ def test_a_transient_is_shown_and_stays() -> None:
     axis = evaluate(positioning(targets, readings, rows=rows, file="a.csv"), None, 2.0, 1, 0)
     (found,) = outlying_runs(axis)
     assert found.facts["rows"] == (2, 7)
-    assert axis.count.sum() == 50
+    assert axis.of_runs[0].sum() == 50
     clean = evaluate(positioning(*published(3), rows=rows), None, 2.0, 1, 0)
     assert not list(outlying_runs(clean))
 
@@ -167,13 +168,13 @@ def test_figures_of_another_test_differ_or_not() -> None:
     now = evaluate(positioning(targets, readings), None, 2.0, 1, 0)
     moved = readings + np.array([30.0, 0.0])[:, None, None]
     then = evaluate(positioning(targets, moved), None, 2.0, 1, 0)
-    found = changes(now, then)
+    found = compared(now, then).figures
     assert found["B"].differs
     assert not found["R_forward"].differs
     assert found["B_mean"].difference / UM == pytest.approx(-30.0)
     one = found["B_mean"]
     assert one.bound == pytest.approx(
-        2 * math.hypot(now.figures["B_mean"].u_sampling, one.u_sampling)
+        2 * math.hypot(one.u_sampling, then.figures["B_mean"].u_sampling)
     )
 
 
@@ -189,9 +190,8 @@ def test_limits_are_decided_by_iso_14253_1() -> None:
         (A - 0.5 * U, "not proven"),
         (A - 1.1 * U, "nonconforming"),
     ):
-        (found,) = decisions({"dx_x": axis}, {"A": limit})
-        assert found.verdict == verdict
-    assert not list(decisions({"dx_x": axis}, {"dy_y.A": 1.0}))
+        assert limited(axis, {"A": limit}).figures["A"].verdict == verdict
+    assert limited(axis, {"dy_y.A": 1.0}).figures["A"].verdict is None
 
 
 @pytest.mark.parametrize(

@@ -211,16 +211,3 @@ def test_against_parts_drawn_one_by_one(tmp_path: Path) -> None:
     assert found.first_order.u == pytest.approx(u, rel=4 * np.sqrt(0.5 / 4000))
     assert found.prediction.ids == tuple("abcdefg")
     assert found.validation.passed is not False
-
-
-def test_the_papers_independence(tmp_path: Path) -> None:
-    found = predict_orthogonality(tilting(), part_of(tmp_path, LINES), MANY).angles[0]
-    rng = np.random.default_rng(3)
-    u = np.sqrt(found.prediction.independent_variance).reshape(7, 2)
-    mean = found.prediction.mean.reshape(7, 2)
-    angles = [angle_of(PLACES + mean + u * rng.standard_normal((7, 2))) for _ in range(4000)]
-    assert found.independent.u[0] == pytest.approx(
-        np.std(angles, ddof=1), rel=4 * np.sqrt(0.5 / 4e3)
-    )
-    assert found.independent_u == pytest.approx(found.independent.u[0], rel=0.02)
-    assert found.independent.u[0] != pytest.approx(found.run.u[0], rel=0.05)

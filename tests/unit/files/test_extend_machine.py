@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from property_settings import plain_values
 from support import written_effect
 
 from mtu_cli.files.extend_machine import (
@@ -144,17 +139,6 @@ def test_names_get_numbers(tmp_path: Path) -> None:
     assert new.equations == {"Ex": "a_3*dir_x + 2.0e1*a_2"}
 
 
-def test_numbers_that_json_has_not_are_null(tmp_path: Path) -> None:
-    effect = written_effect(
-        name="e",
-        parameters={"p": (1, 0, "um")},
-        equations={"Ex": "p"},
-        found={"p_familywise": math.nan, "rows": [math.inf, 1]},
-    )
-    new = extended_machine(load(tmp_path, HEAD + TAIL), [effect])
-    assert new.machine.machine.effects[0].found == {"p_familywise": None, "rows": [None, 1]}
-
-
 @pytest.mark.parametrize(
     ("changes", "code"),
     [
@@ -170,27 +154,3 @@ def test_effects_that_no_machine_can_hold(
     with pytest.raises(InputError) as caught:
         extended_machine(load(tmp_path, HEAD + TAIL), [written_effect(name="e", **given | changes)])
     assert {item.code for item in caught.value.findings} == {code}
-
-
-names = st.text("ab1-", min_size=1, max_size=5)
-
-
-@settings(max_examples=100, deadline=None)
-@given(found=st.dictionaries(names, plain_values(st.text("ab1-", max_size=5)), max_size=4))
-def test_whatever_was_found_is_read_back(found: dict[str, Any]) -> None:
-    """Equal in kind too: 1 is neither 1.0 nor true."""
-    for rest in (TAIL, TAIL + f"effects: [{OLD}]\n", TAIL + f"effects:\n- {OLD}\n"):
-        text = HEAD + rest
-        old = machine_from(replace(parse_yaml(text, SOURCE), content=text.encode()))
-        effect = written_effect(
-            name="e1", parameters={"p": (1, 0, "um")}, equations={"Ex": "p"}, found=found
-        )
-        try:
-            new = extended_machine(old, [effect])
-        except InputError as fault:
-            # Names that no table can show, and numbers that are too large.
-            codes = {item.code for item in fault.findings}
-        else:
-            codes = {"not-writable"}
-            assert repr(new.machine.machine.effects[-1].found) == repr(found)
-        assert codes == {"not-writable"}

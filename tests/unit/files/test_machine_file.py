@@ -72,19 +72,6 @@ def test_a_machine_is_read_with_its_linear_forms(tmp_path: Path) -> None:
     assert read.effects[0].found == {"parts": 21, "by": {"alpha": 0.05}}
 
 
-def test_degrees_follow_from_what_is_written(tmp_path: Path) -> None:
-    components = load(tmp_path, VALID).machine.components
-    degrees = {name: item.degree for name, item in components.items()}
-    assert degrees == {"dx_x": 1, "ez_x": 1, "dy_y": 2, "axy": 0}
-
-
-def test_both_signs_for_micro_are_a_u(tmp_path: Path) -> None:
-    plain = load(tmp_path, VALID).machine
-    for sign in "\u00b5\u03bc":
-        text = VALID.replace("unit: um, degree", f"unit: {sign}m, degree")
-        assert load(tmp_path, text).machine == plain
-
-
 def test_notices(tmp_path: Path) -> None:
     text = machine("{a: {of: x, unit: um}, b: {unit: um, s_repeat: 1}}")
     notices = load(tmp_path, text).warnings
@@ -111,12 +98,6 @@ def test_faulty_components(tmp_path: Path, component: str, words: str) -> None:
     assert len(found) == 1
     assert found[0].startswith("m.yaml:3: components.a")
     assert words in found[0]
-
-
-def test_an_angle_needs_its_lever_arm(tmp_path: Path) -> None:
-    """A named constant may be a length, a number may not."""
-    more = "constants: {L: 127}\n"
-    assert load(tmp_path, machine("{a: {of: x, unit: arcsec}}", "{Ex: L*a}", more))
 
 
 @pytest.mark.parametrize(

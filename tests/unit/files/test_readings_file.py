@@ -93,11 +93,6 @@ def test_dates_count_from_the_earliest_of_all_files(tmp_path: Path) -> None:
     assert found.time_min.tolist() == [3.5]
 
 
-def test_a_covariate_that_is_a_text_in_one_file_is_one_in_all(tmp_path: Path) -> None:
-    found = read(tmp_path, f"{HEAD},shift\ndx_x,0,1,um,1\n", f"{HEAD},shift\ndx_x,0,1,um,night\n")
-    assert found.covariates["shift"].tolist() == ["1", "night"]
-
-
 @pytest.mark.parametrize("count", ["99999999999999999999", "9007199254740993", "9007199254740992"])
 def test_a_count_that_is_too_large(tmp_path: Path, count: str) -> None:
     """2^53 + 1 is read as 2^53: neither is told from the other."""
@@ -108,20 +103,6 @@ def test_a_count_that_is_too_large(tmp_path: Path, count: str) -> None:
     assert (
         read(tmp_path, f"{HEAD},pass\ndx_x,0,1,um,9007199254740991\n").pass_number[0] == 2**53 - 1
     )
-
-
-def test_position_is_required_where_a_component_has_an_axis(tmp_path: Path) -> None:
-    assert read(tmp_path, "component,error,unit\naxy,1,arcsec\n").components == ("axy",)
-    assert faults(tmp_path, "component,error,unit,location_mm\naxy,1,arcsec,\ndx_x,1,um,3\n") == [
-        "r0.csv, row 1, column 'position_mm': the column is missing; "
-        "expected a number: dx_x is a function of x"
-    ]
-
-
-def test_without_a_machine_any_component_is_read(tmp_path: Path) -> None:
-    found = read(tmp_path, f"{HEAD}\nq,,1,um\nr,3,1,rad\n", machine=False)
-    assert found.components == ("q", "r")
-    np.testing.assert_array_equal(found.position_mm, [np.nan, 3])
 
 
 def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: Path) -> None:
@@ -135,14 +116,3 @@ def test_equal_rows_are_one_reading_twice_where_passes_are_told_apart(tmp_path: 
     assert len(read(tmp_path, f"{HEAD},pass,T_a_degC\n{with_covariate}")) == 2
     empty = "dx_x,0,1,um,1,\ndx_x,0,1,um,1,\n"
     assert len(faults(tmp_path, f"{HEAD},pass,T_a_degC\n{empty}")) == 1
-
-
-@pytest.mark.parametrize("sign", ["\u00b5", "\u03bc"])
-def test_both_signs_for_micro_are_a_u(sign: str, tmp_path: Path) -> None:
-    """Beside each other and beside the plain letter, as of several instruments."""
-    rows = ["dx_x,0,1,um", "dx_x,1,2,um", "ez_x,0,1,urad", "ez_x,1,2,um/m"]
-    plain = read(tmp_path, "\n".join([HEAD, *rows]) + "\n")
-    signed = [rows[0], *(row.replace(",u", f",{sign}") for row in rows[1:])]
-    found = read(tmp_path, "\n".join([HEAD, *signed]) + "\n")
-    assert found.error.tolist() == plain.error.tolist()
-    assert found.dimension.tolist() == plain.dimension.tolist()

@@ -60,18 +60,6 @@ def faults(path: Path) -> list[str]:
     return [str(each).removeprefix(f"{path.name}: ") for each in caught.value.findings]
 
 
-SOUND: list[dict[str, Any]] = [
-    {"pass_dof": 1e99, "pass_covariance": [[1e30]]},
-    # As many readings as coefficients.
-    LINE | {"covariance": [[None, None], [None, None]], "s_repeat": None},
-]
-
-
-@pytest.mark.parametrize("change", SOUND)
-def test_sound_components(tmp_path: Path, change: dict[str, Any]) -> None:
-    assert read_report(written(tmp_path / "c.json", "fit-components", FITTED | change))
-
-
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -127,12 +115,6 @@ def test_components_fitted_together(
 def test_faulty_thermal_reports(tmp_path: Path, change: dict[str, Any], words: str) -> None:
     (found,) = faults(written(tmp_path / "t.json", "thermal-fit", DRIFT | change))
     assert found.startswith(f"results.components.a.{words}")
-
-
-def test_what_a_thermal_report_lacks(tmp_path: Path) -> None:
-    found = faults(written(tmp_path / "t.json", "thermal-fit", {"of": "y", "unit": "um"}))
-    assert len(found) == 12
-    assert all(text.endswith("is missing") for text in found)
 
 
 def test_reports_are_told_apart(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from fuzz.damage import nudged
 from mtu_cli.analyses.compensate import (
     CompensateResult,
     Frame,
+    Verified,
     Wanted,
     axis_errors,
     compensate,
@@ -136,8 +137,14 @@ def with_table(
     return result, reading(rng, TARGETS, left)
 
 
+def verified(result: CompensateResult, after: tuple[Any, ...]) -> Verified:
+    found = verify(result, *after).verified
+    assert found is not None
+    return found
+
+
 def verdict(result: CompensateResult, after: tuple[Any, ...]) -> str:
-    return verify(result, *after).verdict
+    return verified(result, after).verdict
 
 
 @pytest.mark.parametrize("name", CONTROLS)
@@ -147,7 +154,7 @@ def test_a_simulated_control_moves_by_the_table_in_the_right_sense(name: str) ->
     assert result.before is not None
     measured = axis_errors(*after)
     own = measured.means - measured.means.mean(1, keepdims=True)
-    assert np.abs(own).max() < 0.1 * float(result.before.E)
+    assert np.abs(own).max() < 0.1 * float(result.before["E"])
 
 
 @pytest.mark.parametrize("name", CONTROLS)
@@ -155,10 +162,10 @@ def test_a_turned_sign_and_a_table_without_effect_are_seen(name: str) -> None:
     """The sign is turned in the writer: the control reads what a wrong writer would have made."""
     control, own = made(name)
     result, _ = with_table(name)
-    turned = replace(result.held, forward=-result.held.forward, reverse=-result.held.reverse)
+    turned = replace(result.held, errors=-result.held.errors)
     wrong = control.text(turned, own)
     assert verdict(*with_table(name, lambda _: wrong)) == "wrong-sign"
-    without = control.text(turned.shifted(turned.forward, turned.reverse), own)  # type: ignore[arg-type]  # arrays shift, too
+    without = control.text(replace(turned, errors=0 * turned.errors), own)
     assert verdict(*with_table(name, lambda _: without)) == "no-effect"
 
 
@@ -242,7 +249,7 @@ def test_E_and_B_after_compensation_lie_in_their_intervals(name: str) -> None:
         left = true - Frame().applied(result.held, targets)
         found = figures(axis_errors(*drifting(rng, targets, left)).means, 2)
         assert result.after is not None
-        pairs = [(result.after.E, found.E), (result.after.B, found.B)]
+        pairs = [(result.after["E"], found["E"]), (result.after["B"], found["B"])]
         bounds = [np.quantile(drawn, (0.025, 0.5, 0.975)) for drawn, _ in pairs]
         inside.append([b[0] <= x <= b[2] for b, (_, x) in zip(bounds, pairs, strict=True)])
         below.append([x <= b[1] for b, (_, x) in zip(bounds, pairs, strict=True)])
@@ -253,7 +260,7 @@ def test_E_and_B_after_compensation_lie_in_their_intervals(name: str) -> None:
 
 def test_figures_are_those_of_the_standard() -> None:
     found = figures(np.stack([FORWARD, REVERSE]), 2)
-    assert np.allclose([found.E, found.B, found.M], [13e-3, 5e-3, 8.5e-3])
+    assert np.allclose([found["E"], found["B"], found["M"]], [13e-3, 5e-3, 8.5e-3])
 
 
 def test_frame_machine_zero_and_reversed_axis() -> None:
@@ -334,7 +341,7 @@ def test_the_interval_of_k_covers_also_where_the_table_is_noise() -> None:
         first = axis_errors(*drifting(rng, targets, true))
         result = compensate(first, control, own, Wanted(), trials=10)
         assert result.applied is not None
-        found = verify(result, *drifting(rng, targets, true + (k - 1) * result.applied))
+        found = verified(result, drifting(rng, targets, true + (k - 1) * result.applied))
         held.append(found.interval95[0] <= k <= found.interval95[1])
         names = ("worked", "no-effect", "wrong-sign")
         named.append(found.verdict in names and found.verdict != names[k])

@@ -50,7 +50,9 @@ def test_the_tree_has_columns_and_folded_constants() -> None:
         ("x + (y * (2 + 1)", 17, "'(' at column 5"), ("x + 1)", 6, "unexpected ')'"),
         ("sin x", 1, "sin has 0 arguments"), ("sin()", 5, "unexpected ')'"),
         ("sin(1, 2)", 1, "2 arguments"), ("x = 1", 3, "'='"), ("3 ^ 2", 3, "'^'"),
-        ("x.real", 2, "'.'"), ("lambda: 0", 7, "':'"), ("x × 2", 3, "'×'"), ("٣ + x", 1, "'٣'"),
+        ("x.real", 2, "'.'"), ("x^2", 2, "** for a power"), ("2 x", 3, "such as * between factors"),
+        ("zzz(y)", 1, "one of: sin, cos, exp"), ("x)", 2, "an operator or the end"),
+        ("lambda: 0", 7, "':'"), ("x × 2", 3, "'×'"), ("٣ + x", 1, "'٣'"),
         ("x \u2212 1", 3, "'\u2212'"), ("x\x00", 2, r"\x00"), ("1/0", 2, "no finite value"),
         ("sqrt(-1) + x", 1, "no finite value"), ("(-8)**0.5", 5, "no finite value"),
         ("9**9**9**9", 5, "no finite value"), ("x*1e999", 3, "not a finite number"),
@@ -70,17 +72,6 @@ def test_faults_stand_at_their_column(text: str, column: int, says: str) -> None
     fault = fault_of(text)
     assert fault.column == column
     assert says in fault.message
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("x^2", "** for a power"), ("2 x", "an operator, such as * between factors"),
-        ("x)", "an operator or the end"), ("zzz(y)", "one of: sin, cos, exp"),
-    ],
-)  # fmt: skip
-def test_what_is_expected_instead(text: str, expected: str) -> None:
-    assert (fault_of(text).expected or "").startswith(expected)
 
 
 def test_a_fault_stands_in_its_file() -> None:

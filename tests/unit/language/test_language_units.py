@@ -5,24 +5,22 @@ from __future__ import annotations
 import pytest
 
 from mtu_cli.findings import Finding, InputError
-from mtu_cli.language import Node, check_dimension, parse
+from mtu_cli.language import check_dimension, parse
 from mtu_cli.language.functions import BUDGET_FUNCTIONS
-from mtu_cli.language.tree import filled_tree
 from mtu_cli.language.unit_algebra import check_consistent
-from mtu_cli.units import ANY, PARAMETER_UNITS, PLAIN, Powers, internal, unit_powers
+from mtu_cli.units import ANY, PARAMETER_UNITS, PLAIN, internal, unit_powers
 
 MM, RAD = internal(length=1), internal()
 UNITS = dict.fromkeys(("x", "y", "z", "dx_x", "dy_y"), MM) | dict.fromkeys(("ey_x", "ez_y"), RAD)
 COLUMNS = {"T": internal(degree=1), "t": internal(minute=1), "dir_x": RAD}
 
 
-def faults_of(text: str | Node, wanted: Powers = MM, units: str = "", **how: bool) -> list[Finding]:
+def faults_of(text: str, units: str = "") -> list[Finding]:
     """Of an equation of a machine, with parameters such as ``a um, b um/K``."""
     stated = (item.split() for item in units.split(", ") if item)
     parameters = {name: PARAMETER_UNITS[unit] for name, unit in stated}
-    node = parse(text) if isinstance(text, str) else text
     try:
-        check_dimension(node, wanted, UNITS, parameters=parameters, columns=COLUMNS, **how)
+        check_dimension(parse(text), MM, UNITS, parameters=parameters, columns=COLUMNS)
     except InputError as error:
         return list(error.findings)
     return []
@@ -78,14 +76,6 @@ def test_the_unit_that_a_parameter_should_have(text: str, units: str, expected: 
     assert fault.expected == expected
 
 
-def test_a_negated_number_of_a_template_is_a_number() -> None:
-    """A parser makes ``-1`` a number, a template that is filled in does not."""
-    for text in ("dx_x*y**-n", "dx_x*y*-n", "dx_x*y**(-(-n))"):
-        filled = filled_tree(parse(text), {"n": 1.0})
-        assert faults_of(filled)
-        assert faults_of(text.replace("n", "1"))
-
-
 def consistency(text: str, result: str, **units: str) -> str | None:
     """The code of the fault of an equation whose names have these units."""
     texts = [*units.values(), result]
@@ -106,20 +96,14 @@ def consistency(text: str, result: str, **units: str) -> str | None:
         ("ls + t", "mm", {"ls": "mm", "t": "degC"}, "wrong-unit"),
         ("l*a*t", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, "wrong-unit"),
         ("l*a*t/1000", "um", {"l": "mm", "a": "ppm/K", "t": "K"}, None),
-        ("V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, "wrong-unit"),
         ("1000*V/I*cos(p)", "ohm", {"V": "V", "I": "mA", "p": "rad"}, None),
         ("cos(p)", "1", {"p": "deg"}, "wrong-unit"),
-        ("cos(2*p)", "1", {"p": "deg"}, "wrong-unit"),
         ("cos(p*pi/180)", "1", {"p": "deg"}, None),
         ("log(t + 273.15)", "1", {"t": "degC"}, None),
         ("exp(34 - 6292/T)", "Pa", {"T": "K"}, None),
         ("atan2(y, x)", "rad", {"y": "mm", "x": "um"}, "wrong-unit"),
-        ("pi/4*d**2", "mm^2", {"d": "mm"}, None),
         ("pi/4*d**2", "um^2", {"d": "mm"}, "wrong-unit"),
-        ("sqrt(x**2 + y**2)", "mm", {"x": "mm", "y": "mm"}, None),
-        ("20 + 2*t", "degC", {"t": "min"}, None),
         ("a + 2*b", "mm", {"a": "mm", "b": "furlong"}, None),
-        ("m*g", "N", {"m": "kg", "g": "m/s^2"}, None),
         ("(a + b)*(a - c)", "mm^2", {"a": "mm", "b": "mm", "c": "um"}, "wrong-unit"),
     ],
 )

@@ -10,7 +10,7 @@ from model_examples import FloatArray, estimate, model_of, part_of
 from scipy import stats
 from support import paper_study
 
-from mtu_cli.analyses.orthogonality import angle_trials, plain_angle_trials
+from mtu_cli.analyses.orthogonality import angle_trials
 from mtu_cli.findings import InputError
 from mtu_cli.model.features import feature_points
 from mtu_cli.model.measurands import LARGEST_SLOPE, AngleTrials, Line, angle_error, check_square
@@ -55,16 +55,15 @@ CASES = {
 }
 
 
-def both(case: Case, independent: bool) -> tuple[AngleTrials, PointTrials]:
+def model_of_case(case: Case, *, independent: bool = False) -> AngleTrials:
     given, row, column = case
-    return (
-        angle_trials("a", row, column, given, independent=independent),
-        plain_angle_trials("a", row, column, given, independent=independent),
-    )
+    return angle_trials("a", row, column, given, independent=independent)
 
 
-def drawn(model: AngleTrials | PointTrials, seed: int) -> tuple[FloatArray, FloatArray]:
-    draws = model.draw(np.random.default_rng(seed), TRIALS)
+def drawn(model: AngleTrials, seed: int, *, plain: bool = False) -> tuple[FloatArray, FloatArray]:
+    """`plain`: of all errors, with lines laid through them."""
+    rng = np.random.default_rng(seed)
+    draws = PointTrials.draw(model, rng, TRIALS) if plain else model.draw(rng, TRIALS)
     assert draws.linear is not None
     return draws.values[0].copy(), draws.linear[0].copy()
 
@@ -72,10 +71,10 @@ def drawn(model: AngleTrials | PointTrials, seed: int) -> tuple[FloatArray, Floa
 @pytest.mark.parametrize("independent", [False, True])
 @pytest.mark.parametrize("name", list(CASES))
 def test_the_same_distribution_with_fewer_normals(name: str, independent: bool) -> None:
-    reduced, plain = both(CASES[name], independent)
-    assert reduced.drawn + 1 < plain.factor.shape[1]
+    reduced = model_of_case(CASES[name], independent=independent)
+    assert reduced.drawn + 1 < reduced.factor.shape[1]
     values, linear = drawn(reduced, 1)
-    slow_values, slow_linear = drawn(plain, 2)
+    slow_values, slow_linear = drawn(reduced, 2, plain=True)
     assert stats.ks_2samp(values, slow_values).pvalue > 1e-3
     assert stats.ks_2samp(linear, slow_linear).pvalue > 1e-3
     # What the first-order form leaves is small: of the values alone it would not be seen.
@@ -88,7 +87,7 @@ def test_the_same_distribution_with_fewer_normals(name: str, independent: bool) 
 
 @pytest.mark.parametrize("name", list(CASES))
 def test_the_first_order_form_is_exactly_what_is_stated(name: str) -> None:
-    reduced, _ = both(CASES[name], False)
+    reduced = model_of_case(CASES[name])
     _, linear = drawn(reduced, 4)
     dof = float(reduced.linear_dof[0])
     law = stats.norm() if np.isinf(dof) else stats.t(dof)
@@ -97,8 +96,7 @@ def test_the_first_order_form_is_exactly_what_is_stated(name: str) -> None:
 
 
 def test_no_error_at_all_is_no_scatter() -> None:
-    given, row, column = bent(0.0)
-    reduced = angle_trials("a", row, column, given, independent=True)
+    reduced = model_of_case(bent(0.0), independent=True)
     values = reduced.draw(np.random.default_rng(7), 100).values
     assert np.ptp(values) == 0.0
     assert values[0, 0] == pytest.approx(reduced.linear_mean[0], rel=1e-9)

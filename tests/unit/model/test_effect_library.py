@@ -13,14 +13,14 @@ import pytest
 import yaml
 from effect_tables import FloatArray, grid_places, readings_table, shop_covariates, table
 
-from mtu_cli.analyses.close_loop.forms import Candidate, candidates_of
 from mtu_cli.files.effects import Search
 from mtu_cli.files.machine import load_machine
 from mtu_cli.model.effect_library import (
     BUILT_IN,
     BoundTemplate,
+    Candidate,
     TableData,
-    choices,
+    candidates_of,
     effect_library,
     grid_of,
 )
@@ -109,26 +109,6 @@ def test_columns_are_the_formulas(name: str) -> None:
         assert sum(np.abs(columns - plain).max() <= near for columns in own) == 1
 
 
-def test_the_third_order_is_orthogonal_to_the_first() -> None:
-    for axis, name in enumerate(("curvature-x", "curvature-y")):
-        ((_, (_, cubic)),) = members_of(forms_of(SPACE, name)[1])
-        linear = SPACE.places[..., axis] - SPACE.places[..., axis].mean()
-        size = np.linalg.norm(cubic) * np.linalg.norm(linear)
-        assert abs((cubic[..., axis] * linear).sum()) < 1e-9 * size
-
-
-def test_outliers_move_one_column_or_one_part() -> None:
-    for over, chosen in (("feature", np.s_[:, 3]), ("part", np.s_[3, :])):
-        (form,) = forms_of(PLANE, f"{over}-outlier")
-        assert form.parameters == {"shift_x": "um", "shift_y": "um"}
-        expected = np.zeros((9, 12))
-        expected[chosen] = 1.0
-        for axis, lever in enumerate(form.columns(None)):
-            assert (np.broadcast_to(lever[axis][3], (9, 12)) == expected).all()
-            assert list(lever) == [axis]
-        assert list(choices(PLANE, over))[3] == ("H4" if over == "feature" else "P4")
-
-
 # Equations give the columns back.
 
 
@@ -174,18 +154,6 @@ def test_a_machine_file_takes_the_forms_and_predicts_their_columns(
 # Numbers of the data, kinds of columns, what is lacking.
 
 
-def test_centres_are_those_of_the_measured_cells() -> None:
-    repeats = np.full((9, 12), 2)
-    repeats[4:, 5:] = 0
-    data = TableData.of(table(repeats=repeats))
-    x = data.table.places[..., 0][repeats > 0]
-    assert data.number("x", "0") == pytest.approx(x.mean())
-    assert data.number("x", "_low") == x.min()
-    d = x - x.mean()
-    assert data.number("x", "3") == pytest.approx((d**4).sum() / (d**2).sum())
-    assert data.values["x"].shape == (1, 12)
-
-
 @pytest.mark.parametrize(
     ("values", "counts"),
     [
@@ -228,56 +196,7 @@ def test_what_cannot_be_tested(name: str, changes: dict[str, Any], reason: str) 
     assert str(found.unavailable).startswith(reason)
 
 
-def test_places_that_are_not_known() -> None:
-    places = grid_places(12, jitter=2.0)
-    places[:, 0] = np.nan
-    found = found_on(table(places=places))
-    assert found["scale-x"].unavailable == "the position along x is not known"
-    assert found["offset-x"].forms
-    assert found["backlash-x"].forms
-
-
 # Readings.
-
-
-def test_units_of_readings() -> None:
-    own = readings_table()
-    for name, units in (("trend-x", ("um", "um/min")), ("scale-trend-x", ("um/m", "um/m/min"))):
-        found = {form.covariate: (*form.parameters.values(),) for form in forms_of(own, name)}
-        assert found == {"sequence": units[:1], "time_min": units[1:]}
-    bare = readings_table(name="axy", component="axy", unit="arcsec")
-    assert forms_of(bare, "offset-axy")[0].texts() == {"Eaxy": "shift"}
-    assert forms_of(bare, "trend-axy")[1].parameters == {"slope": "arcsec/min"}
-    assert "scale-axy" not in found_on(bare)
-
-
-TIMED = """
-- family: creep
-  says: s
-  parameters: {k: UNIT}
-  equations:
-    E{a}: "EQUATION"
-"""
-SEARCHED = "  search: {tau: {from: 5, to: 50, count: 3}}\n"
-
-
-@pytest.mark.parametrize(
-    ("unit", "equation", "told"),
-    [
-        ("um/m", "k*{a}*({c} - {c0})", "um/m/min"),
-        ("um/m^2", "k*{a}**2*({c} - {c0})", "urad/m/min"),
-        ("um", "k*{c}/tau", "um"),
-        ("um", "k*{c}*exp(-{c}/tau)", "um/min"),
-        ("um", "k*({c} + dir_{a})", None),
-    ],
-)
-def test_a_unit_beside_the_time(tmp_path: Path, unit: str, equation: str, told: str | None) -> None:
-    text = TIMED.replace("UNIT", unit).replace("EQUATION", equation)
-    text += SEARCHED if "tau" in equation else ""
-    (tmp_path / "own.yaml").write_text(text, encoding="utf-8")
-    forms = forms_of(readings_table(), "creep-x", tmp_path / "own.yaml")
-    units = {form.covariate: form.parameters["k"] for form in forms}
-    assert units == {"sequence": unit} | ({} if told is None else {"time_min": told})
 
 
 # Choice, users' own families, the package.

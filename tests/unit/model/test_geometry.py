@@ -85,16 +85,6 @@ def test_plane_against_an_optimiser() -> None:
     assert found.basis @ found.normal == pytest.approx([0, 0], abs=1e-14)
 
 
-def test_a_circle_in_space_is_the_circle_of_its_plane() -> None:
-    """Without height above the plane the fit does not see how the plane lies."""
-    flat = arc(11, 90.0, 1.0, 6)
-    there, here = fit_circle(tilted(flat, 7, 0.0)), fit_circle(flat)
-    assert there.radius == pytest.approx(here.radius, rel=1e-13)
-    assert there.residuals == pytest.approx(here.residuals, abs=1e-11)
-    assert there.form == pytest.approx(here.form)
-    assert here.form == here.residuals.max() - here.residuals.min()
-
-
 CASES: dict[str, tuple[Callable[[Floats], RoundFit], Floats]] = {
     "circle": (fit_circle, arc(9, 90.0, 3.0, 1)),
     "short arc": (fit_circle, arc(9, 90.0, 0.5, 2, angle=1.0)),

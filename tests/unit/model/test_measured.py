@@ -56,38 +56,23 @@ def test_lengths_are_distances(tmp_path: Path) -> None:
     tables = length_tables(found, visits, part_file(tmp_path))
     assert tables is not None
     assert [label[1] for label in tables.labels] == ["a-b", "c-a"]
+    at = {name: found.measured[found.feature == i, :2] for i, name in enumerate(found.features)}
     for i, (start, end) in enumerate((("a", "b"), ("c", "a"))):
-        for p in range(4):
-            lengths = []
-            for r in range(2):
-                rows = [
-                    k
-                    for name in (start, end)
-                    for k in range(len(found))
-                    if (found.part[k], found.repeat[k]) == (p, r)
-                    and found.features[found.feature[k]] == name
-                ]
-                one, two = found.measured[rows, :2]
-                lengths.append(math.dist(one, two) - math.dist(PLACES[start], PLACES[end]))
-            mean = tables.cells.origin[i] + tables.cells.mean[i, p]
-            assert mean == pytest.approx(np.mean(lengths), abs=1e-12)
+        lengths = np.linalg.norm(at[end] - at[start], axis=1)
+        errors = lengths - math.dist(PLACES[start], PLACES[end])
+        mean = tables.cells.origin[i] + tables.cells.mean[i]
+        np.testing.assert_allclose(mean, errors.reshape(4, 2).mean(axis=1), atol=1e-12)
 
 
 def test_angle_is_that_of_equations_24_to_26(tmp_path: Path) -> None:
     found = study(3, 1, 5)
     angles = angle_tables(found, visits_of(found), part_file(tmp_path))
     assert angles is not None
-    for p in range(3):
-        place = {
-            found.features[found.feature[k]]: found.measured[k, :2]
-            for k in range(len(found))
-            if found.part[k] == p
-        }
-        along, across = place["b"] - place["a"], place["c"] - place["a"]
-        row, column = along[1] / along[0], across[0] / across[1]
-        value = angles.cells.origin[0] + angles.cells.mean[0, p]
-        # By design the row rises by 1 in 100 and the column leans by 2 in 200.
-        assert value == pytest.approx(-column - row + 0.02, rel=1e-9)
+    a, b, c = (found.measured[found.feature == i, :2].T for i in range(3))
+    row, column = (b - a)[1] / (b - a)[0], (c - a)[0] / (c - a)[1]
+    # By design the row rises by 1 in 100 and the column leans by 2 in 200.
+    value = angles.cells.origin[0] + angles.cells.mean[0]
+    np.testing.assert_allclose(value, -column - row + 0.02, rtol=1e-9)
 
 
 def in_space(found: Points, part: LoadedPart, z: float) -> tuple[Points, LoadedPart]:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from model_examples import Segment, estimate, model_of, readings
+from model_examples import Segment, model_of, readings
 from numpy.typing import NDArray
 
 from mtu_cli.files.machine_contract import Component
-from mtu_cli.model.estimates import ComponentEstimate, JointPasses
+from mtu_cli.model.estimates import ComponentEstimate
 from mtu_cli.model.estimation import fit_component
 from mtu_cli.model.prediction import predict, reportable
 from mtu_cli.stats.coverage import coverage_factor
@@ -60,24 +60,6 @@ def orthonormal(degree: int, x: FloatArray) -> FloatArray:
         R.T, np.vander((x - centre) / size, degree + 1, increasing=True).T
     ).T
     return values
-
-
-def test_repeatabilities_of_a_group_keep_their_own_degrees_of_freedom() -> None:
-    a = estimate("a", None, [0.0], s=3.0, repeat_dof=5)
-    b = estimate("b", None, [0.0], s=1.0, repeat_dof=500)
-    D = np.array([[1.0, 0.5], [0.5, 1.0]])
-    group = JointPasses(
-        components=("a", "b"),
-        widths=(1, 1),
-        covariance=np.zeros((2, 2)),
-        pass_covariance=D,
-        pass_dof=8,
-        n_passes=None,
-    )
-    model = model_of([(a, {"x": "1"}), (b, {"x": "1"})], axes=("x",), joint=(group,))
-    found = predict(model, ["p"], np.zeros((1, 3))).variance(np.eye(1))
-    assert found.total == pytest.approx([3.0 + 9.0 + 1.0])
-    assert found.dof == pytest.approx([13.0**2 / (3.0**2 / 8 + 9.0**2 / 5 + 1.0 / 500)])
 
 
 @pytest.mark.parametrize(("degree", "drift"), [(3, 0.0), (3, 1.0), (1, 0.0)])
@@ -134,27 +116,6 @@ def test_variance_is_never_negative_and_never_next_to_nothing() -> None:
             parts = found.coefficients + found.passes + found.repeatability
             assert parts == pytest.approx(found.total, rel=1e-12)
     assert indefinite > 30
-
-
-def test_variance_without_room_for_repeatability_by_hand() -> None:
-    """A mean of 25 visits, of passes whose levels scatter less than repeatability makes them."""
-    seed = next(s for s in range(99) if undrifted(s).pass_covariance[0, 0] < 0)
-    errors = read(np.random.default_rng(seed), 5, 0.0, 0.0)
-    model = model_of([(fitted(errors, 0), {"x": "1"})], axes=("x",))
-    points = np.column_stack([LINE, np.zeros(25), np.zeros(25)])
-    levels = errors.mean(axis=1)
-    S = levels.var(ddof=1)
-    s2 = np.sum((errors - levels[:, None]) ** 2) / (40 - 5)
-    found = predict(model, [str(i) for i in range(25)], points).variance(np.full((1, 25), 1 / 25))
-    assert s2 / 8 > S
-    # S stands for s^2/8 as well: a pass's mean is of 8 visits, this one of 25.
-    assert found.total == pytest.approx([S * (1 / 5 + 8 / 25)])
-    assert found.dof == pytest.approx([4.0])
-    own = S * (1 / 5 + 8 / 25)
-    other = estimate("o", None, [0.0], D=np.array([[0.1]]), pass_dof=7)
-    both = model_of([(fitted(errors, 0), {"x": "1"}), (other, {"x": "1"})], axes=("x",))
-    found = predict(both, [str(i) for i in range(25)], points).variance(np.full((1, 25), 1 / 25))
-    assert found.dof == pytest.approx([(own + 0.1) ** 2 / (own**2 / 4 + 0.1**2 / 7)])
 
 
 def test_the_reported_covariance_is_one() -> None:

@@ -62,16 +62,6 @@ def test_without_a_pass_column_nothing_is_separated() -> None:
     assert found.estimate.repeat_dof == 40 - 2
 
 
-def test_a_constant_without_a_pass_column_is_read_once_a_pass() -> None:
-    error = np.array([3e-6, 5e-6, 4e-6, 9e-6])
-    found = fit(Segment(name="c", position=None, error=error), component=Component(unit="urad"))
-    assert found.instruments[0].keys_read == ((0, 1, 0), (0, 2, 0), (0, 3, 0), (0, 4, 0))
-    assert found.estimate.pass_covariance[0, 0] == pytest.approx(error.var(ddof=1))
-    assert found.estimate.covariance[0, 0] == pytest.approx(error.var(ddof=1) / 4)
-    assert found.estimate.s_repeat == 0
-    assert found.estimate.position_range is None
-
-
 def test_instruments_are_weighted_by_the_variance_of_their_level() -> None:
     """By hand: 1/W = d^2/G + s^2/n at the middle of the range; C = sum W^2 C whatever W is."""
     D = np.diag([2.0, 0.0])
@@ -107,16 +97,6 @@ def test_two_instruments_cover_what_they_both_read(passes: int) -> None:
         )
     # With two or three passes Welch-Satterthwaite errs on the wide side, never the narrow one.
     assert np.mean(hits) > 0.95 - 3.3 * np.sqrt(0.95 * 0.05 / len(hits))
-
-
-def test_pooled_scatter_is_weighted_by_degrees_of_freedom() -> None:
-    a = estimate("c", None, [1.0], C=np.eye(1), D=4 * np.eye(1), s=1.0, pass_dof=9, repeat_dof=70)
-    b = estimate("c", None, [2.0], C=np.eye(1), D=1 * np.eye(1), s=3.0, pass_dof=3, repeat_dof=10)
-    a, b = (replace(item, independent_covariance=np.eye(1), independent_s=1.0) for item in (a, b))
-    found = combine([a, b], [10, 10])
-    assert found.coefficients == pytest.approx([(9 * 1 + 1 * 2) / 10])
-    assert found.pass_covariance[0, 0] == pytest.approx((9 * 4 + 3 * 1) / 12)
-    assert found.s_repeat**2 == pytest.approx((70 * 1 + 10 * 9) / 80)
 
 
 @pytest.mark.parametrize("degree", [0, 3])

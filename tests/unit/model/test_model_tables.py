@@ -13,7 +13,6 @@ from table_trials import SIGMA, TARGETS, axis_machine, axis_readings, bend, tabl
 from mtu_cli.analyses.fit_components import fit_result
 from mtu_cli.files.machine import LoadedMachine, machine_from
 from mtu_cli.files.yaml_file import read_yaml
-from mtu_cli.findings import InputError
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.machine_model import build_model
 from mtu_cli.model.prediction import Prediction, predict
@@ -91,13 +90,6 @@ def test_a_stated_table(tmp_path: Path) -> None:
     off = 1e-5 * left_open(knots, AT[[1]])[0, 0] + 0.25
     assert at.variance().coefficients[1] > off * UM**2
     assert at.variance().coefficients[1] < (off + 0.09 + 0.04) * UM**2
-
-
-def test_a_table_needs_positions_that_are_read_again(tmp_path: Path) -> None:
-    rng = np.random.default_rng(1)
-    readings = axis_readings(X[:3], lambda x: 0 * x, rng)
-    with pytest.raises(InputError, match="for a table"):
-        fit_machine(axis_machine(tmp_path), readings)
 
 
 @pytest.mark.parametrize(("amplitude", "degrees"), [(0.0, {0, 1}), (40.0, {None})])

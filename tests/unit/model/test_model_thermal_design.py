@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from model_examples import loaded
-from thermal_machines import IDS, POINTS, SENSORS, angle, drift, line, machine
+from thermal_machines import IDS, POINTS, SENSORS, angle, line, machine
 
 from mtu_cli.files.machine import LoadedMachine
 from mtu_cli.files.reports_read import ThermalReport, read_report
 from mtu_cli.findings import InputError
-from mtu_cli.model.features import outside_warnings
 from mtu_cli.model.fit import thermal_from_machine_file, thermal_from_report
-from mtu_cli.model.machine_model import design, drift_terms, sensors_of, temperatures, theta
+from mtu_cli.model.machine_model import design, drift_terms, temperatures, theta
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.temperatures import temperature_warnings
 from mtu_cli.stats.lag import first_order_lag
@@ -71,28 +70,6 @@ def test_covariance_of_coefficients_and_leftover(tmp_path: Path) -> None:
     assert more - without == pytest.approx(expected, rel=1e-9, abs=1e-18)
 
 
-def test_missing_sensors_are_named_with_their_component(tmp_path: Path) -> None:
-    model = machine(tmp_path, line(), angle())
-    assert set(SENSORS) <= set(model.covariates())
-    assert sensors_of(model)["T_b_degC"] == ("px", "yaw")
-    with pytest.raises(InputError) as raised:
-        predict(model, IDS, POINTS, {"T_a_degC": 21.0})
-    assert [problem.facts["names"] for problem in raised.value.findings] == [
-        ["T_b_degC"], ["T_c_degC"]
-    ]  # fmt: skip
-
-
-def test_a_thermal_model_without_sensors_leaves_its_leftover(tmp_path: Path) -> None:
-    """No sensor explains the drift: its scatter is all that is known of it."""
-    own = drift("px", "x", (), np.zeros((1, 0)), leftover=np.array([[0.25]]))
-    found = predict(machine(tmp_path, own), IDS, POINTS)
-    cold = predict(machine(tmp_path), IDS, POINTS)
-    assert (found.mean == cold.mean).all()
-    more = found.covariance - cold.covariance
-    one = np.outer([1.0, 0.5], [1.0, 0.5]) * 0.25 * UM**2
-    assert more == pytest.approx(np.tile(one, (4, 4)), rel=1e-9)
-
-
 LAGGED = line(time_constants=(30.0, 0.0))
 
 
@@ -112,16 +89,6 @@ def test_lags_follow_the_times_of_the_rows() -> None:
     rise = np.column_stack([expected[order], b[order]]) - 20
     assert rows[:, :2] == pytest.approx(rise, rel=1e-10)
     assert rows[:, 2:] == pytest.approx(place["x"][:, None] * rise, rel=1e-10, abs=1e-12)
-
-
-def test_without_times_all_temperatures_count_as_settled() -> None:
-    a, b = np.linspace(20.0, 26.0, 6), np.full(6, 21.0)
-    untimed: dict[str, FloatArray | float] = {"T_a_degC": a, "T_b_degC": b}
-    for at in (untimed, untimed | {"T_b_degC": 21.0, "time_min": 5.0}):
-        found = temperatures(LAGGED, at, 6)
-        assert found == pytest.approx(np.column_stack([a, b]), rel=1e-15)
-    one = temperatures(LAGGED, {"T_a_degC": 24.0, "T_b_degC": 21.0, "time_min": np.arange(6.0)}, 6)
-    assert one == pytest.approx(np.tile([24.0, 21.0], (6, 1)), rel=1e-14)
 
 
 # What is said of temperatures that a thermal model has not seen, or that cannot be right.
@@ -147,21 +114,6 @@ def test_a_sensor_beyond_the_fit_is_told_once_with_what_it_may_cost(tmp_path: Pa
                    replace(angle(), temperature_range=RANGE[[1, 1]]))  # fmt: skip
     (one,) = temperature_warnings(both, POINTS, ROOM | {"T_b_degC": 19.0})
     assert one.facts["names"] == ["the drift of px, yaw"]
-
-
-def test_positions_beyond_the_drift_are_told_without_names_of_terms(tmp_path: Path) -> None:
-    model = machine(tmp_path, replace(line(), position_range=(0.0, 200.0)))
-    found = predict(model, ("a", "b", "c", "d"), POINTS, ROOM)
-    (warned,) = outside_warnings(found)
-    assert warned.facts["names"] == ["the drift of px"]
-    assert warned.facts["what"].startswith("feature 'c'")
-
-
-@pytest.mark.parametrize("lag", [0.0, 30.0])
-def test_lags_without_a_history(tmp_path: Path, lag: float) -> None:
-    model = machine(tmp_path, line(time_constants=(lag, 0.0)))
-    codes = [w.code for w in temperature_warnings(model, POINTS, ROOM)]
-    assert codes == (["settled-temperatures"] if lag else [])
 
 
 # Drifts of components from the machine file and from a thermal-fit report.

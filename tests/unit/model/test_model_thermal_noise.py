@@ -93,11 +93,3 @@ def test_rows_with_the_same_temperatures_share_one_reading(tmp_path: Path, row: 
             step = predict(quiet, IDS, POINTS, at | {name: moved}).mean - base
             expected += np.outer(step, step)
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-15)
-
-
-def test_one_value_for_all_points_is_one_reading(tmp_path: Path) -> None:
-    model = noisy(tmp_path)
-    room = {name: float(values[1]) for name, values in EACH.items()}
-    each = {name: np.full(len(POINTS), value) for name, value in room.items()}
-    alone = predict(model, IDS, POINTS, dict(room)).covariance
-    assert alone == pytest.approx(predict(model, IDS, POINTS, dict(each)).covariance, rel=1e-12)

@@ -86,20 +86,6 @@ def together() -> tuple[MachineModel, FloatArray]:
     return model_of([(a, {"x": "1"}), (b, {"y": "1"})], joint=(group,)), D
 
 
-def test_parts_of_components_read_together_vary_together() -> None:
-    model, D = together()
-    plan = PartsPlan(
-        parts=MANY, repeats=1, cmm_u=0.0, part_offset=0.0, reverse_every=0, minutes=1.0
-    )
-    found = simulate_points(model, ["a", "b", "c"], AT, plan, 2).measured.reshape(MANY, 3, 2)
-    errors = np.column_stack([found[:, :, 0] - AT[:, 0], found[:, 0, 1]])
-    X = np.zeros((4, 3))
-    X[:3, 0], X[:3, 1], X[3, 2] = 1.0, AT[:, 0], 1.0
-    wanted = X @ D @ X.T
-    assert abs(wanted[0, 3]) > 0.2 * np.sqrt(wanted[0, 0] * wanted[3, 3])
-    assert agree(errors, wanted)
-
-
 def test_passes_of_components_read_together_vary_together() -> None:
     model, D = together()
     at = np.array([0.0, 500.0])

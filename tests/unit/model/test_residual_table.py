@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -30,7 +29,7 @@ from mtu_cli.files.study import Datum
 from mtu_cli.findings import InputError
 from mtu_cli.model.machine_model import MachineModel
 from mtu_cli.model.residuals import ResidualTable, residual_table
-from mtu_cli.model.visits import freedoms, projector
+from mtu_cli.model.visits import freedoms
 
 ROTATION: Datum = "offset,rotation"
 FREE: list[Datum] = ["offset", ROTATION]
@@ -62,15 +61,6 @@ def test_covariates_of_points(tmp_path: Path, machine: str) -> None:
     table, _ = residual_table(model, points, {})
     check_against_loop(model, points, table)
     check_factors(model, points, table)
-
-
-def test_factors_are_the_covariances_of_predictions(tmp_path: Path) -> None:
-    """Nothing in which parts differ moves a coefficient: one design for all."""
-    for machine in (MACHINE, UNCERTAIN):
-        plain = stated(tmp_path, machine.replace(" + 0.002*dir_x", ""))
-        table, _ = residual_table(plain, measured(3, 4, 2, keep=0.5), {})
-        assert len(table.common) == len(table.of_part) == 1
-        check_factors(plain, measured(3, 4, 2, keep=0.5), table)
 
 
 def test_operations_are_columns_of_their_own(tmp_path: Path) -> None:
@@ -157,18 +147,6 @@ def check_against_motions(
 
 
 @pytest.mark.parametrize("datum", FREE)
-@pytest.mark.parametrize("z", [False, True])
-def test_errors_less_the_motion_of_each_measurement(tmp_path: Path, datum: Datum, z: bool) -> None:
-    model = stated(tmp_path, MACHINE + ("  Ez: py + z*sq\n" if z else ""))
-    points = whole_parts(measured(5, 6, 3, z=z))
-    for found in (points, with_operations(points, ["drilled", "milled"])):
-        table, warned = residual_table(model, found, {}, datum)
-        assert warned == ()
-        assert table.datum == datum
-        check_against_motions(model, found, table, datum)
-
-
-@pytest.mark.parametrize("datum", FREE)
 @pytest.mark.parametrize("turned", [False, True])
 @pytest.mark.parametrize("operations", [1, 2])
 def test_candidates_are_projected_as_errors_are(
@@ -237,19 +215,6 @@ def test_factors_are_projected(tmp_path: Path, datum: Datum, machine: str) -> No
     assert len(complete.common) == len(complete.of_part) == 1
 
 
-def test_measurements_of_other_features_are_told(tmp_path: Path) -> None:
-    model = stated(tmp_path, MACHINE)
-    points = measured(4, 6, 2)
-    some = rows(points, np.flatnonzero((points.repeat == 1) | (points.feature > 1)))
-    table, warned = residual_table(model, some, {}, ROTATION)
-    assert [item.code for item in warned] == ["missing-values"]
-    assert np.isfinite(table.errors).all()
-    # The table is free of motions as a whole, too.
-    np.testing.assert_allclose(
-        table.freed(table.errors[..., None])[..., 0], table.errors, atol=1e-14
-    )
-
-
 def test_measurements_that_the_motions_take_whole_are_left_out(tmp_path: Path) -> None:
     model = stated(tmp_path, MACHINE)
     points = measured(4, 5, 2)
@@ -302,13 +267,3 @@ def test_the_freedoms_are_small_rigid_motions() -> None:
     centre = places.mean(axis=0)
     moved = centre + (places - centre) @ R.T + shift - places
     assert F @ [*shift, angle] == pytest.approx(moved.ravel(), abs=1e-11)
-
-
-@pytest.mark.parametrize("datum", get_args(Datum))
-@pytest.mark.parametrize("axes", [(0,), (1, 2), (0, 1), (0, 1, 2)])
-def test_the_projector_is_that_of_the_pseudoinverse(datum: Datum, axes: tuple[int, ...]) -> None:
-    rng = np.random.default_rng(1)
-    places = rng.uniform(0, 200, (7, 3))
-    F = freedoms(places, axes, datum)
-    wanted = np.eye(len(F)) - F @ np.linalg.pinv(F)
-    assert projector(places, axes, datum) == pytest.approx(wanted, abs=1e-12)

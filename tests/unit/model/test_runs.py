@@ -17,13 +17,12 @@ from mtu_cli.files.source import Source
 from mtu_cli.model.estimates import Estimates
 from mtu_cli.model.fit import estimates_from_fit, fit_machine
 from mtu_cli.model.machine_model import build_model
-from mtu_cli.model.passes import fellows, passes_of
+from mtu_cli.model.passes import fellows
 from mtu_cli.model.prediction import predict
 from mtu_cli.model.reading_residuals import reading_layout, reading_tables
 
 P = np.linspace(0.0, 90.0, 4)
 RUNS = 5
-COLUMNS = ("position", "error", "passes", "direction")
 MACHINE = """
 components: {a: {of: x, unit: mm}, b: {of: y, unit: mm}}
 equations: {Ex: a, Ey: b}
@@ -96,32 +95,6 @@ def test_one_pass_that_is_lost_parts_no_others(lost: int) -> None:
         found = [(number[i], number[j]) for i, j in fellows(number, way)]
         there = number[way > 0]
         assert found == [(n, n + step) for n in there if n + step != lost]
-
-
-def test_components_are_joint_only_where_their_runs_are_the_same(tmp_path: Path) -> None:
-    """Passes of the same numbers, ways and times: a's are the runs 1/2, 3/4 and 5/6; b's first
-    stands in another file, alone.
-    """
-    known = loaded(tmp_path, MACHINE)
-    given = []
-    for item in there_and_back(1, one_way=True):
-        kept = item.passes <= 6 if item.passes is not None else slice(0)
-        cut = {key: getattr(item, key)[kept] for key in COLUMNS}
-        given.append(replace(item, **cut, time=np.arange(6.0 * len(P))))
-    both = readings(given)
-    fit = fit_machine(known, both)
-    assert [group.components for group in fit.joint] == [("a", "b")]
-    other = (both.code == 1) & (both.pass_number == 1)
-    apart = replace(
-        both,
-        file_index=1 - other.astype(np.int64),
-        sources=both.sources * 2,
-        roles=both.roles * 2,
-    )
-    fit = fit_machine(known, apart)
-    pairs = {name: item.instruments[0].fit.pairs.tolist() for name, item in fit.components.items()}
-    assert pairs == {"a": [[0, 1], [2, 3], [4, 5]], "b": [[2, 3], [4, 5]]}
-    assert fit.joint == ()
 
 
 @pytest.mark.parametrize("one_way", [False, True], ids=["one number", "a number each"])
@@ -282,30 +255,3 @@ def test_runs_are_the_same_whatever_files_their_passes_stand_in(
     np.testing.assert_allclose(several.covariance, one.covariance, rtol=1e-9)
     layout = reading_layout(split, np.arange(len(WAY)), "x", "a")
     assert layout.parts == tuple(f"{2 * i + 1}/{2 * i + 2}" for i in range(RUNS))
-
-
-@pytest.mark.parametrize("apart", [0.0, 1000.0])
-def test_files_whose_times_overlap_have_clocks_of_their_own(apart: float) -> None:
-    """The second file is given first; only a common clock can tell."""
-    late = (NUMBER > 4).astype(np.int64)
-    given = in_files(one_way_passes(), 1 - late)
-    first = given.file_index == 0
-    own = given.time_min - np.where(first, 16.0, 0.0) + np.where(first, apart, 0.0)
-    given = replace(given, time_min=own)
-    _, found = passes_of(
-        given, np.arange(len(WAY)), given.pass_number, given.direction.astype(np.int64)
-    )
-    assert found.timed == bool(apart)
-    numbers = [found.keys[g][1] for g in np.argsort(found.order)]
-    assert numbers == (
-        [1, 2, 3, 4, 5, 6, 7, 8, 9, 10] if apart else [5, 6, 7, 8, 9, 10, 1, 2, 3, 4]
-    )
-
-
-def test_passes_of_other_set_ups_are_rows_of_their_own() -> None:
-    """One number both ways, turned round on the table between them: two passes, told apart."""
-    given = one_way_passes()
-    labels = np.array(["there", "back"], object)[(WAY < 0).astype(int)]
-    given = replace(given, pass_number=(NUMBER + 1) // 2, covariates={"setup": labels})
-    layout = reading_layout(given, np.arange(len(WAY)), "x", "a")
-    assert layout.parts == tuple(f"{i} {way}" for i in range(1, RUNS + 1) for way in "+-")

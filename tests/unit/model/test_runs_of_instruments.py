@@ -20,6 +20,7 @@ from mtu_cli.model.estimation import agreement, combine
 from mtu_cli.model.fit import estimates_from_fit, estimates_from_report, fit_machine
 from mtu_cli.model.reading_residuals import reading_tables
 from mtu_cli.reports.fit_components import document
+from mtu_cli.stats.pass_tests import Shift
 
 FloatArray = NDArray[np.float64]
 P = np.linspace(0.0, 90.0, 4)
@@ -109,8 +110,8 @@ def test_a_line_of_one_way_is_brought_to_the_mean_of_both(way: int, tmp_path: Pa
     )
     fit = fit_machine(known, readings([both, alone])).components["a"]
     told, one = fit.instruments
-    back = told.reversal
-    assert back is not None
+    back = told.tests["reversal"]
+    assert isinstance(back, Shift)
     assert one.way == way
     assert told.way is None
     plain = [

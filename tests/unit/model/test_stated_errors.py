@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from model_examples import loaded, stated
+from model_examples import loaded
+from model_examples import stated as with_estimates
 
 from mtu_cli.findings import InputError
 from mtu_cli.model.prediction import Prediction, predict
-from mtu_cli.model.stated_errors import axis_of, default_positions, output_of, stated_errors
+from mtu_cli.model.stated_errors import stated
 
 MACHINE = """
 axes: {x: {travel_mm: [0, 500]}}
@@ -39,26 +40,28 @@ def along_x(folder: Path, effects: str) -> Prediction:
     text = MACHINE.replace("b*0", "0*x").replace("  b: {of: x, unit: um}\n", "") + effects
     points = np.column_stack([np.tile(PLACES, 2), np.zeros((8, 2))])
     way = {"dir_x": np.repeat([1.0, -1.0], 4)}
-    return predict(stated(folder, text), [str(i) for i in range(8)], points, way)
+    return predict(with_estimates(folder, text), [str(i) for i in range(8)], points, way)
 
 
 def test_an_effect_is_what_it_adds_to_the_prediction(tmp_path: Path) -> None:
-    found = stated_errors(loaded(tmp_path, MACHINE + EFFECTS), "backlash", PLACES)
+    machine = loaded(tmp_path, MACHINE + EFFECTS)
+    effect = stated(machine, "backlash")
+    found = effect.errors_at(machine, PLACES)
     only = EFFECTS[: EFFECTS.index("  - name: tilt")]
     more, plain = along_x(tmp_path, only), along_x(tmp_path, "")
     assert found.values.ravel() == pytest.approx((more.mean - plain.mean)[0::2], rel=1e-12)
     added = (more.covariance - plain.covariance)[0::2, 0::2]
     assert found.covariance == pytest.approx(added, rel=1e-9, abs=1e-18)
-    assert (found.axis, found.turns, found.angle) == ("x", True, False)
+    assert (effect.axis, found.turns, effect.angle) == ("x", True, False)
 
 
 def test_a_component_is_what_is_predicted_with_it_alone(tmp_path: Path) -> None:
     machine, plain = loaded(tmp_path, MACHINE), along_x(tmp_path, "")
-    found = stated_errors(machine, "a", PLACES)
+    found = stated(machine, "a").errors_at(machine, PLACES)
     assert found.values.ravel() == pytest.approx(plain.mean[0::2])
     assert found.covariance == pytest.approx(plain.covariance[0::2, 0::2])
-    assert (output_of(machine, "a", "x"), output_of(machine, "s", "x")) == ("x", "y")
-    assert default_positions(machine, "a", "x") == pytest.approx(np.arange(0, 501, 50))
+    assert (stated(machine, "a").output, stated(machine, "s").output) == ("x", "y")
+    assert stated(machine, "a").default_positions(machine) == pytest.approx(np.arange(0, 501, 50))
 
 
 @pytest.mark.parametrize(
@@ -73,7 +76,4 @@ def test_a_component_is_what_is_predicted_with_it_alone(tmp_path: Path) -> None:
 def test_what_makes_no_table_of_an_axis(tmp_path: Path, name: str, words: str) -> None:
     machine = loaded(tmp_path, MACHINE + EFFECTS)
     with pytest.raises(InputError, match=words):
-        stated_errors(machine, name, PLACES)
-    with pytest.raises(InputError, match="the travel of y"):
-        default_positions(machine, "tilt", "y")
-    assert axis_of(machine, "backlash") == "x"
+        stated(machine, name).errors_at(machine, PLACES)

@@ -40,17 +40,6 @@ def test_every_axis_has_its_count_from_end_to_end(tmp_path: Path) -> None:
     assert len(grid(tmp_path, "4")[0]) == 16
 
 
-def test_an_axis_that_a_constant_fixes_has_that_place(tmp_path: Path) -> None:
-    fixed = SPACE + "constants: {y: 30.0}\n"
-    assert grid(tmp_path, "2,5", fixed)[1][:, :2].tolist() == [[0.0, 30.0], [100.0, 30.0]]
-
-
-@pytest.mark.parametrize("text", ["", "a", "0", "3,-1", "2,2,2,2", "1.5", "3,"])
-def test_counts_that_are_none(tmp_path: Path, text: str) -> None:
-    with pytest.raises(InputError, match="--grid: not a count an axis"):
-        grid(tmp_path, text)
-
-
 def test_more_places_than_a_covariance_holds(tmp_path: Path) -> None:
     assert len(grid(tmp_path, "60,50")[0]) == 3000
     with pytest.raises(InputError, match="at most 3000 places, not 3050"):

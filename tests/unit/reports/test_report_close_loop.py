@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 
-import numpy as np
 import pytest
 from loop_examples import (
     BACKLASH,
@@ -17,10 +15,9 @@ from loop_examples import (
     on_table,
     parameter,
     result,
-    searched,
 )
 
-from mtu_cli.analyses.close_loop.result import CloseLoopResult, Crossing, FoundEffect
+from mtu_cli.analyses.close_loop.result import Crossing, FoundEffect
 from mtu_cli.files.write import report_bytes
 from mtu_cli.reports.close_loop import document
 from mtu_cli.reports.close_loop_words import effect_text, verdict_text
@@ -68,18 +65,6 @@ def test_an_effect_in_words(found: FoundEffect, component: str | None, said: str
     assert effect_text(item.effects[0], item) == said
 
 
-def test_the_step_begins_at_a_part() -> None:
-    found = replace(
-        effect("step-x", parameter("jump", "um", -3.0, 0.2)),
-        searched=searched("at", 4.5, (4.4, 4.6)),
-    )
-    item = on_table(found)
-    order = np.arange(1.0, 10.0)[:, None]
-    item = replace(item, table=replace(item.table, covariates={"sequence": order}))
-    part = item.table.parts[4]
-    assert effect_text(found, item) == f"X jumps by -3.00 ± 0.20 um from part {part} on"
-
-
 def test_what_is_left_what_separates_and_what_cancels_is_said() -> None:
     left = verdict_text(on_table(SCATTER, verdict="unexplained"), 0.05)
     assert "parts follow one another too smoothly to be scatter (walk, p 0.002)" in left
@@ -108,11 +93,6 @@ def test_a_report_is_json_fits_100_columns_and_has_a_picture(name: str) -> None:
     assert lines[1]["found"] is any(x.name == "backlash-x" for x in EXAMPLES[name].effects)
 
 
-def _effects(found: CloseLoopResult) -> list[dict[str, object]]:
-    effects: list[dict[str, object]] = document(found).record()["effects"]
-    return effects
-
-
 def test_numbers_are_in_the_units_of_their_names() -> None:
     record = document(EXAMPLES["named"]).record()
     assert record["before"]["rms_um"] == pytest.approx(3.6)
@@ -126,14 +106,6 @@ def test_numbers_are_in_the_units_of_their_names() -> None:
     assert second["searched"]["pitch_mm"] == {
         "value": 12.5, "interval95": [12.3, 12.7], "intervals": [[12.3, 12.7]],
     }  # fmt: skip
-
-
-def test_a_smooth_effect_is_a_table() -> None:
-    (found,) = _effects(EXAMPLES["smooth"])
-    table = found["table"]
-    assert isinstance(table, dict)
-    assert table["values_um"] == pytest.approx([0, 3, -1, 2])
-    assert table["u_um"] == pytest.approx(np.sqrt([0.1, 0.2, 0.2, 0.1]))
 
 
 def test_of_several_components_each_has_its_scores_in_its_unit() -> None:

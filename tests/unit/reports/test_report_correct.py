@@ -13,7 +13,6 @@ from correct_examples import error_at, machine, ring_part, ring_places, ring_poi
 from mtu_cli.analyses.correct import CorrectResult, correct
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports.correct import document
-from mtu_cli.reports.fields import csv_text
 from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.part_figures import correct as figure
 from mtu_cli.reports.tables import plain_text
@@ -73,17 +72,6 @@ def test_sizes_without_a_reference_are_shown_as_they_are(tmp_path: Path) -> None
     # Nothing to draw of rings without a reference: the features are drawn instead.
     (panel,) = figure(found).axes
     assert panel.get_yticklabels()[0].get_text() == "r0 x"
-
-
-def test_many_points_are_summed_up(tmp_path: Path) -> None:
-    found = result(tmp_path, parts=5)
-    text = table(found)
-    assert "Points\n" not in text
-    header, lines = document(found).rows()
-    text = csv_text(header, lines)
-    assert len(text.splitlines()) == 56
-    assert "-0.0," not in text
-    assert "Points\n" in table(found, detail=True)
 
 
 @pytest.mark.parametrize("kind", ["circles", "lengths", "points", "axis"])

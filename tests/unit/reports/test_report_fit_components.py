@@ -12,7 +12,6 @@ from support import read_components
 
 from mtu_cli.analyses.fit_components import (
     FitResult,
-    NotDetermined,
     fit_result,
     observability,
 )
@@ -142,28 +141,23 @@ def test_figures_against_plain_formulas(paper: Example) -> None:
     assert item["drift"]["df"] == [16, 60]
 
 
-def named(found: list[NotDetermined], component: str) -> dict[str, str]:
-    return {x.not_determined: x.reading_that_would for x in found if x.component == component}
-
-
-def test_observability_of_stated_components_and_several_instruments(tmp_path: Path) -> None:
+def test_observability_and_verdict_of_several_instruments(tmp_path: Path) -> None:
     given = example(tmp_path, passes=3, roles=("lbb", "laser"), stated=LONG)
-    found = observability(given.fit, given.estimates)
-    assert (
-        "--lbb"
-        in named(found, "a_component_with_a_name_that_is_far_too_long_for_any_table")[
-            "drift, reversal and lack of fit"
-        ]
-    )
+    (stated,) = (x for x in observability(given.fit, given.estimates) if "name" in x.component)
+    assert "--lbb" in stated.reading_that_would
     item = report(given)["results"]["components"]["dx_x"]
-    assert item["n"] == 96
-    assert item["passes_read"] == 12
-    assert item["n_passes"] is None
-    assert [x["role"] for x in item["instruments"]] == ["lbb", "laser"]
-    assert [x["n"] for x in item["instruments"]] == [48, 48]
+    assert (item["n"], item["passes_read"], item["n_passes"]) == (96, 12, None)
+    assert [(x["role"], x["n"]) for x in item["instruments"]] == [("lbb", 48), ("laser", 48)]
     assert 0 <= item["agreement_p"] <= 1
     notes = [x["facts"] for x in report(given)["warnings"] if x["code"] == "not-estimable"]
     assert ["dx_x", "dy_x"] in [x["names"][:2] for x in notes if x["quantity"] == "dof and r2"]
+    assert "Not tested" not in document(fitted(given)).verdict
+
+
+def test_what_no_readings_allow_was_not_tested(tmp_path: Path) -> None:
+    one_run = document(fitted(example(tmp_path, passes=None, directions=False))).verdict
+    assert "Not tested" in one_run
+    assert not {"drift", "reversal"} & set(one_run.partition("Not tested")[0].split())
 
 
 @pytest.mark.parametrize("case", [*CASES, "long"])

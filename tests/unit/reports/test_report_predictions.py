@@ -14,7 +14,6 @@ from mtu_cli.files.write import report_bytes
 from mtu_cli.model.settings import Settings
 from mtu_cli.reports import lengths, orthogonality, predict_points
 from mtu_cli.reports.document import Document
-from mtu_cli.reports.figures import figure_bytes
 from mtu_cli.reports.tables import plain_text
 
 POINT = [
@@ -80,17 +79,6 @@ def test_points_hold_the_contract_fields(paper: Example) -> None:
         assert point["z_mm"] is None
 
 
-def test_under_independence_u_is_not_split(paper: Example) -> None:
-    apart = Settings(trials=4000, threads=1, correlation="independent")
-    points, long, right = (each.record() for each in documents(paper, apart))
-    point = points["points"][0]
-    assert point["var_x_um2"] == point["independent"]["var_x_um2"]
-    assert point["dof_effective_x"] is None
-    assert point["shares"] == {"x": None, "y": None}
-    assert long["lengths"][0]["shares"] is None
-    assert right["orthogonality"][0]["first_order"]["shares"] is None
-
-
 def test_orthogonality_holds_the_contract_fields(paper: Example) -> None:
     result = paper.angles()
     (item,) = results(orthogonality.document(result))["orthogonality"]
@@ -100,20 +88,6 @@ def test_orthogonality_holds_the_contract_fields(paper: Example) -> None:
     assert item["U_arcsec"] == pytest.approx(2 * item["u_arcsec"], rel=1e-12)
     assert item["independent"]["u_arcsec"] > 0
     assert sum(item["first_order"]["shares"].values()) == pytest.approx(1, rel=1e-12)
-
-
-def test_an_angle_without_standard_uncertainty_says_why(paper: Example) -> None:
-    """A source with two degrees of freedom has no variance (JCGM 101, 6.4.9.4)."""
-    result = paper.angles()
-    (angle,) = result.angles
-    nothing = np.array([np.nan])
-    run = replace(angle.run, u=nothing, se_mean=nothing, se_u=nothing)
-    without = orthogonality.document(replace(result, angles=(replace(angle, run=run),)))
-    item = results(without)["orthogonality"][0]
-    assert (item["u_arcsec"], item["U_arcsec"]) == (None, None)
-    assert "nan" not in plain_text(without.shown(detail=True))
-    assert without.figure is not None
-    assert figure_bytes(without.figure(), "png")
 
 
 @pytest.mark.parametrize("planar", [True, False])

@@ -29,7 +29,7 @@ CONTRACT = {
     "rms_after_um", "held_out", "collinearity", "residuals", "of", "unit", "degree",
     "reference_temperature_degC", "time_constants_min", "covariance", "coefficient_dof",
     "leftover_covariance", "leftover_dof", "sensor_u_degC", "temperature_range_degC",
-    "position_range_mm", "position_test", "at_positions",
+    "position_range_mm", "gradients", "inseparable",
 }  # fmt: skip
 
 
@@ -66,16 +66,13 @@ def test_names_and_units(fit: ThermalFit) -> None:
         assert entry[f"rms_after_{unit}"] == pytest.approx(known.rms_after / size)
         held, expected = entry["held_out"], known.held_out
         assert expected is not None
-        assert (held["by"], held["blocks"]) == ("cycle", 4)
+        assert held["by"] == "cycle"
         for key, value in (("rms_before", expected.before), ("rms_after", expected.after),
                            ("ordinary", expected.ordinary)):  # fmt: skip
             assert held[f"{key}_{unit}"] == pytest.approx(value / size)
-        test = known.position_test
-        assert test is not None
-        assert entry["position_test"] == {"F": test.F, "p": test.p}
-        gradients = entry["at_positions"][0][f"gradients_{unit}_per_degC"]
-        true = known.at_positions[0].gradients
-        assert gradients == pytest.approx({key: value / size for key, value in true.items()})
+        gradient, true = entry["gradients"][0], known.gradients[0]
+        assert gradient[f"gradient_{unit}_per_degC"] == pytest.approx(true.value / size)
+        assert gradient["sensors"] == list(true.sensors)
 
 
 def test_report_holds_the_whole_model(fit: ThermalFit, tmp_path: Path) -> None:
@@ -105,11 +102,11 @@ def test_what_cannot_be_had_is_null(fit: ThermalFit) -> None:
         sensor_u=np.zeros(0), temperature_range=None,
     )  # fmt: skip
     bare = replace(
-        known, estimate=model, positions=(), held_out=None, position_test=None, condition=np.inf,
-        r2_fit=np.nan, vif={}, shares={}, residuals=known.residuals._replace(normality_p=None),
+        known, estimate=model, positions=(), held_out=None, condition=np.inf, r2_fit=np.nan,
+        vif={}, shares={}, normality_p=None, gradients=(), inseparable=(),
     )  # fmt: skip
     entry = written(replace(fit, components={"yaw_y": bare}))["yaw_y"]
-    for key in ("held_out", "position_test", "temperature_range_degC", "coefficient_dof", "r2_fit"):
+    for key in ("held_out", "temperature_range_degC", "coefficient_dof", "r2_fit"):
         assert entry[key] is None
     assert (entry["positions_mm"], entry["coefficients"]) == ([], [[]])
     assert entry["residuals"]["normality_p"] is None

@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 from scipy.special import logsumexp
 
-from mtu_cli.stats.kernels import left_open, line, smooth_root, weights, wiener
+from mtu_cli.stats.kernels import left_open, smooth_root, weights, wiener
 from mtu_cli.stats.smooth_profile import AMPLITUDES, LOG_PRIOR, averaged
 
 KNOTS = np.array([0.0, 30.0, 80.0, 100.0, 170.0, 200.0])
@@ -38,15 +38,6 @@ def test_what_knots_leave_open_is_that_of_paths() -> None:
     found = left_open(KNOTS, at)
     scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
     assert found / scale == pytest.approx(expected / scale, abs=0.03)
-
-
-def test_the_root_is_of_the_kernel_without_a_line() -> None:
-    B = smooth_root(KNOTS)
-    assert pytest.approx(np.zeros((2, 4)), abs=1e-7) == line(KNOTS, 0.0).T @ B
-    # Contrasts that no line enters have the kernel's covariance.
-    H = np.linalg.qr(line(KNOTS, 0.0), mode="complete")[0][:, 2:]
-    expected = H.T @ wiener(KNOTS, KNOTS) @ H
-    assert pytest.approx(expected, rel=1e-9) == H.T @ B @ B.T @ H
 
 
 # A smooth profile averaged over its amplitude, against dense kriging of every reading.

@@ -14,17 +14,11 @@ from mtu_cli.stats.distributions import Distribution, Kind, bounded_quantile
 from mtu_cli.stats.linear_distribution import Quantile, Term, sum_quantile
 from mtu_cli.stats.workspace import Workspace
 
-P = [0.6, 0.9, 0.975, 0.995, 0.9995]
-
 
 def known(*terms: Term) -> Quantile:
     found = sum_quantile(terms)
     assert found is not None
     return found
-
-
-def at(found: Quantile, p: float) -> float:
-    return float(found(np.array([p]))[0])
 
 
 def bounded(kind: Kind, share: float, **more: float) -> Distribution:
@@ -37,15 +31,6 @@ MIXED: list[Term] = [
     (0.5, Distribution(kind="trapezoidal", u=0.7, half_width=1.5, top=0.8)),
     (1.0, Distribution(kind="normal", u=0.3)),
 ]
-
-
-def simulated(seed: int, m: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
-    rng, work = np.random.default_rng(seed), Workspace()
-    total, out = np.zeros(m), np.empty(m)
-    for c, item in MIXED:
-        item.draw(rng, out, work)
-        total += c * out
-    return total
 
 
 def gauss(x: np.ndarray[tuple[int], np.dtype[np.float64]]) -> Any:
@@ -91,13 +76,11 @@ SUMS: dict[str, tuple[list[Term], Callable[[Any], Any]]] = {
         trapezoid(1.0, 0.2),
     ),
     "inexact by a half": ([(1.0, curved("curvilinear-trapezoidal", 1 / 3, 0.5))], inexact(0.5)),
-    "inexact by a tenth": ([(1.0, curved("curvilinear-trapezoidal", 1 / 3, 0.1))], inexact(0.1)),
     "inexact by nearly all": ([(1.0, curved("rectangular", 1 / 3, 0.9))], inexact(0.9)),
     "triangle": ([(1.0, bounded("triangular", 1 / 6))], lambda x: 1 - 0.5 * (1 - x) ** 2),
     "arcsine": ([(1.0, bounded("arcsine", 1 / 2))], lambda x: 0.5 + np.arcsin(x) / math.pi),
     "normal": ([(-2.0, Distribution(kind="normal", u=1.5))], lambda x: ndtr(x / 3)),
     "t3": ([(1.0, Distribution(kind="t", u=1.0, dof=3.0))], lambda x: stdtr(3.0, x)),
-    "t5": ([(1.0, Distribution(kind="t", u=1.0, dof=5.0))], lambda x: stdtr(5.0, x)),
 }
 
 
@@ -137,11 +120,14 @@ def test_corners_that_no_series_follows_are_not_known(beside: float) -> None:
 
 
 def test_a_mixture_against_simulation() -> None:
-    m = 1_000_000
-    x, found = simulated(3, m), known(*MIXED)
-    for p in P:
-        inside = float(np.mean(x <= at(found, p)))
-        assert inside == pytest.approx(p, abs=4 * math.sqrt(p * (1 - p) / m))
+    m, found, rng, work = 1_000_000, known(*MIXED), np.random.default_rng(3), Workspace()
+    total, out = np.zeros(m), np.empty(m)
+    for c, item in MIXED:
+        item.draw(rng, out, work)
+        total += c * out
+    p = np.array([0.6, 0.9, 0.975, 0.995, 0.9995])
+    inside = np.mean(total <= found(p)[:, None], axis=1)
+    assert np.all(np.abs(inside - p) < 4 * np.sqrt(p * (1 - p) / m))
 
 
 def test_where_it_is_not_known() -> None:

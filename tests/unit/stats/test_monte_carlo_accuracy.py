@@ -12,21 +12,10 @@ from scipy.special import ndtri, stdtrit
 from trial_models import Bent, Grown, Other, ScaledT, Smooth, Z
 
 from mtu_cli.findings import InputError
-from mtu_cli.stats.blocks import Draws
 from mtu_cli.stats.monte_carlo import MonteCarloResult, monte_carlo
 from mtu_cli.stats.validation import clause8
 
 FloatArray = NDArray[np.float64]
-
-
-def test_adaptive_count_reaches_the_tolerance() -> None:
-    result = monte_carlo(Bent(0.05, control=False), seed=1, tolerance_fraction=0.5)
-    assert result.converged
-    # u = 2.0: delta = 0.05, half of it asked for.
-    for name in ("mean", "u", "low", "high"):
-        assert 2.0 * getattr(result, f"se_{name}")[0] <= 0.025
-    # The plain end needs about (2 * 2.67 * 2 / 0.025)^2 = 1.8e5 trials.
-    assert 60_000 < result.trials < 500_000
 
 
 def test_twenty_blocks_are_judged_by_students_t() -> None:
@@ -62,8 +51,7 @@ def test_an_output_without_scatter_converges() -> None:
     assert result.u[0] == pytest.approx(0.0, abs=1e-15)
 
 
-@pytest.mark.parametrize("bad", [np.nan, np.inf])
-@pytest.mark.parametrize("trials", [1000, 40_000, None])
+@pytest.mark.parametrize(("bad", "trials"), [(np.nan, 1000), (np.inf, 40_000), (np.nan, None)])
 def test_values_that_are_not_finite_are_counted(bad: float, trials: int | None) -> None:
     def formula(rng: np.random.Generator, m: int) -> FloatArray:
         values = rng.standard_normal((2, m))
@@ -107,19 +95,12 @@ def test_clause8_passes_fails_and_abstains() -> None:
     assert clause8(3.0, 2.0, Z, unsure).passed is None
     # So far off that even these few trials can tell.
     assert clause8(8.0, 2.0, Z, unsure).passed is False
-
-
-def test_clause8_passes_what_is_far_below_the_tolerance_before_its_fifth_is_reached() -> None:
+    # What is far below the tolerance passes before its fifth is reached; a run goes on to that.
     short = monte_carlo(Bent(0.0, control=False), seed=1, trials=500_000)
-    twice = 2.0 * max(float(short.se_low[0]), float(short.se_high[0]))
-    sure = clause8(3.0, 2.0, Z, short)
-    assert 0.2 * sure.tolerance < twice < sure.tolerance
-    assert max(sure.d_low, sure.d_high) + twice < sure.tolerance
-    assert sure.passed is True
-    # An adaptive run goes on to the fifth all the same.
-    assert not sure.settled
-    # A difference within those two standard errors of the tolerance is still open.
-    near = sure.tolerance - 0.5 * twice
+    early = clause8(3.0, 2.0, Z, short)
+    assert (early.passed, early.settled) == (True, False)
+    # A difference within two standard errors of the tolerance is still open.
+    near = early.tolerance - float(short.se_low[0])
     assert clause8(3.0 + near, 2.0, Z, short).passed is None
 
 
@@ -137,25 +118,6 @@ def test_bent_normal(bend: float, control: bool) -> None:
         assert abs(error) <= 4 * getattr(result, f"se_{name}")[0] + 1e-8, name
 
 
-def test_first_order_form_that_is_not_normal_serves_mean_and_u() -> None:
-    class Rectangle:
-        names = ("y",)
-        linear_mean = np.zeros(1)
-        linear_variance = np.array([1.0 / 3.0])
-
-        def draw(self, rng: np.random.Generator, m: int) -> Draws:
-            x = rng.uniform(-1.0, 1.0, (1, m))
-            return Draws(values=x + 0.01 * x**2, linear=x)
-
-    result = monte_carlo(Rectangle(), seed=1, trials=100_000)
-    # Without the control u/sqrt(n), and a like share of u.
-    assert result.se_mean[0] < 0.1 * result.u[0] / np.sqrt(100_000)
-    assert result.se_u[0] < 0.1 * result.u[0] / np.sqrt(100_000)
-    assert result.mean[0] == pytest.approx(0.01 / 3.0, abs=4 * result.se_mean[0])
-    exact = np.sqrt(1.0 / 3.0 + 1e-4 * (1.0 / 5.0 - 1.0 / 9.0))
-    assert result.u[0] == pytest.approx(exact, abs=4 * result.se_u[0])
-
-
 @pytest.mark.parametrize("probability", [0.5, 0.999])
 def test_other_probabilities(probability: float) -> None:
     result = monte_carlo(Bent(control=False), seed=6, trials=1_100_000, probability=probability)
@@ -163,16 +125,6 @@ def test_other_probabilities(probability: float) -> None:
     assert result.blocks >= 10
     assert result.low[0] == pytest.approx(3.0 - k, abs=4 * result.se_low[0])
     assert result.high[0] == pytest.approx(3.0 + k, abs=4 * result.se_high[0])
-
-
-@pytest.mark.parametrize("dof", [3.0, 5.0, 30.0])
-def test_a_t_that_is_its_own_first_order_form(dof: float) -> None:
-    result = monte_carlo(ScaledT(dof), seed=3, trials=400_000)
-    exact = float(stdtrit(dof, 0.975))
-    assert result.low[0] == pytest.approx(-exact, abs=4 * result.se_low[0])
-    assert result.high[0] == pytest.approx(exact, abs=4 * result.se_high[0])
-    if dof > 4.0:
-        assert result.u[0] == pytest.approx(np.sqrt(dof / (dof - 2.0)), abs=5 * result.se_u[0])
 
 
 @pytest.mark.parametrize("dof", [1.0, 2.0])

@@ -9,10 +9,9 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 from pass_designs import DRIFT, NO_DRIFT, Design, balanced, dense_covariance, drawn, plain_passes
-from scipy.linalg import eigh
 from scipy.special import stdtrit
 
-from mtu_cli.stats.mixed_model import PassFit, covariance_in_runs, fit_passes
+from mtu_cli.stats.mixed_model import PassFit, fit_passes
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")
@@ -98,30 +97,6 @@ def test_unbalanced_runs_against_dense_matrices(name: str, degree: int) -> None:
     scale = np.sqrt(np.diag(wanted))
     scaled = np.outer(scale, scale)
     np.testing.assert_allclose(fit.covariance / scaled, wanted / scaled, atol=1e-6)
-
-
-def test_the_covariance_in_runs_stays_within_that_of_passes() -> None:
-    """Of pairs that are fewer than the passes it is estimated from other passes than S."""
-    rng = np.random.default_rng(4)
-    pairs = np.array([[0, 1], [2, 3], [4, 5]])
-    cut = 0
-    for _ in range(200):
-        deviations = rng.normal(size=(9, 2)) * [1.0, 1e-5]
-        deviations[1:6:2] = deviations[:6:2] * rng.choice([-1, 1])
-        deviations[6:] *= 0.3
-        S = deviations.T @ deviations / 7
-        K = covariance_in_runs(deviations, pairs, S)
-        unit = np.outer([1.0, 1e-5], [1.0, 1e-5])
-        for side in (S + K, S - K):
-            assert np.linalg.eigvalsh(side / unit).min() > -1e-9
-        there, back = (deviations[own] - deviations[own].mean(axis=0) for own in pairs.T)
-        plain = (there.T @ back + back.T @ there) / 4
-        # By scipy: plain V = S V l with V'S V = I, each l cut to lie between -1 and 1.
-        size, V = eigh(plain / unit, S / unit)
-        wanted = (S / unit @ V * size.clip(-1, 1)) @ (S / unit @ V).T
-        np.testing.assert_allclose(K / unit, wanted, atol=1e-8 * np.abs(S / unit).max())
-        cut += np.abs(size).max() > 1
-    assert cut > 20
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,675 @@
+"""Does the prediction hold? Predicted errors and scatter beside those of measured parts: a test of
+bias and one of scatter of every item, the scatter of all features pooled, and the verdict.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+
+from mtu_cli.files.part import LoadedPart
+from mtu_cli.files.points import Points
+from mtu_cli.files.study import Datum
+from mtu_cli.findings import Finding, finding
+from mtu_cli.model.covariates import needed_covariates, point_columns
+from mtu_cli.model.effect_ranges import effect_warnings_at
+from mtu_cli.model.features import outside_warnings
+from mtu_cli.model.machine_model import AXES, MachineModel, design, theta
+from mtu_cli.model.measurands import differences, length_gradient
+from mtu_cli.model.measured import (
+    Label,
+    MeasuredTables,
+    feature_tables,
+    left_out,
+    length_tables,
+    missing_entries,
+    no_shared_axis,
+    not_measured,
+    roundings,
+    some,
+)
+from mtu_cli.model.prediction import Prediction, predict
+from mtu_cli.model.settings import Settings
+from mtu_cli.model.temperatures import temperature_warnings
+from mtu_cli.model.variance import Variance
+from mtu_cli.model.visits import (
+    IntArray,
+    axes_of,
+    freed,
+    incomplete_datum,
+    operations_of,
+    projector,
+    visits_of,
+)
+from mtu_cli.stats.anova import OneWay, one_way, only
+from mtu_cli.stats.family import FAMILY_RATE, holm
+from mtu_cli.stats.least_squares import BoolArray, FloatArray
+from mtu_cli.stats.reml import reml
+from mtu_cli.stats.resolution import hidden
+from mtu_cli.stats.uncertain_variance import (
+    UncertainVariance,
+    f_tails,
+    mean_square_tails,
+    t_tail,
+    uncertain_variance,
+)
+
+Verdict = Literal["consistent", "biased", "under-predicted", "over-predicted"]
+VERDICTS: tuple[Verdict, ...] = get_args(Verdict)
+FAULTS: tuple[Verdict, ...] = ("under-predicted", "biased", "over-predicted")
+"""The gravest first: then no statement of uncertainty holds; a correction would mend a bias."""
+JOINT_SHARE = 0.2
+"""Of the family-wise rate what the pooled tests of all features of an operation may take."""
+Answers = tuple[bool | None, ...]
+"""One an item; None where it was not tested."""
+FEWEST_PARTS = 5
+"""With fewer, the scatter of the parts has three degrees of freedom or less: Student's t has
+hardly a variance then, and a mean that is off is not separable from parts that scatter."""
+ROUNDING = 1e-9
+"""Share of an expected MS_between that is rounding: a datum leaves no more of some features."""
+NOTHING = 1e-6
+"""The same of the variance by the last digit."""
+Ends = tuple[float, float]
+Predicted = tuple[Prediction, FloatArray]
+"""A prediction, and the rows A (items, rows of the prediction) that make items A E of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of the comparison, each (items,), mm: the mean error (actual minus nominal), the
+    standard uncertainty u of one part's error about it, U = k u, and the range width
+    2 (|mean| + U) of Gilsinn & Ling 2004, Table 10.
+    """
+
+    mean: FloatArray
+    u: FloatArray
+    U: FloatArray
+    width: FloatArray
+
+    @classmethod
+    def of(cls, mean: FloatArray, variance: FloatArray, k: float) -> Side:
+        """With the coverage factor `k`."""
+        u = np.sqrt(variance)
+        return cls(mean, u, k * u, 2 * (np.abs(mean) + k * u))
+
+
+class Pooled(NamedTuple):
+    """The test of the scatter of all `items` of an operation: `ratio` of the scatter from part to
+    part to the predicted one, and two-sided `p`. Once it is judged, p is adjusted over the study,
+    and `verdict` says what differs.
+    """
+
+    items: int
+    ratio: float
+    p: float
+    verdict: Verdict | None = None
+
+
+class Summary(NamedTuple):
+    """The items of one operation, features or lengths (`kind`).
+
+    `verdicts` counts each item once, by its gravest fault; `faults` every fault, with the least and
+    the largest |bias| (mm), or ratio of scatter, of the items that have it. `ratio_u`,
+    `ratio_range` and `ratio_scatter` are the least and the largest known ones.
+    """
+
+    kind: str
+    operation: str
+    items: int
+    verdicts: dict[Verdict, int]
+    faults: dict[Verdict, tuple[int, Ends | None]]
+    ratio_u: Ends | None
+    ratio_range: Ends | None
+    ratio_scatter: Ends | None
+    pooled: Pooled | None
+
+    @property
+    def pooled_fault(self) -> Verdict | None:
+        """What the pooled test shows and no item by itself."""
+        verdict = None if self.pooled is None else self.pooled.verdict
+        return None if verdict is None or self.faults[verdict][0] else verdict
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """Items (features by axis, or lengths) with both sides; arrays (items,), mm and mm^2.
+
+    `labels` (operation, id, axis). `independent` is predicted under the papers' independence;
+    `measured` is of a future part by components of variance, `measured_paper` takes MS_between for
+    the part variance (Gilsinn & Ling 2004, eq. (33), and for lengths eq. (22) on hole variances).
+
+    `bias` = measured minus predicted mean; `u_difference` its standard uncertainty u,
+
+        u^2 = C + (s_part^2 sum n_i^2/N^2 + s_repeat^2/N),
+
+    C the coefficients' variance and s_part^2 the variance from part to part, measured or predicted
+    (D + visit), whichever gives more; predicted alone with fewer than FEWEST_PARTS parts. `E_n` =
+    bias/(k u) (ISO/IEC 17043:2023, B.3.1.3 e). `p_bias`: two-sided; nan where nothing is predicted
+    to scatter and nothing differs. `ratio_ms` = MS_between/(MS_within + n0 (D + visit));
+    `p_scatter`: twice the smaller tail of it, nan without MS_between. The other ratios are measured
+    over predicted, nan where nothing is predicted; `ms_share` = sqrt(MS_between)/s_part. `pooled`:
+    of every operation that can be tested. Once `judged`, p_bias and p_scatter are adjusted over the
+    study, and `biased`, `under_predicted`, `over_predicted` say what each test shows.
+    """
+
+    labels: tuple[Label, ...]
+    predicted: Side
+    independent: Side
+    measured: Side
+    measured_paper: Side
+    one_way: OneWay
+    s_part: FloatArray
+    bias: FloatArray
+    u_difference: FloatArray
+    E_n: FloatArray
+    p_bias: FloatArray
+    ratio_ms: FloatArray
+    p_scatter: FloatArray
+    ratio_u: FloatArray
+    ratio_range: FloatArray
+    ratio_scatter: FloatArray
+    paper_ratio_u: FloatArray
+    paper_ratio_range: FloatArray
+    ms_share: FloatArray
+    pooled: dict[str, Pooled]
+    biased: Answers = ()
+    under_predicted: Answers = ()
+    over_predicted: Answers = ()
+
+    def faults(self, i: int) -> list[Verdict]:
+        """Every fault of item `i`, the gravest first."""
+        answers = (self.under_predicted, self.biased, self.over_predicted)
+        return [name for name, each in zip(FAULTS, answers, strict=True) if each[i]]
+
+    @cached_property
+    def verdicts(self) -> tuple[Verdict | None, ...]:
+        """The gravest fault of each item, or consistent; None where nothing was tested."""
+        tested = zip(self.biased, self.under_predicted, strict=True)
+        return tuple(
+            None if answers == (None, None) else (*self.faults(i), "consistent")[0]
+            for i, answers in enumerate(tested)
+        )
+
+    @cached_property
+    def outcome(self) -> list[str]:
+        """Every fault of each item, or the verdict where it has none."""
+        return [
+            ", ".join(self.faults(i)) or verdict or "not tested"
+            for i, verdict in enumerate(self.verdicts)
+        ]
+
+    @property
+    def by_interest(self) -> list[int]:
+        """Items with a fault, the clearest first, then those of the largest |E_n|: parts that
+        scatter too much may lie where they should in the mean.
+        """
+        faulty = [verdict not in (None, "consistent") for verdict in self.verdicts]
+        p = np.nan_to_num(np.fmin(self.p_bias, self.p_scatter), nan=1.0)
+        size = np.abs(np.nan_to_num(self.E_n))
+        order: list[int] = np.lexsort((-size, np.where(faulty, p, 2.0))).tolist()
+        return order
+
+    @cached_property
+    def summaries(self) -> list[Summary]:
+        """One an operation, in the order in which they come."""
+        result, kind = [], "features" if self.labels[0][2] else "lengths"
+        bias = np.abs(self.bias)
+        for operation in dict.fromkeys(label[0] for label in self.labels):
+            rows = [i for i, label in enumerate(self.labels) if label[0] == operation]
+            verdicts, faults = [self.verdicts[i] for i in rows], [self.faults(i) for i in rows]
+            of_fault = {
+                name: [i for i, each in zip(rows, faults, strict=True) if name in each]
+                for name in FAULTS
+            }
+            summary = Summary(
+                kind=kind,
+                operation=operation,
+                items=len(rows),
+                verdicts={name: verdicts.count(name) for name in VERDICTS},
+                faults={
+                    name: (len(i), _ends((bias if name == "biased" else self.ratio_scatter)[i]))
+                    for name, i in of_fault.items()
+                },
+                ratio_u=_ends(self.ratio_u[rows]),
+                ratio_range=_ends(self.ratio_range[rows]),
+                ratio_scatter=_ends(self.ratio_scatter[rows]),
+                pooled=self.pooled.get(operation),
+            )
+            result.append(summary)
+        return result
+
+
+def _ends(values: FloatArray) -> Ends | None:
+    """The least and the largest known one."""
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if len(known) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompareResult:
+    """Features and lengths, predicted against measured."""
+
+    features: Compared
+    lengths: Compared | None
+    datum: Datum
+    coverage_factor: float
+    warnings: tuple[Finding, ...]
+
+
+def compare(
+    model: MachineModel,
+    part: LoadedPart,
+    points: Points,
+    settings: Settings,
+    datum: Datum = "none",
+    covariates: Mapping[str, float] | None = None,
+) -> CompareResult:
+    """Gilsinn & Ling 2004, section 5 and Table 10, with tests in place of a look.
+
+    The machine is predicted once an operation, with `covariates`, or the points' own: what these
+    change from part to part is taken out of the points. Means and scatter are tested item by item
+    (`Compared`), and the scatter of all features at once, as one family (Holm, 5 %): of clean
+    studies one in twenty is no "consistent".
+
+    Raises InputError for points that share no axis with the machine, and for a missing covariate
+    or one with gaps.
+    """
+    measured, k, rounding = axes_of(points), settings.coverage_factor, roundings(points)
+    axes = tuple(i for i in measured if AXES[i] in model.axes)
+    if not axes:
+        raise no_shared_axis(model, points, measured)
+    warnings = left_out(points)
+    predictions, points, noted = predict_operations(model, points, covariates or {})
+    loose, complete = freed(points, axes, datum)
+    if not complete:
+        warnings.append(incomplete_datum())
+    tables, names = feature_tables(loose, rounding), [AXES[i] for i in axes]
+    tables = tables.only([i for i, label in enumerate(tables.labels) if label[2] in names])
+    of_operation: dict[str, Predicted] = {}
+    for operation, prediction in predictions.items():
+        # Errors of features less the freedoms of the datum.
+        columns = [prediction.row(point, name) for point in prediction.ids for name in names]
+        places = [
+            prediction.ids.index(name) * len(axes) + names.index(axis)
+            for own, name, axis in tables.labels
+            if own == operation
+        ]
+        A = np.zeros((len(places), len(prediction.mean)))
+        A[:, columns] = projector(prediction.points, axes, datum)[places]
+        of_operation[operation] = prediction, A
+    features, lengths = compared(tables, of_operation, k), None
+    if (long := length_tables(points, visits_of(points), part)) is not None:
+        ends = {entry.id: (entry.from_, entry.to) for entry in part.part.lengths}
+        holes, V_p = features.labels, features.one_way.ms_between.tolist()
+        # Hole variances less a datum are not those of lengths.
+        of_holes = dict(zip(holes, V_p, strict=True)) if datum == "none" else {}
+        variances = np.full(len(long.labels), np.nan)
+        for operation, prediction in predictions.items():
+            rows = [i for i, label in enumerate(long.labels) if label[0] == operation]
+            ids = [long.labels[i][1] for i in rows]
+            pairs = np.array([[*map(prediction.ids.index, ends[name])] for name in ids])
+            pairs = pairs.reshape(-1, 2).astype(np.int64)
+            delta = differences(prediction.points, pairs, ids, part.source.shown)
+            A = length_gradient(prediction, pairs, delta)
+            of_operation[operation] = prediction, A
+            labels = [(operation, name, x) for name in prediction.ids for x in prediction.axes]
+            own = np.array([of_holes.get(label, np.nan) for label in labels])
+            variances[rows] = paper_length_variance(A, own)
+        lengths = compared(long, of_operation, k, variances)
+    features, lengths = judged(features, lengths)
+    kinds = [features] if lengths is None else [features, lengths]
+    return CompareResult(
+        features=features,
+        lengths=lengths,
+        datum=datum,
+        coverage_factor=k,
+        warnings=(*warnings, *noted, *_warnings(model, part, points, kinds)),
+    )
+
+
+Values = Mapping[str, FloatArray | float]
+
+
+def predict_operations(
+    model: MachineModel, points: Points, given: Mapping[str, float]
+) -> tuple[dict[str, Prediction], Points, list[Finding]]:
+    """The prediction of every operation at its features; the points less what their own covariates
+    change in the modelled error, so that all readings of a feature are of one state of the
+    machine; and warnings.
+
+    A covariate is what `given` says, else the points' own. Means are over the readings of an
+    (operation, feature) at their own covariates; uncertainties are those at the covariates' mean.
+
+    Raises InputError for a covariate that nobody gives, and for a column with gaps.
+    """
+    stated = {name: x for name, x in point_columns(points).items() if name not in given}
+    values = needed_covariates(model, points, stated, given).values
+    warnings = effect_warnings_at(model, points.nominal, values)
+    measured, along = points.measured.copy(), [AXES.index(name) for name in model.axes]
+    vary = any(np.ndim(values[name]) for name in model.covariates())
+    # Of all points: where a drift lags, they are its history.
+    errors = _errors(model, points.nominal, values) if vary else np.zeros((len(points), len(along)))
+    result: dict[str, Prediction] = {}
+    operations, operation = operations_of(points)
+    for code, name in enumerate(operations):
+        rows = np.flatnonzero(operation == code)
+        if not len(rows):
+            continue
+        seen, first, of = np.unique(points.feature[rows], return_index=True, return_inverse=True)
+
+        def mean(column: FloatArray, first: IntArray = first, of: IntArray = of) -> FloatArray:
+            # About the first of each feature, so that equal values stay equal.
+            start = column[first]
+            return start + np.bincount(of, column - start[of]) / np.bincount(of)
+
+        features, place = [points.features[i] for i in seen], points.nominal[rows[first]]
+        means: dict[str, FloatArray | float] = {}
+        for key in model.covariates():
+            column = np.asarray(values[key])
+            means[key] = mean(column[rows]) if column.ndim else float(column)
+        prediction = predict(model, features, place, means)
+        warnings += outside_warnings(prediction)
+        warnings += temperature_warnings(model, place, means)
+        if vary:
+            of_feature = np.column_stack([mean(each) for each in errors[rows].T])
+            measured[rows[:, None], along] -= errors[rows] - of_feature[of]
+            shift = of_feature - _errors(model, place, means)
+            prediction = replace(prediction, mean=prediction.mean + shift.ravel())
+        result[name] = prediction
+    return result, replace(points, measured=measured) if vary else points, warnings
+
+
+def _errors(model: MachineModel, places: FloatArray, values: Values) -> FloatArray:
+    """J theta + remainder (n, a), mm."""
+    rows = design(model, places, values)
+    return np.asarray(rows.J @ theta(model) + rows.remainder).reshape(len(places), -1)
+
+
+def compared(
+    tables: MeasuredTables,
+    predicted: Mapping[str, Predicted],
+    k: float,
+    holes: FloatArray | None = None,
+) -> Compared:
+    """All items against the prediction of their operation, whose items are in the order of
+    `tables`; `k` the coverage factor; `holes` (items,), of lengths, the variances that eq. (22)
+    makes of hole variances, nan where it has none.
+    """
+    table, components = one_way(tables.cells, tables.rounding), reml(tables.cells)
+    separable = np.isfinite(components.part)
+    # Without repeats MS_between holds the CMM too, and stands for both.
+    part = np.where(separable, components.part, table.ms_between)
+    repeat = np.where(np.isfinite(components.repeat), components.repeat, 0.0)
+    r = np.broadcast_to(tables.rounding, part.shape)
+    rounding = hidden(part + repeat, r)
+    of_mean = part * table.share + repeat / table.N
+    mean, total, independent, D, u, p_bias, expected, p_scatter = np.zeros((8, len(part)))
+    pooled: dict[str, Pooled] = {}
+    for operation, (prediction, A) in predicted.items():
+        own = [i for i, label in enumerate(tables.labels) if label[0] == operation]
+        if not own:
+            continue
+        V, t = prediction.variance(A), only(table, own)
+        mean[own], total[own] = A @ prediction.mean, np.maximum(V.total, 0.0)
+        independent[own] = A**2 @ prediction.independent_variance
+        D[own] = np.maximum(V.passes + V.repeatability, 0.0)
+        off = t.mean - mean[own]
+        u[own], p_bias[own] = _bias_test(off, t, V, of_mean[own], repeat[own], rounding[own])
+        expected[own], p_scatter[own] = _scatter_test(t, r[own], V)
+        # The scatter of features, of which lengths are made, is pooled; that of the CMM is too
+        # little to be seen at one item, and without repeats MS_between holds it.
+        kept = np.isfinite(p_scatter[own]) & (t.n0 * D[own] > ROUNDING * expected[own])
+        kept &= t.df_within > 0
+        if tables.labels[own[0]][2] and kept.sum() > 1:
+            pooled[operation] = _pooled(only(t, kept), expected[own][kept], prediction, A[kept])
+    s_part, bias = np.sqrt(components.part), table.mean - mean
+    # V_p(m) (1 + 1/N), eq. (33); of lengths V_p(m) is what eq. (22) makes of hole variances.
+    V_p = table.ms_between if holes is None else np.where(np.isnan(holes), table.ms_between, holes)
+    ours, papers = Side.of(mean, total, k), Side.of(mean, independent, k)
+    measured = Side.of(table.mean, part + of_mean + rounding, k)
+    paper = Side.of(table.mean, V_p * (1 + 1 / table.N), k)
+    # Scatter where none at all is predicted is infinitely more.
+    endless = (expected == 0) & (table.ms_between > 0)
+    return Compared(
+        labels=tables.labels,
+        predicted=ours,
+        independent=papers,
+        measured=measured,
+        measured_paper=paper,
+        one_way=table,
+        s_part=s_part,
+        bias=bias,
+        u_difference=u,
+        E_n=_ratio(bias, k * u),
+        p_bias=p_bias,
+        ratio_ms=np.where(endless, inf, _ratio(table.ms_between, expected)),
+        p_scatter=p_scatter,
+        ratio_u=_ratio(measured.u, ours.u),
+        ratio_range=_ratio(measured.width, ours.width),
+        ratio_scatter=_ratio(np.sqrt(part), np.sqrt(D)),
+        paper_ratio_u=_ratio(paper.u, papers.u),
+        paper_ratio_range=_ratio(paper.width, papers.width),
+        ms_share=_ratio(np.sqrt(table.ms_between), s_part),
+        pooled=pooled,
+    )
+
+
+def _ratio(measured: FloatArray, predicted: FloatArray) -> FloatArray:
+    """measured/predicted (items,), nan where nothing is predicted to compare with."""
+    return np.divide(measured, predicted, out=np.full(len(measured), np.nan), where=predicted > 0)
+
+
+def _bias_test(
+    bias: FloatArray,
+    t: OneWay,
+    V: Variance,
+    seen: FloatArray,
+    repeat: FloatArray,
+    rounding: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """u of the difference of the means, and p of it against C and the scatter of the mean, of
+    which `seen` (items,) is the measured variance, and what the last digit hides (`rounding`).
+    """
+    cmm = repeat / t.N
+    expected = np.maximum(V.passes + V.repeatability, 0.0) * t.share + cmm
+    by_parts = (t.parts >= FEWEST_PARTS) & (seen >= expected)
+    variance = _variance(
+        V.squares.of_mean + np.where(by_parts, 0.0, t.share) * V.squares.of_part,
+        V.squares.dof,
+        (np.where(by_parts, seen, 0.0), t.df_between),
+        (np.where(by_parts, 0.0, cmm), t.df_within),
+        rounding=rounding,
+    )
+    u2 = np.maximum(V.coefficients, 0.0) + np.where(by_parts, seen, expected)
+    nothing = (u2 <= NOTHING * rounding) & (bias**2 < 3 * rounding)
+    return np.sqrt(u2 + rounding), np.where(nothing, np.nan, t_tail(bias, variance))
+
+
+def _scatter_test(t: OneWay, r: FloatArray, V: Variance) -> tuple[FloatArray, FloatArray]:
+    """MS_within + n0 D, of which MS_between has the expectation, and p of their ratio; n0 r by the
+    last digit, of variance `r` (items,), is neither more nor less scatter.
+    """
+    repeated, ms, D = t.df_within > 0, t.ms_between, np.maximum(V.passes + V.repeatability, 0.0)
+    within = np.where(repeated, t.ms_within, 0.0)
+    n0 = np.where(t.df_between > 0, t.n0, 0.0)
+    rounding = n0 * hidden(np.where(repeated, within, D), r)
+    cmm = within, t.df_within
+    variance = _variance(n0 * V.squares.of_part, V.squares.dof, cmm, rounding=rounding)
+    expected = within + n0 * D + rounding
+    high, _ = f_tails(ms, t.df_between, variance)
+    _, low = f_tails(ms + rounding * (ms < 3 * rounding), t.df_between, variance)
+    nothing = (expected - rounding <= NOTHING * rounding) & (ms < 3 * rounding)
+    return expected, np.where(nothing, np.nan, np.minimum(2 * np.fmin(high, low), 1.0))
+
+
+def _variance(
+    squares: FloatArray,
+    dof: FloatArray,
+    *more: tuple[FloatArray, FloatArray],
+    rounding: FloatArray,
+) -> UncertainVariance:
+    """A sum of mean squares (K, items) of `dof` (K,); of `more`, each item with degrees of freedom
+    of its own; and of `rounding` (items,), which is known.
+    """
+    rows, known = [squares, rounding[None]], [dof, np.array([inf])]
+    for values, own in more:
+        numbers = np.unique(own[(values > 0) & (own > 0)])
+        rows.append(np.where(own == numbers[:, None], values, 0.0))
+        known.append(numbers)
+    return uncertain_variance(np.concatenate(rows), np.concatenate(known))
+
+
+def _pooled(t: OneWay, expected: FloatArray, prediction: Prediction, A: FloatArray) -> Pooled:
+    """The test of the scatter of features A E with their tables and `expected` MS_between."""
+    df, weights = t.df_between, t.n0 / expected
+    # Of part means relative to their variance; the CMM is in the variances alone.
+    correlation = (A @ prediction.scatter @ A.T) * np.sqrt(weights * weights[:, None])
+    np.fill_diagonal(correlation, 1.0)
+    squares = prediction.variance(A).squares
+    passes = prediction.pass_squares(A)
+    times = [1.0 if each is None else each.independent(weights) for each in passes]
+    within = t.ms_within / expected
+    unsure = float((within**2 / t.df_within).sum())
+    cmm = float(within.sum()) ** 2 / unsure if unsure else inf
+    rows = np.append((squares.of_part * weights).mean(axis=1), within.mean())
+    return pooled_test(
+        t.ms_between / expected,
+        correlation,
+        2.0 * correlation**2 / np.maximum(df, df[:, None]),
+        (rows[:, None], np.append(squares.dof * times, cmm)),
+        float(within.mean()),
+    )
+
+
+def pooled_test(
+    ratios: FloatArray,
+    correlation: FloatArray,
+    shared: FloatArray,
+    squares: tuple[FloatArray, FloatArray],
+    w: float,
+) -> Pooled:
+    """The mean T of m `ratios` MS_between/expectation.
+
+    `correlation` (m, m) is that of the means of one part, `shared` (m, m) the covariance of any
+    two ratios if the expectations are right, whose mean has the mean `squares` (K, 1) and degrees
+    of freedom (K,); w is the share of the CMM in it. Of normal errors T is a sum of chi-squared
+    variables whose sizes are the eigenvalues of the correlation; where items lack parts its degrees
+    of freedom are those that give its variance, the mean of `shared`. Less the CMM's share T is of
+    the parts alone: `ratio`^2 = (T - w)/(1 - w).
+    """
+    T = float(ratios.mean())
+    sizes = np.maximum(np.linalg.eigvalsh(correlation), 0.0)
+    dof = 2.0 * float((correlation**2).mean() / shared.mean())
+    tails = mean_square_tails(T, sizes, dof, uncertain_variance(*squares))
+    ratio = float(np.sqrt(max(T - w, 0.0) / (1 - w)))
+    return Pooled(items=len(ratios), ratio=ratio, p=min(2 * min(tails), 1.0))
+
+
+def paper_length_variance(gradient: FloatArray, holes: FloatArray, N: float = inf) -> FloatArray:
+    """Variance of lengths as Tables 8 and 9 have it: eq. (22), the `gradient` (..., rows), on the
+    hole variances V_p(m) (rows,), times (1 + 1/N) for a future measurement, eq. (33). It is not
+    the scatter of measured lengths: it takes V_p(m) for the part variance and the two ends for
+    independent.
+    """
+    total: FloatArray = np.where(gradient == 0, 0.0, gradient**2 * holes).sum(axis=-1)
+    return total * (1 + 1 / N)
+
+
+def judged(features: Compared, lengths: Compared | None) -> tuple[Compared, Compared | None]:
+    """Verdicts at a family-wise rate of 5 % over bias and scatter of features and lengths.
+
+    The pooled tests of all features of an operation have JOINT_SHARE of the rate to themselves
+    (weighted Bonferroni): among a hundred others they would see no more than these.
+    """
+    kinds = [features] if lengths is None else [features, lengths]
+    p = np.concatenate([np.stack([kind.p_bias, kind.p_scatter]) for kind in kinds], axis=1)
+    share = JOINT_SHARE if features.pooled else 0.0
+    adjusted = np.minimum(holm(p.ravel()) / (1 - share), 1.0).reshape(2, -1)
+    pooled = {}
+    p_pooled = holm(np.array([x.p for x in features.pooled.values()])) / JOINT_SHARE
+    for (name, each), own in zip(features.pooled.items(), p_pooled.tolist(), strict=True):
+        way: Verdict = "under-predicted" if each.ratio > 1 else "over-predicted"
+        verdict = way if own <= FAMILY_RATE else None
+        pooled[name] = each._replace(p=min(own, 1.0), verdict=verdict)
+    n = len(features.labels)
+    features = _judged(replace(features, pooled=pooled), adjusted[:, :n])
+    return features, None if lengths is None else _judged(lengths, adjusted[:, n:])
+
+
+def _judged(kind: Compared, p: FloatArray) -> Compared:
+    """The verdicts by the adjusted p (2, items) of bias and scatter."""
+    off, scatter = p <= FAMILY_RATE
+    under, over = scatter & (kind.ratio_ms > 1), scatter & ~(kind.ratio_ms > 1)
+    # Parts too few to measure their scatter, but known to scatter more, explain a mean that is off.
+    off &= ~((kind.one_way.parts < FEWEST_PARTS) & under)
+    answers = ((off, p[0]), (under, p[1]), (over, p[1]))
+    biased, under_predicted, over_predicted = (
+        tuple(yes if tested else None for yes, tested in zip(*each, strict=True))
+        for each in ((met.tolist(), np.isfinite(q).tolist()) for met, q in answers)
+    )
+    return replace(
+        kind,
+        p_bias=p[0],
+        p_scatter=p[1],
+        biased=biased,
+        under_predicted=under_predicted,
+        over_predicted=over_predicted,
+    )
+
+
+SCATTER = "means are judged by the predicted scatter, and one that is off may be scatter"
+CONDITIONS: tuple[tuple[str, Callable[[Compared], BoolArray], dict[str, Any]], ...] = (
+    ("few-parts", lambda x: x.one_way.parts < FEWEST_PARTS, {"consequence": SCATTER}),
+    (
+        "no-repeats",
+        lambda x: (x.one_way.df_within < 1) & (x.one_way.parts > 1),
+        {"consequence": "MS_between contains the scatter of the CMM, which is not predicted"},
+    ),
+    (
+        "not-tested",
+        lambda x: np.array([verdict is None for verdict in x.verdicts]),
+        {"what": "the difference", "reason": "no scatter is measured and none predicted"},
+    ),
+    (
+        "not-estimable",
+        lambda x: ~(x.predicted.u > 0),
+        {"quantity": "ratios to the predicted scatter", "reason": "no uncertainty is predicted"},
+    ),
+    (
+        "not-estimable",
+        lambda x: (x.s_part == 0) & (x.one_way.parts > 1),
+        {"quantity": "the parts' share of MS_between", "reason": "they do not scatter"},
+    ),
+)
+
+
+def _warnings(
+    model: MachineModel, part: LoadedPart, points: Points, kinds: Sequence[Compared]
+) -> list[Finding]:
+    """What was not compared, and what parts, repeats and predictions are too few for."""
+    without = [AXES[i] for i in axes_of(points) if AXES[i] not in model.axes]
+    aside = "the points are not compared there, and lengths have no predicted error along it"
+    missing = [f"feature {name}" for name in part.part.features if name not in points.features]
+    labels = [label for kind in kinds for label in kind.labels]
+    lengths = [label for label in labels if not label[2]]
+    result = [
+        *not_measured(model.axes, points),
+        *(finding("axis-without-equation", axis=x, consequence=aside) for x in without),
+        *missing_entries("length", part.part.lengths, lengths),
+    ]
+    if missing:
+        result.append(finding("not-measured", names=missing, reason="not among the points"))
+    for code, condition, facts in CONDITIONS:
+        rows = np.concatenate([condition(kind) for kind in kinds])
+        if code == "few-parts":
+            facts = facts | {"parts": int(min(kind.one_way.parts.min() for kind in kinds))}
+        names = dict.fromkeys(labels[i][1] for i in np.flatnonzero(rows))
+        of = {"names": [*names]} if code == "not-estimable" else {"items": some(rows, "items")}
+        if names:
+            result.append(finding(code, **of, **facts))
+    return result

@@ -1,0 +1,362 @@
+"""The drift readings of one component, and the columns that its thermal models choose from:
+sensors, or groups of them, with and without lag. Fits are to compressed rows of any cycles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+from scipy.special import fdtrc
+
+from mtu_cli.files.covariates import is_temperature
+from mtu_cli.files.readings import Readings
+from mtu_cli.findings import InputError, error, finding
+from mtu_cli.stats.compressed import (
+    Compressed,
+    autocorrelation,
+    compress,
+    effective_number,
+    together,
+)
+from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.least_squares import (
+    FloatArray,
+    IntArray,
+    LeastSquares,
+    least_squares,
+    polynomial,
+)
+
+ALIKE = 0.999
+"""Correlation from which on two sensors are one to any fit (Valdes et al.)."""
+MOST_LAGS = 7
+MOST_ROWS = 1_000_000
+"""Readings of a component that are fitted; of more every second, third, ... of a cycle."""
+MOST_BLOCKS = 12
+"""Cycles up to which each is held out alone; more are held out in this many blocks, because each
+block's model is chosen by holding out the others in turn: the square of their number of fits.
+"""
+OFFSET_P, OFFSET_SHARE = 0.001, 0.7
+"""Level of the test of cycles' offsets, and their least share of what is left without them."""
+ROUNDING = 1e-12
+"""Share of the readings that is rounding where it is all they differ by."""
+
+Rows = dict[int, Compressed]
+"""Compressed rows by position index."""
+Pieces = dict[tuple[int, int], Compressed]
+"""Compressed rows by (position index, cycle index)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """Readings of one component by position, by cycle as these follow each other, and by time, or
+    in the order of the file where times are not given; what its models are made of.
+
+    `positions` (mm, ascending; (None,) without an axis), `cycles`; `places` and `runs` are the rows
+    of each position, and by the indices of position and cycle. `T` (n, s) degC, `span` (s, 2) their
+    ranges, `time` (n,) min (nan: not given). Of the readings `read` every `every`-th is here.
+
+    `groups` are tuples of sensors, `average` (s, g) their means. `Z` (n, 2 + k g) are the rows 1,
+    columns, reading: column 1 + c g + j is the rise of group j above the reference, degC, with the
+    time constant `time_constants[c]`, min, of which the first is 0; `step` between readings, min.
+    Where cycles have `offsets` of their own (`by`: setting, first readings or test), all columns of
+    the `pieces` count from their means there, which frees them of these (Frisch-Waugh), in fits and
+    in held-out cycles alike. `known` and `selected` keep rows and stepwise selections of cycles.
+    """
+
+    name: str
+    dimension: int
+    file: str | None
+    positions: tuple[float | None, ...]
+    cycles: tuple[str, ...]
+    places: tuple[slice, ...]
+    runs: Mapping[tuple[int, int], slice]
+    T: FloatArray
+    span: FloatArray
+    time: FloatArray
+    read: int
+    every: int
+    sensors: tuple[str, ...]
+    reference: float
+    groups: tuple[tuple[str, ...], ...]
+    average: FloatArray
+    step: float
+    time_constants: FloatArray
+    Z: FloatArray
+    still: bool
+    offsets: bool
+    by: str
+    pieces: Pieces
+    known: dict[frozenset[int], Rows] = field(default_factory=dict)
+    selected: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = field(
+        default_factory=dict
+    )
+
+    @property
+    def y(self) -> FloatArray:
+        """The readings (n,), mm or rad."""
+        return self.Z[:, -1]
+
+    @property
+    def most_degree(self) -> int:
+        """The highest degree in position that the observed positions determine."""
+        return len(self.positions) - 1
+
+    @cached_property
+    def frame(self) -> tuple[float, float, FloatArray]:
+        """The middle c of the observed positions (mm; 0 without an axis), their half range h, and
+        all powers (positions, positions) of (p - c)/h, which conditions well.
+        """
+        places = np.array([position or 0.0 for position in self.positions])
+        middle, half = float(places.max() + places.min()) / 2, float(np.ptp(places)) / 2 or 1.0
+        return middle, half, polynomial((places - middle) / half, self.most_degree)
+
+    def powers(self, degree: int) -> FloatArray:
+        """Powers (positions, degree + 1) of the position scaled to -1 ... 1."""
+        return self.frame[2][:, : degree + 1]
+
+    @property
+    def every_cycle(self) -> range:
+        """Indices of the cycles."""
+        return range(len(self.cycles))
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[int, ...], ...]:
+        """Cycles that are held out together: each alone, or blocks of those that follow each
+        other, as near to one size as can be.
+        """
+        many = min(len(self.cycles), MOST_BLOCKS)
+        ends = [block * len(self.cycles) // many for block in range(many + 1)]
+        return tuple(tuple(range(low, high)) for low, high in pairwise(ends))
+
+    def rows(self, cycles: Iterable[int]) -> Rows:
+        """All rows of some cycles."""
+        wanted = frozenset(cycles)
+        if wanted not in self.known:
+            found: dict[int, list[Compressed]] = {}
+            for position, cycle in sorted(self.pieces):
+                if cycle in wanted:
+                    found.setdefault(position, []).append(self.pieces[position, cycle])
+            self.known[wanted] = {position: together(own) for position, own in found.items()}
+        return self.known[wanted]
+
+    def columns(self, lags: tuple[int, ...]) -> list[int]:
+        """Constant, one column a group with the time constant of index lags[j], reading."""
+        g = len(self.groups)
+        return [0, *(1 + lag * g + j for j, lag in enumerate(lags)), self.Z.shape[1] - 1]
+
+
+def about_means(values: FloatArray, parts: Iterable[slice]) -> FloatArray:
+    """Values (n, ...) less the means of the parts that they are made of."""
+    result = np.empty_like(values)
+    for rows in parts:
+        # About the first one: equal values leave nothing.
+        away = values[rows] - values[rows.start]
+        result[rows] = away - away.mean(axis=0)
+    return result
+
+
+def sensors_of(readings: Readings) -> tuple[str, ...]:
+    """The sensors: columns T_<sensor>_degC.
+
+    Raises InputError where there is none, or where some of the files have none of them.
+    """
+    sensors = tuple(sorted(name for name in readings.covariates if is_temperature(name)))
+    if not sensors:
+        names = ", ".join(readings.covariates) or "none"
+        raise error(
+            "missing-column",
+            column="T_<sensor>_degC",
+            file=readings.sources[0].shown,
+            expected=f"columns such as T_01_degC (columns beside the readings': {names})",
+        )
+    expected = "the column in every file, or in none"
+    problems = [
+        finding("missing-column", column=name, file=readings.sources[i].shown, expected=expected)
+        for name in sensors
+        for i in np.unique(
+            readings.file_index[np.isnan(readings.covariates[name].astype(float, copy=False))]
+        ).tolist()
+    ]
+    if problems:
+        raise InputError(problems)
+    return sensors
+
+
+def designs(
+    readings: Readings, sensors: tuple[str, ...], reference: float, *, lagged: bool, zeroed: str
+) -> Iterator[Design]:
+    """That of every component, in the order in which the files have them; with lagged columns
+    where `lagged` is asked for and times are known. `zeroed`: cycle (an offset each), never, auto.
+    """
+    import pandas as pd
+
+    component, codes = pd.factorize(readings.code)
+    for i in range(len(codes)):
+        rows = np.flatnonzero(component == i)
+        yield _design(readings, rows, sensors, reference, lagged, zeroed)
+
+
+def _design(
+    readings: Readings,
+    rows: IntArray,
+    sensors: tuple[str, ...],
+    reference: float,
+    lagged: bool,
+    zeroed: str,
+) -> Design:
+    import pandas as pd
+
+    columns = [readings.covariates[sensor].astype(np.float64, copy=False) for sensor in sensors]
+    span = np.array([(T[rows].min(), T[rows].max()) for T in columns])
+    read, every = len(rows), -(-len(rows) // MOST_ROWS)
+    if every > 1:
+        keys = [readings.position_mm[rows], readings.cycle[rows]]
+        order = pd.Series(rows).groupby(keys, dropna=False).cumcount().to_numpy()
+        rows = rows[order % every == 0]
+    rows, positions, labels, runs = _sorted(readings, rows)
+    y, time = readings.error[rows].astype(float), readings.time_min[rows].astype(float)
+    T = np.column_stack([column[rows] for column in columns])
+    ends = {place: part.stop for (place, _), part in runs.items()}
+    places = tuple(slice(low, high) for low, high in pairwise([0, *ends.values()]))
+    still = np.linalg.norm(about_means(y, places)) <= ROUNDING * np.linalg.norm(y)
+    # Sensors that never move hold no information, and of readings that do not none has any.
+    moving = np.flatnonzero((np.ptp(span, axis=1) > 0) & (not still)).tolist()
+    groups = _alike(about_means(T, places), moving)
+    average = np.zeros((len(sensors), len(groups)))
+    for j, group in enumerate(groups):
+        average[[*group], j] = np.array([*group.values()]) / len(group)
+    step, constants = _time_constants(time, runs) if lagged else (0.0, np.zeros(1))
+    rise = (T - reference) @ average
+    lags = [np.moveaxis(first_order_lag(rise[p], time[p], constants), 0, 1) for p in places]
+    Z = np.column_stack([np.ones(len(y)), np.concatenate(lags).reshape(len(y), -1), y])
+    pieces = {key: compress(Z[part]) for key, part in runs.items()}
+    asked = "never" if len(labels) < 2 else zeroed
+    offsets, by = asked == "cycle", "test" if zeroed == "auto" else "setting"
+    if asked == "auto" and groups and len(pieces) > len(positions):
+        if not y[[part.start for part in runs.values()]].any():
+            offsets, by = True, "first readings"
+        else:
+            offsets = _offsets_explain(pieces, len(groups))
+    if offsets:
+        pieces = {key: piece.about_mean() for key, piece in pieces.items()}
+    files = np.unique(readings.file_index[rows]).tolist()
+    return Design(
+        name=readings.components[int(readings.code[rows[0]])],
+        dimension=int(readings.dimension[rows[0]]),
+        file=readings.sources[files[0]].shown if len(files) == 1 else None,
+        positions=positions,
+        cycles=labels,
+        places=places,
+        runs=runs,
+        T=T,
+        span=span,
+        time=time,
+        read=read,
+        every=every,
+        sensors=sensors,
+        reference=reference,
+        groups=tuple(tuple(sensors[s] for s in group) for group in groups),
+        average=average,
+        step=step,
+        time_constants=constants,
+        Z=Z,
+        still=bool(still),
+        offsets=offsets,
+        by=by,
+        pieces=pieces,
+    )
+
+
+def _sorted(
+    readings: Readings, rows: IntArray
+) -> tuple[IntArray, tuple[float | None, ...], tuple[str, ...], dict[tuple[int, int], slice]]:
+    """The rows by position, cycle and time; positions, names of cycles, and the rows of each."""
+    import pandas as pd
+
+    positions, place = np.unique(readings.position_mm[rows], return_inverse=True)
+    cycle, labels = pd.factorize(readings.cycle[rows])
+    time, order = readings.time_min[rows], np.lexsort((cycle, place))
+    if not np.isnan(time).any():
+        start = np.full(len(labels), np.inf)
+        np.minimum.at(start, cycle, time)
+        # Cycles follow each other in time, too, whichever the file has first.
+        order = np.lexsort((time, cycle, start[cycle], place))
+    place, cycle = place[order], cycle[order]
+    changed = (np.diff(place, prepend=-1) != 0) | (np.diff(cycle, prepend=-1) != 0)
+    edges = [*np.flatnonzero(changed).tolist(), len(rows)]
+    return (
+        rows[order],
+        tuple(None if np.isnan(p) else p for p in positions.tolist()),
+        tuple(readings.cycles[c] if c >= 0 else "" for c in labels.tolist()),
+        {(int(place[low]), int(cycle[low])): slice(low, high) for low, high in pairwise(edges)},
+    )
+
+
+def _alike(T: FloatArray, moving: Iterable[int]) -> list[dict[int, float]]:
+    """Sensors that go together at |r| >= 0.999 with the first of their group, with their sign;
+    temperatures (n, s) about their means.
+    """
+    length = np.linalg.norm(T, axis=0)
+    # A sensor may differ between positions alone.
+    T = T / np.where(length > 0, length, 1.0)
+    groups: list[dict[int, float]] = []
+    for sensor in moving:
+        for group in groups:
+            r = float(T[:, sensor] @ T[:, next(iter(group))])
+            if abs(r) >= ALIKE:
+                group[sensor] = float(np.sign(r))
+                break
+        else:
+            groups.append({sensor: 1.0})
+    return groups
+
+
+def _time_constants(
+    time: FloatArray, runs: Mapping[tuple[int, int], slice]
+) -> tuple[float, FloatArray]:
+    """The usual step between readings, min (0: unknown); 0, and from twice that powers of two."""
+    steps = np.concatenate([np.diff(time[part]) for part in runs.values()])
+    if np.isnan(time).any() or not (steps > 0).any():
+        return 0.0, np.zeros(1)
+    step = float(np.median(steps[steps > 0]))
+    longest = max(float(time[part.stop - 1] - time[part.start]) for part in runs.values())
+    count = int(min(max(np.floor(np.log2(longest / (2 * step))) + 1, 0), MOST_LAGS))
+    return step, np.concatenate([[0.0], 2 * step * 2.0 ** np.arange(count)])
+
+
+def _offsets_explain(pieces: Pieces, g: int) -> bool:
+    """Whether offsets of all pieces explain what one level a position leaves, with g groups free.
+
+    F with the effective number of readings, at OFFSET_P. As memory and noise make small offsets,
+    too, these must also explain OFFSET_SHARE of what is left without them. Lags that are left out
+    shift the levels of cycles: the lag beside which offsets explain least decides.
+    """
+    places = sorted({place for place, _ in pieces})
+    own = [[piece for (place, _), piece in pieces.items() if place == p] for p in places]
+    both = [(together(x), together([piece.about_mean() for piece in x])) for x in own]
+    last, tests = both[0][0].factor.shape[1] - 1, []
+    for first in range(1, last, g):
+        columns = [*range(1, g + 1), *(range(first, first + g) if first > 1 else ())]
+        without = within = 0.0
+        more, used, judged = len(pieces) - len(places), len(pieces), []
+        for rows, centred in both:
+            free, fitted = (
+                least_squares(x.inner(columns), x.inner([last])[:, 0]) for x in (rows, centred)
+            )
+            weights = np.zeros(last + 1)
+            weights[columns], weights[last] = -fitted.coefficients, 1.0
+            judged.append((centred, weights))
+            without, within = without + free.rss, within + fitted.rss
+            more, used = more + fitted.rank - free.rank, used + fitted.rank
+        n = sum(piece.n for piece in pieces.values())
+        dof = effective_number(n, autocorrelation(judged)) - used
+        if more > 0 and dof > 0 and within > 0:
+            F = max(without - within, 0.0) / more / (within / dof)
+            tests.append((1 - within / without, float(fdtrc(more, dof, F))))
+    share, p = min(tests, default=(0.0, 1.0))
+    return p < OFFSET_P and share > OFFSET_SHARE

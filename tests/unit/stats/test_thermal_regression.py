@@ -1,0 +1,301 @@
+"""What thermal models are fitted by, against plain versions of it: lags, compressed rows, ridge
+paths, forward-backward selection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import lfilter
+from scipy.stats import f as f_distribution
+
+from mtu_cli.stats.compressed import Compressed, compress, effective_number, together
+from mtu_cli.stats.lag import first_order_lag
+from mtu_cli.stats.least_squares import FloatArray, least_squares
+from mtu_cli.stats.ridge import ridge
+from mtu_cli.stats.stepwise import stepwise
+
+# Lags.
+
+
+def uneven(n: int = 40, seed: int = 3) -> tuple[FloatArray, FloatArray]:
+    """A rough signal of two columns at uneven times, in min."""
+    rng = np.random.default_rng(seed)
+    return 20 + rng.normal(size=(n, 2)).cumsum(axis=0), np.cumsum(rng.uniform(0.2, 9.0, n))
+
+
+def test_a_lag_against_an_integrator() -> None:
+    """tau du/dt = T - u, interval by interval, so that no step of the integrator has a kink."""
+    signal, time = uneven()
+    constants = np.array([5.0, 0.0, 80.0])
+    found = first_order_lag(signal, time, constants)
+    assert (found[1] == signal).all()
+    for k, j in ((0, 0), (2, 1)):
+        T, tau, u = signal[:, j], constants[k], signal[0, j]
+        for i in range(1, len(time)):
+
+            def slope(
+                t: float, state: FloatArray, T: FloatArray = T, tau: float = tau
+            ) -> FloatArray:
+                return np.asarray((np.interp(t, time, T) - state) / tau, float)
+
+            span = (float(time[i - 1]), float(time[i]))
+            u = solve_ivp(slope, span, np.array([u]), rtol=1e-10, atol=1e-12).y[0, -1]
+            assert found[k, i, j] == pytest.approx(u, rel=1e-8)
+
+
+def test_an_earlier_time_starts_a_new_run_and_after_an_infinite_step_all_is_settled() -> None:
+    signal, _ = uneven(30)
+    time, tau = np.tile(np.linspace(0.0, 40.0, 15), 2), np.array([9.0])
+    found = first_order_lag(signal, time, tau)
+    for run in (slice(0, 15), slice(15, 30)):
+        assert (found[:, run] == first_order_lag(signal[run], time[run], tau)).all()
+    far = first_order_lag(np.array([[20.0], [26.0]]), np.array([0.0, np.inf]), tau)
+    assert far[0, :, 0] == pytest.approx([20.0, 26.0])
+    assert first_order_lag(signal[:1], np.zeros(1), tau).shape == (1, 1, 2)
+
+
+def test_rows_of_one_moment_are_one_sample() -> None:
+    """Their mean, as if it had been read once; without lag every row keeps its own."""
+    rng = np.random.default_rng(9)
+    time = np.sort(rng.uniform(0, 100, 12))
+    signal, tau = rng.normal(size=(12, 2)), np.array([0.0, 7.0])
+    count = rng.integers(1, 4, 12)
+    off = [0.1 * (np.arange(k) - (k - 1) / 2) for k in count]
+    rows = np.concatenate([signal[i] + own[:, None] for i, own in enumerate(off)])
+    found = first_order_lag(rows, np.repeat(time, count), tau)
+    assert (found[0] == rows).all()
+    once = np.repeat(first_order_lag(signal, time, tau)[1], count, axis=0)
+    assert found[1] == pytest.approx(once, rel=1e-12, abs=1e-12)
+    equal = first_order_lag(np.repeat(signal, count, axis=0), np.repeat(time, count), tau)
+    assert (equal[1] == once).all()
+
+
+# Compressed rows.
+
+
+def unlike(n: int, seed: int = 1) -> FloatArray:
+    """A constant, three unlike columns and a target."""
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, 3)) * [1.0, 1e-3, 1e4] + [20.0, 0.0, 1e4]
+    return np.column_stack([np.ones(n), X, X @ [0.3, 50.0, 2e-5] + rng.normal(size=n)])
+
+
+@pytest.mark.parametrize("n", [1, 2, 4, 5, 6, 400])
+def test_the_factor_holds_all_inner_products_and_means(n: int) -> None:
+    Z = unlike(n)
+    found, expected, columns = compress(Z), Z.T @ Z, [3, 4]
+    size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    assert (np.abs(found.factor.T @ found.factor - expected) <= 1e-13 * size).all()
+    assert (found.n, found.pairs) == (n, n - 1)
+    plain = sum((np.outer(a, b) for a, b in pairwise(Z)), np.zeros((5, 5)))
+    assert found.lag == pytest.approx(plain, rel=1e-12)
+    away = (Z - Z.mean(axis=0))[:, columns]
+    assert found.mean(columns) == pytest.approx(Z.mean(axis=0)[columns], rel=1e-12)
+    inner, scale = found.inner(columns), 1e-10 * np.abs(expected[np.ix_(columns, columns)])
+    assert (np.abs(inner.T @ inner - away.T @ away) <= scale).all()
+    centred = found.about_mean()
+    assert (centred.levels, together([centred, centred]).levels) == (1, 2)
+    assert centred.inner(columns) == pytest.approx(inner, rel=1e-9, abs=1e-9)
+    products = Z[:-1] - Z.mean(axis=0), Z[1:] - Z.mean(axis=0)
+    left = (products[0].T @ products[1])[1:, 1:]
+    assert (np.abs(centred.lag[1:, 1:] - left) <= 1e-9 * size[1:, 1:]).all()
+
+
+def test_pieces_together_in_any_order_and_grouping() -> None:
+    """Also of sensors that move together, of a condition of 1e7."""
+    rng = np.random.default_rng(7)
+    X = 6 + rng.normal(size=(97, 1)).cumsum(axis=0) + 1e-6 * rng.normal(size=(97, 3))
+    Z = np.column_stack([np.ones(97), X, X @ [1.0, -3.0, 2.5] + 1e-7 * rng.normal(size=97)])
+    ends = [0, 1, 3, 30, 31, 97]
+    pieces = [compress(Z[a:b]) for a, b in pairwise(ends)]
+    left = together(pieces)
+    # Consecutive rows of two pieces are no pair: four products are missing.
+    missing = sum(np.outer(Z[b - 1], Z[b]) for b in ends[1:-1])
+    direct = least_squares(Z[:, :4], Z[:, 4])
+    for found in (left, together([together(pieces[3:]), together(pieces[:3][::-1])])):
+        assert (found.n, found.pairs) == (97, 97 - len(pieces))
+        assert found.lag + missing == pytest.approx(compress(Z).lag, rel=1e-12)
+        fit = least_squares(found.factor[:, :4], found.factor[:, 4])
+        assert fit.coefficients[1:] == pytest.approx(direct.coefficients[1:], rel=1e-6)
+        assert fit.rss == pytest.approx(direct.rss, rel=1e-6)
+
+
+# Ridge paths.
+
+PENALTIES = np.array([0.0, 1e-6, 1e-2, 0.3, 10.0])
+
+
+@pytest.mark.parametrize("repeated", [False, True])
+def test_a_ridge_path_is_the_closed_form(repeated: bool) -> None:
+    """(X'X + P)^-1 X'y, (X'X + P)^-1 X'X (X'X + P)^-1 and tr (X'X + P)^-1 X'X by inverses, from
+    the rows and from a factor of them; a column without any rise gets nothing.
+    """
+    rng = np.random.default_rng(5)
+    X = rng.normal(size=(60, 4))
+    X[:, 3] = X[:, 2] + 0.05 * X[:, 3]
+    X = X * [1.0, 1e3, 1e-2, 1e-2] + [20.0, 0.0, 1.0, 0.0]
+    y = X @ [1.0, 1e-3, 50.0, 20.0] + rng.normal(size=60)
+    live = [0, 2, 3] if repeated else [0, 1, 2, 3]
+    if repeated:
+        X[:, 1] = 7.0
+    left, target = (X - X.mean(axis=0))[:, live], y - y.mean()
+    S = left.T @ left
+    factor = compress(np.column_stack([np.ones(60), X, y])).inner([1, 2, 3, 4, 5])
+    paths = [
+        ridge(X - X.mean(axis=0), target, 60, PENALTIES),
+        ridge(factor[:, :4], factor[:, 4], 60, PENALTIES),
+    ]
+    for path in paths:
+        assert not np.delete(path.coefficients, live, axis=1).any()
+        for i, penalty in enumerate(PENALTIES):
+            inverse = np.linalg.inv(S + penalty * np.diag(np.diag(S)))
+            assert path.coefficients[i, live] == pytest.approx(inverse @ left.T @ target, rel=1e-7)
+            covariance = path.unit_covariance(i)[np.ix_(live, live)]
+            assert covariance == pytest.approx(inverse @ S @ inverse, rel=1e-6)
+            assert path.effective[i] == pytest.approx(np.trace(inverse @ S), rel=1e-9)
+
+
+def test_no_columns_at_all() -> None:
+    path = ridge(np.zeros((9, 0)), np.ones(9), 9, PENALTIES)
+    assert path.coefficients.shape == (5, 0)
+    assert (path.effective == 0).all()
+
+
+# Forward-backward selection.
+
+
+def independent(Z: FloatArray) -> Compressed:
+    """Rows without any autocorrelation, so that their number is their effective one."""
+    rows = compress(Z)
+    return replace(rows, lag=np.zeros_like(rows.lag))
+
+
+def rss(Z: FloatArray, chosen: Sequence[int]) -> float:
+    return least_squares(Z[:, [0, *chosen]], Z[:, -1]).rss
+
+
+def partial_p(less: float, more: float, columns: int, number: float) -> float:
+    """Of one column, from the residual sums of squares without it and with it, of `columns`."""
+    dof = number - columns - 1
+    return float(f_distribution.sf((less - more) / more * dof, 1, dof))
+
+
+def by_full_refits(
+    Z: FloatArray, number: float, enter: float = 0.05, remove: float = 0.10
+) -> list[int]:
+    """The textbook's procedure, every step by regressions from scratch."""
+    chosen: list[int] = []
+    now = rss(Z, chosen)
+    for _ in range(100):
+        others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
+        entry = {j: rss(Z, [*chosen, j]) for j in others}
+        best = min(entry, key=lambda j: entry[j], default=0)
+        if not best or partial_p(now, entry[best], len(chosen) + 1, number) >= enter:
+            return sorted(chosen)
+        chosen.append(best)
+        now = entry[best]
+        while True:
+            # Of one column each: the largest p is that of the least rise.
+            exits = {j: rss(Z, [i for i in chosen if i != j]) for j in chosen}
+            worst = min(exits, key=lambda j: exits[j])
+            if partial_p(exits[worst], now, len(chosen), number) <= remove:
+                break
+            chosen.remove(worst)
+            now = exits[worst]
+    raise AssertionError("no end")
+
+
+def collinear(seed: int, n: int = 40, k: int = 7) -> FloatArray:
+    rng = np.random.default_rng(seed)
+    X = rng.normal(size=(n, k)) @ rng.normal(size=(k, k)) + 20
+    y = X @ (rng.normal(size=k) * (rng.uniform(size=k) < 0.5)) + rng.normal(size=n) * 2
+    return np.column_stack([np.ones(n), X, y])
+
+
+def alike(seed: int, apart: float, n: int = 300) -> FloatArray:
+    """Eight sensors that follow one room with lags of their own; two more repeat one nearly.
+
+    What the repeats hold beyond it, `apart` of its size, counts in the reading as much as it.
+    """
+    rng = np.random.default_rng(seed)
+    time = np.arange(n)[:, None]
+    X = 6 * (1 - np.exp(-time / rng.uniform(40, 120, 8))) + 0.3 * rng.normal(size=(n, 8))
+    own = rng.normal(size=(n, 2))
+    y = X[:, :4] @ rng.normal(size=4) + own[:, 0] + 0.5 * rng.normal(size=n)
+    return np.column_stack([np.ones(n), X, X[:, :1] + apart * own, y])
+
+
+def ar1(rng: np.random.Generator, n: int, r: float) -> FloatArray:
+    """Stationary noise of variance 1 with autocorrelation r^k."""
+    e = rng.normal(size=n) * np.sqrt(1 - r**2)
+    e[0] = rng.normal()
+    return np.asarray(lfilter([1.0], [1.0, -r], e), float)
+
+
+@pytest.mark.parametrize("limits", [(0.05, 0.10), (0.15, 0.15)])
+def test_selection_against_full_refits(limits: tuple[float, float]) -> None:
+    sets = [collinear(seed) for seed in range(60)]
+    sets += [alike(seed, apart) for apart in (1e-1, 1e-3, 3e-5) for seed in range(10)]
+    sizes = set()
+    for Z in sets:
+        expected = by_full_refits(Z, len(Z), *limits)
+        assert list(stepwise(independent(Z), *limits)) == expected
+        sizes.add(len(expected))
+    assert len(sizes) > 3
+
+
+def test_selection_with_an_effective_number() -> None:
+    differ = 0
+    for seed in range(20):
+        Z = collinear(seed, n=200)
+        Z[:, -1] += 6 * ar1(np.random.default_rng(seed), 200, 0.9)
+        residuals = least_squares(Z[:, :-1], Z[:, -1]).residuals
+        r = (residuals[:-1] @ residuals[1:] / 199) / (residuals @ residuals / 200)
+        chosen = list(stepwise(compress(Z)))
+        assert chosen == by_full_refits(Z, float(200 * (1 - r) / (1 + r)))
+        differ += chosen != by_full_refits(Z, 200)
+    assert differ > 0
+
+
+def test_exact_fits_columns_of_nothing_and_too_few_readings() -> None:
+    rng = np.random.default_rng(1)
+    X, one = rng.normal(size=(30, 5)) + 20, np.ones(30)
+    Z = np.column_stack([one, X, 2 * X[:, 1] - X[:, 3] + 4])
+    assert stepwise(independent(Z)) == (2, 4)
+    # What is left of a slow column is rounding, which may follow itself: it must not hide it.
+    x = np.linspace(20.0, 26.0, 500)
+    for slope in np.geomspace(1e-5, 1e3, 10):
+        assert stepwise(compress(np.column_stack([np.ones(500), x, slope * x + 0.3]))) == (1,)
+    for columns in ([one, X[:, 0]], [one, X[:, 0], 3 * one], [one, 7 * one, X[:, 0]]):
+        assert stepwise(compress(np.column_stack(columns))) == ()
+    for n in (1, 2):
+        assert stepwise(compress(np.array([[1.0, 1, 1], [1, 2, 4]])[:n])) == ()
+
+
+def test_effective_number_limits() -> None:
+    found = [effective_number(50, r) for r in (-0.4, 0.5, 1.0, 1.7)]
+    assert found == pytest.approx([50, 50 / 3, 1, 1])
+    assert effective_number(2, 0.9) == 1
+
+
+def test_error_rate_on_noise_that_follows_itself() -> None:
+    """A slow column and noise that it has nothing to do with: 5 % may enter, not half of them.
+
+    The autocorrelation is estimated, so that the rate is near its nominal value only; the
+    number of readings alone would let far more in.
+    """
+    rng = np.random.default_rng(6)
+    n, draws, entered, naive = 300, 400, 0, 0
+    for _ in range(draws):
+        Z = np.column_stack([np.ones(n), ar1(rng, n, 0.99), ar1(rng, n, 0.8)])
+        entered += len(stepwise(compress(Z)))
+        naive += len(stepwise(independent(Z)))
+    error = np.sqrt(0.05 * 0.95 / draws)
+    assert 0.05 - 4 * error < entered / draws < 0.08 + 4 * error
+    assert naive / draws > 0.3
