@@ -315,8 +315,8 @@ def check_outputs(inputs: Inputs) -> None:
             files.append(file)
             taken = any(role not in own and same(file, other) for role, other in named)
             place = {"file": given_path(file), "expected": "another name"}
-            if reason := "it is an input" if taken else _held(options.command, name, file):
-                problems.append(finding("not-overwritten", reason=reason, **place))
+            if why := "it is an input" if taken else _held(options.command, name, file):
+                problems.append(finding("not-overwritten", reason=why, **place))
         ending, endings = path.suffix.lower(), WRITTEN[name].endings
         if endings and ending not in endings and (path.is_file() or not os.path.exists(path)):
             kind = ending or "a file without an ending"
