@@ -99,7 +99,7 @@ class Inputs:
         from mtu_cli.formats.instruments import KIND_OF
 
         study = self.study
-        stated = (study and study.instruments.get(path)) or Instrument(file=path.name)
+        stated = (study and study.instruments.get(path)) or Instrument(file="-")
         names = {file: name for name, file in map(named_file, self._paths(role))}
         # Where neither says so, the component that the call is about.
         asked = self.options.values.get("component") or (None,)
