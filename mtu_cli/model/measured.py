@@ -140,7 +140,7 @@ def no_shared_axis(model: MachineModel, points: Points, measured: Sequence[int])
 
 def not_measured(predicted: Sequence[str], points: Points) -> list[Finding]:
     """Of axes with an equation along which no point was measured: nothing is judged there."""
-    lost: BoolArray = np.isnan(points.measured).all(axis=0)
+    lost = np.asarray(np.isnan(points.measured).all(axis=0))
     return [
         finding(
             "axis-not-measured",
