@@ -17,7 +17,7 @@ import numpy as np
 from mtu_cli.files.traces import Trace, Traces
 from mtu_cli.findings import Finding, error, finding
 from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.serial import Block, serial_fit
+from mtu_cli.stats.serial import Block, SerialFit
 from mtu_cli.stats.threads import one_blas_thread
 from mtu_cli.units import UM
 
@@ -193,7 +193,7 @@ def joint_fit(traces: Traces, pitches: tuple[float, float] | None = None) -> Fit
         what, expected = f"{n} samples away from the reversals", "samples around the circle"
         raise error("too-little-data", what=what, expected=expected)
     with one_blas_thread():
-        fit = serial_fit(blocks, levels=False)
+        fit = SerialFit(blocks, levels=False)
     stated = fit.combinations(np.eye(p))
     beta, covariance = fit.transform @ fit.beta, fit.transform @ fit.covariance @ fit.transform.T
     left = [

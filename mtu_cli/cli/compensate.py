@@ -102,7 +102,7 @@ def compensate(inputs: Inputs, settings: Settings) -> Outcome:
         if table:
             made[table] = result.text.encode()
         if table and not control.comment:
-            beside = table.with_name(f"{table.name}{BESIDE['to_file']}")
+            beside = table.with_name(f"{table.name}{BESIDE['to_file'][0]}")
             written = " ".join(f"{name}={value}" for name, value in parameters.items() if value)
             notes = (control.says, frame.says, f"This table: {written}.")
             made[beside] = "".join(f"{note}\n" for note in notes).encode()
