@@ -110,7 +110,7 @@ class Inputs:
             kind=KIND_OF[role],
             component=component,
             unit=stated.unit or of_machine,
-            assumed=stated.unit is None,
+            whose_unit="the unit given" if stated.unit else "the component's unit",
             decimal=stated.decimal,
             directions=stated.directions,
             profile=study.source.path.parent / stated.map if study and stated.map else None,
