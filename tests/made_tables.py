@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from mtu_cli.files.points import Points
 from mtu_cli.files.readings import Readings
@@ -20,6 +21,13 @@ Column = Any
 def source(role: str) -> Source:
     """A file that is never opened."""
     return Source(role=role, path=Path(f"{role}.csv"), shown=f"{role}.csv", sha256="", rows=None)
+
+
+def remembering(rng: np.random.Generator, shape: int | tuple[int, ...], r: float) -> Any:
+    """Stationary noise of variance 1 along the first axis, with autocorrelation r^k."""
+    e = rng.standard_normal(shape)
+    e[1:] *= np.sqrt(1 - r**2)
+    return lfilter([1.0], [1.0, -r], e, axis=0)
 
 
 def made_readings(

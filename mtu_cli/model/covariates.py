@@ -64,16 +64,14 @@ def needed_covariates(
     Raises InputError for a covariate that is neither a column nor given, for its cells that are
     empty or no number, and for points without a coordinate that an equation needs.
     """
-    files = ", ".join(source.shown for source in points.sources)
+    files, asked = ", ".join(source.shown for source in points.sources), [*model.covariates()]
     problems = [
         problem.at(column=problem.facts["names"][0])
         for problem in missing_covariates(model, {*columns, *at}, list(columns), file=files)
     ]
-    needed = [*model.covariates()]
-    if any(drift.time_constants.any() for drift in model.drifts()):
-        needed.append(TIME)
-    values: Values = {name: at[name] for name in model.covariates() if name in at}
-    for name in needed:
+    values: Values = {name: at[name] for name in asked if name in at}
+    times = [TIME] if any(drift.time_constants.any() for drift in model.drifts()) else []
+    for name in (*asked, *times):
         if name in columns:
             values[name] = numbers_of(points, name, columns[name], problems)
     places = points.nominal
@@ -88,13 +86,13 @@ def needed_covariates(
     if problems:
         raise InputError(problems)
     reason = "the points have the column"
-    idle = [name for name in model.covariates() if name in columns and name in at]
+    idle = [name for name in asked if name in columns and name in at]
     warnings = [finding("not-used", what="--at", names=[name], reason=reason) for name in idle]
     return Needed(values=values, warnings=tuple(warnings))
 
 
-def _row(points: Points, i: int) -> dict[str, Any]:
-    return {"file": points.sources[points.file_index[i]].shown, "row": int(points.row[i])}
+def _row(measured: Points | Readings, i: int) -> dict[str, Any]:
+    return {"file": measured.sources[measured.file_index[i]].shown, "row": int(measured.row[i])}
 
 
 def numbers_of(
@@ -107,11 +105,10 @@ def numbers_of(
     """The column (n,) as numbers; cells of `rows` (all of them unless given) that are none
     become problems.
     """
-    texts = column.tolist() if column.dtype == object else None
-    result = np.array([number(text) for text in texts]) if texts else column.astype(np.float64)
+    result = _numbers(column)
     chosen = np.arange(len(result)) if rows is None else rows
     for i in chosen[~np.isfinite(result[chosen])][:LISTED_FAULTS].tolist():
-        text = texts[i] if texts else ""
+        text = column[i] if column.dtype == object else ""
         problems.append(
             finding(
                 "wrong-type" if text else "empty-cell",
@@ -125,12 +122,11 @@ def numbers_of(
     return result
 
 
-def number(text: str) -> float:
-    """nan where it is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")
+def _numbers(column: np.ndarray) -> FloatArray:
+    """nan where a text is none."""
+    import pandas as pd
+
+    return np.asarray(pd.to_numeric(column, errors="coerce"), np.float64)
 
 
 def rows_of(
@@ -160,6 +156,7 @@ every point is no chance: about one in four at each (2/3 of the density of a nor
 """
 DRAWN_MM = 0.1
 """The coarsest digit that a nominal place is written to."""
+MEASURED, NOMINAL = "what was measured", "the nominal place"
 
 
 def table_covariates(
@@ -187,22 +184,16 @@ def table_covariates(
 
 
 def _shown(measured: Points | Readings, rows: IntArray, chosen: BoolArray) -> str:
-    first = rows[int(chosen.argmax())]
-    return f"{measured.sources[measured.file_index[first]].shown}, row {measured.row[first]}"
+    place = _row(measured, int(rows[chosen.argmax()]))
+    return f"{place['file']}, row {place['row']}"
 
 
 def _smallest(column: FloatArray, cells: Cells) -> FloatArray:
-    everywhere = np.zeros(len(column), np.int64)
-    for code, shape in ((everywhere, (1, 1)), (cells.part, (-1, 1)), (cells.column, (1, -1))):
-        first = np.unique(code, return_index=True)[1]
-        if (column == column[first][code]).all():
-            return column[first].reshape(shape)
-    means = cells.means(column)
-    table = cells.table(means)
-    for axis in (1, 0):
+    table = cells.table(cells.means(column))
+    for axis in ((0, 1), (1,), (0,)):
         low, high = (f(table, axis=axis, keepdims=True) for f in (np.nanmin, np.nanmax))
-        if (high - low <= ROUNDING * np.abs(means).max()).all():
-            return low
+        if (high - low <= ROUNDING * np.nanmax(np.abs(table))).all():
+            return np.asarray(low)
     return np.where(np.isnan(table), np.nanmean(table, axis=1, keepdims=True), table)
 
 
@@ -252,8 +243,8 @@ def text_warnings(measured: Points | Readings) -> list[Finding]:
     texts = []
     for name, column in measured.covariates.items():
         if column.dtype == object:
-            cells = [text for text in map(str, column) if text]
-            words = [text for text in cells if np.isnan(number(text.replace(",", ".")))]
+            cells = np.array([text for text in map(str, column) if text], object)
+            words = cells[np.isnan(_numbers(np.char.replace(cells.astype(str), ",", ".")))]
             if len(words) > FEW_TEXTS * len(cells):
                 some = f" ({len(words)} of {len(cells)} cells, such as {words[0]!r})"
                 texts.append(repr(name) + some * (len(words) < len(cells)))
@@ -270,26 +261,20 @@ def without_repeated(points: Points, needed: Collection[str]) -> tuple[Points, l
     A column repeats what was measured where it is proportional to it at every point, to the last
     digit of both: in um, with the other sign, or as the diameter of a position.
     """
-    held: dict[str, dict[str, str]] = {MEASURED: {}, NOMINAL: {}}
     numeric = {k: x for k, x in points.covariates.items() if k not in needed and x.dtype != object}
     written = list(_written(points)) if numeric else []
-    for name, column in numeric.items():
-        repeated = [each for each in written if _repeats(column.astype(np.float64), *each[2:])]
-        for what, words, *_ in repeated[:1]:
-            held[what][name] = f"{name!r} ({words})"
-    warned = [
-        finding(
-            "not-tested", what="effects", items=list(own.values()), reason=f"they repeat {what}"
-        )
-        for what, own in held.items()
-        if own
-    ]
-    gone = {name for own in held.values() for name in own}
-    left = {name: column for name, column in points.covariates.items() if name not in gone}
-    return (replace(points, covariates=left) if gone else points), warned
-
-
-MEASURED, NOMINAL = "what was measured", "the nominal place"
+    repeated = {
+        name: found
+        for name, column in numeric.items()
+        if (found := next((x for x in written if _repeats(column.astype(float), *x[2:])), None))
+    }
+    warned = []
+    for what in (MEASURED, NOMINAL):
+        if own := [f"{name!r} ({x[1]})" for name, x in repeated.items() if x[0] == what]:
+            reason = f"they repeat {what}"
+            warned.append(finding("not-tested", what="effects", items=own, reason=reason))
+    left = {name: column for name, column in points.covariates.items() if name not in repeated}
+    return (replace(points, covariates=left) if repeated else points), warned
 
 
 def _written(points: Points) -> Iterator[tuple[str, str, FloatArray, float, float]]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -60,32 +59,28 @@ def followed(
     """Noise-free temperatures (n, s) every `step` min while the room is driven to `targets` (n,);
     room and sensors start settled at the reference.
     """
-    n = len(targets)
+    n, reference = len(targets), climate.reference
     times = np.arange(n, dtype=np.float64) * step
-    driven = np.concatenate([[climate.reference], targets[1:]])
-    room = _lagged(driven, times, climate.room_lag) + _wobble(
-        climate.room_wobble, n, step, stream(seed, _CLIMATE_STREAM, 1)
-    )
-    result = np.empty((n, len(sensors.names)))
-    for s, (lag, share) in enumerate(zip(sensors.lags, sensors.shares, strict=True)):
-        draught = _wobble(climate.sensor_wobble, n, step, stream(seed, _CLIMATE_STREAM, 2, s))
-        air = climate.reference + share * (room - climate.reference) + draught
-        result[:, s] = _lagged(air, times, float(lag))
-    return result
-
-
-def _lagged(signal: FloatArray, times: FloatArray, lag: float) -> FloatArray:
-    return first_order_lag(signal[:, None], times, np.array([lag]))[0, :, 0]
-
-
-def _wobble(deviation: float, n: int, step: float, rng: np.random.Generator) -> FloatArray:
-    """An Ornstein-Uhlenbeck process from 0: w_i = q w_(i-1) + sqrt(1 - q^2) deviation z_i."""
     q = np.exp(-step / WOBBLE_MEMORY_MIN)
-    kicks = deviation * np.sqrt(1.0 - q * q) * rng.standard_normal(max(n - 1, 0))
-    values = np.zeros(n)
-    for i, kick in enumerate(kicks, start=1):
-        values[i] = q * values[i - 1] + kick
-    return values
+
+    def lagged(signal: FloatArray, lag: float) -> FloatArray:
+        return first_order_lag(signal[:, None], times, np.array([lag]))[0, :, 0]
+
+    def wobble(deviation: float, *place: int) -> FloatArray:
+        """An Ornstein-Uhlenbeck process from 0: w_i = q w_(i-1) + sqrt(1 - q^2) deviation z_i."""
+        z = stream(seed, _CLIMATE_STREAM, *place).standard_normal(max(n - 1, 0))
+        values = [0.0]
+        for kick in (deviation * np.sqrt(1.0 - q * q) * z).tolist():
+            values.append(q * values[-1] + kick)
+        return np.array(values)
+
+    driven = lagged(np.concatenate([[reference], targets[1:]]), climate.room_lag)
+    room = driven + wobble(climate.room_wobble, 1)
+    air = [
+        reference + share * (room - reference) + wobble(climate.sensor_wobble, 2, s)
+        for s, share in enumerate(sensors.shares)
+    ]
+    return np.column_stack([lagged(T, lag) for T, lag in zip(air, sensors.lags, strict=True)])
 
 
 def settled(
@@ -162,14 +157,6 @@ class SimulatedDrift:
     sensors: Sensors
 
 
-class _Target(NamedTuple):
-    """Settled drifts `value` (places,) of a component in its unit, `G` (places, s) per degC."""
-
-    drift: ThermalEstimate
-    G: FloatArray
-    value: FloatArray
-
-
 def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> Sensors:
     """The sensors of all drifts; shares moved as little as it takes to keep the drifts sensible:
     with the seeded shares a0, gradients G (places, s) and rise R = high - reference the settled
@@ -184,66 +171,40 @@ def sensors_for(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -
     draws = np.array([stream(seed, _CLIMATE_STREAM, 0, s).random(2) for s in range(len(names))])
     low, high = climate.sensor_lag
     lags = low + (high - low) * draws[:, 0] if low <= 0 else low * (high / low) ** draws[:, 0]
-    drawn = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
+    drawn = shares = 1.0 + climate.sensor_spread * (2.0 * draws[:, 1] - 1.0)
     rise = climate.high - climate.reference
-    asked, within, beyond = [], [], []
+    targets = []
     for drift in drifts:
         scale, positions = drift.unit.to_internal, plan.positions[drift.component]
         G = np.zeros((len(positions), len(names)))
         place = np.zeros(len(positions)) if drift.degree == 0 else positions
         G[:, [names.index(sensor) for sensor in drift.sensors]] = drift.gradients(place).T / scale
         free, limit = rise * G @ drawn, plan.limits[drift.unit.dimension] / scale
+        value, rank = np.clip(free, -limit, limit), 1 + bool((np.abs(free) > limit).any())
         if drift.component in plan.settled:
-            asked.append(_Target(drift, G, plan.settled[drift.component] / scale))
-        elif (np.abs(free) <= limit).all():
-            within.append(_Target(drift, G, free))
-        else:
-            beyond.append(_Target(drift, G, np.clip(free, -limit, limit)))
-    _check_reached(asked, plan, drawn, rise)
-    kept = asked
+            value, rank = plan.settled[drift.component] / scale, 0
+        targets.append((rank, drift, G, value))
+    kept_G, kept = np.zeros((0, len(names))), np.zeros(0)
     # Limits come last: they may give way, and what is within them shall stay so.
-    for item in (*within, *beyond):
-        if _missed([*kept, item], drawn, rise)[1] <= 1.0:
-            kept = [*kept, item]
-    shares, _ = _missed(kept, drawn, rise)
+    for rank, drift, G, value in sorted(targets, key=lambda target: target[0]):
+        all_G, wanted = np.vstack([kept_G, G]), np.concatenate([kept, value])
+        moved = drawn
+        if rise != 0:
+            moved = drawn + np.linalg.pinv(all_G) @ (wanted / rise - all_G @ drawn)
+        missed = np.abs(rise * all_G @ moved - wanted).max()
+        if missed <= _REACHED * max(1.0, float(np.abs(wanted).max())):
+            kept_G, kept, shares = all_G, wanted, moved
+        elif rank == 0:
+            asked, near = (" ".join(f"{x:.4g}" for x in y) for y in (value, rise * G @ moved))
+            raise error(
+                "not-applicable",
+                reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC "
+                f"give {drift.component} the settled drift",
+                value=f"{drift.component}: {asked}",
+                expected=f"about {near} {drift.unit.name} (nearest to all that is asked): drifts "
+                "differ only where the gradients of the sensors do",
+            )
     return Sensors(names=names, lags=lags, shares=shares, twins=plan.twins)
-
-
-def _missed(
-    targets: Sequence[_Target], shares: FloatArray, rise: float
-) -> tuple[FloatArray, float]:
-    """The nearest shares (s,) that come closest to the targets; by how much they miss them."""
-    if not targets:
-        return shares, 0.0
-    G = np.concatenate([item.G for item in targets])
-    value = np.concatenate([item.value for item in targets])
-    moved = shares
-    if rise != 0:
-        moved = shares + np.linalg.pinv(G) @ (value / rise - G @ shares)
-    reach = _REACHED * max(1.0, float(np.abs(value).max()))
-    return moved, float(np.abs(rise * G @ moved - value).max()) / reach
-
-
-def _check_reached(
-    asked: Sequence[_Target], plan: DriftPlan, shares: FloatArray, rise: float
-) -> None:
-    """Refuses settled drifts that are asked for and undefined, naming the one missed by most."""
-    moved, missed = _missed(asked, shares, rise)
-    if missed <= 1.0:
-        return
-    drift, G, value = max(asked, key=lambda x: np.abs(rise * x.G @ moved - x.value).max())
-    found = rise * G @ moved
-    i, unit = int(np.argmax(np.abs(found - value))), drift.unit.name
-    position = plan.positions[drift.component][i]
-    at = "" if np.isnan(position) else f" at {position:g} mm"
-    raise error(
-        "not-applicable",
-        reason=f"--settled-drift: no shares of the sensors in the rise of {rise:.4g} degC give "
-        f"{drift.component} the settled drift{at}",
-        value=f"{drift.component}: {' '.join(f'{each:g}' for each in value)}",
-        expected=f"instead of {value[i]:g} {unit} about {found[i]:.4g} {unit} (nearest for all "
-        "that is asked): drifts differ only where the gradients of the sensors do",
-    )
 
 
 def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int) -> SimulatedDrift:
@@ -257,34 +218,38 @@ def simulate_drift(drifts: Sequence[ThermalEstimate], plan: DriftPlan, seed: int
     times = np.arange(count, dtype=np.float64) * plan.interval
     read = as_read(plan.climate, sensors, dict(zip(sensors.names, true.T, strict=True)), seed)
     kept = (np.arange(count) % period < plan.moments).nonzero()[0].reshape(plan.cycles, -1)
-    rows: list[tuple[str, str, float, FloatArray]] = []
+    rows: list[tuple[str, str, float]] = []
+    errors: list[FloatArray] = []
     for number, item in enumerate(drifts):
         # A drift follows a sensor's temperature, or its lag.
-        known = {
-            sensor: _lagged(true[:, sensors.names.index(sensor)], times, float(lag))
-            for sensor, lag in zip(item.sensors, item.time_constants, strict=True)
-        }
+        columns = true[:, [sensors.names.index(sensor) for sensor in item.sensors]]
+        lagged = first_order_lag(columns, times, item.time_constants).diagonal(axis1=0, axis2=2)
+        known = dict(zip(item.sensors, lagged.T, strict=True))
+        # What the model leaves, one draw a cycle, and the noise of every reading.
+        shape = plan.cycles, len(item.leftover)
+        draws = stream(seed, _DRIFT_STREAM, 0, number).standard_normal(shape)
+        noise = plan.noise[item.unit.dimension]
         for p, position in enumerate(plan.positions[item.component]):
-            errors = item.drift(np.full(count, np.nan_to_num(position)), known)
-            # What the model leaves at a position, one draw a cycle.
-            power = np.nan_to_num(position) ** np.arange(len(item.leftover))
-            draws = stream(seed, _DRIFT_STREAM, 0, number).standard_normal(
-                (plan.cycles, len(power))
-            )
-            leftover = draws @ (power @ covariance_root(item.leftover))
-            errors += leftover[np.arange(count) // period]
-            rng = stream(seed, _DRIFT_STREAM, 1, number, p)
-            errors += plan.noise[item.unit.dimension] * rng.standard_normal(count)
-            rows.append((item.component, item.unit.name, position, errors / item.unit.to_internal))
-    each = [(cycle, row) for cycle in range(plan.cycles) for row in rows]
-    n, at = kept.shape[1], np.concatenate([kept[cycle] for cycle, _ in each])
+            place = np.nan_to_num(position)
+            root = place ** np.arange(shape[1]) @ covariance_root(item.leftover)
+            error = item.drift(np.full(count, place), known)
+            error = error + (draws @ root)[np.arange(count) // period]
+            error += noise * stream(seed, _DRIFT_STREAM, 1, number, p).standard_normal(count)
+            rows.append((item.component, item.unit.name, position))
+            errors.append((error / item.unit.to_internal)[kept])
+    table = np.stack(errors, axis=1)
+    components, units, positions = (np.array(each) for each in zip(*rows, strict=True))
+
+    def spread(values: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(values, table.shape).ravel()
+
     return SimulatedDrift(
-        component=tuple(row[0] for _, row in each for _ in range(n)),
-        unit=tuple(row[1] for _, row in each for _ in range(n)),
-        position=np.repeat([row[2] for _, row in each], n),
-        cycle=np.repeat([cycle + 1 for cycle, _ in each], n),
-        time=times[at],
-        error=np.concatenate([row[3][kept[cycle]] for cycle, row in each]),
-        temperatures={name: values[at] for name, values in read.items()},
+        component=tuple(spread(components[:, None]).tolist()),
+        unit=tuple(spread(units[:, None]).tolist()),
+        position=spread(positions[:, None]),
+        cycle=spread(np.arange(plan.cycles)[:, None, None] + 1),
+        time=spread(times[kept][:, None]),
+        error=table.ravel(),
+        temperatures={name: spread(values[kept][:, None]) for name, values in read.items()},
         sensors=sensors,
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from mtu_cli.findings import Finding, finding, listed
@@ -25,17 +23,22 @@ SLACK = 0.05
 
 def _by_sensor(
     model: MachineModel, points: FloatArray, levers: FloatArray, *, noise: bool
-) -> Iterator[tuple[str, float, FloatArray]]:
-    """Of every drift: sensor, its lag in min, and dE/dT (rows,), with `noise` times u(T)."""
+) -> dict[str, dict[float, FloatArray]]:
+    """dE/dT (rows,) by sensor and lag in min, over all drifts; with `noise` times u(T)."""
     place, n = places(model, points), len(points)
-    for t, drift in ((t, term.drift) for t, term in enumerate(model.terms)):
+    result: dict[str, dict[float, FloatArray]] = {}
+    for lever, drift in zip(levers.T, (term.drift for term in model.terms), strict=True):
         if drift is None:
             continue
         gradients = drift.gradients(np.zeros(n) if drift.of is None else place[drift.of])
-        for s, sensor in enumerate(drift.sensors):
-            each = gradients[s] * (float(drift.sensor_u[s]) if noise else 1.0)
-            column = levers[:, t] * np.repeat(each, len(levers) // max(n, 1))
-            yield sensor, float(drift.time_constants[s]), column
+        gradients = gradients * (drift.sensor_u[:, None] if noise else 1.0)
+        for sensor, tau, each in zip(
+            drift.sensors, drift.time_constants.tolist(), gradients, strict=True
+        ):
+            column = lever * np.repeat(each, len(levers) // max(n, 1))
+            by_lag = result.setdefault(sensor, {})
+            by_lag[tau] = by_lag.get(tau, 0.0) + column
+    return result
 
 
 def temperature_gradients(
@@ -46,10 +49,8 @@ def temperature_gradients(
     `points` (n, 3), `levers` (rows, terms) as `design` gives them. With `noise` times u(T_s), in
     mm: what one standard uncertainty of a reading does to the errors once they have settled.
     """
-    result: dict[str, FloatArray] = {}
-    for sensor, _, column in _by_sensor(model, points, levers, noise=noise):
-        result[sensor] = result.get(sensor, 0.0) + column
-    return result
+    found = _by_sensor(model, points, levers, noise=noise)
+    return {sensor: np.sum([*by_lag.values()], axis=0) for sensor, by_lag in found.items()}
 
 
 def temperature_blocks(
@@ -62,35 +63,32 @@ def temperature_blocks(
     readings comes through it as they do, and rows near in time are wrong together. With R
     (n, K) the readings of the rows, sensor s of noise u_s adds F F', F = diag(dE/dT_s) u_s L R.
     """
-    n, a, times = len(points), len(model.axes), row_times(covariates)
-    columns: dict[str, dict[float, FloatArray]] = {}
-    for sensor, tau, column in _by_sensor(model, points, levers, noise=True):
-        by_lag = columns.setdefault(sensor, {})
-        by_lag[tau] = by_lag.get(tau, 0.0) + column
-    given = [np.asarray(covariates[sensor], float) for sensor in sensors_of(model)]
-    each, which = [column for column in given if column.ndim], np.zeros(n, np.int64)
+    n, times = len(points), row_times(covariates)
+    each = [np.asarray(covariates[sensor], float) for sensor in sensors_of(model)]
+    each = [column for column in each if column.ndim]
+    which, result = np.zeros(n, np.int64), list[Block]()
     if each:
         which = np.unique(np.column_stack(each), axis=0, return_inverse=True)[1].reshape(-1)
-    result = []
-    for sensor, by_lag in columns.items():
-        R = np.ones((n, 1))
-        if np.ndim(covariates[sensor]):
-            R = np.eye(int(which.max()) + 1)[which]
+    for sensor, by_lag in _by_sensor(model, points, levers, noise=True).items():
         live = {tau: column for tau, column in by_lag.items() if column.any()}
-        lags, K = np.array(list(live)), R.shape[1]
-        through = np.broadcast_to(R, (len(live), n, K))
-        if times is not None and K > 1 and lags.any():
-            order = np.argsort(times, kind="stable")
-            through = np.empty((len(live), n, K))
-            through[:, order] = first_order_lag(R[order], times[order], lags)
-        elif K == n > 1 and live:
-            # Every row has a reading of its own.
-            result.append(normal_block(sensor, np.sum([*live.values()], axis=0), of_part=True))
+        readings = int(which.max()) + 1 if np.ndim(covariates[sensor]) else 1
+        lagged = times is not None and readings > 1 and any(live)
+        if not live:
             continue
-        parts = zip(live.values(), through, strict=True)
-        F = sum((g[:, None] * np.repeat(own, a, axis=0) for g, own in parts), np.zeros((n * a, K)))
-        if live:
-            result.append(normal_block(sensor, F, of_part=True))
+        if readings == n > 1 and not lagged:
+            # Every row has a reading of its own.
+            F = np.sum([*live.values()], axis=0)
+        else:
+            R = np.eye(readings)[which if readings > 1 else np.zeros(n, np.int64)]
+            through = np.broadcast_to(R, (len(live), n, readings))
+            if times is not None and lagged:
+                order = np.argsort(times, kind="stable")
+                through = np.empty((len(live), n, readings))
+                through[:, order] = first_order_lag(R[order], times[order], np.array([*live]))
+            F = np.zeros((len(levers), readings))
+            for column, own in zip(live.values(), through, strict=True):
+                F += column[:, None] * np.repeat(own, len(levers) // n, axis=0)
+        result.append(normal_block(sensor, F, of_part=True))
     return result
 
 

@@ -1,5 +1,5 @@
-"""Very many rows through small matrices that hold all that least squares needs of them, and how
-residuals of such rows follow each other.
+"""Regression on very many rows through small matrices that hold all that least squares needs of
+them: how their residuals follow each other, ridge paths, forward-backward selection.
 """
 
 from __future__ import annotations
@@ -8,8 +8,22 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import fdtrc
 
-from mtu_cli.stats.least_squares import RANK_TOLERANCE, FloatArray, triangle
+from mtu_cli.stats.least_squares import (
+    RANK_TOLERANCE,
+    FloatArray,
+    least_squares,
+    shortened,
+    triangle,
+)
+
+ENTER = 0.05
+REMOVE = 0.10
+_ROUNDING = 1e-24
+"""Share of the squares that cancel in residuals below which these are rounding alone."""
+_NOTHING_LEFT = 1e-12
+"""Share of a column, or of the sum of squares, below which only rounding is left."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +85,6 @@ def together(items: Sequence[Compressed]) -> Compressed:
     )
 
 
-_ROUNDING = 1e-24
-"""Share of the squares that cancel in residuals below which these are rounding alone."""
-
-
 def mean_products(pieces: Iterable[tuple[Compressed, FloatArray]]) -> tuple[float, float]:
     """Mean e_i^2 and mean e_i e_(i+1) of the residuals e = Z w of several pieces (Z, w (k,)).
 
@@ -105,3 +115,94 @@ def effective_number(n: int, autocorrelation: float) -> float:
     """
     r = min(max(autocorrelation, 0.0), 1.0)
     return max(n * (1 - r) / (1 + r), 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class RidgePath:
+    """b (l, k) along a path of l penalties: `directions` (k, rank) times `gains` (l, rank) times
+    the target's coordinates; `effective` (l,) is the trace of the hat matrix.
+    """
+
+    coefficients: FloatArray
+    effective: FloatArray
+    directions: FloatArray
+    gains: FloatArray
+
+    def unit_covariance(self, index: int) -> FloatArray:
+        """(X'X + P)^-1 X'X (X'X + P)^-1 (k, k): of b for errors of variance 1, given P."""
+        root = self.directions * self.gains[index]
+        return root @ root.T
+
+
+def ridge(X: FloatArray, y: FloatArray, n: int, penalties: FloatArray) -> RidgePath:
+    """Minimises |y - X b|^2 / n + penalty * sum (s_j b_j)^2 for each of the penalties.
+
+    X (r, k) and y (r,) are about their means; s_j is the standard deviation of column j, so that
+    units do not matter. The r rows may be the compressed ones of n readings. Hoerl & Kennard 1970,
+    Technometrics 12, 55-67, by singular values. Penalty 0 is ordinary least squares, of least norm
+    where columns depend on each other; a column of zeros gets 0.
+    """
+    scale = np.linalg.norm(X, axis=0) / np.sqrt(n)
+    divisor = np.where(scale > 0, scale, np.inf)
+    U, singular, Vt = np.linalg.svd(X / divisor, full_matrices=False)
+    kept = singular > RANK_TOLERANCE * singular.max(initial=0.0)
+    singular, directions = singular[kept], Vt[kept].T / divisor[:, None]
+    gains = singular / (singular**2 + n * np.asarray(penalties, float)[:, None])
+    b = (gains * (U[:, kept].T @ y)) @ directions.T
+    return RidgePath(b, (gains * singular).sum(axis=1), directions, gains)
+
+
+def stepwise(rows: Compressed, enter: float = ENTER, remove: float = REMOVE) -> tuple[int, ...]:
+    """The chosen of the columns 1 ... k-2; column 0 is the constant, the last one the target.
+
+    Forward-backward selection by the partial F of each column (Draper & Smith, Applied
+    Regression Analysis, 1998, ch. 15): the best one enters at p < `enter`, any whose p rises
+    above `remove` leaves again. Residuals of one warm-up follow each other, so that n counts
+    with the effective number of independent ones (`effective_number`), by the autocorrelation of
+    the residuals on all columns: those on few columns hold the drift itself and would let nothing
+    enter.
+    """
+    # Steps cost less by a factor of no more rows than columns.
+    Z = shortened(rows.factor)
+    everything = least_squares(Z[:, :-1], Z[:, -1]).coefficients
+    residuals = replace(rows, factor=Z), np.append(-everything, 1.0)
+    number = effective_number(rows.n, autocorrelation([residuals]))
+    least = _NOTHING_LEFT * float(Z[:, -1] @ Z[:, -1])
+
+    def p(count: int, gain: float, before: float) -> float:
+        """Of the F by which one of `count` columns lowers the sum of squares `before`."""
+        dof, left = number - count - 1, before - gain
+        if dof <= 0 or before <= least:
+            return 1.0
+        return float(fdtrc(1, dof, gain / left * dof)) if left > _NOTHING_LEFT * before else 0.0
+
+    chosen: list[int] = []
+    seen = set[frozenset[int]]()
+    # A set of columns that was there before would come back for ever.
+    while frozenset(chosen) not in seen:
+        seen.add(frozenset(chosen))
+        others = [j for j in range(1, Z.shape[1] - 1) if j not in chosen]
+        gains, before = _gains(Z, chosen, others)
+        if not others or p(len(chosen) + 1, float(gains.max()), before) >= enter:
+            break
+        chosen.append(others[int(np.argmax(gains))])
+        while len(chosen) > 1:
+            fit = least_squares(Z[:, [0, *chosen]], Z[:, -1])
+            loss = fit.coefficients[1:] ** 2 / np.diag(fit.unscaled_covariance)[1:]
+            weakest = float(loss.min())
+            if p(len(chosen), weakest, fit.rss + weakest) <= remove:
+                break
+            del chosen[int(np.argmin(loss))]
+    return tuple(sorted(chosen))
+
+
+def _gains(Z: FloatArray, chosen: list[int], others: list[int]) -> tuple[FloatArray, float]:
+    """What each of the others takes off the sum of squares that the chosen leave, and that sum."""
+    p = len(chosen) + 1
+    # R of constant, chosen, others, target: what the chosen leave of the rest is below them.
+    R = triangle(Z[:, [0, *chosen, *others, -1]])
+    left, residual = R[p:, p:-1], R[p:, -1]
+    squares = np.sum(left**2, axis=0)
+    usable = squares > _NOTHING_LEFT * np.sum(R[:, p:-1] ** 2, axis=0)
+    gains = np.where(usable, (left.T @ residual) ** 2 / np.where(usable, squares, 1.0), 0.0)
+    return gains, float(residual @ residual)

@@ -1,18 +1,27 @@
 """`mtu thermal-fit`: rates on simulated drift tests, and speed on ten million rows of 16 sensors.
 
-`MTU_THERMAL_SETS` drift tests of each kind (see thermal_sets).
+`MTU_THERMAL_SETS` drift tests of each kind.
 """
 
 from __future__ import annotations
 
 import json
 import os
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from thermal_sets import KINDS, row
+from made_tables import made_readings, remembering
+from numpy.typing import NDArray
 from watched_process import against_pandas
+
+from mtu_cli.analyses.thermal_fit import METHODS, thermal_fit
+from mtu_cli.analyses.thermal_fit.result import ComponentDrift
+from mtu_cli.files.readings import Readings
+from mtu_cli.stats.lag import first_order_lag
+
+Floats = NDArray[np.float64]
 
 ROWS = 10_000_000
 RUNS = 2
@@ -21,6 +30,111 @@ SENSORS = [f"T_{s:02d}_degC" for s in range(1, 17)]
 SETS = int(os.environ.get("MTU_THERMAL_SETS", "12"))
 SIGMAS = 3.0
 """Of the binomial scatter of a rate of so many sets."""
+
+STEP_MIN = 5.0
+NAMES = ("T_a_degC", "T_b_degC", "T_c_degC")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of drift test: sensors a and b correlate at `r`; `memory` of noise of share `slow`;
+    `lag_min` of the sensors (one of them in each set); `zeroed` in every cycle.
+    """
+
+    r: float = 0.8
+    cycles: int = 5
+    n: int = 40
+    noise_um: float = 0.3
+    memory: float = 0.0
+    slow: float = 0.0
+    lag_min: float = 0.0
+    zeroed: bool = False
+
+
+KINDS = {
+    "zeroed": Kind(zeroed=True),
+    "zeroed, memory": Kind(zeroed=True, memory=0.9, slow=0.6),
+    "r 0.95": Kind(r=0.95),
+    "r 0.99": Kind(r=0.99),
+    "r 0.999": Kind(r=0.9985),
+    "lags": Kind(lag_min=45.0),
+    "memory": Kind(memory=0.9, slow=0.6),
+    "memory, r 0.95": Kind(r=0.95, memory=0.9, slow=0.6),
+    "memory, twelve cycles": Kind(r=0.9, memory=0.95, slow=0.8, cycles=12),
+}
+
+
+def drift_test(rng: np.random.Generator, kind: Kind) -> tuple[Readings, Floats]:
+    """A drift test and its true gradients (3,) in um per degC."""
+    truth = rng.normal(0, 2, 3)
+    lags = np.zeros(3)
+    if kind.lag_min:
+        lags[rng.integers(3)] = kind.lag_min * rng.uniform(0.6, 1.6)
+    T, y, cycle = [], [], []
+    for c in range(kind.cycles):
+        t = STEP_MIN * np.arange(kind.n, dtype=np.float64)
+        room = rng.uniform(4, 8) * (1 - np.exp(-t / 30.0))
+        room = room if c % 2 == 0 else room[-1] - room
+        a = room + 0.8 * remembering(rng, kind.n, 0.9)
+        b = a + float(np.std(a)) * np.sqrt(1 / kind.r**2 - 1) * remembering(rng, kind.n, 0.9)
+        slow = np.exp(-t / 120.0) if c % 2 else 1 - np.exp(-t / 120.0)
+        own = np.column_stack([a, b, 5 * slow + 0.8 * remembering(rng, kind.n, 0.9)])
+        own += rng.normal(0, 1.0)
+        seen = first_order_lag(own, t, lags).diagonal(axis1=0, axis2=2)
+        noise = np.sqrt(kind.slow) * remembering(rng, kind.n, kind.memory)
+        noise += np.sqrt(1 - kind.slow) * rng.standard_normal(kind.n)
+        T.append(20 + own + 0.01 * rng.standard_normal(own.shape))
+        y.append(seen @ truth + kind.noise_um * noise)
+        cycle += [c] * kind.n
+    number = np.array(cycle)
+    readings = made_readings(
+        1e-3 * np.concatenate(y), ("d",), cycle=number, role="drift",
+        time=STEP_MIN * np.arange(len(cycle)) + 1440.0 * number,
+        covariates=dict(zip(NAMES, np.vstack(T).T, strict=True)),
+    )  # fmt: skip
+    return readings, truth
+
+
+def fitted(readings: Readings, method: str = "auto") -> ComponentDrift:
+    """As the command fits it."""
+    fit = thermal_fit(readings, {"d": (None, "um")}, reference=20.0, method=method)
+    return fit.components["d"]
+
+
+def row(kind: Kind, sets: int, seed: int) -> dict[str, float]:
+    """Means over drift tests of a kind: coverage of separable gradients (and their number), whether
+    some are inseparable, held-out rms over that of the unzeroed test and over the best single
+    model's, whether cycles have offsets.
+    """
+    covered: list[bool] = []
+    rows: list[list[float]] = []
+    for rng in np.random.default_rng(seed).spawn(sets):
+        free, truth = drift_test(rng, kind)
+        given = free
+        if kind.zeroed:
+            _, first, which = np.unique(free.cycle, return_index=True, return_inverse=True)
+            given = replace(free, error=free.error - free.error[first][which])
+        item, by_name = fitted(given), dict(zip(NAMES, 1e-3 * truth, strict=True))
+        together = {sensor for group in item.inseparable for sensor in group.sensors}
+        covered += [
+            own.interval[0] <= by_name[own.sensors[0]] <= own.interval[1]
+            for own in item.gradients
+            if own.sensors[0] not in together and own.interval is not None
+        ]
+        after, unzeroed, *singles = (
+            x.held_out.after if x.held_out else np.nan
+            for x in (
+                item,
+                fitted(free) if kind.zeroed else item,
+                *(fitted(given, method) for method in METHODS[1:]),
+            )
+        )
+        figures = bool(item.inseparable), after / unzeroed, after / min(singles), item.offsets
+        rows.append([float(x) for x in figures])
+    names = ("inseparable", "to_unzeroed", "to_single", "offsets")
+    means = dict(zip(names, np.mean(rows, axis=0).tolist(), strict=True))
+    coverage = float(np.mean(covered)) if covered else np.nan
+    return means | {"gradients": len(covered), "coverage": coverage}
 
 
 def least(rate: float, count: float) -> float:

@@ -21,7 +21,7 @@ import pytest
 from scipy.special import chdtrc
 from test_strd_linear import LONGLEY, REFERENCES, agreeing_digits
 
-from mtu_cli.stats.compressed import autocorrelation, compress, together
+from mtu_cli.stats.compressed import autocorrelation, compress, ridge, stepwise, together
 from mtu_cli.stats.least_squares import FloatArray, least_squares
 from mtu_cli.stats.residuals import (
     _of_kurtosis,
@@ -29,8 +29,6 @@ from mtu_cli.stats.residuals import (
     condition_number,
     variance_inflation,
 )
-from mtu_cli.stats.ridge import ridge
-from mtu_cli.stats.stepwise import stepwise
 
 HALD = np.array(
     [

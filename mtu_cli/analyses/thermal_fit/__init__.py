@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.choice import FEWEST_NESTED, choose, held_out
-from mtu_cli.analyses.thermal_fit.design import Design, about_means, designs, sensors_of
-from mtu_cli.analyses.thermal_fit.models import Fitted, fit
+from mtu_cli.analyses.thermal_fit.design import Design, about_means, sensors_of
+from mtu_cli.analyses.thermal_fit.models import Fitted
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, Curve, ThermalFit
 from mtu_cli.analyses.thermal_fit.uncertainty import (
     estimate,
@@ -48,15 +48,21 @@ def thermal_fit(
     Raises InputError without sensors, or where the readings of a component are not more than what
     is fitted to them.
     """
+    import pandas as pd
+
     sensors = sensors_of(readings)
     share, warnings = 1.0, list[Finding]()
     result: dict[str, ComponentDrift] = {}
     lagged = method in ("auto", "lagged")
-    for design in designs(readings, sensors, reference, lagged=lagged, zeroed=zeroed):
+    for code in pd.unique(readings.code):
+        rows = np.flatnonzero(readings.code == code)
+        design = Design(readings, rows, sensors, reference, lagged=lagged, zeroed=zeroed)
         of, unit = None, "um" if design.dimension == LENGTH else "arcsec"
         if components is not None:
             of, unit = components[design.name]
-        fitted = _fitted(design, method)
+        fitted = Fitted(design, design.every_cycle, choose(design, design.blocks, method))
+        if len(design.y) - fitted.parameters < 1 - _ROUNDING_OF_COUNT:
+            raise _too_few(fitted)
         own = noise_share(fitted, sensor_noise(design))
         result[design.name] = drift = _component(fitted, method, own, of, unit)
         share = min(share, own)
@@ -78,33 +84,17 @@ def thermal_fit(
     )
 
 
-def _fitted(design: Design, method: str) -> Fitted:
-    """The model that all cycles choose.
-
-    Raises InputError for fewer readings than any model needs, or where it goes through all of them.
-    """
-    n, rows = len(design.y), design.rows(design.every_cycle)
-    levels = sum(item.levels for item in rows.values())
-    if n < levels + 2:
-        where = "position and cycle" if design.offsets else "position"
-        what = "a level" if levels == 1 else f"a level at each {where} ({levels})"
-        raise _too_few(design, f"{what} and the gradient of one sensor", f"at least {levels + 2}")
-    result = fit(design, design.every_cycle, choose(design, design.blocks, method))
-    if n - result.parameters < 1 - _ROUNDING_OF_COUNT:
-        kind, count = result.spec.kind, result.coefficients.size
-        # Sensors that depend on each other need fewer.
-        enough = f"{len(design.positions) + count + 1} (these are always enough)"
-        enough += "" if kind == "stepwise" else ", or --model stepwise"
-        raise _too_few(design, f"the {kind} model of {count} gradients", enough)
-    return result
-
-
-def _too_few(design: Design, what: str, enough: str) -> InputError:
+def _too_few(found: Fitted) -> InputError:
+    design, kind, count = found.design, found.spec.kind, found.coefficients.size
+    levels = sum(item.levels for item in design.rows(design.every_cycle).values())
+    of = f"{counted(levels, 'level')} and {counted(count, 'gradient')}"
     return error(
         "too-little-data",
-        what=f"{counted(len(design.y), 'reading')} of {design.name} for {what}",
+        what=f"{counted(len(design.y), 'reading')} of {design.name} for the {kind} model of {of}",
         file=design.file,
-        expected=f"{enough}: one more than is fitted gives the uncertainty",
+        # Sensors that depend on each other need fewer.
+        expected=f"{levels + count + 1} (always enough): one more than is fitted gives the "
+        "uncertainty",
     )
 
 
@@ -119,7 +109,8 @@ def _component(
     places = [*design.runs.values()] if design.offsets else design.places
     residual, drift = about_means(y - modelled, places), about_means(y, places)
     before, after = float(np.mean(drift**2)), float(np.mean(residual**2))
-    lag1 = found.autocorrelation
+    square, lag = found.mean_products(design.every_cycle)
+    lag1 = lag / square if square > 0 else 0.0
     sensor_u, curves = sensor_noise(design), []
     for (p, c), run in design.runs.items():
         shown = slice(run.start, run.stop, max(1, -(-(run.stop - run.start) // MOST_POINTS)))

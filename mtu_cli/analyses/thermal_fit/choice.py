@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.analyses.thermal_fit.models import Spec, fit
+from mtu_cli.analyses.thermal_fit.models import Fitted, Spec
 from mtu_cli.analyses.thermal_fit.result import HeldOut
 
 KINDS = ("stepwise", "ridge", "lagged")
@@ -81,7 +81,7 @@ def _best(design: Design, blocks: Blocks, kind: str, spec: Spec) -> Scored:
     penalties = np.zeros(1) if kind == "stepwise" else PENALTIES
     total, squares = np.zeros(len(penalties)), 0.0
     for block, others in folds(blocks):
-        total = total + fit(design, others, spec, penalties).sum_of_squares(block)
+        total = total + Fitted(design, others, spec, penalties).sum_of_squares(block)
         own = design.rows(block).values()
         squares += sum(float(item.factor[:, -1] @ item.factor[:, -1]) for item in own)
     total = np.where(total > ROUNDING * squares, total, 0.0)
@@ -135,7 +135,7 @@ def _searched(design: Design, blocks: Blocks, degree: int) -> Scored:
     # Sensors that warm together hide whose the lag is: single changes alone may get stuck.
     for start in dict.fromkeys((0, int(np.argmin([item.score for item in common])))):
         best = common[start]
-        shares = fit(design, every, best.spec).group_shares(every)
+        shares = Fitted(design, every, best.spec).group_shares(every)
         for j in np.argsort(-shares, kind="stable")[:SENSORS_SEARCHED].tolist():
             for lag in constants:
                 other = changed(best, j, lag)
@@ -162,5 +162,5 @@ def held_out(design: Design, method: str) -> HeldOut | None:
         # A penalty without end leaves the levels alone.
         still, ordinary = Spec("ridge", 0, none, np.inf), Spec("ridge", design.most_degree, none)
         for i, spec in enumerate((still, choose(design, rest, method), ordinary)):
-            losses[i] += fit(design, others, spec).sum_of_squares(block)
+            losses[i] += Fitted(design, others, spec).sum_of_squares(block)
     return HeldOut(*np.sqrt(losses / len(design.y)).tolist())

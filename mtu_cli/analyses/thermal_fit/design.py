@@ -4,8 +4,7 @@ sensors, or groups of them, with and without lag. Fits are to compressed rows of
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from functools import cached_property
 from itertools import pairwise
 
@@ -51,14 +50,14 @@ Pieces = dict[tuple[int, int], Compressed]
 """Compressed rows by (position index, cycle index)."""
 
 
-@dataclass(frozen=True, kw_only=True)
 class Design:
     """Readings of one component by position, by cycle as these follow each other, and by time, or
     in the order of the file where times are not given; what its models are made of.
 
     `positions` (mm, ascending; (None,) without an axis), `cycles`; `places` and `runs` are the rows
-    of each position, and by the indices of position and cycle. `T` (n, s) degC, `span` (s, 2) their
-    ranges, `time` (n,) min (nan: not given). Of the readings `read` every `every`-th is here.
+    of each position, and by the indices of position and cycle. `y` (n,) mm or rad, `still` where
+    they do not differ; `T` (n, s) degC, `span` (s, 2) their ranges, `time` (n,) min (nan: not
+    given). Of the readings `read` every `every`-th is here.
 
     `groups` are tuples of sensors, `average` (s, g) their means. `Z` (n, 2 + k g) are the rows 1,
     columns, reading: column 1 + c g + j is the rise of group j above the reference, degC, with the
@@ -66,40 +65,107 @@ class Design:
     Where cycles have `offsets` of their own (`by`: setting, first readings or test), all columns of
     the `pieces` count from their means there, which frees them of these (Frisch-Waugh), in fits and
     in held-out cycles alike. `known` and `selected` keep rows and stepwise selections of cycles.
+
+    Lagged columns are made where `lagged` is asked for and times are known. `zeroed`: cycle (an
+    offset each), never, or auto.
     """
 
-    name: str
-    dimension: int
-    file: str | None
-    positions: tuple[float | None, ...]
-    cycles: tuple[str, ...]
-    places: tuple[slice, ...]
-    runs: Mapping[tuple[int, int], slice]
-    T: FloatArray
-    span: FloatArray
-    time: FloatArray
-    read: int
-    every: int
-    sensors: tuple[str, ...]
-    reference: float
-    groups: tuple[tuple[str, ...], ...]
-    average: FloatArray
-    step: float
-    time_constants: FloatArray
-    Z: FloatArray
-    still: bool
-    offsets: bool
-    by: str
-    pieces: Pieces
-    known: dict[frozenset[int], Rows] = field(default_factory=dict)
-    selected: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = field(
-        default_factory=dict
-    )
+    def __init__(
+        self,
+        readings: Readings,
+        rows: IntArray,
+        sensors: tuple[str, ...],
+        reference: float,
+        *,
+        lagged: bool,
+        zeroed: str,
+    ) -> None:
+        import pandas as pd
 
-    @property
-    def y(self) -> FloatArray:
-        """The readings (n,), mm or rad."""
-        return self.Z[:, -1]
+        columns = [readings.covariates[sensor].astype(float, copy=False) for sensor in sensors]
+        self.span = np.array([(T[rows].min(), T[rows].max()) for T in columns])
+        self.read, self.every = len(rows), -(-len(rows) // MOST_ROWS)
+        if self.every > 1:
+            keys = [readings.position_mm[rows], readings.cycle[rows]]
+            count = pd.Series(rows).groupby(keys, dropna=False).cumcount().to_numpy()
+            rows = rows[count % self.every == 0]
+        rows = self._sort(readings, rows)
+        files = np.unique(readings.file_index[rows]).tolist()
+        self.name = readings.components[int(readings.code[rows[0]])]
+        self.dimension = int(readings.dimension[rows[0]])
+        self.file = readings.sources[files[0]].shown if len(files) == 1 else None
+        self.sensors, self.reference = sensors, reference
+        self.y, self.time = (x[rows].astype(float) for x in (readings.error, readings.time_min))
+        self.T = np.column_stack([column[rows] for column in columns])
+        left = float(np.linalg.norm(about_means(self.y, self.places)))
+        self.still = left <= ROUNDING * float(np.linalg.norm(self.y))
+        # Sensors that never move hold no information, and of readings that do not none has any.
+        moving = np.flatnonzero((np.ptp(self.span, axis=1) > 0) & (not self.still)).tolist()
+        groups = _alike(about_means(self.T, self.places), moving)
+        self.groups = tuple(tuple(sensors[s] for s in group) for group in groups)
+        self.average = np.zeros((len(sensors), len(groups)))
+        for j, group in enumerate(groups):
+            self.average[[*group], j] = np.array([*group.values()]) / len(group)
+        self.step, self.time_constants = 0.0, np.zeros(1)
+        if lagged and not np.isnan(self.time).any():
+            self._lags()
+        self.Z = self._columns()
+        self.pieces = {key: compress(self.Z[part]) for key, part in self.runs.items()}
+        self.offsets, self.by = False, "test" if zeroed == "auto" else "setting"
+        if zeroed != "never" and len(self.cycles) > 1:
+            self._free_of_offsets(zeroed)
+        self.known: dict[frozenset[int], Rows] = {}
+        self.selected: dict[tuple[frozenset[int], int], tuple[IntArray, LeastSquares]] = {}
+
+    def _sort(self, readings: Readings, rows: IntArray) -> IntArray:
+        """The rows by position, cycle and time."""
+        import pandas as pd
+
+        positions, place = np.unique(readings.position_mm[rows], return_inverse=True)
+        cycle, labels = pd.factorize(readings.cycle[rows])
+        time, order = readings.time_min[rows], np.lexsort((cycle, place))
+        if not np.isnan(time).any():
+            start = np.full(len(labels), np.inf)
+            np.minimum.at(start, cycle, time)
+            # Cycles follow each other in time, too, whichever the file has first.
+            order = np.lexsort((time, cycle, start[cycle], place))
+        place, cycle = place[order], cycle[order]
+        changed = (np.diff(place, prepend=-1) != 0) | (np.diff(cycle, prepend=-1) != 0)
+        edges = [*np.flatnonzero(changed).tolist(), len(rows)]
+        self.positions = tuple(None if np.isnan(p) else float(p) for p in positions)
+        self.cycles = tuple(readings.cycles[c] if c >= 0 else "" for c in labels.tolist())
+        self.runs = {(int(place[i]), int(cycle[i])): slice(i, end) for i, end in pairwise(edges)}
+        ends = np.searchsorted(place, np.arange(len(positions) + 1)).tolist()
+        self.places = [slice(low, high) for low, high in pairwise(ends)]
+        return rows[order]
+
+    def _lags(self) -> None:
+        """The usual step between readings; time constants 0, and from twice that powers of two."""
+        times = [self.time[part] for part in self.runs.values()]
+        steps = np.concatenate([np.diff(time) for time in times])
+        if (steps > 0).any():
+            self.step = float(np.median(steps[steps > 0]))
+            longest = max(float(time[-1] - time[0]) for time in times)
+            count = int(np.clip(np.floor(np.log2(longest / (2 * self.step))) + 1, 0, MOST_LAGS))
+            self.time_constants = np.append(0.0, 2 * self.step * 2.0 ** np.arange(count))
+
+    def _columns(self) -> FloatArray:
+        rise, n = (self.T - self.reference) @ self.average, len(self.y)
+        lags = [first_order_lag(rise[p], self.time[p], self.time_constants) for p in self.places]
+        columns = np.moveaxis(np.concatenate(lags, axis=1), 0, 1).reshape(n, -1)
+        return np.column_stack([np.ones(n), columns, self.y])
+
+    def _free_of_offsets(self, zeroed: str) -> None:
+        starts = [part.start for part in self.runs.values()]
+        if zeroed == "cycle":
+            self.offsets = True
+        elif self.groups and len(starts) > len(self.positions):
+            if not self.y[starts].any():
+                self.offsets, self.by = True, "first readings"
+            else:
+                self.offsets = _offsets_explain(self.pieces, len(self.groups))
+        if self.offsets:
+            self.pieces = {key: piece.about_mean() for key, piece in self.pieces.items()}
 
     @property
     def most_degree(self) -> int:
@@ -187,116 +253,6 @@ def sensors_of(readings: Readings) -> tuple[str, ...]:
     return sensors
 
 
-def designs(
-    readings: Readings, sensors: tuple[str, ...], reference: float, *, lagged: bool, zeroed: str
-) -> Iterator[Design]:
-    """That of every component, in the order in which the files have them; with lagged columns
-    where `lagged` is asked for and times are known. `zeroed`: cycle (an offset each), never, auto.
-    """
-    import pandas as pd
-
-    component, codes = pd.factorize(readings.code)
-    for i in range(len(codes)):
-        rows = np.flatnonzero(component == i)
-        yield _design(readings, rows, sensors, reference, lagged, zeroed)
-
-
-def _design(
-    readings: Readings,
-    rows: IntArray,
-    sensors: tuple[str, ...],
-    reference: float,
-    lagged: bool,
-    zeroed: str,
-) -> Design:
-    import pandas as pd
-
-    columns = [readings.covariates[sensor].astype(np.float64, copy=False) for sensor in sensors]
-    span = np.array([(T[rows].min(), T[rows].max()) for T in columns])
-    read, every = len(rows), -(-len(rows) // MOST_ROWS)
-    if every > 1:
-        keys = [readings.position_mm[rows], readings.cycle[rows]]
-        order = pd.Series(rows).groupby(keys, dropna=False).cumcount().to_numpy()
-        rows = rows[order % every == 0]
-    rows, positions, labels, runs = _sorted(readings, rows)
-    y, time = readings.error[rows].astype(float), readings.time_min[rows].astype(float)
-    T = np.column_stack([column[rows] for column in columns])
-    ends = {place: part.stop for (place, _), part in runs.items()}
-    places = tuple(slice(low, high) for low, high in pairwise([0, *ends.values()]))
-    still = np.linalg.norm(about_means(y, places)) <= ROUNDING * np.linalg.norm(y)
-    # Sensors that never move hold no information, and of readings that do not none has any.
-    moving = np.flatnonzero((np.ptp(span, axis=1) > 0) & (not still)).tolist()
-    groups = _alike(about_means(T, places), moving)
-    average = np.zeros((len(sensors), len(groups)))
-    for j, group in enumerate(groups):
-        average[[*group], j] = np.array([*group.values()]) / len(group)
-    step, constants = _time_constants(time, runs) if lagged else (0.0, np.zeros(1))
-    rise = (T - reference) @ average
-    lags = [np.moveaxis(first_order_lag(rise[p], time[p], constants), 0, 1) for p in places]
-    Z = np.column_stack([np.ones(len(y)), np.concatenate(lags).reshape(len(y), -1), y])
-    pieces = {key: compress(Z[part]) for key, part in runs.items()}
-    asked = "never" if len(labels) < 2 else zeroed
-    offsets, by = asked == "cycle", "test" if zeroed == "auto" else "setting"
-    if asked == "auto" and groups and len(pieces) > len(positions):
-        if not y[[part.start for part in runs.values()]].any():
-            offsets, by = True, "first readings"
-        else:
-            offsets = _offsets_explain(pieces, len(groups))
-    if offsets:
-        pieces = {key: piece.about_mean() for key, piece in pieces.items()}
-    files = np.unique(readings.file_index[rows]).tolist()
-    return Design(
-        name=readings.components[int(readings.code[rows[0]])],
-        dimension=int(readings.dimension[rows[0]]),
-        file=readings.sources[files[0]].shown if len(files) == 1 else None,
-        positions=positions,
-        cycles=labels,
-        places=places,
-        runs=runs,
-        T=T,
-        span=span,
-        time=time,
-        read=read,
-        every=every,
-        sensors=sensors,
-        reference=reference,
-        groups=tuple(tuple(sensors[s] for s in group) for group in groups),
-        average=average,
-        step=step,
-        time_constants=constants,
-        Z=Z,
-        still=bool(still),
-        offsets=offsets,
-        by=by,
-        pieces=pieces,
-    )
-
-
-def _sorted(
-    readings: Readings, rows: IntArray
-) -> tuple[IntArray, tuple[float | None, ...], tuple[str, ...], dict[tuple[int, int], slice]]:
-    """The rows by position, cycle and time; positions, names of cycles, and the rows of each."""
-    import pandas as pd
-
-    positions, place = np.unique(readings.position_mm[rows], return_inverse=True)
-    cycle, labels = pd.factorize(readings.cycle[rows])
-    time, order = readings.time_min[rows], np.lexsort((cycle, place))
-    if not np.isnan(time).any():
-        start = np.full(len(labels), np.inf)
-        np.minimum.at(start, cycle, time)
-        # Cycles follow each other in time, too, whichever the file has first.
-        order = np.lexsort((time, cycle, start[cycle], place))
-    place, cycle = place[order], cycle[order]
-    changed = (np.diff(place, prepend=-1) != 0) | (np.diff(cycle, prepend=-1) != 0)
-    edges = [*np.flatnonzero(changed).tolist(), len(rows)]
-    return (
-        rows[order],
-        tuple(None if np.isnan(p) else p for p in positions.tolist()),
-        tuple(readings.cycles[c] if c >= 0 else "" for c in labels.tolist()),
-        {(int(place[low]), int(cycle[low])): slice(low, high) for low, high in pairwise(edges)},
-    )
-
-
 def _alike(T: FloatArray, moving: Iterable[int]) -> list[dict[int, float]]:
     """Sensors that go together at |r| >= 0.999 with the first of their group, with their sign;
     temperatures (n, s) about their means.
@@ -314,19 +270,6 @@ def _alike(T: FloatArray, moving: Iterable[int]) -> list[dict[int, float]]:
         else:
             groups.append({sensor: 1.0})
     return groups
-
-
-def _time_constants(
-    time: FloatArray, runs: Mapping[tuple[int, int], slice]
-) -> tuple[float, FloatArray]:
-    """The usual step between readings, min (0: unknown); 0, and from twice that powers of two."""
-    steps = np.concatenate([np.diff(time[part]) for part in runs.values()])
-    if np.isnan(time).any() or not (steps > 0).any():
-        return 0.0, np.zeros(1)
-    step = float(np.median(steps[steps > 0]))
-    longest = max(float(time[part.stop - 1] - time[part.start]) for part in runs.values())
-    count = int(min(max(np.floor(np.log2(longest / (2 * step))) + 1, 0), MOST_LAGS))
-    return step, np.concatenate([[0.0], 2 * step * 2.0 ** np.arange(count)])
 
 
 def _offsets_explain(pieces: Pieces, g: int) -> bool:

@@ -5,16 +5,14 @@ or the paper's stepwise selection at each position (Valdes et al.).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.stats.compressed import autocorrelation, mean_products
+from mtu_cli.stats.compressed import mean_products, ridge, stepwise
 from mtu_cli.stats.least_squares import FloatArray, least_squares
-from mtu_cli.stats.ridge import ridge
-from mtu_cli.stats.stepwise import stepwise
 
 ROUNDING = 1e-12
 """Share of a sum's terms, or of the readings, that is rounding."""
@@ -29,25 +27,53 @@ class Spec(NamedTuple):
     penalty: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
-    """Coefficients (..., m, g) in powers of the scaled position, of one fit or of one for each of
-    several penalties; `weights` (..., positions, 2 + g) such that Z w are the residuals at a
-    position, Z its `columns`. `unit_covariance` (m*g, m*g) is that of the first fit for independent
-    errors of variance 1, `parameters` its number of fitted quantities.
+    """The fit of a spec to some cycles; a coefficient that is nothing but rounding is 0. With
+    `penalties` a fit for each of these (stepwise: one), to predict by.
+
+    `coefficients` (..., m, g) in powers of the scaled position; `weights` (..., positions, 2 + g)
+    such that Z w are the residuals at a position, Z the `columns` of the design. `unit_covariance`
+    (m*g, m*g) is that of the first fit for independent errors of variance 1, `parameters` its
+    number of fitted quantities.
     """
 
-    design: Design
-    spec: Spec
-    coefficients: FloatArray
-    weights: FloatArray
-    unit_covariance: FloatArray
-    parameters: float
-
-    @property
-    def columns(self) -> list[int]:
-        """Those of the design that it uses."""
-        return self.design.columns(self.spec.lags)
+    def __init__(
+        self,
+        design: Design,
+        cycles: Iterable[int],
+        spec: Spec,
+        penalties: FloatArray | None = None,
+    ) -> None:
+        self.design, self.spec = design, spec
+        self.columns = columns = design.columns(spec.lags)
+        rows = design.rows(cycles)
+        powers = design.powers(spec.degree)
+        levels = sum(item.levels for item in rows.values())
+        if spec.kind == "stepwise":
+            b, self.unit_covariance, count = _stepwise(design, cycles, powers)
+        else:
+            inner = [(powers[p], item.inner(columns[1:])) for p, item in rows.items()]
+            X = np.vstack([np.kron(power, own[:, :-1]) for power, own in inner])
+            y = np.concatenate([own[:, -1] for _, own in inner])
+            n = sum(item.n for item in rows.values())
+            path = ridge(X, y, n, np.array([spec.penalty]) if penalties is None else penalties)
+            b, count = path.coefficients, float(path.effective[0])
+            size = ROUNDING * np.linalg.norm(
+                np.concatenate([x.factor[:, -1] for x in rows.values()])
+            )
+            b = np.where(np.abs(b) * np.linalg.norm(X, axis=0) > size, b, 0.0)
+            b = b[0] if penalties is None else b
+            self.unit_covariance = path.unit_covariance(0)
+        self.parameters = count + levels
+        self.coefficients = b.reshape(*b.shape[:-1], spec.degree + 1, len(design.groups))
+        G, seen = _sums(powers, self.coefficients), [*rows]
+        mean = np.array([item.mean(columns[1:]) for item in rows.values()])
+        of_seen = mean[:, -1] - np.sum(G[..., seen, :] * mean[:, :-1], axis=-1)
+        # A position that the fit has not seen takes the mean level of those that it has.
+        level = np.repeat(of_seen.mean(axis=-1, keepdims=True), len(powers), axis=-1)
+        level[..., seen] = of_seen
+        ones = np.ones((*level.shape, 1))
+        self.weights = np.concatenate([-level[..., None], -G, ones], axis=-1)
 
     @property
     def used(self) -> np.ndarray:
@@ -72,12 +98,6 @@ class Fitted:
         own = self.design.rows(cycles).items()
         return mean_products((item.only(self.columns), self.weights[p]) for p, item in own)
 
-    @property
-    def autocorrelation(self) -> float:
-        """Lag-1 autocorrelation of all residuals, pooled over positions."""
-        own = self.design.rows(self.design.every_cycle).items()
-        return autocorrelation((item.only(self.columns), self.weights[p]) for p, item in own)
-
     def group_shares(self, cycles: Iterable[int]) -> FloatArray:
         """Mean square (g,) of each group's part of the modelled drift about its mean."""
         rows, total = self.design.rows(cycles), np.zeros(len(self.design.groups))
@@ -85,46 +105,6 @@ class Fitted:
             inner = item.inner(self.columns[1:-1])
             total += np.sum(inner**2, axis=0) * self.gradients[position] ** 2
         return total / sum(item.n for item in rows.values())
-
-
-def fit(
-    design: Design, cycles: Iterable[int], spec: Spec, penalties: FloatArray | None = None
-) -> Fitted:
-    """The fit of a spec to some cycles; a coefficient that is nothing but rounding is 0. With
-    `penalties` a fit for each of these (stepwise: one), to predict by.
-    """
-    rows, columns = design.rows(cycles), design.columns(spec.lags)
-    powers = design.powers(spec.degree)
-    levels = sum(item.levels for item in rows.values())
-    if spec.kind == "stepwise":
-        b, unit, count = _stepwise(design, cycles, powers)
-    else:
-        inner = [(powers[p], item.inner(columns[1:])) for p, item in rows.items()]
-        X = np.vstack([np.kron(power, own[:, :-1]) for power, own in inner])
-        y = np.concatenate([own[:, -1] for _, own in inner])
-        n = sum(item.n for item in rows.values())
-        path = ridge(X, y, n, np.array([spec.penalty]) if penalties is None else penalties)
-        b, count = path.coefficients, float(path.effective[0])
-        size = ROUNDING * np.linalg.norm(np.concatenate([x.factor[:, -1] for x in rows.values()]))
-        b = np.where(np.abs(b) * np.linalg.norm(X, axis=0) > size, b, 0.0)
-        b = b[0] if penalties is None else b
-        unit = path.unit_covariance(0)
-    B = b.reshape(*b.shape[:-1], spec.degree + 1, len(design.groups))
-    G, seen = _sums(powers, B), [*rows]
-    mean = np.array([item.mean(columns[1:]) for item in rows.values()])
-    of_seen = mean[:, -1] - np.sum(G[..., seen, :] * mean[:, :-1], axis=-1)
-    # A position that the fit has not seen takes the mean level of those that it has.
-    level = np.repeat(of_seen.mean(axis=-1, keepdims=True), len(powers), axis=-1)
-    level[..., seen] = of_seen
-    ones = np.ones((*level.shape, 1))
-    return Fitted(
-        design=design,
-        spec=spec,
-        coefficients=B,
-        weights=np.concatenate([-level[..., None], -G, ones], axis=-1),
-        unit_covariance=unit,
-        parameters=count + levels,
-    )
 
 
 def _sums(A: FloatArray, B: FloatArray) -> FloatArray:

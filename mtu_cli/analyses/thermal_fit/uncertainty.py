@@ -26,7 +26,7 @@ from scipy.special import comb, fdtri
 
 from mtu_cli.analyses.thermal_fit.choice import folds
 from mtu_cli.analyses.thermal_fit.design import Design
-from mtu_cli.analyses.thermal_fit.models import Fitted, fit
+from mtu_cli.analyses.thermal_fit.models import Fitted
 from mtu_cli.analyses.thermal_fit.result import Gradient
 from mtu_cli.model.estimates import ThermalEstimate
 from mtu_cli.stats.compressed import effective_number
@@ -34,7 +34,7 @@ from mtu_cli.stats.covariance import covariance_root, positive_part
 from mtu_cli.stats.coverage import coverage_factor
 from mtu_cli.stats.least_squares import FloatArray
 from mtu_cli.stats.resolution import rounding_variance
-from mtu_cli.stats.serial import Block, SerialFit, serial_fit
+from mtu_cli.stats.serial import Block, SerialFit
 from mtu_cli.units import Unit
 
 NORMAL_QUARTILE = 0.6744897501960817
@@ -99,7 +99,7 @@ def _held_out_products(found: Fitted) -> tuple[float, float] | None:
         return None
     for block, others in folds(design.blocks):
         fitted, rows, held = (
-            fit(design, others, found.spec),
+            Fitted(design, others, found.spec),
             design.rows(others),
             design.rows(block),
         )
@@ -237,7 +237,7 @@ def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list
     if not found.used.size:
         return single, several
     design, model = found.design, found.gradients
-    full, movement = _full(found, sensor_u)
+    full, movement, width = _full(found, sensor_u)
     powers = design.powers(found.spec.degree)
 
     def known(p: int, sensors: tuple[str, ...], weights: FloatArray) -> Gradient:
@@ -253,7 +253,7 @@ def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list
 
     for p, power in enumerate(powers):
         levers = np.zeros((len(design.groups), len(full.transform)))
-        levers[:, : levers.shape[0] * len(power)] = np.kron(power, np.eye(len(levers)))
+        levers[:, : len(power) * width] = np.kron(power, np.eye(len(levers), width))
         for s, j in np.argwhere(design.average).tolist():
             if j in found.used:
                 weights = np.eye(len(levers))[j] * design.average[s, j]
@@ -265,10 +265,11 @@ def gradients(found: Fitted, sensor_u: FloatArray) -> tuple[list[Gradient], list
     return single, several
 
 
-def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray]:
-    """The fit of all groups to the rows, and their covariance (g, g) about their levels. Lags are
-    known to a factor only, and may be another sensor's: where the model has lags, a group has
-    u_lag b + sum_c (u_c - u_lag) b_c of other lags c, the steady state of which is b.
+def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray, int]:
+    """The fit of all groups to the rows, their covariance (g, g) about their levels, and how many
+    columns each power has: the g groups, and other lags of them. Lags are known to a factor only,
+    and may be another sensor's: where the model has lags, a group has u_lag b + sum_c (u_c - u_lag)
+    b_c of other lags c, the steady state of which is b.
     """
     design, g = found.design, len(found.design.groups)
     of, others, through = _other_lags(found, sensor_u)
@@ -288,18 +289,12 @@ def _full(found: Fitted, sensor_u: FloatArray) -> tuple[SerialFit, FloatArray]:
         Z = np.add.reduceat(columns[rows], edges, axis=0) / count
         centred = Z[:, :g] - Z[:, :g].mean(axis=0)
         squares += centred.T @ centred
-        # Groups of all powers first, then other lags of all powers.
-        X = [np.kron(power, Z[:, :g]), np.kron(power, Z[:, g:-1])]
-        if not design.offsets:
-            X.append(np.tile(np.arange(len(powers)) == p, (len(Z), 1)).astype(float))
-        joined = np.hstack(X)
-        N = np.zeros((joined.shape[1],) * 2)
-        order = np.arange(len(power) * len(whose)).reshape(len(power), -1)
-        order = np.concatenate([order[:, :g].ravel(), order[:, g:].ravel()])
-        of_powers = np.kron(np.outer(power, power), in_columns) / count.mean()
-        N[: len(order), : len(order)] = of_powers[np.ix_(order, order)]
-        blocks.append(Block(joined, Z[:, -1], c, N))
-    return serial_fit(blocks, levels=design.offsets), squares
+        level = np.zeros((len(Z), 0 if design.offsets else len(powers)))
+        level[:, p : p + 1] = 1.0
+        N = np.kron(np.outer(power, power), in_columns) / count.mean()
+        N = np.pad(N, (0, level.shape[1]))
+        blocks.append(Block(np.hstack([np.kron(power, Z[:, :-1]), level]), Z[:, -1], c, N))
+    return SerialFit(blocks, levels=design.offsets), squares, len(whose)
 
 
 def _other_lags(found: Fitted, sensor_u: FloatArray) -> tuple[np.ndarray, np.ndarray, FloatArray]:

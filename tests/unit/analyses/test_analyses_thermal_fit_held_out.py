@@ -4,12 +4,11 @@ rows, nothing compressed, merged or reused; lags that are found.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.stats import f as f_distribution
+from plain_selection import by_full_refits
 from synthetic_drift import ROUNDING, UM, Plan, fitted, one, rises
 
 from mtu_cli.analyses.thermal_fit import design
@@ -58,39 +57,14 @@ def ridge_model(rows: Table, degree: int, penalty: float) -> tuple[FloatArray, F
     return powers @ b[places:].reshape(degree + 1, s), b[:places]
 
 
-def squares(rows: Table, chosen: Sequence[int]) -> tuple[float, FloatArray, FloatArray]:
-    X = np.column_stack([np.ones(len(rows.y)), rows.u[:, list(chosen)]])
-    b = solved(X, rows.y)
-    e = rows.y - X @ b
-    return float(e @ e), b, e
-
-
-def selected(rows: Table) -> list[int]:
-    """Forward 0.05, backward 0.10, with the effective number of the residuals on all sensors."""
-    s = rows.u.shape[1]
-    e = squares(rows, range(s))[2]
+def selected(rows: Table) -> tuple[list[int], FloatArray]:
+    """Sensors by the effective number of the residuals on all of them, and their gradients."""
+    Z = np.column_stack([np.ones(len(rows.y)), rows.u, rows.y])
+    e = rows.y - Z[:, :-1] @ solved(Z[:, :-1], rows.y)
     products = (e[:-1] * e[1:])[np.diff(rows.cycle) == 0]
     r = max(float(np.mean(products) / np.mean(e**2)), 0.0)
-    number = max(len(e) * (1 - r) / (1 + r), 1.0)
-
-    def p(less: list[int], more: list[int]) -> float:
-        left, dof = squares(rows, more)[0], number - len(more) - 1
-        F = (squares(rows, less)[0] - left) / left * dof
-        return float(f_distribution.sf(F, 1, dof)) if dof > 0 else 1.0
-
-    chosen: list[int] = []
-    while others := [j for j in range(s) if j not in chosen]:
-        best = min(others, key=lambda j: squares(rows, [*chosen, j])[0])
-        if p(chosen, [*chosen, best]) >= 0.05:
-            break
-        chosen.append(best)
-        while True:
-            exits = {j: p([i for i in chosen if i != j], chosen) for j in chosen}
-            worst = max(exits, key=lambda j: exits[j])
-            if exits[worst] <= 0.10:
-                break
-            chosen.remove(worst)
-    return chosen
+    columns = by_full_refits(Z, max(len(e) * (1 - r) / (1 + r), 1.0))
+    return [j - 1 for j in columns], solved(Z[:, [0, *columns]], rows.y)[1:]
 
 
 def stepwise_model(rows: Table, degree: int, penalty: float) -> tuple[FloatArray, FloatArray]:
@@ -98,8 +72,8 @@ def stepwise_model(rows: Table, degree: int, penalty: float) -> tuple[FloatArray
     gradients = np.zeros((len(rows.scaled), rows.u.shape[1]))
     parts = [rows.only(rows.place == k) for k in range(len(rows.scaled))]
     for k, part in enumerate(parts):
-        chosen = selected(part)
-        gradients[k, chosen] = squares(part, chosen)[1][1:]
+        chosen, found = selected(part)
+        gradients[k, chosen] = found
     powers = rows.scaled[:, None] ** np.arange(degree + 1)
     smooth = powers @ solved(powers, gradients)
     return smooth, np.array([np.mean(x.y - x.u @ smooth[k]) for k, x in enumerate(parts)])

@@ -21,37 +21,23 @@ def load(tmp_path: Path, component: str) -> Thermal:
     return found
 
 
-def test_a_drift_through_positions(tmp_path: Path) -> None:
-    found = load(
-        tmp_path,
-        "{of: x, unit: um, thermal: {positions_mm: [300, 0, 75], gradients: "
-        "{T_01_degC: [-3.5, 0, 4], T_b_degC: [1, 2, 3]}, time_constants_min: {T_b_degC: 40}, "
-        "s_leftover: 0.3, sensor_u_degC: 0.015}}",
-    )
-    assert found.positions_mm == [300, 0, 75]
-    assert found.degree == 2
+def test_drifts_through_positions_and_the_same_everywhere(tmp_path: Path) -> None:
+    """A lower degree, and noise of all sensors or by name."""
+    placed = "{of: x, unit: um, thermal: {positions_mm: [300, 0, 75], gradients: "
+    placed += "{T_01_degC: [-3.5, 0, 4], T_b_degC: [1, 2, 3]}, "
+    more = "time_constants_min: {T_b_degC: 40}, s_leftover: 0.3, sensor_u_degC: 0.015}}"
+    found = load(tmp_path, placed + more)
+    assert (found.positions_mm, found.degree) == ([300, 0, 75], 2)
     assert found.gradients["T_01_degC"] == [-3.5, 0, 4]
-    assert found.time_constants_min == {"T_b_degC": 40}
-    assert found.s_leftover == 0.3
+    assert (found.time_constants_min, found.s_leftover) == ({"T_b_degC": 40}, 0.3)
     assert found.sensor_u_degC == {"T_01_degC": 0.015, "T_b_degC": 0.015}
-
-
-def test_a_drift_that_is_the_same_everywhere(tmp_path: Path) -> None:
+    found = load(tmp_path, placed + "degree: 1, sensor_u_degC: {T_b_degC: 0.1}}}")
+    assert (found.degree, found.sensor_u_degC) == (1, {"T_b_degC": 0.1})
     for of in ("of: x, ", ""):
         found = load(tmp_path, f"{{{of}unit: um, thermal: {{gradients: {{T_a_degC: 2}}}}}}")
         assert (found.positions_mm, found.degree) == (None, 0)
         assert found.gradients == {"T_a_degC": [2]}
         assert (found.time_constants_min, found.s_leftover, found.sensor_u_degC) == ({}, 0, {})
-
-
-def test_a_lower_degree_and_noise_by_sensor(tmp_path: Path) -> None:
-    found = load(
-        tmp_path,
-        "{of: x, unit: um, thermal: {positions_mm: [0, 1, 2], degree: 1, gradients: "
-        "{T_a_degC: [1, 2, 3], T_b_degC: [1, 2, 3]}, sensor_u_degC: {T_b_degC: 0.1}}}",
-    )
-    assert found.degree == 1
-    assert found.sensor_u_degC == {"T_b_degC": 0.1}
 
 
 PLACED = "of: x, unit: um, thermal: {positions_mm: [0, 75], gradients: {T_a_degC: [1, 2]}"

@@ -91,6 +91,39 @@ def test_lags_follow_the_times_of_the_rows() -> None:
     assert rows[:, 2:] == pytest.approx(place["x"][:, None] * rise, rel=1e-10, abs=1e-12)
 
 
+U = {"T_a_degC": 0.1, "T_b_degC": 0.2, "T_c_degC": 0.05}
+
+
+@pytest.mark.parametrize("row", [[0, 1, 1, 3], [0, 1, 2, 3], [1, 1, 1, 1]])
+@pytest.mark.parametrize("time", [
+    None, [1000.0, 0.0, 1005.0, 5.0], [0.0, 2.0, 4.0, 6.0], [0.0, 500.0, 1000.0, 1500.0]
+])  # fmt: skip
+def test_rows_with_the_same_temperatures_share_the_noise_of_one_reading(
+    tmp_path: Path, row: list[int], time: list[float] | None
+) -> None:
+    """The errors are linear in the temperatures: a step of u for each reading that is another, also
+    through lags. T_b moves both px and yaw, which are wrong together where it is.
+    """
+    a, b = ((60.0, 15.0), (15.0, 0.0)) if time else ((0.0, 0.0), (0.0, 0.0))
+    model = machine(tmp_path, line(time_constants=a, sensor_u=(0.1, 0.2)),
+                    angle(time_constants=b, sensor_u=(0.2, 0.05)))  # fmt: skip
+    quiet = machine(tmp_path, line(time_constants=a), angle(time_constants=b))
+    at = {name: values[row] for name, values in EACH.items()}
+    at |= {"time_min": np.array(time)} if time else {}
+    base = predict(quiet, IDS, POINTS, dict(at))
+    expected = np.zeros((8, 8))
+    for name, u in U.items():
+        for reading in set(row):
+            moved = at[name] + u * (np.array(row) == reading)
+            step = predict(quiet, IDS, POINTS, at | {name: moved}).mean - base.mean
+            expected += np.outer(step, step)
+    found = predict(model, IDS, POINTS, dict(at)).covariance
+    assert found - base.covariance == pytest.approx(expected, rel=1e-6, abs=1e-15)
+    if set(row) == {1}:
+        room = {name: float(values[0]) for name, values in at.items() if name in U}
+        assert predict(model, IDS, POINTS, dict(room)).covariance == pytest.approx(found, rel=1e-12)
+
+
 # What is said of temperatures that a thermal model has not seen, or that cannot be right.
 
 

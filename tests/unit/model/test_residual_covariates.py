@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,13 +30,12 @@ Floats = NDArray[np.float64]
 def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     points = measured(4, 3, 2, keep=0.6)
     n = len(points)
-    rng = np.random.default_rng(0)
     columns = {
         "T_room_degC": np.full(n, 21.5),
         "tool_parts": points.part % 2 + 0.1,
         "depth": points.feature * 0.3,
         "T_bed_degC": points.part + 0.1 * points.feature,
-        "T_cmm_degC": rng.normal(20, 1, n),
+        "T_cmm_degC": np.random.default_rng(0).normal(20, 1, n),
         "gap": np.where(np.arange(n) == 3, np.nan, 1.0),
         "hole": np.where(np.arange(n) < 5, np.nan, 1.0),
         "who": np.array(["a"] * n, object),
@@ -54,22 +54,18 @@ def test_covariates_have_their_smallest_shape(tmp_path: Path) -> None:
     assert "hole (5 of" in warned[1].message
     mixed = f"'worn' (2 of {n - 2} cells, such as 'n/a')"
     assert warned[0].facts["items"] == ["'who'", mixed]
-    for p in range(4):
-        for h in range(3):
-            own = (points.part == p) & (points.feature == h)
-            of_part = [
-                columns["T_cmm_degC"][(points.part == p) & (points.feature == k)].mean()
-                for k in range(3)
-                if ((points.part == p) & (points.feature == k)).any()
-            ]
-            expected = columns["T_cmm_degC"][own].mean() if own.any() else np.mean(of_part)
-            assert table.covariates["T_cmm_degC"][p, h] == pytest.approx(expected, rel=1e-14)
+    # Cells without a reading hold the mean of their part's cells.
+    means = np.full((4, 3), np.nan)
+    for p, h in {*zip(points.part.tolist(), points.feature.tolist(), strict=True)}:
+        own = (points.part == p) & (points.feature == h)
+        means[p, h] = columns["T_cmm_degC"][own].mean()
+    means = np.where(np.isnan(means), np.nanmean(means, axis=1, keepdims=True), means)
+    assert table.covariates["T_cmm_degC"] == pytest.approx(means, rel=1e-14)
     # Two readings of one part that average to the same in every hole are one a part.
-    wobble = replace(measured(3, 2, 2), covariates={})
-    wobble = replace(wobble, covariates={"T_cmm_degC": wobble.part + 0.1 * wobble.repeat})
-    assert residual_table(stated(tmp_path, MACHINE), wobble)[0].covariates[
-        "T_cmm_degC"
-    ].shape == (3, 1)  # fmt: skip
+    even = measured(3, 2, 2)
+    even = replace(even, covariates={"T_cmm_degC": even.part + 0.1 * even.repeat})
+    found, _ = residual_table(stated(tmp_path, MACHINE), even)
+    assert found.covariates["T_cmm_degC"].shape == (3, 1)
 
 
 def thermal_points(parts: int, features: int, *, same_time: bool) -> Points:
@@ -125,14 +121,14 @@ def test_noise_of_temperatures_goes_where_it_is_shared(tmp_path: Path) -> None:
 def with_gaps(**rows: list[int]) -> Points:
     """Points with covariates of which some rows are empty."""
     points = measured(5, 8, 2)
-    columns = {}
+    columns = {name: np.arange(len(points), dtype=float) for name in rows}
     for name, empty in rows.items():
-        columns[name] = np.arange(len(points), dtype=float)
         columns[name][empty] = np.nan
     return replace(points, covariates=columns)
 
 
-def test_the_table_is_that_of_the_other_rows(tmp_path: Path) -> None:
+def test_few_gaps_cost_their_rows(tmp_path: Path) -> None:
+    """The table is that of the other rows; a covariate of the model must be whole."""
     model, points = stated(tmp_path, MACHINE), with_gaps(T_room_degC=[17], tool_parts=[17, 40])
     kept = np.ones(len(points), bool)
     kept[[17, 40]] = False
@@ -143,33 +139,23 @@ def test_the_table_is_that_of_the_other_rows(tmp_path: Path) -> None:
     for name in ("T_room_degC", "tool_parts"):
         np.testing.assert_array_equal(table.covariates[name], other.covariates[name])
     assert codes(warned) == ["missing-values"]
-    file = points.sources[0].shown
     assert warned[0].facts["names"] == ["T_room_degC", "tool_parts"]
-    first = f"2 of 80 rows left out, the first {file}, row {points.row[17]}"
+    first = f"2 of 80 rows left out, the first {points.sources[0].shown}, row {points.row[17]}"
     assert warned[0].facts["consequence"] == first
+    needing = stated(tmp_path, MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1))
+    with pytest.raises(InputError, match="empty cell"):
+        residual_table(needing, with_gaps(T_room_degC=[17]))
 
 
 def test_many_gaps_cost_the_covariate(tmp_path: Path) -> None:
     """Of two columns whose gaps are too many together, the one that has fewer stays."""
     points = with_gaps(rare=[3], often=[4, 5, 6, 7], most=list(range(30)))
     assert 4 <= FEW_ROWS * len(points) < 5
-    kept, warned = without_gaps(points, ())
-    assert len(kept) == len(points) - 1
-    assert warned[0].facts["names"] == ["rare"]
     table, told = residual_table(stated(tmp_path, MACHINE), points)
     assert {"rare"} <= set(table.covariates)
     assert not {"often", "most"} & set(table.covariates)
     names = [[name.partition(",")[0] for name in item.facts["names"]] for item in told]
     assert names == [["rare"], ["often (4 of 79 rows", "most (29 of 79 rows"]]
-
-
-def test_a_covariate_of_the_model_must_be_whole(tmp_path: Path) -> None:
-    machine = MACHINE.replace("Ex: ", "Ex: 1e-9*T_room_degC*x + ", 1)
-    assert machine != MACHINE
-    model, points = stated(tmp_path, machine), with_gaps(T_room_degC=[17])
-    with pytest.raises(InputError, match="empty cell"):
-        residual_table(model, points)
-    assert without_gaps(points, model.covariates()) == (points, [])
 
 
 @pytest.mark.parametrize("whole", ["part", "feature", "same"])
@@ -204,7 +190,7 @@ def repeats(found: Points, column: FloatArray, needed: tuple[str, ...] = ()) -> 
     return warned[0].message if warned else None
 
 
-WRITTEN = {
+WRITTEN: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "the error along x": lambda e, m: e[:, 0],
     "the error along y": lambda e, m: -np.round(1e3 * e[:, 1], 1),
     "the coordinate x": lambda e, m: m[:, 0],
@@ -212,27 +198,21 @@ WRITTEN = {
 }
 
 
-@pytest.mark.parametrize("words", WRITTEN)
-def test_what_a_measuring_machine_writes_of_the_error_is_taken_out(words: str) -> None:
-    """In mm or um, with the other sign, as the diameter of the position."""
-    found = written()
-    message = repeats(found, WRITTEN[words](found.measured - found.nominal, found.measured))
-    assert message is not None
-    assert f"'own' ({words})): they repeat what was measured" in message
-    own = WRITTEN[words](found.measured - found.nominal, found.measured)
-    assert repeats(found, own, needed=("own",)) is None
-
-
-def test_what_only_goes_with_the_error_stays() -> None:
-    """A cause of nearly all of it, the error less a part's own, one entry that is another; and
-    errors that are hardly more than the digits they are given to.
+def test_what_repeats_the_error_is_taken_out_and_what_goes_with_it_stays() -> None:
+    """In mm or um, with the other sign, as the diameter of the position. Not a cause of nearly all
+    of it, the error less a part's own, one entry that is another; nor what repeats errors that are
+    hardly more than the digits they are given to.
     """
-    found = written()
-    own = (found.measured - found.nominal)[:, 0]
+    found, coarse = written(), written(digits=2)
+    errors = found.measured - found.nominal
+    for words, make in WRITTEN.items():
+        column = make(errors, found.measured)
+        assert f"'own' ({words})): they repeat what was measured" in str(repeats(found, column))
+        assert repeats(found, column, needed=("own",)) is None
+    own = errors[:, 0]
     noise = np.random.default_rng(3).normal(scale=0.1 * own.std(), size=len(own))
     other = own.copy()
     other[5] += 0.5 * own.std()
     for column in (own + noise, other, own - own.mean(), np.sign(own)):
         assert repeats(found, column) is None
-    coarse = written(digits=2)
     assert repeats(coarse, (coarse.measured - coarse.nominal)[:, 0]) is None

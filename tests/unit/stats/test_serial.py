@@ -4,19 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from made_tables import remembering
 from scipy.special import stdtrit
 
-from mtu_cli.stats.least_squares import FloatArray
-from mtu_cli.stats.serial import Block, serial_fit
+from mtu_cli.stats.serial import Block, SerialFit
 
 NONE = np.zeros((2, 2))
-
-
-def remembering(rng: np.random.Generator, n: int, phi: float) -> FloatArray:
-    found: FloatArray = rng.standard_normal(n)
-    for i in range(1, n):
-        found[i] = phi * found[i - 1] + np.sqrt(1 - phi**2) * found[i]
-    return found
 
 
 def blocks(
@@ -38,7 +31,7 @@ def test_white_errors_are_least_squares() -> None:
     y = np.concatenate([b.y for b in given])
     b, rss, *_ = np.linalg.lstsq(X, y, rcond=None)
     u = np.sqrt(rss[0] / (len(y) - 6) * np.diag(np.linalg.inv(X.T @ X))[:2])
-    found = serial_fit(given, levels=True).combinations(np.eye(2))
+    found = SerialFit(given, levels=True).combinations(np.eye(2))
     assert found.value == pytest.approx(b[:2], abs=0.2 * u.min())
     assert found.u == pytest.approx(u, rel=0.5)
 
@@ -47,7 +40,7 @@ def test_white_errors_are_least_squares() -> None:
 def test_intervals_cover(phi: float) -> None:
     held, sets = [], 60
     for rng in np.random.default_rng(2).spawn(sets):
-        found = serial_fit(blocks(rng, phi), levels=True).combinations(np.eye(2))
+        found = SerialFit(blocks(rng, phi), levels=True).combinations(np.eye(2))
         half = stdtrit(found.dof, 0.975) * found.u
         held += (np.abs(found.value - [2.0, -1.0]) <= half).tolist()
     assert np.mean(held) > 0.95 - 3.5 * np.sqrt(0.95 * 0.05 / len(held))
@@ -62,7 +55,7 @@ def test_clusters_decide_where_there_are_many() -> None:
         Block(x, x[:, 0] * slope + 0.01 * rng.standard_normal(20), c, np.zeros((1, 1)))
         for c, slope in enumerate(slopes)
     ]
-    found = serial_fit(given, levels=True).combinations(np.eye(1))
+    found = SerialFit(given, levels=True).combinations(np.eye(1))
     assert found.clustered[0]
     assert found.dof[0] == pytest.approx(11, abs=0.1)
     assert found.value[0] == pytest.approx(slopes.mean(), abs=0.02)
@@ -71,14 +64,14 @@ def test_clusters_decide_where_there_are_many() -> None:
 
 def test_noise_of_the_columns_is_taken_back() -> None:
     given = blocks(np.random.default_rng(4), 0.0, count=12, n=100, noise=0.4)
-    plain = serial_fit([b._replace(noise=NONE) for b in given], levels=True)
-    found = serial_fit(given, levels=True).combinations(np.eye(2))
+    plain = SerialFit([b._replace(noise=NONE) for b in given], levels=True)
+    found = SerialFit(given, levels=True).combinations(np.eye(2))
     assert abs(plain.combinations(np.eye(2)).value[1]) < 0.95
     assert found.value[1] == pytest.approx(-1.0, abs=3 * found.u[1])
 
 
 def test_what_the_rows_do_not_determine_has_no_u() -> None:
     given = [b._replace(X=b.X[:, [0, 0]]) for b in blocks(np.random.default_rng(5), 0.0)]
-    found = serial_fit(given, levels=True).combinations(np.array([[1.0, 0.0], [1.0, 1.0]]))
+    found = SerialFit(given, levels=True).combinations(np.array([[1.0, 0.0], [1.0, 1.0]]))
     assert np.isinf(found.u[0])
     assert found.value[1] == pytest.approx(2.0, abs=4 * found.u[1])

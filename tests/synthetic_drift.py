@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from made_tables import made_readings
+from made_tables import made_readings, remembering
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from mtu_cli.analyses.thermal_fit import thermal_fit
 from mtu_cli.analyses.thermal_fit.result import ComponentDrift, ThermalFit
@@ -26,13 +25,6 @@ METHODS = ("auto", "stepwise", "ridge", "lagged")
 LINE = np.array([[1.0, -2.0, 0.0, 0.5], [1.5, -1.0, 0.0, 0.5], [2.0, 0.0, 0.0, 0.5]])
 PLACES = (0.0, 100.0, 200.0)
 """Gradients that are a line in position, and where; um per degC, mm."""
-
-
-def ar1(rng: np.random.Generator, shape: tuple[int, ...], r: float) -> FloatArray:
-    """Stationary noise of variance 1 along the first axis, with autocorrelation r^k."""
-    e = rng.normal(size=shape)
-    e[1:] *= np.sqrt(1 - r**2)
-    return np.asarray(lfilter([1.0], [1.0, -r], e, axis=0), float)
 
 
 def sensor_names(count: int) -> tuple[str, ...]:
@@ -69,17 +61,17 @@ class Plan:
         count = self.gradients.shape[1]
         t = np.linspace(0.0, 190.0, self.n)[:, None]
         rise = 6 * (1 - np.exp(-t / np.geomspace(15.0, 120.0, count)))
-        draughts = [0.5 * ar1(rng, (self.n, count), 0.97) for _ in range(self.cycles)]
+        draughts = [0.5 * remembering(rng, (self.n, count), 0.97) for _ in range(self.cycles)]
         warm = [rise if c % 2 == 0 else rise[-1:] - rise for c in range(self.cycles)]
         return np.asarray(REFERENCE + np.array(warm) + draughts)
 
     def read(self, rng: np.random.Generator, temperatures: FloatArray | None = None) -> Readings:
         """Readings by cycle and position; all positions are read at the same times."""
         rows: list[tuple[NDArray[Any], ...]] = []
-        time = self.step * np.arange(self.n)
+        time = self.step * np.arange(self.n, dtype=np.float64)
         for c, true in enumerate(self.temperatures(rng) if temperatures is None else temperatures):
             seen = true + self.sensor_noise * rng.normal(size=true.shape)
-            slow = np.array(self.slow) * ar1(rng, (self.n, len(self.slow)), self.memory)
+            slow = np.array(self.slow) * remembering(rng, (self.n, len(self.slow)), self.memory)
             acting = true
             if self.lags:
                 lagged = first_order_lag(true, time, np.array(self.lags))
@@ -87,7 +79,7 @@ class Plan:
             for p, position in enumerate(self.positions):
                 error = (acting - REFERENCE) @ self.gradients[p] + 3.0 * p
                 error = error + slow @ np.nan_to_num(position) ** np.arange(len(self.slow))
-                error = error + self.noise * ar1(rng, (self.n,), self.noise_memory)
+                error = error + self.noise * remembering(rng, self.n, self.noise_memory)
                 number = np.full(self.n, c)
                 place = np.full(self.n, position)
                 rows.append((error * UM, place, number, 1440.0 * c + time, seen))
