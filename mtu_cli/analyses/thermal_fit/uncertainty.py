@@ -98,11 +98,8 @@ def _held_out_products(found: Fitted) -> tuple[float, float] | None:
     if len(design.blocks) < 2:
         return None
     for block, others in folds(design.blocks):
-        fitted, rows, held = (
-            Fitted(design, others, found.spec),
-            design.rows(others),
-            design.rows(block),
-        )
+        fitted = Fitted(design, others, found.spec)
+        rows, held = design.rows(others), design.rows(block)
         total[0] += fitted.mean_products(block)[1] * sum(item.n for item in held.values())
         for position in held.keys() & rows.keys():
             own = held[position].factor
